@@ -1,0 +1,1 @@
+"""Conditions, life cycle (pure), engine, journal."""

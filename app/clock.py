@@ -1,0 +1,72 @@
+"""Time: a monotonic clock for delays and leases, integer µs UTC for records."""
+
+import time
+from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Clock(Protocol):
+    """What code asks for the time."""
+
+    def micros(self) -> int:
+        """Wall clock [µs since 1970 UTC], for records."""
+        ...
+
+    def monotonic(self) -> float:
+        """Never steps back [s, arbitrary zero], for delays, ages and leases."""
+        ...
+
+
+class SystemClock:
+    """The clock of this machine."""
+
+    def micros(self) -> int:
+        """Wall clock [µs since 1970 UTC]."""
+        return time.time_ns() // 1000
+
+    def monotonic(self) -> float:
+        """Seconds that never step back."""
+        return time.monotonic()
+
+
+class ManualClock:
+    """A clock that stands still until a test moves it."""
+
+    def __init__(self, start: datetime = datetime(2026, 3, 9, 6, 5, tzinfo=UTC)) -> None:
+        self._micros = to_micros(start)
+        self._monotonic = 1000.0
+
+    def micros(self) -> int:
+        """Wall clock [µs since 1970 UTC]."""
+        return self._micros
+
+    def monotonic(self) -> float:
+        """Seconds that never step back."""
+        return self._monotonic
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` pass on both clocks."""
+        self._micros += round(seconds * 1e6)
+        self._monotonic += seconds
+
+    def step_wall(self, seconds: float) -> None:
+        """Set the wall clock forward or back, as time synchronisation does; the monotonic clock does not see it."""
+        self._micros += round(seconds * 1e6)
+
+
+def to_micros(moment: datetime) -> int:
+    """`moment` (aware) as µs since 1970 UTC, exact.
+
+    Raises:
+        ValueError: `moment` has no time zone.
+    """
+    if moment.tzinfo is None:
+        raise ValueError(f"a time needs a zone, {moment!r} has none")
+    return (moment - EPOCH) // timedelta(microseconds=1)
+
+
+def to_datetime(micros: int) -> datetime:
+    """µs since 1970 UTC as an aware UTC datetime, exact."""
+    return EPOCH + timedelta(microseconds=micros)

@@ -1,0 +1,92 @@
+"""Every error that is ours.
+
+    PogonError
+    ├── ConfigurationError   a plant folder, a setting or a file is wrong: names file, key, value and what was expected
+    ├── LinkError            a device or its line did not do what was asked
+    │   ├── NoAnswer         silence until the time-out
+    │   ├── NotConnected     the line or the socket is not there
+    │   ├── BadAnswer        an answer came and is not one to this request (length, unit, function, check sum)
+    │   └── DeviceException  the device answered with a Modbus exception code
+    ├── Refused              a command that was not carried out, with the reason the operator sees
+    └── StorageError         a database or a disk did not take what was given
+
+A message names the thing, the value and what was expected.
+"""
+
+from collections.abc import Mapping
+
+
+class PogonError(Exception):
+    """Anything that Pogon itself raises."""
+
+
+class ConfigurationError(PogonError):
+    """A file or a setting that cannot be used."""
+
+
+class LinkError(PogonError):
+    """A device or its line did not do what was asked. `kind` is a key under `link.error.` of the product texts."""
+
+    kind = "failed"
+
+
+class NoAnswer(LinkError):
+    """Silence until the time-out."""
+
+    kind = "no_answer"
+
+
+class NotConnected(LinkError):
+    """The line or the socket is not there."""
+
+    kind = "not_connected"
+
+
+class BadAnswer(LinkError):
+    """An answer that does not belong to the request."""
+
+    kind = "bad_answer"
+
+
+EXCEPTION_NAMES: Mapping[int, str] = {
+    1: "illegal function",
+    2: "illegal data address",
+    3: "illegal data value",
+    4: "server device failure",
+    5: "acknowledge",
+    6: "server device busy",
+    7: "negative acknowledge",
+    8: "memory parity error",
+    10: "gateway path unavailable",
+    11: "gateway target failed to respond",
+}
+"""Modbus exception codes by name (reference/modbus.md section 2)."""
+
+
+class DeviceException(LinkError):
+    """The device answered with Modbus exception `code`."""
+
+    kind = "exception"
+
+    def __init__(self, code: int, what: str = "") -> None:
+        name = EXCEPTION_NAMES.get(code, "unknown exception")
+        super().__init__(f"{what + ': ' if what else ''}exception {code:02d} {name}")
+        self.code = code
+
+
+class Refused(PogonError):
+    """A command that was not carried out.
+
+    `reason` is a key of the product texts (or, with a dot and an equipment type in front, of the type's), `params` fill its
+    placeholders, `status` is the HTTP status for it.
+    """
+
+    def __init__(self, reason: str, status: int = 409, **params: object) -> None:
+        super().__init__(f"{reason} {params}" if params else reason)
+        self.reason = reason
+        self.status = status
+        self.params = params
+
+
+class StorageError(PogonError):
+    """A database or a disk did not take what was given."""

@@ -1,0 +1,1 @@
+"""Recorder, store, query, export."""

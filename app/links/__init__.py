@@ -1,0 +1,1 @@
+"""Runner, planner, register link and its transports."""

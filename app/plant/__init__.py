@@ -1,0 +1,1 @@
+"""A plant folder becomes (definitions, problems)."""

@@ -1,0 +1,354 @@
+"""What a plant consists of, after its files were read: the vocabulary that every other part speaks.
+
+Texts are keys. A key is looked up in the texts of its equipment type (`equipment/<type>/texts.<lang>.toml`), then in the product's
+(`locale/<lang>/`). Names of points inside conditions are relative to their equipment (`speed`, not `m1.speed`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+Texts = Mapping[str, str]
+"""Language → text, for what the plant file itself names (labels)."""
+
+
+class Kind(StrEnum):
+    """What a value is, which decides how it is drawn, stored and interpolated."""
+
+    ANALOG = "analog"
+    STEP = "step"
+    """A number that holds until it changes: a setpoint, a counter."""
+    ENUM = "enum"
+    BOOL = "bool"
+    TEXT = "text"
+
+
+class Scan(StrEnum):
+    """How often a point is read."""
+
+    FAST = "fast"
+    SLOW = "slow"
+    PAGE = "page"
+    """Only while a page that shows it is open (and once after connecting)."""
+    ONCE = "once"
+    """After connecting and after each write."""
+
+
+class Type(StrEnum):
+    """How words become a number."""
+
+    U16 = "u16"
+    I16 = "i16"
+    U32 = "u32"
+    I32 = "i32"
+    F32 = "f32"
+    U64 = "u64"
+    STRING = "string"
+
+
+class Order(StrEnum):
+    """Order of the bytes of 0x12345678 in two registers (reference/modbus.md section 2)."""
+
+    ABCD = "abcd"
+    CDAB = "cdab"
+    BADC = "badc"
+    DCBA = "dcba"
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """Where a value lives in a device and how its words become a number: `((word >> shift) & mask) * scale + offset`."""
+
+    address: int
+    """0-based protocol address."""
+    type: Type = Type.U16
+    order: Order = Order.ABCD
+    table: str = "holding"
+    """`holding` (function code 03) or `input` (04)."""
+    mask: int | None = None
+    """Bits that belong to the value, after the shift: splits a word into bytes or bits."""
+    shift: int = 0
+    scale: float = 1.0
+    """[EU per raw unit]"""
+    offset: float = 0.0
+    """[EU]"""
+    words: int = 1
+    """Length in registers: 1, 2, 4, or the length of a string."""
+    writable: bool = False
+    readable: bool = True
+    """False for command registers: they are never polled."""
+    none: int | None = None
+    """Raw value that means "no value"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A value computed from others of the same equipment; `kind` is one of the closed list in plant/derive.py."""
+
+    kind: str
+    of: str = ""
+    """Name of the point it is computed from."""
+    when: str = ""
+    """Condition that steers it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One value of one equipment."""
+
+    name: str
+    """`<equipment>.<key>`."""
+    id: str
+    """Lasting identity of its history."""
+    equipment: str
+    key: str
+    label: str
+    """Text key."""
+    kind: Kind = Kind.ANALOG
+    unit: str = ""
+    """Unit key (`Hz`, `rpm`); drawn per language."""
+    decimals: int = 0
+    register: Register | None = None
+    derived: Derived | None = None
+    scan: Scan = Scan.FAST
+    low: float | None = None
+    """Least value the device can report [EU]; below it the quality is uncertain."""
+    high: float | None = None
+    normal: tuple[float, float] | None = None
+    """Normal band [EU]."""
+    scale_low: float | None = None
+    """Ends of a drawn scale [EU]."""
+    scale_high: float | None = None
+    dead_band: float = 0.0
+    """Change too small to store [EU]."""
+    history: bool = True
+    texts: Mapping[int, str] = field(default_factory=dict)
+    """Value → text key, for enumerations and booleans."""
+    certainty: str = ""
+    """Marks of the reference sheet: M, T, C, X confirmed; G unconfirmed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A sentence of the small grammar (plant/expression.py) with the text that names it in positive wording."""
+
+    key: str
+    label: str
+    expression: str
+    commands: Sequence[str] = ()
+    """Commands it guards; empty = all that move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One telegram of a command: a point of the equipment and what it gets."""
+
+    point: str
+    value: str
+    """A number, or `argument` for what the person entered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Something a person may ask of an equipment."""
+
+    key: str
+    label: str
+    writes: Sequence[Write]
+    feedback: str
+    """Condition that proves it happened; `argument` is what was asked."""
+    timeout: str
+    """Seconds within which the feedback must come, a number or an expression over points (ramp times)."""
+    level: str = "C1"
+    """Confirmation level C0–C4 of hmi-design.md section 10."""
+    level_when: tuple[str, str] | None = None
+    """(condition, level): a higher level while the condition holds (reverse while running)."""
+    role: str = "operator"
+    stop: bool = False
+    """The Stop of the machine: no token, no nonce, no confirmation, repeated until read back or 10 s."""
+    hold: bool = False
+    """Hold-to-run; `release` is sent when it ends."""
+    release: str = ""
+    moves: bool = True
+    """False for what does not make the machine move (reset, setpoint)."""
+    argument: str = ""
+    """Point whose range, unit and decimals the argument has."""
+    symbol: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """A value that a person may change: a parameter or the working setpoint."""
+
+    key: str
+    """Key of its point; the point carries register, unit, decimals."""
+    low: str
+    """Least value: a number or an expression over points (F112)."""
+    high: str
+    normal: tuple[float, float] | None = None
+    role: str = "engineer"
+    group: str = ""
+    code: str = ""
+    """The maker's name: F114."""
+    options: Mapping[int, str] = field(default_factory=dict)
+    """Value → text key, for choices."""
+    stopped_only: bool = False
+    warning: str = ""
+    """Text key shown before writing."""
+    default: float | None = None
+    certainty: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """An alarm of an equipment."""
+
+    key: str
+    label: str
+    """Text key: "Object: condition"."""
+    expression: str
+    """When it is active."""
+    priority: int
+    clear: str = ""
+    """When it is over; empty = when `expression` is false (a dead-band needs its own sentence)."""
+    on_delay: float = 0.0
+    off_delay: float = 0.0
+    latching: bool = False
+    ack_required: bool = True
+    audible: bool = True
+    alarm_class: str = "process"
+    value: str = ""
+    """Point whose value is kept with the alarm."""
+    limit: float | None = None
+    consequence: str = ""
+    cause: str = ""
+    response: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What a device of this type can take (reference sheets)."""
+
+    max_read: int = 125
+    """Registers per read."""
+    fallback_read: int = 0
+    """Registers per read after exception 02/03 or silence at the larger size; 0 = none."""
+    group_read: Mapping[str, int] = field(default_factory=dict)
+    """Smaller limits by scan class (`once`: parameters)."""
+    max_write: int = 1
+    read_functions: Sequence[int] = (3,)
+    write_functions: Sequence[int] = (6,)
+    turnaround: float = 0.02
+    """Typical time between request and answer [s]."""
+    timeout: float = 0.25
+    """On top of the wire time [s]."""
+    connections: int = 1
+    """TCP connections it allows."""
+    pipelining: int = 1
+    fast: float = 0.1
+    """Default scan periods [s]."""
+    slow: float = 1.0
+    holes: Sequence[tuple[int, int]] = ()
+    """Address ranges (first, last) that it does not answer."""
+    write_only: Sequence[tuple[int, int]] = ()
+    training: int = 0xE000
+    """Address of the training registers of its virtual device."""
+
+
+@dataclass(frozen=True, slots=True)
+class EquipmentType:
+    """A folder of app/equipment, read."""
+
+    name: str
+    folder: Path
+    label: str
+    device: Device
+    points: Mapping[str, Point]
+    """By key, with `equipment` and `name` still empty."""
+    commands: Mapping[str, Command]
+    permissives: Sequence[Condition]
+    interlocks: Sequence[Condition]
+    setpoints: Mapping[str, Setpoint]
+    alarms: Sequence[Alarm]
+    texts: Mapping[str, Mapping[str, str]]
+    """Language → key → text."""
+    options: Mapping[str, object] = field(default_factory=dict)
+    """What a plant file may set for an instance, with its default (`rated_current = 4.5`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """One machine of the plant."""
+
+    id: str
+    type: EquipmentType
+    link: str
+    unit: int
+    label: Texts
+    area: str
+    points: Mapping[str, Point]
+    """By key."""
+    alarms: Sequence[Alarm]
+    options: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A connection to devices."""
+
+    name: str
+    transport: str
+    """memory, tcp or rtu."""
+    host: str = ""
+    tcp_port: int = 502
+    port: str = ""
+    """Serial device."""
+    baud: int = 9600
+    parity: str = "even"
+    stop_bits: int = 1
+    writes: bool = False
+    fast: float | None = None
+    slow: float | None = None
+    timeout: float | None = None
+    label: Texts = field(default_factory=dict)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the plant file itself says that nothing real is behind it."""
+        return self.transport == "memory"
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """A plant folder, read."""
+
+    folder: Path
+    name: Texts
+    timezone: str
+    languages: Sequence[str]
+    """The first is the plant's default."""
+    areas: Mapping[str, Texts]
+    links: Mapping[str, Link]
+    equipment: Mapping[str, Equipment]
+    types: Mapping[str, EquipmentType]
+
+    @property
+    def points(self) -> Mapping[str, Point]:
+        """Every point of every equipment by name."""
+        return {point.name: point for item in self.equipment.values() for point in item.points.values()}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake in a plant folder."""
+
+    file: str
+    key: str
+    value: str
+    expected: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}" if self.line else self.file
+        return f"{where}: {self.key} = {self.value}: expected {self.expected}"

@@ -1,0 +1,67 @@
+"""What an installer may change: `POGON_…` variables, read once, passed by parameter."""
+
+import ipaddress
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+HOME = Path(__file__).resolve().parent.parent
+"""The checkout; in an installed wheel the folder that holds the packages."""
+
+
+def bundled(name: str) -> Path:
+    """A folder of ours (`templates`, `static`, `migrations`, `plants/demo`): in a checkout beside `app`, in a wheel inside it."""
+    beside = HOME / name
+    return beside if beside.exists() else Path(__file__).resolve().parent / "_data" / name
+
+
+class Settings(BaseSettings):
+    """Defaults that work on a laptop; each field is a variable `POGON_<NAME>`."""
+
+    model_config = SettingsConfigDict(env_prefix="POGON_", frozen=True, extra="forbid")
+
+    host: str = Field("127.0.0.1", description="Address to listen on. Beyond loopback needs TLS or a proxy.")
+    port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    data: Path = Field(Path("data"), description="Folder of databases, keys and the one-time code.")
+    plant: Path = Field(bundled("plants/demo"), description="Folder of the plant (plant.toml).")
+    tls_cert: Path | None = Field(None, description="PEM certificate chain; with POGON_TLS_KEY the server speaks https.")
+    tls_key: Path | None = Field(None, description="PEM private key.")
+    behind_proxy: str = Field("", description="Addresses of TLS proxies whose X-Forwarded headers are trusted, comma separated.")
+    allowed_hosts: str = Field("", description="Host names that browsers may use, comma separated; empty: loopback names and POGON_HOST.")
+    serve_modbus: str = Field("", description="HOST:PORT on which the simulated plant also answers Modbus TCP.")
+    dry_run: bool = Field(False, description="Commands are computed, shown and logged, but never written and never confirmed.")
+    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="How much the log says.")
+    metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
+    history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")
+    history_quota_mb: float = Field(4096, ge=8, description="Size at which the oldest history is cut [MB].")
+    push_period: float = Field(0.05, ge=0.02, le=1, description="Shortest time between two pushes to a browser [s].")
+
+    @model_validator(mode="after")
+    def _safe_to_listen(self) -> Self:
+        if bool(self.tls_cert) != bool(self.tls_key):
+            raise ValueError("POGON_TLS_CERT and POGON_TLS_KEY go together: one of them is missing")
+        if not is_loopback(self.host) and not self.tls_cert and not self.behind_proxy:
+            raise ValueError(
+                f"POGON_HOST={self.host} listens beyond this machine: set POGON_TLS_CERT and POGON_TLS_KEY, "
+                "or POGON_BEHIND_PROXY to the addresses of the TLS proxy in front"
+            )
+        return self
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """Host names that a request may name, lower case, without port."""
+        named = {name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip()}
+        own = set() if self.host in ("0.0.0.0", "::") else {self.host.lower()}
+        return frozenset(named | own | {"localhost", "127.0.0.1", "[::1]", "::1"})
+
+
+def is_loopback(host: str) -> bool:
+    """Whether `host` can only be reached from this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

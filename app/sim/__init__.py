@@ -1,0 +1,1 @@
+"""Virtual devices: physics plus the program that a real device would run."""

@@ -1,0 +1,1 @@
+"""Batches, quality, the tag database."""

@@ -1,0 +1,202 @@
+"""The tag database: the last value of every point, with its quality and its age."""
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from app.clock import Clock
+from app.tags.batch import Batch, Value
+from app.tags.quality import BAD, GOOD, NO_DATA, STALE
+
+log = logging.getLogger(__name__)
+
+Subscriber = Callable[[Batch], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Tag:
+    """What the tag database must know of a point."""
+
+    name: str
+    """`equipment.point`."""
+    id: str
+    """Lasting identity: survives a rename."""
+    source: str
+    """The only one that may publish it."""
+    stale_after: float = 0.0
+    """Age from which the value counts as stale [s]; 0 = never."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One value as it stands."""
+
+    value: Value
+    quality: int
+    time: int
+    """When it was true [µs UTC]."""
+    seen: int
+    """When its source last made sure of it [µs UTC]."""
+
+
+class TagDatabase:
+    """Values by handle; a handle is an index, valid for one revision of the plant."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.revision = 0
+        self.tags: list[Tag] = []
+        self._clock = clock
+        self._handles: dict[str, int] = {}
+        self._values: list[Value] = []
+        self._qualities: list[int] = []
+        self._times: list[int] = []
+        self._blocks: list[tuple[str, int] | None] = []
+        self._seen: dict[tuple[str, int], int] = {}
+        self._seen_monotonic: dict[tuple[str, int], float] = {}
+        self._members: dict[tuple[str, int], set[int]] = {}
+        self._stale: set[int] = set()
+        self._subscribers: list[Subscriber] = []
+
+    def configure(self, tags: Iterable[Tag]) -> None:
+        """Take a new set of tags; values of tags whose id and source stay are kept.
+
+        Raises:
+            ValueError: two tags have one name.
+        """
+        kept = {(tag.id, tag.source): index for index, tag in enumerate(self.tags)}
+        new = list(tags)
+        handles = {tag.name: index for index, tag in enumerate(new)}
+        if len(handles) != len(new):
+            raise ValueError(f"tag names must be unique: {len(new) - len(handles)} are not")
+        old = [kept.get((tag.id, tag.source)) for tag in new]
+        self._values = [None if o is None else self._values[o] for o in old]
+        self._qualities = [NO_DATA if o is None else self._qualities[o] for o in old]
+        self._times = [0 if o is None else self._times[o] for o in old]
+        self._blocks = [None if o is None else self._blocks[o] for o in old]
+        self._members = {}
+        for handle, block in enumerate(self._blocks):
+            if block is not None:
+                self._members.setdefault(block, set()).add(handle)
+        self._stale = set()
+        self.tags, self._handles = new, handles
+        self.revision += 1
+
+    def __len__(self) -> int:
+        return len(self.tags)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._handles
+
+    @property
+    def handles(self) -> Mapping[str, int]:
+        """Handle of every tag by name."""
+        return self._handles
+
+    def handle(self, name: str) -> int:
+        """Handle of the tag `name`.
+
+        Raises:
+            KeyError: there is no such tag.
+        """
+        return self._handles[name]
+
+    def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
+        """Call `subscriber` with every batch from now on; the returned function ends it."""
+        self._subscribers.append(subscriber)
+        return lambda: self._subscribers.remove(subscriber)
+
+    def publish(self, batch: Batch) -> None:
+        """Take a batch and hand it on. A subscriber that fails is logged and does not keep the others from it."""
+        block = (batch.source, batch.block)
+        self._seen[block] = batch.seen
+        self._seen_monotonic[block] = self._clock.monotonic()
+        values, qualities, times, blocks = self._values, self._qualities, self._times, self._blocks
+        if batch.handles:
+            members = self._members.setdefault(block, set())
+            members.update(batch.handles)
+            time = batch.time
+            if batch.qualities is None:
+                quality = batch.quality
+                for handle, value in zip(batch.handles, batch.values, strict=True):
+                    values[handle], qualities[handle], times[handle] = value, quality, time
+                    blocks[handle] = block
+            else:
+                for handle, value, quality in zip(batch.handles, batch.values, batch.qualities, strict=True):
+                    values[handle], qualities[handle], times[handle] = value, quality, time
+                    blocks[handle] = block
+        self._hand_on(batch)
+        if self._stale:
+            self._revive(block, batch)
+
+    def read(self, handle: int) -> Sample:
+        """The tag as it stands."""
+        block = self._blocks[handle]
+        seen = self._seen.get(block, 0) if block is not None else 0
+        return Sample(self._values[handle], self._qualities[handle], self._times[handle], seen)
+
+    def sample(self, name: str) -> Sample:
+        """The tag `name` as it stands.
+
+        Raises:
+            KeyError: there is no such tag.
+        """
+        return self.read(self._handles[name])
+
+    def value(self, handle: int) -> Value:
+        """The value alone."""
+        return self._values[handle]
+
+    def quality(self, handle: int) -> int:
+        """The quality alone."""
+        return self._qualities[handle]
+
+    def age(self, handle: int) -> float:
+        """Seconds since its source last made sure of it; infinite when never."""
+        block = self._blocks[handle]
+        seen = self._seen_monotonic.get(block) if block is not None else None
+        return float("inf") if seen is None else self._clock.monotonic() - seen
+
+    def sweep(self) -> None:
+        """Mark overdue values as stale; the value is kept, its quality becomes uncertain. Called a few times a second."""
+        overdue: dict[tuple[str, int], list[int]] = {}
+        now = self._clock.monotonic()
+        for block, members in self._members.items():
+            age = now - self._seen_monotonic.get(block, now)
+            for handle in members:
+                limit = self.tags[handle].stale_after
+                if limit and age > limit and self._qualities[handle] & 3 == GOOD and handle not in self._stale:
+                    overdue.setdefault(block, []).append(handle)
+        for block, handles in overdue.items():
+            self._stale.update(handles)
+            for handle in handles:
+                self._qualities[handle] = self._qualities[handle] & 0xF00 | STALE
+            self._hand_on(self._as_it_stands(block, handles))
+
+    def _revive(self, block: tuple[str, int], batch: Batch) -> None:
+        """A block that was overdue is seen again: what the batch did not list is good again."""
+        listed = set(batch.handles)
+        back = [handle for handle in self._stale if self._blocks[handle] == block]
+        self._stale.difference_update(back)
+        silent = [handle for handle in back if handle not in listed]
+        if silent and batch.quality & 3 != BAD:
+            for handle in silent:
+                self._qualities[handle] = self._qualities[handle] & 0xF00
+            self._hand_on(self._as_it_stands(block, silent))
+
+    def _as_it_stands(self, block: tuple[str, int], handles: list[int]) -> Batch:
+        return Batch(
+            source=block[0],
+            block=block[1],
+            time=self._clock.micros(),
+            seen=self._seen.get(block, 0),
+            handles=handles,
+            values=[self._values[h] for h in handles],
+            qualities=[self._qualities[h] for h in handles],
+        )
+
+    def _hand_on(self, batch: Batch) -> None:
+        for subscriber in tuple(self._subscribers):
+            try:
+                subscriber(batch)
+            except Exception:
+                log.exception("subscriber failed source=%s block=%s", batch.source, batch.block)

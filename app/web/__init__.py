@@ -1,0 +1,1 @@
+"""Routes and the socket: ask the runtime, render a template; no rules here."""
