@@ -27,7 +27,9 @@ def main() -> int:
     problems = []
     for path in sorted({path for pattern in PURE for path in ROOT.glob(pattern)}):
         if str(path.relative_to(ROOT)) not in DOING:
-            problems += [f"{path.relative_to(ROOT)} imports {' → '.join(road)}" for road in forbidden_roads(path, set())]
+            problems += [
+                f"{path.relative_to(ROOT)} imports {' → '.join(road)}" for road in forbidden_roads(path, set())
+            ]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 

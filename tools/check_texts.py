@@ -29,7 +29,9 @@ Texts = dict[str, str | dict[str, str]]
 def main() -> int:
     problems: list[str] = []
     locale = ROOT / "app" / "locale"
-    found = sorted({*LANGUAGES, *(p.name for p in locale.iterdir() if p.is_dir())}) if locale.is_dir() else list(LANGUAGES)
+    found = (
+        sorted({*LANGUAGES, *(p.name for p in locale.iterdir() if p.is_dir())}) if locale.is_dir() else list(LANGUAGES)
+    )
     own = {lang: load(sorted((locale / lang).glob("*.toml")), problems) for lang in found}
     problems += compare("app/locale", own)
     by_type: dict[str, set[str]] = {}

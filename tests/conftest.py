@@ -1,0 +1,134 @@
+"""What every test may ask for: a free port, a running Pogon, a browser that never leaves this machine."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+START_LIMIT = 30.0
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Browser tests go last: after Playwright's own loop no other asynchronous test can start in this process."""
+    for item in items:
+        if "page" in getattr(item, "fixturenames", ()) or "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
+    items.sort(key=lambda item: item.get_closest_marker("browser") is not None)
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on."""
+    return find_port()
+
+
+def find_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@dataclass
+class PogonServer:
+    """A Pogon of its own process, as an operator starts it."""
+
+    url: str
+    data: Path
+    output: Path
+    process: subprocess.Popen[bytes]
+
+    @property
+    def port(self) -> int:
+        return int(self.url.rsplit(":", 1)[1])
+
+    def log(self) -> str:
+        """All it has printed so far."""
+        return self.output.read_text("utf-8", errors="replace")
+
+    def stop(self, limit: float = 15.0) -> int:
+        """Ask it to end, as systemd does; returns its exit code."""
+        self.process.terminate()
+        try:
+            return self.process.wait(limit)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise
+
+    def kill(self) -> None:
+        """End it the hard way: nothing is saved any more."""
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture
+def pogon_server(tmp_path: Path) -> Iterator[Callable[..., PogonServer]]:
+    """Start servers: `pogon_server(dry_run=True)` is a Pogon with POGON_DRY_RUN set, ready to answer.
+
+    `data=` gives a second server the folder of a first one. All are ended after the test.
+    """
+    started: list[PogonServer] = []
+
+    def start(*arguments: str, **settings: Any) -> PogonServer:
+        port = find_port()
+        data = Path(settings.pop("data", tmp_path / "data"))
+        named = {f"POGON_{name.upper()}": str(value) for name, value in settings.items()}
+        clean = {name: value for name, value in os.environ.items() if not name.startswith("POGON_")}
+        output = tmp_path / f"pogon-{len(started)}.log"
+        with output.open("wb") as sink:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "app.cli", "run", *arguments],
+                cwd=ROOT,
+                env=clean | {"POGON_DATA": str(data), "POGON_PORT": str(port)} | named,
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=subprocess.STDOUT,
+            )
+        server = PogonServer(f"http://127.0.0.1:{port}", data, output, process)
+        started.append(server)
+        wait_healthy(server)
+        return server
+
+    yield start
+    for server in started:
+        if server.process.poll() is None:
+            server.stop()
+
+
+def wait_healthy(server: PogonServer) -> None:
+    until = time.monotonic() + START_LIMIT
+    while time.monotonic() < until:
+        if server.process.poll() is not None:
+            pytest.fail(f"pogon ended with {server.process.returncode} at start:\n{server.log()}")
+        try:
+            with urllib.request.urlopen(f"{server.url}/healthz", timeout=2):
+                return
+        except (urllib.error.URLError, ConnectionError, TimeoutError):
+            time.sleep(0.05)
+    pytest.fail(f"pogon did not answer in {START_LIMIT} s:\n{server.log()}")
+
+
+@pytest.fixture(scope="session")
+def browser_type_launch_args() -> dict[str, Any]:
+    """Debian's Chromium, quiet: no graphics card, no calls home; the sandbox only goes for root, who cannot have one."""
+    quiet = ["--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+    quiet += ["--disable-component-update", "--disable-sync"]
+    if os.geteuid() == 0:
+        quiet.append("--no-sandbox")
+    return {"executable_path": shutil.which(os.environ.get("POGON_CHROMIUM", "chromium")), "args": quiet}
+
+
+@pytest.fixture(scope="session")
+def browser_context_args() -> dict[str, Any]:
+    return {"viewport": {"width": 1280, "height": 800}, "locale": "en-GB", "timezone_id": "Europe/Zagreb"}
