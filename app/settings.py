@@ -26,12 +26,20 @@ class Settings(BaseSettings):
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
     data: Path = Field(Path("data"), description="Folder of databases, keys and the one-time code.")
     plant: Path = Field(bundled("plants/demo"), description="Folder of the plant (plant.toml).")
-    tls_cert: Path | None = Field(None, description="PEM certificate chain; with POGON_TLS_KEY the server speaks https.")
+    tls_cert: Path | None = Field(
+        None, description="PEM certificate chain; with POGON_TLS_KEY the server speaks https."
+    )
     tls_key: Path | None = Field(None, description="PEM private key.")
-    behind_proxy: str = Field("", description="Addresses of TLS proxies whose X-Forwarded headers are trusted, comma separated.")
-    allowed_hosts: str = Field("", description="Host names that browsers may use, comma separated; empty: loopback names and POGON_HOST.")
+    behind_proxy: str = Field(
+        "", description="Addresses of TLS proxies whose X-Forwarded headers are trusted, comma separated."
+    )
+    allowed_hosts: str = Field(
+        "", description="Host names that browsers may use, comma separated; empty: loopback names and POGON_HOST."
+    )
     serve_modbus: str = Field("", description="HOST:PORT on which the simulated plant also answers Modbus TCP.")
-    dry_run: bool = Field(False, description="Commands are computed, shown and logged, but never written and never confirmed.")
+    dry_run: bool = Field(
+        False, description="Commands are computed, shown and logged, but never written and never confirmed."
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="How much the log says.")
     metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
     history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")

@@ -1,0 +1,116 @@
+"""The tag database: last values, quality, age, one batch at a time."""
+
+import pytest
+
+from app.clock import ManualClock
+from app.tags.batch import Batch, Value
+from app.tags.database import Tag, TagDatabase
+from app.tags.quality import BAD, COMM_FAILURE, GOOD, NO_DATA, STALE, Origin, is_good, level, name, worst
+
+
+def database(*names: str, stale_after: float = 2.0) -> tuple[TagDatabase, ManualClock]:
+    clock = ManualClock()
+    tags = TagDatabase(clock)
+    tags.configure([Tag(n, n, "hall", stale_after) for n in names])
+    return tags, clock
+
+
+def batch(clock: ManualClock, values: dict[int, Value], quality: int = GOOD, block: int = 0) -> Batch:
+    return Batch("hall", block, clock.micros(), clock.micros(), list(values), list(values.values()), quality)
+
+
+def test_a_tag_without_data_is_bad_and_has_no_age() -> None:
+    tags, _ = database("m1.speed")
+    sample = tags.sample("m1.speed")
+    assert (sample.value, sample.quality) == (None, NO_DATA)
+    assert tags.age(0) == float("inf")
+
+
+def test_a_value_that_does_not_change_stays_fresh() -> None:
+    tags, clock = database("m1.speed")
+    tags.publish(batch(clock, {0: 1180.0}))
+    for _ in range(10):
+        clock.advance(1)
+        tags.publish(batch(clock, {}))
+        tags.sweep()
+    assert tags.age(0) == 0
+    assert is_good(tags.quality(0))
+    assert tags.read(0).time < tags.read(0).seen
+
+
+def test_an_overdue_value_turns_stale_once_keeps_its_number_and_comes_back() -> None:
+    tags, clock = database("m1.speed", "m1.current")
+    heard: list[Batch] = []
+    tags.publish(batch(clock, {0: 1180.0, 1: 2.1}, GOOD | Origin.SIMULATED))
+    tags.subscribe(heard.append)
+    clock.advance(2.5)
+    tags.sweep()
+    tags.sweep()
+    assert len(heard) == 1
+    assert tags.read(0).value == 1180.0
+    assert tags.read(0).quality == STALE | Origin.SIMULATED
+    tags.publish(batch(clock, {1: 2.2}, GOOD | Origin.SIMULATED))
+    assert [is_good(tags.quality(h)) for h in (0, 1)] == [True, True]
+    assert {h for b in heard[1:] for h in b.handles} == {0, 1}
+
+
+def test_an_overdue_value_stays_not_good_when_its_block_comes_back_bad() -> None:
+    tags, clock = database("m1.speed")
+    tags.publish(batch(clock, {0: 1180.0}))
+    clock.advance(3)
+    tags.sweep()
+    tags.publish(batch(clock, {0: None}, COMM_FAILURE))
+    assert level(tags.quality(0)) == BAD
+
+
+def test_each_block_has_its_own_age() -> None:
+    tags, clock = database("m1.speed", "m1.temperature")
+    tags.publish(batch(clock, {0: 1.0}, block=0))
+    tags.publish(batch(clock, {1: 1.0}, block=1))
+    clock.advance(1)
+    tags.publish(batch(clock, {}, block=0))
+    assert (tags.age(0), tags.age(1)) == (0, 1)
+
+
+def test_a_new_revision_keeps_values_by_identity_over_a_rename() -> None:
+    tags, clock = database("m1.speed", "m1.current")
+    tags.publish(batch(clock, {0: 1180.0, 1: 2.1}))
+    tags.configure([Tag("m9.new", "m9.new", "hall"), Tag("fan.speed", "m1.speed", "hall")])
+    assert tags.sample("fan.speed").value == 1180.0
+    assert tags.sample("m9.new").quality == NO_DATA
+    assert "m1.speed" not in tags
+    assert tags.revision == 2
+
+
+def test_a_subscriber_that_fails_does_not_keep_the_others_from_it(caplog: pytest.LogCaptureFixture) -> None:
+    tags, clock = database("m1.speed")
+    heard: list[Batch] = []
+
+    def broken(_: Batch) -> None:
+        raise RuntimeError("broken on purpose")
+
+    tags.subscribe(broken)
+    tags.subscribe(heard.append)
+    tags.publish(batch(clock, {0: 1.0}))
+    assert len(heard) == 1
+    assert "subscriber failed" in caplog.text
+
+
+def test_two_tags_of_one_name_are_refused() -> None:
+    tags, _ = database()
+    with pytest.raises(ValueError, match="unique"):
+        tags.configure([Tag("a", "1", "x"), Tag("a", "2", "x")])
+
+
+@pytest.mark.parametrize(
+    ("qualities", "result"),
+    [
+        ([GOOD, GOOD], "good"),
+        ([GOOD, STALE], "uncertain:stale"),
+        ([STALE, COMM_FAILURE, GOOD], "bad:comm_failure"),
+        ([GOOD | Origin.SIMULATED, STALE], "uncertain:stale"),
+    ],
+)
+def test_a_computed_value_is_as_good_as_its_worst_input(qualities: list[int], result: str) -> None:
+    assert name(worst(qualities)) == result
+    assert worst(qualities) & 0xF00 == (0x100 if any(q & 0x100 for q in qualities) else 0)
