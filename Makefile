@@ -7,6 +7,11 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 T      ?= tests
 export PATH := $(abspath $(BIN)):$(PATH)
+# The machine's own certificates count, so a site's authority does; then pip, uv and npm agree.
+ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt),)
+export UV_SYSTEM_CERTS ?= true
+export NODE_EXTRA_CA_CERTS ?= /etc/ssl/certs/ca-certificates.crt
+endif
 # A site with a package mirror sets UV_INDEX_URL and PIP_INDEX_URL: uv does not read pip's configuration.
 UVPIP  := $(BIN)/uv pip install -q --python $(BIN)/python
 HASHED := --require-hashes --only-binary :all:
