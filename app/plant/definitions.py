@@ -9,6 +9,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+from app.registers.register import Order as Order
+from app.registers.register import Register as Register
+from app.registers.register import Type as Type
+
 Texts = Mapping[str, str]
 """Language → text, for what the plant file itself names (labels)."""
 
@@ -33,53 +37,6 @@ class Scan(StrEnum):
     """Only while a page that shows it is open (and once after connecting)."""
     ONCE = "once"
     """After connecting and after each write."""
-
-
-class Type(StrEnum):
-    """How words become a number."""
-
-    U16 = "u16"
-    I16 = "i16"
-    U32 = "u32"
-    I32 = "i32"
-    F32 = "f32"
-    U64 = "u64"
-    STRING = "string"
-
-
-class Order(StrEnum):
-    """Order of the bytes of 0x12345678 in two registers (reference/modbus.md section 2)."""
-
-    ABCD = "abcd"
-    CDAB = "cdab"
-    BADC = "badc"
-    DCBA = "dcba"
-
-
-@dataclass(frozen=True, slots=True)
-class Register:
-    """Where a value lives in a device and how its words become a number: `((word >> shift) & mask) * scale + offset`."""
-
-    address: int
-    """0-based protocol address."""
-    type: Type = Type.U16
-    order: Order = Order.ABCD
-    table: str = "holding"
-    """`holding` (function code 03) or `input` (04)."""
-    mask: int | None = None
-    """Bits that belong to the value, after the shift: splits a word into bytes or bits."""
-    shift: int = 0
-    scale: float = 1.0
-    """[EU per raw unit]"""
-    offset: float = 0.0
-    """[EU]"""
-    words: int = 1
-    """Length in registers: 1, 2, 4, or the length of a string."""
-    writable: bool = False
-    readable: bool = True
-    """False for command registers: they are never polled."""
-    none: int | None = None
-    """Raw value that means "no value"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +103,8 @@ class Write:
 
     point: str
     value: str
-    """A number, or `argument` for what the person entered."""
+    """A number; `argument` for what the person entered; `option:<name>` for an option of the equipment; `previous` for what the
+    point held before the command wrote it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +126,8 @@ class Command:
     stop: bool = False
     """The Stop of the machine: no token, no nonce, no confirmation, repeated until read back or 10 s."""
     hold: bool = False
-    """Hold-to-run; `release` is sent when it ends."""
-    release: str = ""
+    """Hold-to-run; `release` is written when it ends."""
+    release: Sequence[Write] = ()
     moves: bool = True
     """False for what does not make the machine move (reset, setpoint)."""
     argument: str = ""
@@ -275,6 +233,10 @@ class EquipmentType:
     """Language → key → text."""
     options: Mapping[str, object] = field(default_factory=dict)
     """What a plant file may set for an instance, with its default (`rated_current = 4.5`)."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Least and greatest value of an option that is a number."""
+    area: str = ""
+    """Area of its machines when the plant file names none; empty = the name of the type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,6 +294,8 @@ class Plant:
     links: Mapping[str, Link]
     equipment: Mapping[str, Equipment]
     types: Mapping[str, EquipmentType]
+    texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Language → key → text, for the alarm rows of the plant file."""
 
     @property
     def points(self) -> Mapping[str, Point]:
