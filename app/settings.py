@@ -7,14 +7,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-HOME = Path(__file__).resolve().parent.parent
-"""The checkout; in an installed wheel the folder that holds the packages."""
-
-
-def bundled(name: str) -> Path:
-    """A folder of ours (`templates`, `static`, `migrations`, `plants/demo`): in a checkout beside `app`, in a wheel inside it."""
-    beside = HOME / name
-    return beside if beside.exists() else Path(__file__).resolve().parent / "_data" / name
+from app import bundled
 
 
 class Settings(BaseSettings):

@@ -1,0 +1,115 @@
+"""Two databases, each with one writer thread: `pogon.db` (people, audit, alarms, retained) and `history.db`.
+
+A sign-in or an alarm never waits behind a history commit, nor dies with a full history. Tables and queries live in the package that
+owns the data; they hang on the `MetaData` of their database here.
+"""
+
+import asyncio
+import logging
+import sqlite3
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Connection, Engine, MetaData, create_engine, event
+from sqlalchemy.exc import DatabaseError
+
+from app import bundled
+from app.errors import StorageError
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+NAMES = {"ix": "ix_%(column_0_label)s", "uq": "uq_%(table_name)s_%(column_0_name)s", "pk": "pk_%(table_name)s"}
+pogon_tables = MetaData(naming_convention=NAMES)
+"""Tables of `pogon.db`."""
+history_tables = MetaData(naming_convention=NAMES)
+"""Tables of `history.db`."""
+
+READERS = 2
+BUSY_TIMEOUT = 5.0
+"""How long a statement waits for another process that holds the file [s]."""
+
+
+class Database:
+    """One database file: writes go one after the other on its own thread, reads run beside them."""
+
+    def __init__(self, path: Path, name: Literal["pogon", "history"]) -> None:
+        self.path = path
+        self.name = name
+        self.engine = _engine(path, "FULL" if name == "pogon" else "NORMAL")
+        self._writer = ThreadPoolExecutor(1, thread_name_prefix=f"{name}-writer")
+        self._readers = ThreadPoolExecutor(READERS, thread_name_prefix=f"{name}-reader")
+
+    def migrate(self) -> None:
+        """Bring the schema to the newest revision; makes the file when it is missing.
+
+        Raises:
+            StorageError: the file cannot be opened, or is newer than this program.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
+        except Exception as error:
+            raise StorageError(f"{self.path} cannot be used as the {self.name} database: {error}") from error
+
+    async def write(self, work: Callable[[Connection], T]) -> T:
+        """Run `work` in one transaction on the writer thread; what it returns comes back after the commit.
+
+        Raises:
+            StorageError: the database did not take it; nothing of it is kept.
+        """
+        return await asyncio.wrap_future(self.submit(work))
+
+    def submit(self, work: Callable[[Connection], T]) -> Future[T]:
+        """As `write`, for callers that do not wait."""
+        return self._writer.submit(self._run, work)
+
+    async def read(self, work: Callable[[Connection], T]) -> T:
+        """Run `work` on a reader thread.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._readers, self._run, work)
+
+    def run(self, work: Callable[[Connection], T]) -> T:
+        """As `write`, on the caller's thread: for the command line and for tests."""
+        return self._run(work)
+
+    def close(self) -> None:
+        """Finish what is queued and close the file."""
+        self._writer.shutdown(wait=True)
+        self._readers.shutdown(wait=True)
+        self.engine.dispose()
+
+    def _run(self, work: Callable[[Connection], T]) -> T:
+        try:
+            with self.engine.begin() as connection:
+                return work(connection)
+        except (DatabaseError, sqlite3.Error, OSError) as error:
+            raise StorageError(f"{self.path.name}: {getattr(error, 'orig', None) or error}") from error
+
+
+def alembic_config(name: str, url: str) -> Config:
+    """Alembic's configuration for the database `name` at `url`."""
+    config = Config()
+    config.set_main_option("script_location", str(bundled("migrations") / name))
+    config.attributes["url"] = url
+    config.attributes["tables"] = pogon_tables if name == "pogon" else history_tables
+    return config
+
+
+def _engine(path: Path, synchronous: str) -> Engine:
+    engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": BUSY_TIMEOUT, "check_same_thread": False})
+
+    @event.listens_for(engine, "connect")
+    def _connected(connection: Any, _record: Any) -> None:
+        for pragma in ("journal_mode=WAL", f"synchronous={synchronous}", "foreign_keys=ON", "temp_store=MEMORY"):
+            connection.execute(f"PRAGMA {pragma}")
+
+    return engine
