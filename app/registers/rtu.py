@@ -1,0 +1,89 @@
+"""Modbus RTU frames and their time on the wire: unit, PDU, check sum, and the silence that ends them.
+
+Arithmetic and limits: Modbus over serial line 1.02, reference/modbus.md section 1.
+"""
+
+from dataclasses import dataclass, field
+
+from app.registers.crc import crc_holds, with_crc
+from app.registers.pdu import READ_HOLDING, READ_INPUT, READ_WRITE, WRITE_MULTIPLE, WRITE_SINGLE
+
+BITS_PER_CHARACTER = 11
+"""Start, 8 data, parity or a second stop, stop."""
+MIN_FRAME = 4
+MAX_FRAME = 256
+
+
+def character_time(baud: int) -> float:
+    """One character on the wire [s]."""
+    return BITS_PER_CHARACTER / baud
+
+
+def silence(baud: int) -> float:
+    """Silence that separates two frames [s]: 3.5 characters, fixed 1.75 ms above 19 200 baud."""
+    return 1.75e-3 if baud > 19200 else 3.5 * character_time(baud)
+
+
+def read_time(baud: int, count: int) -> float:
+    """Wire time of one poll of `count` registers with both silences, without the slave's turnaround [s]."""
+    return character_time(baud) * (8 + 5 + 2 * count) + 2 * silence(baud)
+
+
+def build_frame(unit: int, pdu: bytes) -> bytes:
+    """The frame that carries `pdu` to or from `unit`."""
+    return with_crc(bytes((unit,)) + pdu)
+
+
+def parse_frame(frame: bytes) -> tuple[int, bytes] | None:
+    """Unit and PDU of `frame`, or None when its length or its check sum is wrong."""
+    if not MIN_FRAME <= len(frame) <= MAX_FRAME or not crc_holds(frame):
+        return None
+    return frame[0], frame[1:-2]
+
+
+def request_length(frame: bytes | bytearray) -> int | None:
+    """Length of the request frame that begins with `frame`; None while it cannot be told, or for an unknown function."""
+    function = frame[1] if len(frame) > 1 else 0
+    if function in (READ_HOLDING, READ_INPUT, WRITE_SINGLE):
+        return 8
+    if function == WRITE_MULTIPLE and len(frame) > 6:
+        return 9 + frame[6]
+    if function == READ_WRITE and len(frame) > 10:
+        return 13 + frame[10]
+    return None
+
+
+@dataclass(slots=True)
+class Framer:
+    """Cuts what a slave hears into frames, by silence alone: a damaged telegram never shifts into the next one."""
+
+    silence: float
+    """Pause that ends a frame [s]."""
+    patience: float = 0.0
+    """Pause that ends a frame whose announced length is not there yet [s]: an adapter hands bytes over in pieces."""
+    began: float = 0.0
+    """When the first byte of the frame was heard [s]."""
+    _heard: bytearray = field(default_factory=bytearray)
+    _last: float = 0.0
+
+    def feed(self, data: bytes, now: float) -> None:
+        """Bytes that arrived at `now` [s]. What is longer than any frame is noise and is not kept."""
+        if not self._heard:
+            self.began = now
+        self._last = now
+        self._heard += data[: max(0, MAX_FRAME + 1 - len(self._heard))]
+
+    @property
+    def due(self) -> float | None:
+        """When the frame is over if nothing else is heard [s]; None while nothing was heard."""
+        if not self._heard:
+            return None
+        length = request_length(self._heard)
+        partial = len(self._heard) < MIN_FRAME if length is None else len(self._heard) < length
+        return self._last + (max(self.silence, self.patience) if partial else self.silence)
+
+    def take(self) -> tuple[int, bytes] | None:
+        """Unit and PDU of the frame that is over, or None for a damaged one; either way the next byte begins a new one."""
+        frame = bytes(self._heard)
+        self._heard.clear()
+        return parse_frame(frame)

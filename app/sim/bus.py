@@ -1,0 +1,223 @@
+"""A simulated line: which virtual device hears a telegram, what it answers, and how the line spoils that.
+
+Pure: an answer is a value with its delay, and whoever carries it (memory, TCP, RTU) does the waiting.
+
+Line faults live in each device's training registers (0xE011–0xE014), so the instructor sets them by the same road as everything else.
+Telegrams to training registers (0xE000 and above) are outside the lesson: always answered, never counted, invisible to the watchdog.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from random import Random
+from typing import Protocol
+
+from app.errors import DeviceException
+from app.registers.pdu import (
+    READS,
+    SERVER_FAILURE,
+    WRITES,
+    Request,
+    build_answer,
+    exception_answer,
+    parse_request,
+)
+
+log = logging.getLogger(__name__)
+
+BROADCAST = 0
+TRAINING = 0xE000
+"""First training register."""
+
+
+class LineFaultMode(IntEnum):
+    """What the instructor has done to the line of one device."""
+
+    NONE = 0
+    CABLE_PULLED = 1
+    """Nothing arrives and nothing is answered: the device's own watchdog sees it."""
+    SLOW = 2
+    """Acts at once, answers `delay_ms` later, even when nobody waits any more."""
+    SILENT = 3
+    """Hears and acts, but the answer is lost."""
+    WRONG_UNIT = 4
+    WRONG_LENGTH = 5
+    """A well-formed answer of another length: check sum and byte count hold."""
+    GARBAGE = 6
+    """`argument` 0: a damaged answer (RTU: wrong check sum); else noise instead of one."""
+    EXCEPTION = 7
+    """Refuses with exception `argument`, without acting."""
+
+
+class LineFault(Protocol):
+    """The line-fault registers of one device; `count` requests are spoiled, 0 = until cleared."""
+
+    mode: int
+    delay_ms: int
+    argument: int
+    count: int
+
+
+class Slave(Protocol):
+    """What the line needs of a virtual device."""
+
+    @property
+    def line_fault(self) -> LineFault:
+        """The fault that the instructor has set."""
+        ...
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        """`count` words from `address`.
+
+        Raises:
+            DeviceException: the device refuses.
+        """
+        ...
+
+    def write(self, function: int, address: int, words: Sequence[int]) -> None:
+        """Take `words`; they act at the next step border.
+
+        Raises:
+            DeviceException: the device refuses, and nothing was taken.
+        """
+        ...
+
+    def telegram_seen(self) -> None:
+        """A valid telegram was addressed to this device (feeds its communication time-out)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What goes onto the line."""
+
+    unit: int
+    """Unit that the answer names."""
+    pdu: bytes | None
+    """None = silence."""
+    delay: float = 0.0
+    """From the end of the request to the begin of the answer [s]."""
+    corrupt: str = ""
+    """"" | crc | length | unit | garbage. Length, unit and garbage are already in `unit` and `pdu`; `crc` is up to the carrier,
+    and a carrier without check sum sends `damaged(pdu)`."""
+
+
+class Bus:
+    """One line with its virtual devices by unit."""
+
+    def __init__(self, devices: Mapping[int, Slave], *, turnaround: float = 0.0) -> None:
+        """`turnaround`: time that every device takes for an answer [s]."""
+        self.devices = dict(devices)
+        self.turnaround = turnaround
+        self._noise = Random(1)
+
+    def answer(self, unit: int, pdu: bytes) -> Answer:
+        """What the line answers to `pdu` for `unit`; never raises.
+
+        Unit 0 is a broadcast: writes reach every device, and nobody answers. A unit that is not there is silence, on
+        TCP too: a gateway might say 0B, and a master has to live with both.
+        """
+        silence = Answer(unit, None)
+        if not pdu:
+            return silence
+        if unit == BROADCAST:
+            for each in self.devices.values():
+                self._broadcast(each, pdu)
+            return silence
+        device = self.devices.get(unit)
+        if device is None:
+            return silence
+        try:
+            request = parse_request(pdu)
+        except DeviceException as refusal:
+            return self._on_the_line(unit, device, pdu, refusal)
+        if all(address >= TRAINING for address in request.addresses):
+            return Answer(unit, self._ask(device, request), self.turnaround)
+        return self._on_the_line(unit, device, pdu, request)
+
+    def _on_the_line(self, unit: int, device: Slave, pdu: bytes, asked: Request | DeviceException) -> Answer:
+        """The answer of `device`, as its line fault lets it through."""
+        fault = device.line_fault
+        mode, argument, late = fault.mode, fault.argument, fault.delay_ms / 1000
+        delay = self.turnaround
+        _count_down(fault)
+        if mode == LineFaultMode.CABLE_PULLED:
+            return Answer(unit, None)
+        device.telegram_seen()
+        if mode == LineFaultMode.EXCEPTION:
+            return Answer(unit, exception_answer(pdu[0], argument), delay)
+        answer = (
+            exception_answer(pdu[0], asked.code) if isinstance(asked, DeviceException) else self._ask(device, asked)
+        )
+        if mode == LineFaultMode.SILENT:
+            return Answer(unit, None)
+        if mode == LineFaultMode.SLOW:
+            return Answer(unit, answer, delay + late)
+        if mode == LineFaultMode.WRONG_UNIT:
+            return Answer(unit % 247 + 1, answer, delay, "unit")
+        if mode == LineFaultMode.WRONG_LENGTH:
+            return Answer(unit, _of_other_length(answer), delay, "length")
+        if mode == LineFaultMode.GARBAGE and argument:
+            return Answer(unit, self._noise_instead_of(answer), delay, "garbage")
+        return Answer(unit, answer, delay, "crc" if mode == LineFaultMode.GARBAGE else "")
+
+    def _ask(self, device: Slave, request: Request) -> bytes:
+        """The device's own answer.
+
+        Function 23 reads before it writes: a write acts at the next step border anyway, and so it is all or nothing.
+        """
+        try:
+            words: list[int] = []
+            if request.function in READS:
+                words = device.read(request.function, request.address, request.count)
+            if request.function in WRITES:
+                device.write(request.function, request.write_address, request.words)
+            return build_answer(request, words)
+        except DeviceException as refusal:
+            return exception_answer(request.function, refusal.code)
+        except Exception:
+            log.exception("virtual device failed request=%s", request)
+            return exception_answer(request.function, SERVER_FAILURE)
+
+    def _broadcast(self, device: Slave, pdu: bytes) -> None:
+        try:
+            request = parse_request(pdu)
+        except DeviceException:
+            return
+        mode = int(LineFaultMode.NONE)
+        if not all(address >= TRAINING for address in request.addresses):
+            mode = device.line_fault.mode
+            _count_down(device.line_fault)
+            if mode == LineFaultMode.CABLE_PULLED:
+                return
+            device.telegram_seen()
+        if request.function in WRITES and request.function not in READS and mode != LineFaultMode.EXCEPTION:
+            self._ask(device, request)
+
+    def _noise_instead_of(self, answer: bytes) -> bytes:
+        """As many bytes of noise as the answer had; the first is never its function code, nor that of its refusal."""
+        noise = bytearray(self._noise.randbytes(len(answer)))
+        noise[0] = damaged(answer)[0]
+        return bytes(noise)
+
+
+def damaged(pdu: bytes) -> bytes:
+    """`pdu` with a function code that no master can take for its answer: damage for carriers that have no check sum."""
+    return bytes((pdu[0] ^ 0x55,)) + pdu[1:]
+
+
+def _count_down(fault: LineFault) -> None:
+    if fault.mode != LineFaultMode.NONE and fault.count > 0:
+        fault.count -= 1
+        if fault.count == 0:
+            fault.mode = LineFaultMode.NONE
+
+
+def _of_other_length(answer: bytes) -> bytes:
+    """One register fewer (one more when there is only one); an echo or an exception loses its last byte."""
+    if answer[0] not in READS:
+        return answer[:-1]
+    if answer[1] <= 2:
+        return bytes((answer[0], answer[1] + 2)) + answer[2:] + b"\0\0"
+    return bytes((answer[0], answer[1] - 2)) + answer[2:-2]

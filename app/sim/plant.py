@@ -1,0 +1,172 @@
+"""The simulated plant: a virtual device for every equipment, a bus for every link, and the clock that drives them.
+
+Time is steps x dt. Behind the clock it catches up at most 20 steps at a time; what is still owed then is given up, so an overloaded
+machine shows a slower plant, never a jumping one.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+from zlib import crc32
+
+from app.clock import Clock
+from app.errors import BadAnswer, ConfigurationError
+from app.plant.definitions import Equipment, Plant
+from app.sim.bus import Bus, Slave, damaged
+
+DT = 0.01
+"""Step of every virtual device [s]."""
+CATCH_UP = 20
+"""Most steps in one go."""
+
+
+class VirtualDevice(Slave, Protocol):
+    """A device that is physics and program: a slave on the line that also moves."""
+
+    type: str
+    dt: float
+    """Length of a step [s]."""
+
+    def step(self) -> None:
+        """Advance by `dt`; writes taken since the last step act now."""
+        ...
+
+
+Factory = Callable[[Equipment, int], VirtualDevice]
+"""(equipment, seed) → its virtual device."""
+
+VIRTUAL_DEVICES: dict[str, Factory] = {}
+"""Equipment type → what builds its virtual device."""
+
+
+class SimPlant:
+    """Every virtual device of a plant, in step.
+
+    The same seed and the same writes at the same steps repeat a run exactly.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        clock: Clock,
+        *,
+        seed: int = 1,
+        links: Iterable[str] | None = None,
+        turnaround: float = 0.0,
+        factories: Mapping[str, Factory] = VIRTUAL_DEVICES,
+    ) -> None:
+        """`links`: only the equipment of these, None = of all; `turnaround`: time a device takes for an answer [s].
+
+        Raises:
+            ConfigurationError: a link that the plant does not have, or a type without a virtual device.
+        """
+        wanted = list(plant.links if links is None else links)
+        for name in wanted:
+            if name not in plant.links:
+                raise ConfigurationError(
+                    f"link {name}: expected one of {', '.join(plant.links) or 'none, the plant has no link'}"
+                )
+        self.equipment: Mapping[str, Equipment] = {
+            id: item for id, item in plant.equipment.items() if item.link in wanted
+        }
+        self.devices: Mapping[str, VirtualDevice] = {
+            id: _build(item, seed, factories) for id, item in self.equipment.items()
+        }
+        """By equipment."""
+        self.buses: Mapping[str, Bus] = {
+            name: Bus(
+                {item.unit: self.devices[id] for id, item in self.equipment.items() if item.link == name},
+                turnaround=turnaround,
+            )
+            for name in wanted
+        }
+        """By link."""
+        self._clock = clock
+        self._turnaround = turnaround
+        self._due = clock.monotonic() + DT
+        self.steps = 0
+        self.lag = 0.0
+        """How late the last round began [s]."""
+        self.lost = 0.0
+        """Simulated time given up since the start [s]."""
+        self.overruns = 0
+        """Rounds that had to give time up."""
+        self.step_last = 0.0
+        """Computing time of the last step of the whole plant [s]."""
+        self.step_max = 0.0
+
+    def step(self) -> None:
+        """Advance every device by one step."""
+        began = self._clock.monotonic()
+        for device in self.devices.values():
+            device.step()
+        self.steps += 1
+        self.step_last = self._clock.monotonic() - began
+        self.step_max = max(self.step_max, self.step_last)
+
+    def catch_up(self) -> int:
+        """Do the steps that are due, at most 20, and give up what is owed beyond them; the number done."""
+        late = self._clock.monotonic() - self._due
+        self.lag = max(0.0, late)
+        if late < 0:
+            return 0
+        owed = int(late / DT) + 1
+        done = min(owed, CATCH_UP)
+        for _ in range(done):
+            self.step()
+        self._due += owed * DT
+        if owed > done:
+            self.overruns += 1
+            self.lost += (owed - done) * DT
+        return done
+
+    async def run(self) -> None:
+        """Keep the plant moving until cancelled. What lies before the call is not caught up."""
+        self._due = self._clock.monotonic() + DT
+        while True:
+            self.catch_up()
+            await asyncio.sleep(max(0.0, self._due - self._clock.monotonic()))
+
+    def merged(self) -> Bus:
+        """One bus with the units of all links, for one port.
+
+        Raises:
+            ConfigurationError: two devices have the same unit; all of them are named.
+        """
+        owners: dict[int, list[Equipment]] = {}
+        for item in self.equipment.values():
+            owners.setdefault(item.unit, []).append(item)
+        clashes = [
+            f"unit {unit} is {' and '.join(f'{item.id} on link {item.link}' for item in items)}"
+            for unit, items in sorted(owners.items())
+            if len(items) > 1
+        ]
+        if clashes:
+            raise ConfigurationError(f"{'; '.join(clashes)}: expected different units on one port, or one link of them")
+        return Bus({unit: self.devices[items[0].id] for unit, items in owners.items()}, turnaround=self._turnaround)
+
+
+def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> VirtualDevice:
+    factory = factories.get(item.type.name)
+    if factory is None:
+        known = ", ".join(sorted(factories)) or "none yet"
+        raise ConfigurationError(f"{item.id}: type {item.type.name} has no virtual device, expected one of: {known}")
+    return factory(item, crc32(f"{seed} {item.id}".encode()))
+
+
+async def exchange(bus: Bus, unit: int, pdu: bytes) -> bytes | None:
+    """Carry `pdu` to `unit` without any wire: its answer after the device's delay, None for silence.
+
+    Raises:
+        BadAnswer: what came back would not have got past the check sum or the unit of a real frame.
+    """
+    answer = bus.answer(unit, pdu)
+    if answer.pdu is None:
+        return None
+    if answer.delay > 0:
+        await asyncio.sleep(answer.delay)
+    if answer.corrupt == "unit":
+        raise BadAnswer(f"unit {answer.unit} answered: expected unit {unit}")
+    if answer.corrupt == "crc":
+        raise BadAnswer(f"check sum of the answer {damaged(answer.pdu).hex(' ')} is wrong")
+    return answer.pdu
