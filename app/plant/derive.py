@@ -1,0 +1,273 @@
+"""Derived points: a closed list of values computed from others of the same equipment.
+
+    option         the option `of` of the equipment, as the plant file sets it
+    signed         `of`, negative while `when` holds
+    condition      1 while `when` holds, else 0
+    running_hours  hours during which `when` held, retained [h]
+    starts         how often `when` became true, retained
+    min_today      least `of` since midnight of the plant's zone, retained
+    max_today      greatest `of` since midnight of the plant's zone, retained
+    since          time of the last change of `of`, retained [µs UTC]
+
+Integrals are taken over the times given, never over the number of calls. Time during which `when` is not known is not counted. Quality is
+the worst of the inputs; an accumulation lives through bad inputs and is then stale, because it may miss something.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime, time, timedelta
+from zoneinfo import ZoneInfo
+
+from app.clock import to_datetime, to_micros
+from app.errors import ConfigurationError
+from app.plant import expression
+from app.plant.definitions import Plant, Point
+from app.tags.batch import Value
+from app.tags.quality import GOOD, NO_DATA, STALE, is_bad, origin, worst
+
+KINDS: Mapping[str, tuple[bool, bool]] = {
+    "option": (True, False),
+    "signed": (True, True),
+    "condition": (False, True),
+    "running_hours": (False, True),
+    "starts": (False, True),
+    "min_today": (True, False),
+    "max_today": (True, False),
+    "since": (True, False),
+}
+"""Kind → (needs `of`, needs `when`)."""
+RETAINED = frozenset({"running_hours", "starts", "min_today", "max_today", "since"})
+HOUR = 3_600_000_000
+"""[µs]"""
+
+Retained = Mapping[str, object]
+"""What a derived point needs to go on after a restart: plain numbers and texts, fit for JSON."""
+
+
+@dataclass(slots=True)
+class _State:
+    """One derived point at work."""
+
+    point: Point
+    kind: str
+    of: str
+    """Name of the input point."""
+    when: expression.Expression | None
+    inputs: tuple[str, ...]
+    """Names of all points it reads."""
+    value: float | None = None
+    """Accumulated, exact."""
+    truth: bool | None = None
+    """The condition as last seen."""
+    at: int = 0
+    """When it was last brought up to date [µs]."""
+    day: str = ""
+    last: Value = None
+    """Input as last seen."""
+    sent: tuple[Value, int] | None = None
+    keys: Mapping[str, str] = field(default_factory=dict)
+    """Key in the condition → name."""
+
+
+class Derivation:
+    """All derived points of a plant."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._zone = ZoneInfo(plant.timezone)
+        self._day = ""
+        self._begin = self._midnight = 0
+        self._values: dict[str, tuple[Value, int]] = {}
+        self._states = [state for item in plant.equipment.values() for state in _in_order(_states(item.points))]
+        self._by_name = {state.point.name: state for state in self._states}
+        self._order = {state.point.name: index for index, state in enumerate(self._states)}
+        self._readers: dict[str, list[_State]] = {}
+        for state in self._states:
+            for name in state.inputs:
+                self._readers.setdefault(name, []).append(state)
+        self._timed = [state for state in self._states if state.kind in ("running_hours", "min_today", "max_today")]
+        self._options = {
+            f"{item.id}.{point.key}": _number(item.options.get(point.derived.of))
+            for item in plant.equipment.values()
+            for point in item.points.values()
+            if point.derived and point.derived.kind == "option"
+        }
+        self._fresh = True
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Points whose changes it wants to hear of."""
+        return frozenset(self._readers)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Points that it publishes."""
+        return frozenset(self._by_name)
+
+    def update(self, changed: Mapping[str, tuple[Value, int]], time_us: int) -> list[tuple[str, Value, int]]:
+        """Take what changed at `time_us` [µs UTC]; what changes by it as (name, value, quality).
+
+        Call it once a second or so with nothing: hours go on and a new day begins although no value changes. The first call gives
+        every derived point. A clock that was set back adds nothing and takes nothing away.
+        """
+        new_day = self._turn_day(time_us)
+        waiting = set(self._by_name) if self._fresh or new_day else {state.point.name for state in self._timed}
+        self._fresh = False
+        for name, reading in changed.items():
+            self._values[name] = reading
+            waiting.update(state.point.name for state in self._readers.get(name, ()))
+        result: list[tuple[str, Value, int]] = []
+        pending = sorted(waiting, key=self._order.__getitem__)
+        seen = set(pending)
+        while pending:
+            name = pending.pop(0)
+            state = self._by_name[name]
+            reading = self._compute(state, time_us)
+            if reading == state.sent:
+                continue
+            state.sent = reading
+            self._values[name] = reading
+            result.append((name, *reading))
+            further = [reader.point.name for reader in self._readers.get(name, ()) if reader.point.name not in seen]
+            if further:
+                seen.update(further)
+                pending = sorted((*pending, *further), key=self._order.__getitem__)
+        return result
+
+    def retained(self) -> dict[str, Retained]:
+        """State of every point that survives a restart, by the lasting id of the point."""
+        return {
+            state.point.id: {"value": state.value, "day": state.day, "last": state.last}
+            for state in self._states
+            if state.kind in RETAINED and state.value is not None
+        }
+
+    def restore(self, kept: Mapping[str, Retained]) -> None:
+        """Go on from what `retained` gave; what does not fit is left out. The time in between is not counted."""
+        for state in self._states:
+            found = kept.get(state.point.id)
+            if state.kind not in RETAINED or not found:
+                continue
+            value, day, last = found.get("value"), found.get("day"), found.get("last")
+            if (isinstance(value, int | float) and not isinstance(value, bool) and value >= 0) or state.kind.endswith(
+                "_today"
+            ):
+                state.value = value if isinstance(value, int | float) else None
+                state.day = day if isinstance(day, str) else ""
+                state.last = last if isinstance(last, int | float | str) else None
+        self._fresh = True
+
+    def reset(self, name: str) -> None:
+        """Set an accumulated point (`m1.running_hours`) back to 0; it is told with the next update.
+
+        Raises:
+            ConfigurationError: no such accumulated point.
+        """
+        state = self._by_name.get(name)
+        if state is None or state.kind not in ("running_hours", "starts"):
+            raise ConfigurationError(f"{name} is no counter: only running hours and starts can be set back")
+        state.value = 0.0
+        self._fresh = True
+
+    def _turn_day(self, time_us: int) -> bool:
+        if self._begin <= time_us < self._midnight:
+            return False
+        local = to_datetime(time_us).astimezone(self._zone)
+        self._day = local.date().isoformat()
+        self._begin = to_micros(datetime.combine(local.date(), time(), self._zone))
+        self._midnight = to_micros(datetime.combine(local.date() + timedelta(days=1), time(), self._zone))
+        return True
+
+    def _compute(self, state: _State, now: int) -> tuple[Value, int]:
+        if state.kind == "option":
+            option = self._options[state.point.name]
+            return (option, GOOD) if option is not None else (None, NO_DATA)
+        readings = [self._values.get(name, (None, NO_DATA)) for name in state.inputs]
+        quality = worst(reading[1] for reading in readings)
+        truth = state.when and state.when.true(lambda key: self._values.get(state.keys[key], (None, NO_DATA)))
+        match state.kind:
+            case "signed":
+                size = _number(self._values.get(state.of, (None, NO_DATA))[0])
+                if size is None or truth is None or is_bad(quality):
+                    return None, _at_least_bad(quality)
+                return (-size if truth and size else size), quality
+            case "condition":
+                return (None, _at_least_bad(quality)) if truth is None else (int(truth), quality)
+            case "running_hours":
+                if state.truth and state.at and now > state.at:
+                    state.value = (state.value or 0.0) + (now - state.at) / HOUR
+                state.value = state.value or 0.0
+                state.truth, state.at = truth, now
+                return round(state.value, max(1, state.point.decimals)), _accumulated(quality, known=truth is not None)
+            case "starts":
+                if truth and state.truth is False:
+                    state.value = (state.value or 0.0) + 1
+                state.value = state.value or 0.0
+                state.truth = state.truth if truth is None else truth
+                return round(state.value), _accumulated(quality, known=truth is not None)
+            case "since":
+                value = readings[0][0]
+                if value is not None and not is_bad(quality) and value != state.last:
+                    # the first value after a start is when we learnt of it, unless it is the one that was kept
+                    state.value, state.last = float(now), value
+                if state.value is None:
+                    return None, _at_least_bad(quality)
+                return int(state.value), _accumulated(quality, known=value is not None)
+        return self._extreme(state, readings[0], quality)
+
+    def _extreme(self, state: _State, reading: tuple[Value, int], quality: int) -> tuple[Value, int]:
+        if state.day != self._day:
+            state.day, state.value = self._day, None
+        value = _number(reading[0])
+        if value is not None and not is_bad(quality):
+            better = min if state.kind == "min_today" else max
+            state.value = value if state.value is None else better(state.value, value)
+        if state.value is None:
+            return None, _at_least_bad(quality)
+        return state.value, _accumulated(quality, known=value is not None)
+
+
+def order_problem(points: Mapping[str, Point]) -> str:
+    """Keys of derived points that depend on each other in a circle, or an empty text."""
+    states = _states({key: replace(point, name=key) for key, point in points.items()})
+    ordered = {state.point.key for state in _in_order(states)}
+    return ", ".join(sorted(state.point.key for state in states if state.point.key not in ordered))
+
+
+def _states(points: Mapping[str, Point]) -> list[_State]:
+    states = []
+    for point in points.values():
+        if point.derived is None:
+            continue
+        when = expression.parse(point.derived.when) if point.derived.when else None
+        prefix = point.name[: len(point.name) - len(point.key)]
+        of = "" if point.derived.kind == "option" or not point.derived.of else prefix + point.derived.of
+        keys = {key: prefix + key for key in when.names} if when else {}
+        inputs = tuple(dict.fromkeys([*([of] if of else []), *keys.values()]))
+        states.append(_State(point, point.derived.kind, of, when, inputs, keys=keys))
+    return states
+
+
+def _in_order(states: list[_State]) -> list[_State]:
+    """Inputs before what is computed from them; what stands in a circle is left out."""
+    left = {state.point.name: state for state in states}
+    ordered: list[_State] = []
+    while left:
+        ready = [state for state in left.values() if not any(name in left for name in state.inputs)]
+        if not ready:
+            break
+        for state in ready:
+            del left[state.point.name]
+        ordered += ready
+    return ordered
+
+
+def _number(value: object) -> float | None:
+    return value if isinstance(value, int | float) else None
+
+
+def _at_least_bad(quality: int) -> int:
+    return quality if is_bad(quality) else NO_DATA | origin(quality)
+
+
+def _accumulated(quality: int, *, known: bool) -> int:
+    return STALE | origin(quality) if is_bad(quality) or not known else quality

@@ -1,0 +1,395 @@
+"""A plant folder → (definitions, problems). All mistakes at once, each with file, line, key, value and what was expected; never raises."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from zoneinfo import ZoneInfo, available_timezones
+
+from app.errors import ConfigurationError
+from app.plant import expression, types
+from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, Texts
+from app.plant.derive import order_problem
+from app.plant.tables import Source, Table, one_of
+
+PLANT_FILE = "plant.toml"
+LOCALE = Path(__file__).resolve().parent.parent / "locale"
+LANGUAGES = ("hr", "en", "de", "cs")
+TRANSPORTS = ("memory", "tcp", "rtu")
+BAUD = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
+PARITY = ("none", "even", "odd")
+ID = r"[a-z][a-z0-9_]{0,31}"
+ID_EXPECTED = "small letters, digits and _, beginning with a letter, at most 32"
+RESERVED_IDS = ("sys",)
+LARGEST_UNIT = 247
+MOST_REPEATS = 1000
+
+
+def languages() -> tuple[str, ...]:
+    """Languages the product speaks: a folder of app/locale each."""
+    found = [path.name for path in LOCALE.iterdir() if path.is_dir()] if LOCALE.is_dir() else []
+    return tuple(dict.fromkeys((*LANGUAGES, *sorted(found))))
+
+
+def read_plant(
+    folder: Path, *, type_folder: Path = types.EQUIPMENT, transports: Sequence[str] = TRANSPORTS
+) -> tuple[Plant | None, list[Problem]]:
+    """Read `folder`/plant.toml with the equipment types it names.
+
+    The plant is None exactly when there are problems. A text that lacks a language is no problem: it is shown with its language mark.
+    """
+    try:
+        reader = _PlantReader(Path(folder), type_folder, transports)
+        plant = reader.read()
+    except (OSError, RecursionError) as error:
+        return None, [Problem(PLANT_FILE, "(file)", str(folder), f"a plant folder ({error})")]
+    return (None if reader.problems else plant), reader.problems
+
+
+class _PlantReader:
+    def __init__(self, folder: Path, type_folder: Path, transports: Sequence[str]) -> None:
+        self.folder = folder
+        self.type_folder = type_folder
+        self.transports = transports
+        self.source = Source(folder / PLANT_FILE, PLANT_FILE)
+        self.known_languages = languages()
+        self.languages: Sequence[str] = self.known_languages
+        self.types: dict[str, types.TypeData | None] = {}
+        self.type_problems: list[Problem] = []
+        self.equipment: dict[str, Equipment] = {}
+        self.texts: dict[str, dict[str, str]] = {}
+        self.units: dict[tuple[str, int], str] = {}
+        self.ids: dict[str, str] = {}
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [*self.source.problems, *self.type_problems]
+
+    def read(self) -> Plant | None:
+        if self.source.problems:
+            return None
+        root = self.source.table()
+        head = root.table("plant", required=True, expected="[plant] with name, timezone, languages")
+        timezone, name = "UTC", {}
+        if root.has("plant"):
+            self.languages = self._languages(head)
+            name = self._label(head, "name", required=True)
+            timezone = self._timezone(head)
+            head.done()
+        areas = {key: self._area(key, table) for key, table in root.tables("areas")}
+        links = {key: self._link(key, table) for key, table in root.tables("links")}
+        if not links:
+            root.note("links", "none", "at least one [links.<name>]")
+        for key, table in root.tables("equipment"):
+            self._equipment(key, table, links, areas)
+        if not root.data.get("equipment"):
+            root.note("equipment", "none", "at least one [equipment.<id>]")
+        for row in root.rows("alarms"):
+            self._alarm(row)
+        root.done()
+        used = {name: data.type for name, data in self.types.items() if data is not None}
+        for item in self.equipment.values():
+            if item.area not in areas:
+                areas[item.area] = _type_texts(item.type.texts, "area") or {
+                    language: item.area for language in self.languages
+                }
+        return Plant(self.folder, name, timezone, tuple(self.languages), areas, links, self.equipment, used, self.texts)
+
+    def _languages(self, head: Table) -> Sequence[str]:
+        given = head.items("languages", list(self.known_languages), "a list of languages")
+        for index, language in enumerate(given):
+            if language not in self.known_languages:
+                head.note(f"languages.{index}", language, one_of(self.known_languages, language))
+            elif language in given[:index]:
+                head.note(f"languages.{index}", language, "each language once")
+        if not given:
+            head.note("languages", given, "at least one language")
+        return [language for language in given if language in self.known_languages] or self.known_languages
+
+    def _timezone(self, head: Table) -> str:
+        name = head.text("timezone")
+        if not name:
+            return "UTC"
+        zones = available_timezones()
+        try:
+            if name not in zones:
+                raise ValueError(name)
+            ZoneInfo(name)
+        except (ValueError, OSError):
+            near = one_of(sorted(zones), name).partition("(perhaps ")[2].rstrip(")")
+            head.note("timezone", name, "a time zone such as Europe/Zagreb" + (f" (perhaps {near})" if near else ""))
+            return "UTC"
+        return name
+
+    def _label(self, table: Table, key: str, *, required: bool = False, default: str = "") -> dict[str, str]:
+        value = table.raw(key)
+        expected = "a text, or a text for each language: { hr = …, en = … }"
+        if value is None:
+            if required:
+                table.note(key, "missing", expected)
+            return dict.fromkeys(self.languages, default)
+        if isinstance(value, str) and value.strip():
+            return dict.fromkeys(self.languages, value)
+        if not isinstance(value, dict) or not value:
+            table.note(key, value, expected)
+            return dict.fromkeys(self.languages, default)
+        texts: dict[str, str] = {}
+        for language, text in value.items():
+            if language not in self.known_languages:
+                table.note(
+                    f"{key}.{language}", text, "a language of the product: " + one_of(self.known_languages, language)
+                )
+            elif not isinstance(text, str) or not text.strip():
+                table.note(f"{key}.{language}", text, "a text")
+            else:
+                texts[language] = text
+        return texts
+
+    def _area(self, key: str, table: Table) -> Texts:
+        self._check_id(key, table)
+        label = self._label(table, "label", default=key)
+        table.done()
+        return label
+
+    def _check_id(self, key: str, table: Table) -> None:
+        if not re.fullmatch(ID, key) or key in RESERVED_IDS:
+            table.note("", key, ID_EXPECTED + f"; not {', '.join(RESERVED_IDS)}")
+
+    def _link(self, key: str, table: Table) -> Link:
+        self._check_id(key, table)
+        transport = table.text("transport", choices=self.transports)
+        serial, network = transport == "rtu", transport == "tcp"
+        if network:
+            port: str = ""
+            tcp_port = table.whole("port", 502, 1, 65535)
+        else:
+            tcp_port = 502
+            port = table.text("port", *([] if serial else [""]), expected="a serial device such as /dev/ttyUSB0")
+        baud = table.raw("baud", 9600)
+        if isinstance(baud, bool) or baud not in BAUD:
+            table.note("baud", baud, "one of " + ", ".join(map(str, BAUD)))
+            baud = 9600
+        parity = table.text("parity", "even", choices=PARITY)
+        link = Link(
+            name=key,
+            transport=transport,
+            host=table.text("host", *([] if network else [""]), expected="a host name or an address"),
+            tcp_port=tcp_port,
+            port=port,
+            baud=baud,
+            parity=parity,
+            stop_bits=table.whole("stop_bits", 2 if parity == "none" else 1, 1, 2),
+            writes=table.flag("writes"),
+            fast=table.number("fast", None, 0.01, 3600),
+            slow=table.number("slow", None, 0.01, 3600),
+            timeout=table.number("timeout", None, 0.01, 60),
+            label=self._label(table, "label", default=key),
+        )
+        table.done()
+        return link
+
+    def _type(self, name: str) -> types.TypeData | None:
+        if name not in self.types:
+            data, problems = types.read_type(name, self.known_languages, self.type_folder)
+            circle = "" if problems else order_problem(data.type.points)
+            if circle:
+                problems = [
+                    Problem(f"{name}/points.toml", "derived", circle, "derived points that do not depend on each other")
+                ]
+            self.type_problems += problems
+            self.types[name] = None if problems else data
+        return self.types[name]
+
+    def _equipment(self, key: str, table: Table, links: Mapping[str, Link], areas: Mapping[str, Texts]) -> None:
+        self._check_id(key, table)
+        kind_name = table.text("type", choices=types.names(self.type_folder))
+        data = self._type(kind_name) if table.data.get("type") == kind_name and kind_name else None
+        link = table.text("link", choices=sorted(links))
+        unit = table.whole("unit", low=1, high=LARGEST_UNIT)
+        count = table.whole("repeat", 0, 1, MOST_REPEATS) if table.has("repeat") else 0
+        label = self._label(table, "label", default=key)
+        area = table.text("area", (data.type.area if data else "") or kind_name)
+        if table.has("area") and area not in areas:
+            table.note("area", area, "an area of this file: " + one_of(sorted(areas), area))
+        was = table.text("was", "", pattern=ID, expected="the former id of the equipment")
+        if data is None:
+            return  # its other keys cannot be judged before its type is known
+        options = self._options(table, data)
+        overrides = self._overrides(table, data, count)
+        table.done()
+        if count and unit + count - 1 > LARGEST_UNIT:
+            table.note(
+                "repeat",
+                count,
+                f"at most {LARGEST_UNIT - unit + 1}: units count up from {unit} and end at {LARGEST_UNIT}",
+            )
+            count = LARGEST_UNIT - unit + 1
+        width = max(2, len(str(count)))
+        for number in range(1, count + 1) if count else (0,):
+            suffix = f"_{number:0{width}d}" if number else ""
+            self._instance(
+                table,
+                data,
+                id=key + suffix,
+                was=was + suffix if was else "",
+                link=link,
+                unit=unit + max(number - 1, 0),
+                label={language: _numbered(text, number) for language, text in label.items()},
+                area=area,
+                options=options,
+                overrides=overrides,
+            )
+
+    def _instance(
+        self,
+        table: Table,
+        data: types.TypeData,
+        *,
+        id: str,
+        was: str,
+        link: str,
+        unit: int,
+        label: Texts,
+        area: str,
+        options: Mapping[str, object],
+        overrides: Mapping[str, Mapping[str, Any]],
+    ) -> None:
+        if id in self.equipment:
+            table.note("repeat", id, "ids that no other equipment has")
+            return
+        if link and (other := self.units.setdefault((link, unit), id)) != id:
+            table.note("unit", unit, f"a unit that no other equipment on {link} has; {other} has it")
+        points: dict[str, Point] = {}
+        for key, item in data.points.items():
+            given = overrides.get(key, {})
+            lasting = given.get("was") or f"{was or id}.{item.point.id}"
+            owner = self.ids.setdefault(lasting, f"{id}.{key}")
+            if owner != f"{id}.{key}":
+                table.note(
+                    "was" if was else f"points.{key}.was", lasting, f"an id that no other point has; {owner} has it"
+                )
+            fields = {name: value for name, value in given.items() if name != "was"}
+            points[key] = replace(_bounded(item, options), name=f"{id}.{key}", id=lasting, equipment=id, **fields)
+        self.equipment[id] = Equipment(id, data.type, link, unit, label, area, points, tuple(data.type.alarms), options)
+
+    def _options(self, table: Table, data: types.TypeData) -> dict[str, object]:
+        options = dict(data.type.options)
+        for name, default in data.type.options.items():
+            if isinstance(default, float):
+                low, high = data.type.ranges[name]
+                options[name] = float(table.number(name, default, low, high))
+            elif table.has(name):
+                options[name] = self._option_table(table.table(name), data.choices[name], data.parameters[name], data)
+        return options
+
+    def _option_table(
+        self, table: Table, words: Mapping[str, Sequence[str]], codes: Iterable[str], data: types.TypeData
+    ) -> dict[str, object]:
+        known = {setpoint.code: setpoint for setpoint in data.type.setpoints.values()}
+        values: dict[str, object] = {}
+        for key in table.data:
+            if key in words:
+                values[key] = table.text(key, choices=words[key])
+            elif key in codes:
+                register = data.type.points[known[key].key].register
+                greatest = 65535 * register.scale if register else 65535.0
+                values[key] = table.number(key, low=0, high=greatest)
+        for key in sorted(codes):
+            table.raw(key)
+        for key in words:
+            table.raw(key)
+        table.done()
+        return values
+
+    def _overrides(self, table: Table, data: types.TypeData, count: int) -> dict[str, dict[str, Any]]:
+        """`[equipment.m1.points.speed]`: what differs on this machine."""
+        found: dict[str, dict[str, Any]] = {}
+        for key, row in table.tables("points"):
+            if key not in data.points:
+                row.note("", key, f"a point of {data.type.name}: " + one_of(sorted(data.points), key))
+                continue
+            values: dict[str, Any] = {}
+            if row.has("was"):
+                pattern = rf"{ID}\.{types.KEY}"
+                values["was"] = row.text(
+                    "was", pattern=pattern, expected="the former name of the point, such as m1.speed"
+                )
+                if count:
+                    row.note("was", row.raw("was"), "no former name of one point where `repeat` makes many")
+            for name in ("scale_low", "scale_high", "dead_band"):
+                if row.has(name):
+                    values[name] = float(row.number(name))
+            if row.has("decimals"):
+                values["decimals"] = row.whole("decimals", low=0, high=6)
+            if row.has("history"):
+                values["history"] = row.flag("history")
+            if row.has("normal"):
+                match row.items("normal", expected="[low, high]"):
+                    case [int() | float() as low, int() | float() as high] if low <= high:
+                        values["normal"] = (float(low), float(high))
+                    case band:
+                        row.note("normal", band, "[low, high] with low <= high")
+            for name in ("was", "scale_low", "scale_high", "dead_band", "decimals", "history", "normal"):
+                row.raw(name)
+            row.done()
+            found[key] = values
+        return found
+
+    def _alarm(self, row: Table) -> None:
+        name = row.text("equipment", choices=sorted(self.equipment))
+        item = self.equipment.get(name) if row.data.get("equipment") == name else None
+        key = row.text("key", pattern=types.KEY, expected="a key of small letters, digits and _")
+        prefix = f"plant.{name}.{key}."
+        for field in ("label", "consequence", "cause", "response"):
+            given = self._label(row, field, required=field == "label", default="–")
+            for language in self.known_languages:
+                if language in given:
+                    self.texts.setdefault(language, {})[prefix + field] = given[language]
+        plain = Table(
+            row.source,
+            row.path,
+            {k: v for k, v in row.data.items() if k not in ("label", "consequence", "cause", "response")},
+        )
+        for known in ("equipment", "key"):
+            plain.raw(known)
+        alarm: Alarm = types.read_alarm(key, plain, prefix)
+        plain.done()
+        if item is None:
+            return
+        if any(other.key == key for other in item.alarms):
+            row.note("key", key, f"a key that no other alarm of {name} has")
+        for field, text in (("expression", alarm.expression), ("clear", alarm.clear), ("value", alarm.value)):
+            if text:
+                types.check_expression(row, field, text, item.points, name)
+        self.equipment[name] = replace(item, alarms=(*item.alarms, alarm))
+
+
+def _bounded(data: types.PointData, options: Mapping[str, object]) -> Point:
+    """The point with its bounds computed from the options of the machine."""
+    if not data.bounds:
+        return data.point
+    numbers = {name: value for name, value in options.items() if isinstance(value, float)}
+    computed: dict[str, Any] = {}
+    normal = list(data.point.normal or (0.0, 0.0))
+    for name, text in data.bounds.items():
+        try:
+            value = expression.number(text, numbers)
+        except ConfigurationError:
+            value = None
+        if name.startswith("normal."):
+            normal[int(name[-1])] = 0.0 if value is None else round(value, 6)
+            computed["normal"] = (normal[0], normal[1])
+        else:
+            computed[name] = None if value is None else round(value, 6)
+    return replace(data.point, **computed)
+
+
+def _numbered(text: str, number: int) -> str:
+    if not number:
+        return text
+    return text.replace("{n}", str(number)) if "{n}" in text else f"{text} {number}"
+
+
+def _type_texts(texts: Mapping[str, Mapping[str, str]], key: str) -> dict[str, str]:
+    return {language: own[key] for language, own in texts.items() if key in own}

@@ -1,0 +1,244 @@
+"""TOML tables read with all their mistakes noted: file, line, key, value, what was expected."""
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from app.plant.definitions import Problem
+
+REQUIRED: Any = object()
+LARGEST_FILE = 4 * 1024 * 1024
+"""Nobody writes a plant of this size by hand [bytes]."""
+
+
+class Source:
+    """One TOML file and the problems found in it. Reading never raises."""
+
+    def __init__(self, path: Path, name: str, *, optional: bool = False) -> None:
+        self.name = name
+        self.problems: list[Problem] = []
+        self.data: dict[str, Any] = {}
+        self._lines: list[str] = []
+        try:
+            if path.is_file() and path.stat().st_size > LARGEST_FILE:
+                self.note((), f"{path.stat().st_size} bytes", f"a text file of at most {LARGEST_FILE} bytes")
+                return
+            text = path.read_text("utf-8-sig")
+        except FileNotFoundError:
+            if not optional:
+                self.note((), "no such file", "a TOML file")
+            return
+        except UnicodeDecodeError as error:
+            before = error.object[: error.start].count(b"\n") + 1
+            self.note((), f"byte 0x{error.object[error.start]:02x}", "text in UTF-8", line=before)
+            return
+        except OSError as error:
+            self.note((), error.strerror or type(error).__name__, "a readable TOML file")
+            return
+        self._lines = text.splitlines()
+        if not text.strip():
+            if not optional:
+                self.note((), "an empty file", "TOML tables")
+            return
+        try:
+            self.data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            where = re.search(r"at line (\d+)", str(error))
+            line = int(where[1]) if where else len(self._lines)
+            shown = self._lines[line - 1].strip() if 0 < line <= len(self._lines) else ""
+            self.note((), shown or "the end of the file", f"TOML ({error})", line=line)
+        except RecursionError:
+            self.note((), "tables in tables", "tables nested a few levels deep")
+
+    def note(self, path: Sequence[str], value: object, expected: str, *, line: int | None = None) -> None:
+        """Remember a mistake at the key `path`."""
+        key = ".".join(path) if path else "(file)"
+        shown = f'"{value}"' if isinstance(value, str) and path else str(value)
+        if len(shown) > 120:
+            shown = shown[:117] + "…"
+        self.problems.append(Problem(self.name, key, shown, expected, line if line is not None else self.line(path)))
+
+    def line(self, path: Sequence[str]) -> int | None:
+        """The line (from 1) on which the key `path` stands, or the nearest table around it."""
+        best: tuple[int, int] | None = None
+        table: tuple[str, ...] = ()
+        counts: dict[tuple[str, ...], int] = {}
+        for number, raw in enumerate(self._lines, 1):
+            text = raw.strip()
+            if header := re.match(r"^(\[{1,2})\s*([^\]]+?)\s*\]", text):
+                table = _split(header[2])
+                if header[1] == "[[":
+                    index = counts.get(table, 0)
+                    counts[table] = index + 1
+                    table = (*table, str(index))
+                found = table
+            elif assignment := re.match(
+                r"""^((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""", text
+            ):
+                found = (*table, *_split(assignment[1]))
+            else:
+                continue
+            if tuple(path[: len(found)]) == found and (best is None or len(found) > best[0]):
+                best = (len(found), number)
+        return best[1] if best else None
+
+    def table(self) -> "Table":
+        """The whole file as a table."""
+        return Table(self, (), self.data)
+
+
+class Table:
+    """A table whose keys are asked for one by one; `done` reports the keys nobody asked for."""
+
+    def __init__(self, source: Source, path: tuple[str, ...], data: Mapping[str, Any]) -> None:
+        self.source = source
+        self.path = path
+        self.data = data
+        self._asked: set[str] = set()
+
+    def note(self, key: str, value: object, expected: str) -> None:
+        """Remember a mistake at `key` (empty: the table itself)."""
+        self.source.note((*self.path, *key.split(".")) if key else self.path, value, expected)
+
+    def has(self, key: str) -> bool:
+        """Whether the file gives `key`."""
+        return key in self.data
+
+    def raw(self, key: str, default: Any = None) -> Any:
+        """What stands there, unchecked."""
+        self._asked.add(key)
+        return self.data.get(key, default)
+
+    def text(
+        self,
+        key: str,
+        default: Any = REQUIRED,
+        *,
+        choices: Iterable[str] | None = None,
+        pattern: str = "",
+        expected: str = "",
+    ) -> str:
+        """A text that is not empty, one of `choices`, or matching `pattern`."""
+        value = self._value(key, default, expected or "a text")
+        if value is default or value is None:
+            return "" if value is REQUIRED or value is None else str(value)
+        if choices is not None:
+            wanted = list(choices)
+            if value not in wanted:
+                self.note(key, value, expected or one_of(wanted, value))
+                return wanted[0] if default is REQUIRED and wanted else "" if default is REQUIRED else str(default)
+            return str(value)
+        if not isinstance(value, str) or not value.strip() or (pattern and not re.fullmatch(pattern, value)):
+            self.note(key, value, expected or "a text")
+            return "" if default is REQUIRED else str(default)
+        return value
+
+    def number(self, key: str, default: Any = REQUIRED, low: float = -math.inf, high: float = math.inf) -> Any:
+        """A finite number `low <= value <= high`; the default as it is when there is none."""
+        expected = span("a number", low, high)
+        value = self._value(key, default, expected)
+        if value is default or value is None:
+            return 0.0 if value is REQUIRED or (value is None and default is REQUIRED) else value
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+            or not low <= value <= high
+        ):
+            self.note(key, value, expected)
+            return 0.0 if default is REQUIRED else default
+        return value
+
+    def whole(self, key: str, default: Any = REQUIRED, low: int = 0, high: int = 65535) -> Any:
+        """A whole number `low <= value <= high`."""
+        expected = span("a whole number", low, high)
+        value = self._value(key, default, expected)
+        if value is default or value is None:
+            return low if value is REQUIRED or (value is None and default is REQUIRED) else value
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            self.note(key, value, expected)
+            return low if default is REQUIRED else default
+        return value
+
+    def flag(self, key: str, default: bool = False) -> bool:
+        """true or false."""
+        value = self._value(key, default, "true or false")
+        if not isinstance(value, bool):
+            self.note(key, value, "true or false")
+            return default
+        return value
+
+    def items(self, key: str, default: Any = REQUIRED, expected: str = "a list") -> list[Any]:
+        """A list, unchecked inside."""
+        value = self._value(key, default, expected)
+        if value is default or value is None:
+            return [] if value is REQUIRED or value is None else list(value)
+        if not isinstance(value, list):
+            self.note(key, value, expected)
+            return []
+        return value
+
+    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> "Table":
+        """The table at `key`; empty when there is none."""
+        value = self._value(key, REQUIRED if required else {}, expected)
+        if value is REQUIRED:
+            value = {}
+        if not isinstance(value, dict):
+            self.note(key, value, expected)
+            value = {}
+        return Table(self.source, (*self.path, key), value)
+
+    def tables(self, key: str = "", expected: str = "a table") -> Iterator[tuple[str, "Table"]]:
+        """Name and table of each table under `key` (empty: of this table)."""
+        parent = self.table(key) if key else self
+        for name, value in parent.data.items():
+            parent._asked.add(name)
+            if isinstance(value, dict):
+                yield name, Table(self.source, (*parent.path, name), value)
+            else:
+                parent.note(name, value, expected)
+
+    def rows(self, key: str) -> Iterator["Table"]:
+        """Each table of a list of tables (`[[alarms]]`)."""
+        for index, value in enumerate(self.items(key, [], f"a list of tables, [[{key}]]")):
+            if isinstance(value, dict):
+                yield Table(self.source, (*self.path, key, str(index)), value)
+            else:
+                self.note(f"{key}.{index}", value, "a table")
+
+    def done(self) -> None:
+        """Report the keys that nobody asked for."""
+        for key in self.data:
+            if key not in self._asked:
+                self.source.note((*self.path, key), self.data[key], "no such key; " + one_of(sorted(self._asked), key))
+
+    def _value(self, key: str, default: Any, expected: str) -> Any:
+        self._asked.add(key)
+        if key in self.data:
+            return self.data[key]
+        if default is REQUIRED:
+            self.source.note((*self.path, key), "missing", expected)
+        return default
+
+
+def one_of(choices: Sequence[str], value: object = "") -> str:
+    """`one of a, b`, with the choice that was perhaps meant."""
+    near = difflib.get_close_matches(str(value), choices, n=1)
+    return f"one of {', '.join(choices) or 'none'}" + (f" (perhaps {near[0]})" if near else "")
+
+
+def span(what: str, low: float, high: float) -> str:
+    """`a number from 1 to 247`."""
+    if math.isinf(low) and math.isinf(high):
+        return what
+    if math.isinf(high):
+        return f"{what} from {low:g} up"
+    return f"{what} up to {high:g}" if math.isinf(low) else f"{what} from {low:g} to {high:g}"
+
+
+def _split(dotted: str) -> tuple[str, ...]:
+    return tuple(part.strip().strip("\"'") for part in re.findall(r"""[^."'\s]+|"[^"]*"|'[^']*'""", dotted))

@@ -1,0 +1,540 @@
+"""Equipment types: the folders of app/equipment, read once.
+
+`device.toml` limits of the device and options of an instance; `points.toml` values; `setpoints.toml` parameters (each is a point too);
+`commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`.
+A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
+`command.stop`, `alarm.overcurrent.label`; what stands under `label` in the data wins.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from app.errors import ConfigurationError
+from app.plant import expression
+from app.plant.definitions import (
+    Alarm,
+    Command,
+    Condition,
+    Derived,
+    Device,
+    EquipmentType,
+    Kind,
+    Order,
+    Point,
+    Problem,
+    Register,
+    Scan,
+    Setpoint,
+    Type,
+    Write,
+)
+from app.plant.derive import KINDS
+from app.plant.tables import Source, Table
+
+EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
+KEY = r"[a-z][a-z0-9_]*"
+WORDS: Mapping[Type, int] = {
+    Type.U16: 1,
+    Type.I16: 1,
+    Type.U32: 2,
+    Type.I32: 2,
+    Type.F32: 2,
+    Type.U64: 4,
+    Type.STRING: 16,
+}
+LEVELS = ("C0", "C1", "C2", "C3", "C4")
+ROLES = ("viewer", "operator", "engineer", "admin")
+SPECIAL_VALUES = ("argument", "previous")
+
+
+@dataclass(slots=True)
+class PointData:
+    """A point of a type as its data stands; bounds may still be expressions over options."""
+
+    point: Point
+    bounds: dict[str, str] = field(default_factory=dict)
+    """Field of the point (`low`, `high`, `scale_low`, `scale_high`, `dead_band`, `normal.0`, `normal.1`) → expression."""
+
+
+@dataclass(frozen=True, slots=True)
+class TypeData:
+    """An equipment type with what only the loader needs."""
+
+    type: EquipmentType
+    points: Mapping[str, PointData]
+    choices: Mapping[str, Mapping[str, Sequence[str]]]
+    """Options that are tables (`simulation`): key → allowed words."""
+    parameters: Mapping[str, frozenset[str]]
+    """Options that are tables: codes of parameters that may stand in them."""
+
+
+def names(folder: Path = EQUIPMENT) -> list[str]:
+    """Equipment types that exist."""
+    return sorted(path.parent.name for path in folder.glob("*/device.toml"))
+
+
+def read_type(name: str, languages: Sequence[str], folder: Path = EQUIPMENT) -> tuple[TypeData, list[Problem]]:
+    """Read the folder of type `name`; the data is only of use when there are no problems."""
+    reader = _TypeReader(folder / name, name, languages)
+    return reader.read(), reader.problems
+
+
+class _TypeReader:
+    def __init__(self, folder: Path, name: str, languages: Sequence[str]) -> None:
+        self.folder = folder
+        self.name = name
+        self.languages = languages
+        self.sources: list[Source] = []
+        self.points: dict[str, PointData] = {}
+        self.options: dict[str, object] = {}
+        self.expressions: list[tuple[Table, str, str, bool]] = []
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [problem for source in self.sources for problem in source.problems]
+
+    def read(self) -> TypeData:
+        head = self._file("device.toml")
+        device = self._device(head.table("device"))
+        label, area = head.text("label", "type"), head.text("area", "")
+        ranges, choices, parameters = self._options(head)
+        head.done()
+        for key, table in self._file("points.toml").tables():
+            self._point(key, table)
+        setpoints = dict(self._setpoints(self._file("setpoints.toml", optional=True)))
+        commands = {
+            key: self._command(key, table) for key, table in self._file("commands.toml", optional=True).tables()
+        }
+        guards = self._file("interlocks.toml", optional=True)
+        permissives = [self._condition("permissive", key, table) for key, table in guards.tables("permissives")]
+        interlocks = [self._condition("interlock", key, table) for key, table in guards.tables("interlocks")]
+        guards.done()
+        alarms = [self._alarm(key, table) for key, table in self._file("alarms.toml", optional=True).tables()]
+        for guard, conditions in (("permissives", permissives), ("interlocks", interlocks)):
+            for condition in conditions:
+                for command in condition.commands:
+                    if command not in commands:
+                        guards.note(f"{guard}.{condition.key}.commands", command, f"a command of {self.name}")
+        codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
+        texts = {language: self._texts(language) for language in self.languages}
+        self._check_expressions()
+        self._check_registers()
+        kind = EquipmentType(
+            name=self.name,
+            folder=self.folder,
+            label=label,
+            device=device,
+            points={key: data.point for key, data in self.points.items()},
+            commands=commands,
+            permissives=permissives,
+            interlocks=interlocks,
+            setpoints=setpoints,
+            alarms=alarms,
+            texts=texts,
+            options=self.options,
+            ranges=ranges,
+            area=area,
+        )
+        return TypeData(
+            kind, self.points, choices, {key: codes if takes else frozenset() for key, takes in parameters.items()}
+        )
+
+    def _file(self, name: str, *, optional: bool = False) -> Table:
+        source = Source(self.folder / name, f"{self.name}/{name}", optional=optional)
+        self.sources.append(source)
+        return source.table()
+
+    def _device(self, table: Table) -> Device:
+        device = Device(
+            max_read=table.whole("max_read", 125, 1, 125),
+            fallback_read=table.whole("fallback_read", 0, 0, 125),
+            group_read={
+                key: table.table("group_read").whole(key, low=1, high=125) for key in table.raw("group_read", {})
+            },
+            max_write=table.whole("max_write", 1, 1, 123),
+            read_functions=tuple(table.items("read_functions", (3,))),
+            write_functions=tuple(table.items("write_functions", (6,))),
+            turnaround=float(table.number("turnaround", 0.02, 0, 10)),
+            timeout=float(table.number("timeout", 0.25, 0, 60)),
+            connections=table.whole("connections", 1, 1, 64),
+            pipelining=table.whole("pipelining", 1, 1, 64),
+            fast=float(table.number("fast", 0.1, 0.01, 3600)),
+            slow=float(table.number("slow", 1.0, 0.01, 3600)),
+            holes=tuple(self._ranges(table, "holes")),
+            write_only=tuple(self._ranges(table, "write_only")),
+            training=table.whole("training", 0xE000),
+        )
+        table.done()
+        return device
+
+    def _ranges(self, table: Table, key: str) -> Iterator[tuple[int, int]]:
+        for index, item in enumerate(table.items(key, [])):
+            match item:
+                case [int() as first, int() as last] if 0 <= first <= last <= 0xFFFF:
+                    yield first, last
+                case _:
+                    table.note(f"{key}.{index}", item, "[first, last] with 0 <= first <= last <= 65535")
+
+    def _options(
+        self, head: Table
+    ) -> tuple[dict[str, tuple[float, float]], dict[str, Mapping[str, Sequence[str]]], dict[str, bool]]:
+        ranges: dict[str, tuple[float, float]] = {}
+        choices: dict[str, Mapping[str, Sequence[str]]] = {}
+        parameters: dict[str, bool] = {}
+        for key, table in head.tables("options"):
+            if table.has("default"):
+                ranges[key] = (float(table.number("low")), float(table.number("high")))
+                self.options[key] = float(table.number("default", low=ranges[key][0], high=ranges[key][1]))
+            else:
+                self.options[key] = {}
+                words = table.table("words")
+                choices[key] = {word: words.items(word) for word in words.data}
+                parameters[key] = table.flag("parameters")
+            table.done()
+        return ranges, choices, parameters
+
+    def _point(self, key: str, table: Table, **given: Any) -> Point:
+        kind = Kind(table.text("kind", given.get("kind", "analog"), choices=[kind.value for kind in Kind]))
+        register = self._register(table, writable=given.get("writable", False)) if table.has("address") else None
+        derived = self._derived(table.table("derived")) if table.has("derived") else None
+        bounds: dict[str, str] = {}
+        point = Point(
+            name="",
+            id=table.text("was", key, pattern=KEY, expected="the former key of the point"),
+            equipment="",
+            key=key,
+            label=table.text("label", f"point.{key}"),
+            kind=kind,
+            unit=table.text("unit", ""),
+            decimals=table.whole("decimals", 0, 0, 6),
+            register=register,
+            derived=derived,
+            scan=Scan(table.text("scan", given.get("scan", "fast"), choices=[scan.value for scan in Scan])),
+            low=given["low"] if "low" in given else self._bound(table, "low", bounds),
+            high=given["high"] if "high" in given else self._bound(table, "high", bounds),
+            normal=self._normal(table, bounds),
+            scale_low=self._bound(table, "scale_low", bounds),
+            scale_high=self._bound(table, "scale_high", bounds),
+            dead_band=self._bound(table, "dead_band", bounds) or 0.0,
+            history=table.flag("history", given.get("history", True)),
+            texts=self._choices(table, key, "texts"),
+            certainty=table.text("certainty", ""),
+        )
+        if not _matches(KEY, key) or key in expression.RESERVED:
+            table.note("", key, "a key of small letters, digits and _, not a word of the grammar")
+        if key in self.points:
+            table.note("", key, "a key that no other point of the type has")
+        if register is None and derived is None:
+            table.note("", "neither", "a point with `address` or with `derived`")
+        self.points[key] = PointData(point, bounds)
+        if not given:
+            table.done()
+        return point
+
+    def _register(self, table: Table, *, writable: bool) -> Register:
+        kind = Type(table.text("type", "u16", choices=[kind.value for kind in Type]))
+        length = table.whole("words", WORDS[kind], 1, 125)
+        if kind is not Type.STRING and length != WORDS[kind]:
+            table.note("words", length, f"{WORDS[kind]} for {kind}")
+        mask, none = table.raw("mask"), table.raw("none")
+        scale = float(table.number("scale", 1.0))
+        if scale == 0:
+            table.note("scale", 0, "a number other than 0")
+        return Register(
+            address=table.whole("address", low=0, high=0xFFFF),
+            type=kind,
+            order=Order(table.text("order", "abcd", choices=[order.value for order in Order])),
+            table=table.text("table", "holding", choices=("holding", "input")),
+            mask=None if mask is None else table.whole("mask", low=1, high=0xFFFF_FFFF),
+            shift=table.whole("shift", 0, 0, 63),
+            scale=scale or 1.0,
+            offset=float(table.number("offset", 0.0)),
+            words=length,
+            writable=table.flag("writable", writable),
+            readable=table.flag("readable", True),
+            none=None if none is None else table.whole("none", low=0, high=0xFFFF_FFFF),
+        )
+
+    def _derived(self, table: Table) -> Derived:
+        kind = table.text("kind", choices=KINDS)
+        derived = Derived(kind, table.text("of", ""), table.text("when", ""))
+        needs_of, needs_when = KINDS.get(kind, (False, False))
+        if needs_of != bool(derived.of):
+            table.note("of", derived.of, f"{'a point' if needs_of else 'nothing'} for {kind}")
+        if needs_when != bool(derived.when):
+            table.note("when", derived.when, f"{'a condition' if needs_when else 'nothing'} for {kind}")
+        if derived.of:
+            self.expressions.append((table, "of", derived.of, False))
+        if derived.when:
+            self.expressions.append((table, "when", derived.when, False))
+        table.done()
+        return derived
+
+    def _bound(self, table: Table, key: str, bounds: dict[str, str]) -> float | None:
+        value = table.raw(key)
+        if isinstance(value, str):
+            self._option_expression(table, key, value)
+            bounds[key] = value
+            return None
+        given = table.number(key, None)
+        return None if given is None else float(given)
+
+    def _normal(self, table: Table, bounds: dict[str, str]) -> tuple[float, float] | None:
+        if not table.has("normal"):
+            return None
+        band = table.items("normal", expected="[low, high]")
+        values: list[float] = []
+        for index, item in enumerate(band):
+            if isinstance(item, str):
+                self._option_expression(table, f"normal.{index}", item)
+                bounds[f"normal.{index}"] = item
+            elif isinstance(item, bool) or not isinstance(item, int | float):
+                table.note(f"normal.{index}", item, "a number or an expression over options")
+            values.append(float(item) if isinstance(item, int | float) else 0.0)
+        if len(values) != 2 or (not bounds and values[0] > values[1]):
+            table.note("normal", band, "[low, high] with low <= high")
+            return None
+        return values[0], values[1]
+
+    def _option_expression(self, table: Table, key: str, text: str) -> None:
+        try:
+            unknown = expression.parse(text).names - {
+                name for name, value in self.options.items() if isinstance(value, float)
+            }
+        except ConfigurationError as error:
+            table.note(key, text, str(error))
+        else:
+            for name in sorted(unknown):
+                table.note(key, text, f"options of {self.name} only; {name} is none")
+
+    def _choices(self, table: Table, key: str, name: str) -> dict[int, str]:
+        given = table.raw(name)
+        if given is None:
+            return {}
+        if isinstance(given, list) and all(isinstance(item, int) and not isinstance(item, bool) for item in given):
+            return {item: f"choice.{key}.{item}" for item in given}
+        if isinstance(given, dict) and all(
+            _matches(r"\d+", item) and isinstance(text, str) for item, text in given.items()
+        ):
+            return {int(item): text for item, text in given.items()}
+        table.note(name, given, "a list of values, or a table value = text key")
+        return {}
+
+    def _setpoints(self, table: Table) -> Iterator[tuple[str, Setpoint]]:
+        for key, row in table.tables():
+            low, high = row.raw("low", 0), row.raw("high", 65535)
+            options = self._choices(row, key, "options")
+            for name, bound in (("low", low), ("high", high)):
+                if isinstance(bound, str):
+                    self.expressions.append((row, name, bound, False))
+                elif isinstance(bound, bool) or not isinstance(bound, int | float):
+                    row.note(name, bound, "a number or an expression over points")
+            normal: dict[str, str] = {}
+            setpoint = Setpoint(
+                key=key,
+                low=str(low),
+                high=str(high),
+                normal=self._normal(row, normal),
+                role=row.text("role", "engineer", choices=ROLES),
+                group=row.text("group", ""),
+                code=row.text("code", ""),
+                options=options,
+                stopped_only=row.flag("stopped_only"),
+                warning=row.text("warning", ""),
+                default=row.number("default", None),
+                certainty=row.text("certainty", ""),
+            )
+            if row.has("address"):
+                self._point(
+                    key,
+                    row,
+                    kind="enum" if options else "step",
+                    scan="once",
+                    writable=True,
+                    history=False,
+                    low=float(low) if isinstance(low, int | float) else None,
+                    high=float(high) if isinstance(high, int | float) else None,
+                )
+                if options:
+                    data = self.points[key]
+                    data.point = _with_texts(data.point, options)
+            elif key not in self.points:
+                row.note("address", "missing", "an address, or a key of points.toml")
+            row.done()
+            yield key, setpoint
+
+    def _command(self, key: str, table: Table) -> Command:
+        timeout = table.raw("timeout", 5)
+        if isinstance(timeout, str):
+            self.expressions.append((table, "timeout", timeout, True))
+        elif isinstance(timeout, bool) or not isinstance(timeout, int | float) or not timeout > 0:
+            table.note("timeout", timeout, "seconds above 0, or an expression over points")
+        higher = table.table("level_when")
+        level_when = None
+        if table.has("level_when"):
+            level_when = (higher.text("condition"), higher.text("level", choices=LEVELS))
+            self.expressions.append((higher, "condition", level_when[0], False))
+            higher.done()
+        command = Command(
+            key=key,
+            label=table.text("label", f"command.{key}"),
+            writes=tuple(self._writes(table, "writes")),
+            feedback=table.text("feedback"),
+            timeout=str(timeout),
+            level=table.text("level", "C1", choices=LEVELS),
+            level_when=level_when,
+            role=table.text("role", "operator", choices=ROLES),
+            stop=table.flag("stop"),
+            hold=table.flag("hold"),
+            release=tuple(self._writes(table, "release")),
+            moves=table.flag("moves", True),
+            argument=table.text("argument", ""),
+            symbol=table.text("symbol", ""),
+        )
+        if command.feedback:
+            self.expressions.append((table, "feedback", command.feedback, True))
+        if not command.writes:
+            table.note("writes", "missing", "a list of { point, value }")
+        if command.hold != bool(command.release):
+            table.note(
+                "release", command.release, "what is written when the button is released, for a hold-to-run only"
+            )
+        if command.argument and command.argument not in self.points:
+            table.note("argument", command.argument, f"a point of {self.name}")
+        table.done()
+        return command
+
+    def _writes(self, table: Table, key: str) -> Iterator[Write]:
+        for row in table.rows(key):
+            point, value = row.text("point"), row.raw("value")
+            if point and (point not in self.points or not _is_writable(self.points[point].point)):
+                row.note("point", point, f"a point of {self.name} with a writable register")
+            option = value.removeprefix("option:") if isinstance(value, str) and value.startswith("option:") else None
+            if option is not None and option not in self.options:
+                row.note("value", value, f"an option of {self.name}")
+            elif (
+                option is None
+                and value not in SPECIAL_VALUES
+                and (isinstance(value, bool) or not isinstance(value, int | float))
+            ):
+                row.note("value", value, "a number, argument, option:<name> or previous")
+            row.done()
+            yield Write(point, str(value))
+
+    def _condition(self, group: str, key: str, table: Table) -> Condition:
+        condition = Condition(
+            key=key,
+            label=table.text("label", f"{group}.{key}"),
+            expression=table.text("expression"),
+            commands=tuple(table.items("commands", [])),
+        )
+        if condition.expression:
+            self.expressions.append((table, "expression", condition.expression, True))
+        table.done()
+        return condition
+
+    def _alarm(self, key: str, table: Table) -> Alarm:
+        alarm = read_alarm(key, table, f"alarm.{key}.")
+        for name, text in (("expression", alarm.expression), ("clear", alarm.clear), ("value", alarm.value)):
+            if text:
+                self.expressions.append((table, name, text, False))
+        table.done()
+        return alarm
+
+    def _texts(self, language: str) -> dict[str, str]:
+        return dict(flatten(self._file(f"texts.{language}.toml").data))
+
+    def _check_expressions(self) -> None:
+        for table, key, text, argument in self.expressions:
+            check_expression(table, key, text, self.points, self.name, argument=argument)
+
+    def _check_registers(self) -> None:
+        """Two points may share words only when they split the same words into parts."""
+        taken: dict[tuple[str, int], PointData] = {}
+        for data in self.points.values():
+            register = data.point.register
+            for address in range(register.address, register.address + register.words) if register else ():
+                other = taken.setdefault((register.table if register else "", address), data)
+                if other is not data and register and not _splits(other.point.register, register):
+                    table = next((s for s in self.sources if data.point.key in s.data), self.sources[0]).table()
+                    table.note(
+                        f"{data.point.key}.address",
+                        f"0x{register.address:04X}",
+                        f"words that {other.point.key} does not use, or a mask that leaves its bits alone",
+                    )
+                    break
+
+
+def read_alarm(key: str, table: Table, prefix: str) -> Alarm:
+    """An alarm row; its texts are the keys `prefix` + label, consequence, cause, response unless the row names others."""
+    limit = table.number("limit", None)
+    return Alarm(
+        key=key,
+        label=table.text("label", f"{prefix}label"),
+        expression=table.text("expression"),
+        priority=table.whole("priority", low=1, high=4),
+        clear=table.text("clear", ""),
+        on_delay=float(table.number("on_delay", 0.0, 0, 86400)),
+        off_delay=float(table.number("off_delay", 0.0, 0, 86400)),
+        latching=table.flag("latching"),
+        ack_required=table.flag("ack_required", True),
+        audible=table.flag("audible", True),
+        alarm_class=table.text("class", "process"),
+        value=table.text("value", ""),
+        limit=None if limit is None else float(limit),
+        consequence=table.text("consequence", f"{prefix}consequence"),
+        cause=table.text("cause", f"{prefix}cause"),
+        response=table.text("response", f"{prefix}response"),
+    )
+
+
+def check_expression(
+    table: Table, key: str, text: str, points: Mapping[str, object], owner: str, *, argument: bool = False
+) -> None:
+    """Note a problem when `text` is no sentence of the grammar or reads what `owner` has not."""
+    try:
+        parsed = expression.parse(text)
+    except ConfigurationError as error:
+        table.note(key, text, str(error))
+        return
+    for name in sorted(parsed.names - set(points)):
+        table.note(key, text, f"names of points of {owner}; it has no {name}")
+    if parsed.needs_argument and not argument:
+        table.note(key, text, "no `argument` here: nobody enters one")
+
+
+def flatten(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Texts by dotted key; plural forms keep their category as last part (`rows.few`)."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", str(value)
+
+
+def _is_writable(point: Point) -> bool:
+    return point.register is not None and point.register.writable
+
+
+def _splits(one: Register | None, other: Register) -> bool:
+    if one is None or (one.address, one.words, one.type, one.order) != (
+        other.address,
+        other.words,
+        other.type,
+        other.order,
+    ):
+        return False
+    if one.mask is None or other.mask is None:
+        return False
+    return one.mask << one.shift & other.mask << other.shift == 0
+
+
+def _matches(pattern: str, text: str) -> bool:
+    return re.fullmatch(pattern, text) is not None
+
+
+def _with_texts(point: Point, texts: Mapping[int, str]) -> Point:
+    return replace(point, texts=texts)
