@@ -183,7 +183,9 @@ class Derivation:
             return (option, GOOD) if option is not None else (None, NO_DATA)
         readings = [self._values.get(name, (None, NO_DATA)) for name in state.inputs]
         quality = worst(reading[1] for reading in readings)
-        truth = state.when and state.when.true(lambda key: self._values.get(state.keys[key], (None, NO_DATA)))
+        truth = None
+        if state.when is not None:
+            truth = state.when.true(lambda key: self._values.get(state.keys[key], (None, NO_DATA)))
         match state.kind:
             case "signed":
                 size = _number(self._values.get(state.of, (None, NO_DATA))[0])

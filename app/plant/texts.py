@@ -1,0 +1,155 @@
+"""Every text that a person sees, in the person's language.
+
+The product's own texts are `app/locale/<lang>/*.toml`, tables inside joined with dots; an equipment type has its own in
+`texts.<lang>.toml`; a plant file has labels and alarm rows. A text that a language lacks is shown in the plant's first language, else in
+English, with the mark of that language: `[en] Fan 2`.
+
+A table of plural forms is written as its categories: `rows.one`, `rows.few`, `rows.many`, `rows.other` (CLDR, by Babel). The parameter
+`n` chooses the form.
+"""
+
+import string
+import tomllib
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+from babel import Locale
+
+from app.errors import ConfigurationError
+from app.plant.definitions import EquipmentType, Plant
+from app.plant.definitions import Texts as Label
+from app.plant.loader import LOCALE, languages
+from app.plant.types import flatten
+
+FALLBACK = "en"
+COUNT = "n"
+"""Name of the parameter that chooses a plural form."""
+
+Catalogue = Mapping[str, Mapping[str, str]]
+"""Language → key → text."""
+
+
+class Texts:
+    """The texts of the product, of a plant and of its equipment types."""
+
+    def __init__(self, product: Catalogue, plant: Plant | None = None) -> None:
+        self._product = product
+        self._plant = plant
+        self.languages = tuple(plant.languages) if plant else tuple(product)
+        """Languages that a person may choose; the first is the default."""
+        self.default = self.languages[0] if self.languages else FALLBACK
+
+    @classmethod
+    def read(cls, plant: Plant | None = None, folder: Path = LOCALE) -> "Texts":
+        """The product's texts from disk, with those of `plant`.
+
+        Raises:
+            ConfigurationError: a file of texts cannot be read; names file and mistake.
+        """
+        return cls(read_product(folder), plant)
+
+    def text(self, lang: str, key: str, /, **params: object) -> str:
+        """The product's (or the plant file's) text `key` in `lang`, its placeholders filled.
+
+        A missing text comes in another language with that language's mark; a key that exists nowhere comes as `[key]`.
+        """
+        return self._find(lang, key, params, self._product, self._plant.texts if self._plant else {})
+
+    def of_type(self, lang: str, kind: EquipmentType | str, key: str, /, **params: object) -> str:
+        """The text `key` of an equipment type, else the plant's, else the product's."""
+        if isinstance(kind, str):
+            found = self._plant.types.get(kind) if self._plant else None
+            own: Catalogue = found.texts if found else {}
+        else:
+            own = kind.texts
+        return self._find(lang, key, params, own, self._plant.texts if self._plant else {}, self._product)
+
+    def label(self, lang: str, label: Label) -> str:
+        """A label of the plant file in `lang`, with a language mark when it is in another one."""
+        if lang in label:
+            return label[lang]
+        for other in (self.default, FALLBACK, *label):
+            if other in label:
+                return f"[{other}] {label[other]}"
+        return ""
+
+    def has(self, lang: str, key: str, kind: EquipmentType | None = None) -> bool:
+        """Whether `lang` itself has the text."""
+        return any(
+            key in own.get(lang, {}) or f"{key}.other" in own.get(lang, {})
+            for own in (kind.texts if kind else {}, self._product)
+        )
+
+    def _find(self, lang: str, key: str, params: Mapping[str, object], *catalogues: Catalogue) -> str:
+        for language in dict.fromkeys((lang, self.default, FALLBACK)):
+            for catalogue in catalogues:
+                own = catalogue.get(language)
+                text = None if own is None else _form(own, language, key, params)
+                if text is not None:
+                    filled = fill(text, params)
+                    return filled if language == lang else f"[{language}] {filled}"
+        return f"[{key}]"
+
+
+def read_product(folder: Path = LOCALE) -> dict[str, dict[str, str]]:
+    """Language → key → text of all files of `folder`/<lang>; a language without files is there and empty.
+
+    Raises:
+        ConfigurationError: a file is no TOML or no UTF-8, or a key stands in two files of one language.
+    """
+    product: dict[str, dict[str, str]] = {}
+    for language in languages():
+        own: dict[str, str] = {}
+        for file in sorted((folder / language).glob("*.toml")):
+            try:
+                table = tomllib.loads(file.read_text("utf-8"))
+            except (OSError, ValueError) as error:
+                raise ConfigurationError(f"{language}/{file.name}: {error}, expected a TOML file of texts") from error
+            for key, text in flatten(table):
+                if key in own:
+                    raise ConfigurationError(
+                        f"{language}/{file.name}: text {key} is there twice, expected each key once"
+                    )
+                own[key] = text
+        product[language] = own
+    return product
+
+
+@lru_cache(maxsize=64)
+def plural_category(lang: str, number: float) -> str:
+    """CLDR category of a number: `one`, `few`, `many`, `other`. A language that Babel does not know has `other` only."""
+    try:
+        return str(Locale.parse(lang, sep="-").plural_form(abs(number)))
+    except ValueError:
+        return "other"
+
+
+def fill(text: str, params: Mapping[str, object]) -> str:
+    """`text` with its `{names}` replaced. A placeholder without a value stays as it is: a text must never fail at its reader.
+
+    Only plain names are replaced: no attributes, no indices, no format codes.
+    """
+    if "{" not in text and "}" not in text:
+        return text
+    parts: list[str] = []
+    try:
+        for literal, name, _, _ in string.Formatter().parse(text):
+            parts.append(literal)
+            if name is not None:
+                parts.append(str(params[name]) if name in params else f"{{{name}}}")
+    except ValueError:
+        return text
+    return "".join(parts)
+
+
+def _form(own: Mapping[str, str], lang: str, key: str, params: Mapping[str, object]) -> str | None:
+    text = own.get(key)
+    if text is not None:
+        return text
+    number = params.get(COUNT)
+    if isinstance(number, int | float):
+        chosen = own.get(f"{key}.{plural_category(lang, number)}")
+        if chosen is not None:
+            return chosen
+    return own.get(f"{key}.other")
