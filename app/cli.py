@@ -1,5 +1,7 @@
 """The command line: pogon run, simulate, check, probe, export, user, audit, backup, restore."""
 
+import asyncio
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -7,8 +9,14 @@ import uvicorn
 from pydantic import ValidationError
 
 from app import __version__
+from app.clock import SystemClock
+from app.errors import ConfigurationError
 from app.main import create_app
+from app.plant.definitions import Plant
+from app.plant.loader import read_plant
 from app.settings import Settings
+from app.sim.server import PARITIES, Openings
+from app.sim.server import simulate as serve_simulated
 
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 
@@ -46,6 +54,59 @@ def run() -> None:
         server_header=False,
         ws_max_size=65536,
     )
+
+
+@cli.command()
+def simulate(
+    folder: Annotated[Path, typer.Argument(metavar="PLANT", help="Plant folder, such as plants/demo.")],
+    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Serve Modbus TCP; port 0 takes a free one.")] = "",
+    serial: Annotated[str, typer.Option(metavar="PATH", help="Serve Modbus RTU on this serial device.")] = "",
+    pty: Annotated[bool, typer.Option("--pty", help="Serve Modbus RTU on a new pseudo-terminal.")] = False,
+    link: Annotated[str, typer.Option(help="Only the units of this link.")] = "",
+    baud: Annotated[int | None, typer.Option(min=50, help="Baud rate; else that of the link.")] = None,
+    parity: Annotated[str | None, typer.Option(help=f"{', '.join(PARITIES)}; else that of the link.")] = None,
+    turnaround: Annotated[float, typer.Option(min=0, max=10000, help="Time a device takes to answer [ms].")] = 0.0,
+    seed: Annotated[int, typer.Option(help="The same seed and writes repeat a run.")] = 1,
+) -> None:
+    """Serve the virtual devices of a plant to any Modbus master, in a process of their own."""
+    try:
+        address = _tcp_address(tcp) if tcp else None
+        openings = Openings(address, serial, pty, link, baud, parity, turnaround / 1000, seed)
+        asyncio.run(serve_simulated(plant_or_exit(folder), SystemClock(), openings, typer.echo))
+    except ConfigurationError as error:
+        typer.echo(f"pogon: {error}", err=True)
+        raise typer.Exit(2) from error
+
+
+@cli.command()
+def check(
+    folder: Annotated[Path | None, typer.Argument(metavar="[PLANT]", help="Plant folder; else POGON_PLANT.")] = None,
+) -> None:
+    """Read a plant folder and list every mistake in it with file, line, key, value and what was expected."""
+    where = folder or read_settings().plant
+    plant = plant_or_exit(where)
+    alarms = sum(len(item.alarms) for item in plant.equipment.values())
+    typer.echo(
+        f"{where}: no problems. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
+        f"points: {len(plant.points)}, alarms: {alarms}, languages: {', '.join(plant.languages)}"
+    )
+
+
+def _tcp_address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not int(port) <= 65535:
+        raise ConfigurationError(f"--tcp {text}: expected HOST:PORT, such as 127.0.0.1:5020")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+def plant_or_exit(folder: Path) -> Plant:
+    """The plant in `folder`, or all its problems and exit code 2."""
+    plant, problems = read_plant(folder)
+    for problem in problems:
+        typer.echo(f"pogon: {problem}", err=True)
+    if plant is None:
+        raise typer.Exit(2)
+    return plant
 
 
 def read_settings() -> Settings:

@@ -3,15 +3,14 @@
 Pure: an answer is a value with its delay, and whoever carries it (memory, TCP, RTU) does the waiting.
 
 Line faults live in each device's training registers (0xE011–0xE014), so the instructor sets them by the same road as everything else.
-Telegrams to training registers (0xE000 and above) are outside the lesson: always answered, never counted, invisible to the watchdog.
+Telegrams to training registers are outside the lesson: always answered, never counted, invisible to the watchdog.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from random import Random
-from typing import Protocol
 
 from app.errors import DeviceException
 from app.registers.pdu import (
@@ -23,16 +22,16 @@ from app.registers.pdu import (
     exception_answer,
     parse_request,
 )
+from app.sim.device import VirtualDevice
+from app.sim.training import LineFault, is_training
 
 log = logging.getLogger(__name__)
 
 BROADCAST = 0
-TRAINING = 0xE000
-"""First training register."""
 
 
 class LineFaultMode(IntEnum):
-    """What the instructor has done to the line of one device."""
+    """What the instructor has done to the line of one device (`training.LINE_FAULT_MODES`)."""
 
     NONE = 0
     CABLE_PULLED = 1
@@ -48,44 +47,6 @@ class LineFaultMode(IntEnum):
     """`argument` 0: a damaged answer (RTU: wrong check sum); else noise instead of one."""
     EXCEPTION = 7
     """Refuses with exception `argument`, without acting."""
-
-
-class LineFault(Protocol):
-    """The line-fault registers of one device; `count` requests are spoiled, 0 = until cleared."""
-
-    mode: int
-    delay_ms: int
-    argument: int
-    count: int
-
-
-class Slave(Protocol):
-    """What the line needs of a virtual device."""
-
-    @property
-    def line_fault(self) -> LineFault:
-        """The fault that the instructor has set."""
-        ...
-
-    def read(self, function: int, address: int, count: int) -> list[int]:
-        """`count` words from `address`.
-
-        Raises:
-            DeviceException: the device refuses.
-        """
-        ...
-
-    def write(self, function: int, address: int, words: Sequence[int]) -> None:
-        """Take `words`; they act at the next step border.
-
-        Raises:
-            DeviceException: the device refuses, and nothing was taken.
-        """
-        ...
-
-    def telegram_seen(self) -> None:
-        """A valid telegram was addressed to this device (feeds its communication time-out)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +67,7 @@ class Answer:
 class Bus:
     """One line with its virtual devices by unit."""
 
-    def __init__(self, devices: Mapping[int, Slave], *, turnaround: float = 0.0) -> None:
+    def __init__(self, devices: Mapping[int, VirtualDevice], *, turnaround: float = 0.0) -> None:
         """`turnaround`: time that every device takes for an answer [s]."""
         self.devices = dict(devices)
         self.turnaround = turnaround
@@ -132,11 +93,11 @@ class Bus:
             request = parse_request(pdu)
         except DeviceException as refusal:
             return self._on_the_line(unit, device, pdu, refusal)
-        if all(address >= TRAINING for address in request.addresses):
+        if all(is_training(address) for address in request.addresses):
             return Answer(unit, self._ask(device, request), self.turnaround)
         return self._on_the_line(unit, device, pdu, request)
 
-    def _on_the_line(self, unit: int, device: Slave, pdu: bytes, asked: Request | DeviceException) -> Answer:
+    def _on_the_line(self, unit: int, device: VirtualDevice, pdu: bytes, asked: Request | DeviceException) -> Answer:
         """The answer of `device`, as its line fault lets it through."""
         fault = device.line_fault
         mode, argument, late = fault.mode, fault.argument, fault.delay_ms / 1000
@@ -162,7 +123,7 @@ class Bus:
             return Answer(unit, self._noise_instead_of(answer), delay, "garbage")
         return Answer(unit, answer, delay, "crc" if mode == LineFaultMode.GARBAGE else "")
 
-    def _ask(self, device: Slave, request: Request) -> bytes:
+    def _ask(self, device: VirtualDevice, request: Request) -> bytes:
         """The device's own answer.
 
         Function 23 reads before it writes: a write acts at the next step border anyway, and so it is all or nothing.
@@ -180,13 +141,13 @@ class Bus:
             log.exception("virtual device failed request=%s", request)
             return exception_answer(request.function, SERVER_FAILURE)
 
-    def _broadcast(self, device: Slave, pdu: bytes) -> None:
+    def _broadcast(self, device: VirtualDevice, pdu: bytes) -> None:
         try:
             request = parse_request(pdu)
         except DeviceException:
             return
         mode = int(LineFaultMode.NONE)
-        if not all(address >= TRAINING for address in request.addresses):
+        if not all(is_training(address) for address in request.addresses):
             mode = device.line_fault.mode
             _count_down(device.line_fault)
             if mode == LineFaultMode.CABLE_PULLED:

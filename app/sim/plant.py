@@ -6,36 +6,40 @@ machine shows a slower plant, never a jumping one.
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
-from typing import Protocol
 from zlib import crc32
 
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant
-from app.sim.bus import Bus, Slave, damaged
+from app.sim.bus import Bus, damaged
+from app.sim.device import DT, VirtualDevice
+from app.sim.e800 import VirtualE800
 
-DT = 0.01
-"""Step of every virtual device [s]."""
 CATCH_UP = 20
 """Most steps in one go."""
-
-
-class VirtualDevice(Slave, Protocol):
-    """A device that is physics and program: a slave on the line that also moves."""
-
-    type: str
-    dt: float
-    """Length of a step [s]."""
-
-    def step(self) -> None:
-        """Advance by `dt`; writes taken since the last step act now."""
-        ...
 
 
 Factory = Callable[[Equipment, int], VirtualDevice]
 """(equipment, seed) → its virtual device."""
 
-VIRTUAL_DEVICES: dict[str, Factory] = {}
+
+def _eura_e800(item: Equipment, seed: int) -> VirtualDevice:
+    """A drive as the plant file describes it: its motor, its jog frequency, and `simulation` = start and parameters."""
+    simulation = _table(item, "simulation")
+    start = str(simulation.pop("start", ""))
+    parameters = (
+        {"F124": _number("jog_frequency", item.options["jog_frequency"])} if "jog_frequency" in item.options else {}
+    )
+    parameters |= {code: _number(f"simulation.{code}", value) for code, value in simulation.items()}
+    return VirtualE800(
+        seed=seed,
+        rated_current=_number("rated_current", item.options.get("rated_current", 4.5)),
+        start="" if start == "stopped" else start,
+        parameters=parameters,
+    )
+
+
+VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800}
 """Equipment type → what builds its virtual device."""
 
 
@@ -151,7 +155,23 @@ def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> Virt
     if factory is None:
         known = ", ".join(sorted(factories)) or "none yet"
         raise ConfigurationError(f"{item.id}: type {item.type.name} has no virtual device, expected one of: {known}")
-    return factory(item, crc32(f"{seed} {item.id}".encode()))
+    try:
+        return factory(item, crc32(f"{seed} {item.id}".encode()))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{item.id}: {error}") from error
+
+
+def _table(item: Equipment, key: str) -> dict[str, object]:
+    table = item.options.get(key, {})
+    if not isinstance(table, Mapping):
+        raise ConfigurationError(f'{key} = {table!r}: expected a table such as {{ start = "forward" }}')
+    return dict(table)
+
+
+def _number(key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigurationError(f"{key} = {value!r}: expected a number")
+    return float(value)
 
 
 async def exchange(bus: Bus, unit: int, pdu: bytes) -> bytes | None:

@@ -4,15 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from app.errors import DeviceException
-from app.sim.bus import TRAINING
-
-
-@dataclass(slots=True)
-class FakeFault:
-    mode: int = 0
-    delay_ms: int = 0
-    argument: int = 0
-    count: int = 0
+from app.sim.training import BASE, LineFault
 
 
 @dataclass(slots=True)
@@ -24,12 +16,12 @@ class FakeDevice:
     dt: float = 0.01
     steps: int = 0
     telegrams: int = 0
-    line_fault: FakeFault = field(default_factory=FakeFault)
+    line_fault: LineFault = field(default_factory=LineFault)
     words: dict[int, int] = field(
         default_factory=lambda: {
             **{address: 0 for address in range(0x100, 0x200)},
             **{0x1000 + n: 100 + n for n in range(25)},
-            TRAINING: 0x5047,
+            BASE: 0x5047,
         }
     )
     pending: list[tuple[int, int]] = field(default_factory=list)
@@ -49,7 +41,7 @@ class FakeDevice:
         return [self.words[one] for one in wanted]
 
     def write(self, function: int, address: int, words: Sequence[int]) -> None:
-        if any(not 0x100 <= one < 0x200 and one < TRAINING for one in range(address, address + len(words))):
+        if any(not 0x100 <= one < 0x200 and one < BASE for one in range(address, address + len(words))):
             raise DeviceException(2)
         if max(words) > 65000:
             raise DeviceException(3)

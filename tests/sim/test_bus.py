@@ -6,16 +6,17 @@ from hypothesis import strategies as st
 
 from app.errors import BadAnswer
 from app.registers.pdu import Request, build_request, parse_answer, read_request, write_request
-from app.sim.bus import TRAINING, Bus, LineFaultMode
+from app.sim.bus import Bus, LineFaultMode
 from app.sim.plant import exchange
-from tests.sim.fake_device import FakeDevice, FakeFault
+from app.sim.training import BASE, LineFault
+from tests.sim.fake_device import FakeDevice
 
 POLL = Request(3, 0x1000, 25)
 POLL_PDU = build_request(POLL)
 
 
-def line(fault: FakeFault | None = None) -> tuple[Bus, FakeDevice]:
-    device = FakeDevice(line_fault=fault or FakeFault())
+def line(fault: LineFault | None = None) -> tuple[Bus, FakeDevice]:
+    device = FakeDevice(line_fault=fault or LineFault())
     return Bus({1: device, 7: FakeDevice()}, turnaround=0.005), device
 
 
@@ -100,21 +101,21 @@ def test_a_broadcast_writes_everywhere_and_nobody_answers() -> None:
 
 
 def test_a_broadcast_does_not_pass_a_pulled_cable() -> None:
-    bus, device = line(FakeFault(LineFaultMode.CABLE_PULLED))
+    bus, device = line(LineFault(LineFaultMode.CABLE_PULLED))
     bus.answer(0, write_request(0x10E, [77]))
     assert (device.pending, device.telegrams) == ([], 0)
     assert bus.devices[7].pending
 
 
 def test_a_pulled_cable_is_silent_and_starves_the_watchdog() -> None:
-    bus, device = line(FakeFault(LineFaultMode.CABLE_PULLED))
+    bus, device = line(LineFault(LineFaultMode.CABLE_PULLED))
     assert bus.answer(1, write_request(0x10D, [1])).pdu is None
     assert (device.telegrams, device.pending) == (0, [])
     assert bus.answer(7, POLL_PDU).pdu is not None, "the neighbour's cable is whole"
 
 
 def test_a_slow_device_acts_now_and_answers_late() -> None:
-    bus, device = line(FakeFault(LineFaultMode.SLOW, delay_ms=300))
+    bus, device = line(LineFault(LineFaultMode.SLOW, delay_ms=300))
     answer = bus.answer(1, write_request(0x10D, [1]))
     assert answer.delay == pytest.approx(0.305)
     assert answer.pdu == write_request(0x10D, [1])
@@ -122,7 +123,7 @@ def test_a_slow_device_acts_now_and_answers_late() -> None:
 
 
 def test_a_silent_device_heard_and_acted_for_as_many_requests_as_asked() -> None:
-    bus, device = line(FakeFault(LineFaultMode.SILENT, count=2))
+    bus, device = line(LineFault(LineFaultMode.SILENT, count=2))
     assert bus.answer(1, write_request(0x10D, [1])).pdu is None
     assert bus.answer(1, POLL_PDU).pdu is None
     assert bus.answer(1, POLL_PDU).pdu is not None
@@ -131,21 +132,21 @@ def test_a_silent_device_heard_and_acted_for_as_many_requests_as_asked() -> None
 
 
 def test_a_fault_without_count_stays_until_it_is_cleared() -> None:
-    bus, device = line(FakeFault(LineFaultMode.SILENT))
+    bus, device = line(LineFault(LineFaultMode.SILENT))
     assert all(bus.answer(1, POLL_PDU).pdu is None for _ in range(50))
     device.line_fault.mode = LineFaultMode.NONE
     assert bus.answer(1, POLL_PDU).pdu is not None
 
 
 def test_a_wrong_unit_answers() -> None:
-    bus, _ = line(FakeFault(LineFaultMode.WRONG_UNIT))
+    bus, _ = line(LineFault(LineFaultMode.WRONG_UNIT))
     answer = bus.answer(1, POLL_PDU)
     assert (answer.unit, answer.corrupt) == (2, "unit")
 
 
 @pytest.mark.parametrize("count", [1, 2, 25, 125])
 def test_a_wrong_length_is_well_formed_and_still_found(count: int) -> None:
-    device = FakeDevice(line_fault=FakeFault(LineFaultMode.WRONG_LENGTH), words=dict.fromkeys(range(200), 5))
+    device = FakeDevice(line_fault=LineFault(LineFaultMode.WRONG_LENGTH), words=dict.fromkeys(range(200), 5))
     answer = Bus({1: device}).answer(1, read_request(0, count)).pdu
     assert answer is not None
     assert answer[1] == len(answer) - 2 != 2 * count
@@ -154,13 +155,13 @@ def test_a_wrong_length_is_well_formed_and_still_found(count: int) -> None:
 
 
 def test_a_wrong_length_of_an_echo_is_one_byte_short() -> None:
-    bus, _ = line(FakeFault(LineFaultMode.WRONG_LENGTH))
+    bus, _ = line(LineFault(LineFaultMode.WRONG_LENGTH))
     pdu = write_request(0x10D, [1])
     assert bus.answer(1, pdu).pdu == pdu[:-1]
 
 
 def test_garbage_is_a_bad_check_sum_or_noise() -> None:
-    bus, device = line(FakeFault(LineFaultMode.GARBAGE))
+    bus, device = line(LineFault(LineFaultMode.GARBAGE))
     assert bus.answer(1, POLL_PDU).corrupt == "crc"
     device.line_fault.argument = 1
     for _ in range(200):
@@ -172,7 +173,7 @@ def test_garbage_is_a_bad_check_sum_or_noise() -> None:
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 6, 8])
 def test_the_instructor_chooses_an_exception(code: int) -> None:
-    bus, device = line(FakeFault(LineFaultMode.EXCEPTION, argument=code))
+    bus, device = line(LineFault(LineFaultMode.EXCEPTION, argument=code))
     assert bus.answer(1, write_request(0x10D, [1])).pdu == bytes((0x86, code))
     assert not device.pending
     assert device.telegrams == 1
@@ -180,10 +181,10 @@ def test_the_instructor_chooses_an_exception(code: int) -> None:
 
 @pytest.mark.parametrize("mode", list(LineFaultMode))
 def test_training_registers_answer_whatever_the_fault_and_cost_no_count(mode: LineFaultMode) -> None:
-    bus, device = line(FakeFault(mode, delay_ms=900, argument=4, count=1))
-    answer = bus.answer(1, read_request(TRAINING, 1))
+    bus, device = line(LineFault(mode, delay_ms=900, argument=4, count=1))
+    answer = bus.answer(1, read_request(BASE, 1))
     assert (answer.unit, answer.pdu, answer.delay, answer.corrupt) == (1, b"\x03\x02\x50\x47", 0.005, "")
-    assert bus.answer(1, write_request(TRAINING + 0x11, [0])).pdu is not None
+    assert bus.answer(1, write_request(BASE + 0x11, [0])).pdu is not None
     assert (device.line_fault.count, device.telegrams) == (1, 0)
 
 
@@ -198,9 +199,9 @@ REQUEST = st.one_of(
 @given(
     st.integers(-1, 260),
     REQUEST,
-    st.builds(FakeFault, st.integers(0, 9), st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 3)),
+    st.builds(LineFault, st.integers(0, 9), st.integers(0, 65535), st.integers(0, 65535), st.integers(0, 3)),
 )
-def test_nothing_that_is_asked_can_upset_the_line(unit: int, pdu: bytes, fault: FakeFault) -> None:
+def test_nothing_that_is_asked_can_upset_the_line(unit: int, pdu: bytes, fault: LineFault) -> None:
     bus, device = line(fault)
     answer = bus.answer(unit, pdu)
     assert answer.delay >= 0
@@ -209,7 +210,7 @@ def test_nothing_that_is_asked_can_upset_the_line(unit: int, pdu: bytes, fault: 
         assert 1 <= len(answer.pdu) <= 253
         assert 0 <= answer.unit <= 255
     device.step()
-    device.line_fault = FakeFault()
+    device.line_fault = LineFault()
     again = bus.answer(1, POLL_PDU).pdu
     assert again is not None and parse_answer(POLL, again) == list(range(100, 125))
 
@@ -223,7 +224,7 @@ async def test_the_memory_road_delivers_what_the_line_lets_through() -> None:
         device.line_fault.mode = mode
         with pytest.raises(BadAnswer):
             await exchange(bus, 1, POLL_PDU)
-    device.line_fault = FakeFault(LineFaultMode.GARBAGE, argument=1)
+    device.line_fault = LineFault(LineFaultMode.GARBAGE, argument=1)
     noise = await exchange(bus, 1, POLL_PDU)
     assert noise is not None
     with pytest.raises(BadAnswer):

@@ -1,0 +1,171 @@
+"""A simulated plant against the clock, its buses, and what it says when it cannot be built or served."""
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+
+from app.clock import ManualClock, SystemClock
+from app.errors import ConfigurationError
+from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
+from app.registers.pdu import read_request
+from app.sim.plant import VIRTUAL_DEVICES, SimPlant
+from app.sim.server import Openings, simulate
+from tests.sim.fake_device import FakeDevice
+
+FAKE = EquipmentType("fake", Path("fake"), "fake", Device(), {}, {}, (), (), {}, (), {})
+
+
+def plant(*places: tuple[str, str, int], **baud: int) -> Plant:
+    """A plant with an equipment per (id, link, unit)."""
+    equipment = {id: Equipment(id, FAKE, link, unit, {}, "", {}, ()) for id, link, unit in places}
+    links = {link: Link(link, "memory", baud=baud.get(link, 9600)) for _, link, _ in places}
+    return Plant(Path("nowhere"), {}, "UTC", ["en"], {}, links, equipment, {"fake": FAKE})
+
+
+def build(equipment: Equipment, seed: int) -> FakeDevice:
+    return FakeDevice(seed=seed)
+
+
+TWO_LINKS = plant(("m1", "hall", 1), ("m2", "hall", 2), ("m3", "yard", 1))
+
+
+def simulated(of: Plant = TWO_LINKS, clock: ManualClock | None = None, **options: object) -> SimPlant:
+    return SimPlant(of, clock or ManualClock(), factories={"fake": build}, **options)  # type: ignore[arg-type]
+
+
+def test_every_equipment_gets_a_device_on_the_bus_of_its_link() -> None:
+    sim = simulated()
+    assert list(sim.devices) == ["m1", "m2", "m3"]
+    assert {name: sorted(bus.devices) for name, bus in sim.buses.items()} == {"hall": [1, 2], "yard": [1]}
+    assert sim.buses["yard"].devices[1] is sim.devices["m3"]
+    assert list(simulated(links=["yard"]).devices) == ["m3"]
+
+
+def test_a_seed_belongs_to_a_machine_and_not_to_its_place() -> None:
+    def seeds(sim: SimPlant) -> dict[str, int]:
+        return {id: device.seed for id, device in sim.devices.items() if isinstance(device, FakeDevice)}
+
+    assert len(set(seeds(simulated()).values())) == 3
+    assert seeds(simulated()) == seeds(simulated())
+    assert seeds(simulated(links=["yard"]))["m3"] == seeds(simulated())["m3"]
+    assert seeds(simulated(seed=2)) != seeds(simulated())
+
+
+def test_a_type_without_a_virtual_device_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="m1: type fake has no virtual device, expected one of: other"):
+        SimPlant(TWO_LINKS, ManualClock(), factories={"other": build})
+    with pytest.raises(ConfigurationError, match="link cellar: expected one of hall, yard"):
+        simulated(links=["cellar"])
+
+
+def test_units_that_collide_are_all_named() -> None:
+    with pytest.raises(
+        ConfigurationError, match="unit 1 is m1 on link hall and m3 on link yard: expected different units"
+    ):
+        simulated().merged()
+    assert sorted(simulated(links=["hall"]).merged().devices) == [1, 2]
+
+
+def test_the_plant_keeps_step_with_the_clock() -> None:
+    clock = ManualClock()
+    sim = simulated(clock=clock)
+    assert sim.catch_up() == 0
+    for _ in range(100):
+        clock.advance(0.0137)
+        sim.catch_up()
+    clock.advance(0.005)
+    sim.catch_up()
+    assert sim.steps == 137
+    assert {device.steps for device in sim.devices.values() if isinstance(device, FakeDevice)} == {137}
+    assert (sim.overruns, sim.lost) == (0, 0.0)
+
+
+def test_late_it_catches_up_twenty_steps_and_gives_up_the_rest() -> None:
+    clock = ManualClock()
+    sim = simulated(clock=clock)
+    clock.advance(0.205)
+    assert sim.catch_up() == 20
+    assert sim.overruns == 0
+    clock.advance(1.0)
+    assert sim.catch_up() == 20
+    assert sim.overruns == 1
+    assert sim.lost == pytest.approx(0.8)
+    assert sim.lag == pytest.approx(0.995)
+    clock.advance(0.01)
+    assert sim.catch_up() == 1, "after giving up it is on time again"
+    assert sim.lag < 0.01
+
+
+def test_the_computing_time_of_a_step_is_told() -> None:
+    clock = ManualClock()
+
+    class Heavy(FakeDevice):
+        def step(self) -> None:
+            FakeDevice.step(self)
+            clock.advance(0.004 if self.steps == 2 else 0.001)
+
+    sim = SimPlant(plant(("m1", "hall", 1)), clock, factories={"fake": lambda equipment, seed: Heavy()})
+    for _ in range(3):
+        sim.step()
+    assert sim.step_last == pytest.approx(0.001)
+    assert sim.step_max == pytest.approx(0.004)
+
+
+async def test_running_it_moves_at_the_pace_of_the_wall() -> None:
+    sim = SimPlant(TWO_LINKS, SystemClock(), factories={"fake": build})
+    await asyncio.sleep(0.2)
+    task = asyncio.create_task(sim.run())
+    await asyncio.sleep(0.5)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert 40 <= sim.steps <= 52, "what lay before the start is not caught up"
+
+
+@pytest.mark.parametrize(
+    ("openings", "expected"),
+    [
+        (Openings(), "nothing to serve on: expected --tcp HOST:PORT, --serial PATH or --pty"),
+        (Openings(pty=True, link="cellar"), "link cellar: expected one of hall, yard"),
+        (Openings(pty=True), "unit 1 is m1 on link hall and m3 on link yard"),
+        (Openings(serial="/dev/ttyNone", link="hall"), "serial /dev/ttyNone: expected a serial device at 9600 baud"),
+    ],
+)
+async def test_what_cannot_be_served_is_told(
+    openings: Openings, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
+    with pytest.raises(ConfigurationError, match=expected):
+        await simulate(TWO_LINKS, SystemClock(), openings, lambda line: None)
+
+
+async def test_links_of_different_speed_need_a_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
+    mixed = plant(("m1", "hall", 1), ("m2", "yard", 2), yard=19200)
+    with pytest.raises(ConfigurationError, match=r"baud differs \(hall 9600, yard 19200\)"):
+        await simulate(mixed, SystemClock(), Openings(pty=True), lambda line: None)
+
+
+async def test_all_openings_serve_the_same_devices_until_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
+    said: asyncio.Queue[str] = asyncio.Queue()
+    served = asyncio.create_task(
+        simulate(
+            TWO_LINKS, SystemClock(), Openings(("127.0.0.1", 0), pty=True, link="hall", baud=115200), said.put_nowait
+        )
+    )
+    async with asyncio.timeout(2):
+        lines = [await said.get() for _ in range(5)]
+    assert lines[:2] == ["unit 1 m1 fake", "unit 2 m2 fake"]
+    assert lines[2].startswith("tcp 127.0.0.1:")
+    assert lines[3].startswith("rtu /dev/pts/") and lines[3].endswith(" 115200 baud parity none")
+    assert lines[4] == "ready"
+    reader, writer = await asyncio.open_connection("127.0.0.1", int(lines[2].rpartition(":")[2]))
+    writer.write(b"\0\1\0\0\0\6\2" + read_request(0x1000, 1))
+    assert await reader.readexactly(11) == b"\0\1\0\0\0\5\2\3\2\0\x64"
+    writer.close()
+    os.kill(os.getpid(), 15)
+    async with asyncio.timeout(2):
+        await served
