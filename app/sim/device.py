@@ -1,0 +1,47 @@
+"""What every virtual device is to the bus that carries telegrams to it and to the clock that steps it."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from app.sim.training import LineFault
+
+DT = 0.01
+"""Step of every virtual device [s]."""
+
+
+class VirtualDevice(Protocol):
+    """A register image with physics and a program behind it. No clock of its own: time is steps x `dt`."""
+
+    type: str
+    """Equipment type, e.g. `eura_e800`."""
+    dt: float
+    """Fixed step [s]."""
+
+    @property
+    def line_fault(self) -> LineFault:
+        """What the instructor did to the line of this unit; the bus acts on it and counts it down."""
+        ...
+
+    def step(self) -> None:
+        """Advance by `dt`: writes taken since the last step act first, then the register image is swapped."""
+        ...
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        """`count` words from `address` as of the last step.
+
+        Raises:
+            DeviceException: 01 function, 02 address, 03 count.
+        """
+        ...
+
+    def write(self, function: int, address: int, words: Sequence[int]) -> None:
+        """Check `words` now; they act at the next step border.
+
+        Raises:
+            DeviceException: 01 function, 02 address, 03 value, 04 cannot be done now; nothing of the request acts.
+        """
+        ...
+
+    def telegram_seen(self) -> None:
+        """A valid telegram for this unit was heard; never called for training registers (`training.is_training`)."""
+        ...
