@@ -14,6 +14,7 @@ Written from the maker's map (reference/eura-e800.md), never from the equipment 
 | unlock (0x2001 = 1) while the cause of a fault persists | exception 04 like the reset |
 | parameters while running | all are taken; the real drive may refuse some |
 | F900–F904 | take effect at the next power-up only (`communication`, `power_cycle`) |
+| start into a coasting motor | no speed search (flying start): a motor of the drive's full size trips OC, a smaller one is braked first |
 | trip levels, overload curves, capacity of the DC bus, no brake chopper, no stall prevention | usual values of the 230 V class |
 | vector control (F106 = 0, 3) | V/f with slip and IR compensation; F106 = 6 and user points (F137 = 2) run as plain V/f |
 | speed while the motor coasts | 0: without encoder and output the drive sees none; `shaft_speed` is the truth |
@@ -231,7 +232,7 @@ def _parameters() -> Mapping[str, Parameter]:
 
 
 PARAMETERS: Mapping[str, Parameter] = _parameters()
-"""Code → parameter. Section 6 of the sheet; F111, F112, F113 and F124 also limit one another."""
+"""Code → parameter. Section 6 of the sheet; F111, F112, F113 also limit one another, and F124 when written."""
 
 COMMISSIONED: Mapping[str, float] = MappingProxyType({"F901": 2.0, "F902": 1.0, "F903": 2.0, "F905": 1.0})
 """Where the virtual drive starts away from the maker's defaults: RTU, 8E1, communication time-out 1 s, as our guide sets it up."""
@@ -573,7 +574,7 @@ class VirtualE800:
             reference = value["F113"] if value["F203"] in (0, 10) else 0.0
             target = self._direction * min(max(reference, value["F112"]), value["F111"])
         elif phase is _Phase.JOGGING:
-            target = self._direction * min(value["F124"], value["F111"])
+            target = self._direction * min(max(value["F124"], value["F112"]), value["F111"])
         else:
             target = 0.0
         now = self._frequency
@@ -782,11 +783,11 @@ class VirtualE800:
             parameter = PARAMETERS.get(code)
             if parameter is None:
                 raise ConfigurationError(f"parameter {code}: expected one of {', '.join(PARAMETERS)}")
-            if not parameter.accepts(value):
+            if isinstance(value, bool) or not isinstance(value, int | float) or not parameter.accepts(value):
                 allowed = parameter.choices or f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
-                raise ConfigurationError(f"parameter {code} takes {allowed}, not {value}")
+                raise ConfigurationError(f"parameter {code} takes {allowed}, not {value!r}")
             values[code] = parameter.decode(parameter.encode(value))
-        for code in ("F111", "F112", "F113", "F124"):
+        for code in ("F111", "F112", "F113"):
             low, high = _limits(PARAMETERS[code], values)
             if not low <= values[code] <= high:
                 raise ConfigurationError(f"parameter {code} takes {low:g} to {high:g} Hz, not {values[code]:g}")
@@ -895,12 +896,12 @@ _ROOT2 = sqrt(2.0)
 
 
 def _limits(parameter: Parameter, values: Mapping[str, float]) -> tuple[float, float]:
-    """Range of `parameter` as the others stand: F112 ≤ F113 ≤ F111 and F112 ≤ F124 ≤ F111."""
+    """Range of `parameter` as the others stand: F112 ≤ F113 ≤ F111, and a jog frequency is taken between the two."""
     low, high = parameter.low, parameter.high
     if parameter.code == "F111":
-        low = max(values["F113"], values["F124"])
+        low = values["F113"]
     elif parameter.code == "F112":
-        high = min(values["F113"], values["F124"])
+        high = values["F113"]
     elif parameter.code in ("F113", "F124"):
         low, high = values["F112"], values["F111"]
     return low, high
