@@ -1,0 +1,222 @@
+"""How numbers, times and qualities are written for a person, in their language.
+
+static/js/format.js says the same to the same numbers, character for character: what the server draws first and what the live script
+writes later is one text (tests/browser/test_live.py sweeps both). Decisions: reference/i18n.md section 6.
+"""
+
+import math
+from collections.abc import Callable
+from datetime import datetime
+from decimal import ROUND_HALF_UP, Context, Decimal
+from zoneinfo import ZoneInfo
+
+from app.clock import to_datetime
+from app.tags.quality import BAD, GOOD, Origin, Reason, level, origin, reason
+
+Text = Callable[..., str]
+"""Looks a key up in the language of the page and fills its placeholders."""
+
+GROUP = "\u202f"
+"""Between groups of three digits, from 1 000 upward, in every language."""
+MINUS = "\u2212"
+SPACE = "\u00a0"
+"""Between number and unit."""
+NO_VALUE = "----"
+"""Of bad quality: the last value is never shown."""
+NO_DATA_YET = "\u2013\u00a0\u2013"
+DECIMAL_POINT = frozenset({"en"})
+"""Languages that write a point; all others a comma."""
+
+TRANSLATED_UNITS = frozenset({"rpm"})
+"""Units that differ by language, `unit.<key>` of the product texts; all others are symbols of the SI and stay as they are."""
+SPOKEN_UNITS: dict[str, str] = {
+    "Hz": "hertz",
+    "A": "ampere",
+    "V": "volt",
+    "kW": "kilowatt",
+    "W": "watt",
+    "%": "percent",
+    "°C": "celsius",
+    "rpm": "rpm",
+    "h": "hour",
+    "min": "minute",
+    "s": "second",
+    "ms": "millisecond",
+    "mm": "millimetre",
+    "m": "metre",
+    "mm/s": "millimetre_per_second",
+    "m/s": "metre_per_second",
+    "t": "tonne",
+    "kg": "kilogram",
+    "Nm": "newton_metre",
+    "°": "degree",
+}
+"""Unit → `unit.spoken.<key>`: the words for a screen reader."""
+
+_EXACT = Context(prec=400)
+"""Digits enough for every float."""
+
+ORIGINS: tuple[tuple[Origin, str], ...] = (
+    (Origin.FORCED, "forced"),
+    (Origin.SUBSTITUTED, "manual"),
+    (Origin.LOCAL, "manual"),
+    (Origin.SIMULATED, "sim"),
+)
+"""Which origin is shown when there are several."""
+
+
+def number(value: float, decimals: int, lang: str) -> str:
+    """`value` with fixed `decimals`, half a last digit rounded away from zero on the digits that Python prints, never "−0".
+
+    What is not finite is written as a bad value.
+    """
+    if not math.isfinite(value):
+        return NO_VALUE
+    rounded = _round(value, decimals)
+    whole, _, rest = f"{abs(rounded):f}".partition(".")
+    head = len(whole) % 3
+    groups = [whole[:head]] if head else []
+    groups += [whole[i : i + 3] for i in range(head, len(whole), 3)]
+    sign = MINUS if rounded < 0 else ""
+    mark = "." if lang in DECIMAL_POINT else ","
+    return sign + GROUP.join(groups) + (mark + rest if rest else "")
+
+
+def quantity(value: float, decimals: int, unit: str, lang: str) -> str:
+    """Number and unit, `unit` as drawn (see `unit_symbol`)."""
+    return f"{number(value, decimals, lang)}{SPACE}{unit}" if unit else number(value, decimals, lang)
+
+
+def percent(value: float, decimals: int, lang: str) -> str:
+    """`value` in percent; the sign stands after a no-break space in every language, also in English."""
+    return quantity(value, decimals, "%", lang)
+
+
+def span(low: float, high: float, decimals: int, lang: str) -> str:
+    """A range of numbers: `900 – 1 250`."""
+    return f"{number(low, decimals, lang)}{SPACE}\u2013{SPACE}{number(high, decimals, lang)}"
+
+
+def shortest(value: float, decimals: int) -> int:
+    """How many of `decimals` the number needs: limits are drawn without noughts at their end."""
+    return max(0, -int(_round(value, decimals).normalize().as_tuple().exponent))
+
+
+def hexadecimal(value: float, digits: int = 4) -> str:
+    """A word of the device: `0x0001`."""
+    return f"0x{round(value):0{digits}X}"
+
+
+def unit_symbol(unit: str, text: Text) -> str:
+    """The unit as drawn beside a number: rpm is o/min, rpm, 1/min, ot/min."""
+    return text(f"unit.{unit}") if unit in TRANSLATED_UNITS else unit
+
+
+def unit_words(unit: str, text: Text) -> str:
+    """The unit as a screen reader says it, or its symbol where we have no words."""
+    return text(f"unit.spoken.{SPOKEN_UNITS[unit]}") if unit in SPOKEN_UNITS else unit
+
+
+def age(seconds: float) -> str:
+    """An age in its largest whole unit: `12 s`, `3 min`, `2 h`, `4 d`."""
+    whole = max(0, math.floor(seconds)) if math.isfinite(seconds) else 0
+    for size, unit in ((86400, "d"), (3600, "h"), (60, "min")):
+        if whole >= size:
+            return f"{whole // size}{SPACE}{unit}"
+    return f"{whole}{SPACE}s"
+
+
+def duration(seconds: float, lang: str) -> str:
+    """A duration: `0,4 s` below ten seconds, `42 s`, then with its next smaller unit: `3 min 05 s`, `2 h 07 min`, `4 d 03 h`."""
+    if seconds < 9.95:
+        return quantity(max(0.0, seconds), 1, "s", lang)
+    whole = math.floor(seconds + 0.5)
+    for size, unit, small, below in ((86400, "d", 3600, "h"), (3600, "h", 60, "min"), (60, "min", 1, "s")):
+        if whole >= size:
+            return f"{whole // size}{SPACE}{unit} {whole % size // small:02d}{SPACE}{below}"
+    return f"{whole}{SPACE}s"
+
+
+def clock_time(micros: int, zone: ZoneInfo, *, milliseconds: bool = False, seconds: bool = True) -> str:
+    """Time of day in the plant's zone, 24 h with leading nought: `07:05:04`."""
+    moment = _floor(micros, zone)
+    if milliseconds:
+        return f"{moment:%H:%M:%S}.{moment.microsecond // 1000:03d}"
+    return f"{moment:%H:%M:%S}" if seconds else f"{moment:%H:%M}"
+
+
+def date(micros: int, zone: ZoneInfo, lang: str, *, year: bool = True) -> str:
+    """Date in the plant's zone: `09.03.2026`, in English `09/03/2026`."""
+    moment = to_datetime(micros).astimezone(zone)
+    if lang in DECIMAL_POINT:
+        return f"{moment:%d/%m/}{moment.year:04d}" if year else f"{moment:%d/%m}"
+    return f"{moment:%d.%m.}{moment.year:04d}" if year else f"{moment:%d.%m.}"
+
+
+def date_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds: bool = False) -> str:
+    """Date and time for lists: the year only when it is not that of `now`; the repeated hour of autumn with its offset."""
+    moment = to_datetime(micros).astimezone(zone)
+    same_year = moment.year == to_datetime(now).astimezone(zone).year
+    text = f"{date(micros, zone, lang, year=not same_year)} {clock_time(micros, zone, milliseconds=milliseconds)}"
+    return f"{text} {_offset(moment)}" if repeated(moment) else text
+
+
+def moment_or_time(micros: int, zone: ZoneInfo, lang: str, now: int) -> str:
+    """Time of day when it is of today, else date and time."""
+    today = to_datetime(now).astimezone(zone).date()
+    same_day = to_datetime(micros).astimezone(zone).date() == today
+    return clock_time(micros, zone) if same_day else date_time(micros, zone, lang, now)
+
+
+def iso(micros: int, zone: ZoneInfo) -> str:
+    """ISO 8601 with offset and milliseconds, for exports and titles."""
+    return _floor(micros, zone).isoformat(timespec="milliseconds")
+
+
+def repeated(moment: datetime) -> bool:
+    """Whether the wall clock shows this time twice (autumn)."""
+    return moment.replace(fold=0).utcoffset() > moment.replace(fold=1).utcoffset()  # type: ignore[operator]
+
+
+def quality_state(quality: int) -> str:
+    """How a value of this quality is drawn: good, uncertain, stale, bad, or none (never received)."""
+    why = reason(quality)
+    match level(quality):
+        case 0:
+            return "good"
+        case 1:
+            return "stale" if why is Reason.STALE else "uncertain"
+        case _:
+            return "none" if why is Reason.NO_DATA else "bad"
+
+
+def source_state(quality: int) -> str:
+    """Where the value comes from, as drawn: field, manual, forced, sim."""
+    flags = origin(quality)
+    return next((name for flag, name in ORIGINS if flags & flag), "field")
+
+
+def quality_words(quality: int, text: Text) -> str:
+    """Quality in words, with its reason and where the value comes from."""
+    why, source = reason(quality), source_state(quality)
+    words = text("quality." + {GOOD: "good", BAD: "bad"}.get(level(quality), "uncertain"))
+    if why is Reason.STALE or why is Reason.NO_DATA:
+        words = text(f"quality.reason.{why.name.lower()}")
+    elif why:
+        words = text("quality.because", quality=words, reason=text(f"quality.reason.{why.name.lower()}"))
+    if source != "field":
+        words = text("quality.from", quality=words, origin=text(f"quality.origin.{source}"))
+    return words
+
+
+def _round(value: float, decimals: int) -> Decimal:
+    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP, _EXACT)
+
+
+def _floor(micros: int, zone: ZoneInfo) -> datetime:
+    return to_datetime(micros - micros % 1000).astimezone(zone)
+
+
+def _offset(moment: datetime) -> str:
+    text = f"{moment:%z}"
+    return f"{text[:3]}:{text[3:5]}"

@@ -1,0 +1,251 @@
+"""The socket of a page: `/live` carries what its tags do, and nothing else.
+
+    browser → {"subscribe": kind, "rev": n}          first, and again after a new revision
+    server  → {"hello": {"kind", "rev", "handles": {name: handle}, "build"}}, then frames (live/frames.py), the first one full
+    browser → {"snapshot": true}                     after a gap in `n`: the next frame is full
+    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large
+
+The route asks for host, origin, number of sockets and the right to the page at opening, and for the right again every 30 s.
+"""
+
+import asyncio
+import contextlib
+import logging
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+import orjson
+from fastapi import APIRouter
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from app.live.frames import Live, Watcher
+
+log = logging.getLogger(__name__)
+
+MOST_PER_ADDRESS = 20
+MOST = 500
+LARGEST_MESSAGE = 4096
+"""Of a browser [characters]; the server itself refuses a frame above 64 KB."""
+RECHECK = 30.0
+"""The right to the page is asked again after this [s]."""
+FIRST_WORD = 10.0
+"""A browser that has not subscribed by then is closed [s]."""
+SLOWEST_SEND = 20.0
+"""A browser that does not take one frame within this is closed [s]."""
+POLICY = 1008
+TOO_LARGE = 1009
+GOING_AWAY = 1001
+TRY_LATER = 1013
+
+Guard = Callable[[WebSocket, str], Awaitable[bool]]
+"""Whether whoever opened the socket may watch a kind of page, asked at each subscription and every 30 s."""
+
+router = APIRouter()
+
+
+async def guests_while_simulated(websocket: WebSocket, kind: str) -> bool:
+    """Everybody may watch while every link of the plant says that it is simulated."""
+    runtime = websocket.app.state.runtime
+    return bool(runtime.simulated) or runtime.plant is None
+
+
+class Sockets:
+    """The open sockets of this server: how many there are, who may watch what."""
+
+    def __init__(
+        self, may_watch: Guard = guests_while_simulated, *, most: int = MOST, per_address: int = MOST_PER_ADDRESS
+    ) -> None:
+        self.may_watch = may_watch
+        self.most = most
+        self.per_address = per_address
+        self.recheck = RECHECK
+        self._open: dict[WebSocket, str] = {}
+        self._count: Counter[str] = Counter()
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def enter(self, websocket: WebSocket, who: str) -> bool:
+        """Count a socket of `who` (an address, a session) in; False when there are enough."""
+        if len(self._open) >= self.most or self._count[who] >= self.per_address:
+            return False
+        self._open[websocket] = who
+        self._count[who] += 1
+        return True
+
+    def leave(self, websocket: WebSocket) -> None:
+        """Count it out."""
+        who = self._open.pop(websocket, None)
+        if who is not None:
+            self._count[who] -= 1
+            if not self._count[who]:
+                del self._count[who]
+
+    async def close(self) -> None:
+        """Close all sockets: the server ends."""
+        for websocket in tuple(self._open):
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await websocket.close(GOING_AWAY)
+
+
+def sockets_of(app: Any) -> Sockets:
+    """The sockets of an application; the first call makes them."""
+    found: Sockets | None = getattr(app.state, "sockets", None)
+    if found is None:
+        found = app.state.sockets = Sockets()
+    return found
+
+
+@router.websocket("/live")
+async def live(websocket: WebSocket) -> None:
+    """One page of one browser."""
+    runtime = websocket.app.state.runtime
+    if not same_origin(websocket, runtime.settings.hosts):
+        await websocket.close(POLICY)
+        return
+    sockets = sockets_of(websocket.app)
+    if not sockets.enter(websocket, websocket.client.host if websocket.client else ""):
+        log.warning("socket refused open=%s", len(sockets))
+        await websocket.close(TRY_LATER)
+        return
+    try:
+        await websocket.accept()
+        await _Conversation(websocket, sockets).run()
+    finally:
+        sockets.leave(websocket)
+
+
+def same_origin(websocket: WebSocket, hosts: frozenset[str]) -> bool:
+    """Whether a page of this very server opens the socket: its `Origin` is this `Host`, and that is one of `hosts`."""
+    headers = websocket.headers
+    host = headers.get("host", "")
+    origin = urlsplit(headers.get("origin", ""))
+    site = headers.get("sec-fetch-site", "same-origin")
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return False
+    known = {entry.strip("[]") for entry in hosts}
+    return origin.scheme in ("http", "https") and origin.netloc == host and name in known and site == "same-origin"
+
+
+class _Refuse(Exception):
+    def __init__(self, error: str, code: int = POLICY) -> None:
+        super().__init__(error)
+        self.error = error
+        self.code = code
+
+
+class _Conversation:
+    """What goes to and fro on one socket: this task hears, a second one speaks."""
+
+    def __init__(self, websocket: WebSocket, sockets: Sockets) -> None:
+        self.websocket = websocket
+        self.sockets = sockets
+        self.runtime = websocket.app.state.runtime
+        self.live: Live = self.runtime.live
+        self.watcher: Watcher | None = None
+        self.kind = ""
+        self.speaker: asyncio.Task[None] | None = None
+
+    async def run(self) -> None:
+        try:
+            async with asyncio.timeout(FIRST_WORD):
+                await self.hear()
+            while True:
+                await self.hear()
+        except _Refuse as refusal:
+            await self.refuse(refusal)
+        except TimeoutError:
+            await self.refuse(_Refuse("bad_message"))
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            await self.fall_silent()
+            if self.watcher:
+                self.live.leave(self.watcher)
+
+    async def hear(self) -> None:
+        """Take one message and do what it asks."""
+        message = await self.websocket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1005))
+        text = message.get("text")
+        if text is None or len(text) > LARGEST_MESSAGE:
+            raise _Refuse("too_large" if text else "bad_message", TOO_LARGE if text else POLICY)
+        try:
+            asked = orjson.loads(text)
+        except orjson.JSONDecodeError:
+            raise _Refuse("bad_message") from None
+        match asked:
+            case {"subscribe": str(kind)}:
+                await self.subscribe(kind)
+            case {"snapshot": True}:
+                if self.watcher:
+                    self.watcher.fall_behind()
+            case {"pong": _}:
+                pass
+            case _:
+                raise _Refuse("bad_message")
+
+    async def subscribe(self, kind: str) -> None:
+        try:
+            names = self.runtime.page_names(kind)
+        except LookupError:
+            raise _Refuse("unknown_kind") from None
+        if not await self.sockets.may_watch(self.websocket, kind):
+            raise _Refuse("not_allowed")
+        await self.fall_silent()
+        if self.watcher:
+            self.live.leave(self.watcher)
+        self.kind = kind
+        self.watcher = self.live.join(kind, names)
+        handles = self.runtime.tags.handles
+        hello = {
+            "kind": kind,
+            "rev": self.runtime.tags.revision,
+            "handles": {name: handles[name] for name in names if name in handles},
+            "build": getattr(self.websocket.app.state, "build", ""),
+        }
+        await self.send(orjson.dumps({"hello": hello}))
+        self.speaker = asyncio.create_task(self.speak(self.watcher))
+
+    async def speak(self, watcher: Watcher) -> None:
+        """Send frames for ever, and ask for the right to them now and then; a frame comes at least every second."""
+        loop = asyncio.get_running_loop()
+        check = loop.time() + self.sockets.recheck
+        try:
+            while True:
+                frame = await watcher.next()
+                if loop.time() >= check:
+                    check = loop.time() + self.sockets.recheck
+                    if not await self.sockets.may_watch(self.websocket, self.kind):
+                        await self.refuse(_Refuse("not_allowed"))
+                        return
+                await self.send(frame)
+        except (WebSocketDisconnect, RuntimeError, OSError):
+            return
+        except TimeoutError:
+            log.info("socket too slow kind=%s", self.kind)
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+                await self.websocket.close(TRY_LATER)
+
+    async def fall_silent(self) -> None:
+        """End the speaking task and wait until it has ended."""
+        if self.speaker:
+            self.speaker.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self.speaker
+            self.speaker = None
+
+    async def send(self, data: bytes) -> None:
+        async with asyncio.timeout(SLOWEST_SEND):
+            await self.websocket.send({"type": "websocket.send", "text": data.decode()})
+
+    async def refuse(self, refusal: _Refuse) -> None:
+        """Say why and close."""
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError, TimeoutError):
+            await self.send(orjson.dumps({"error": refusal.error}))
+            await self.websocket.close(refusal.code)

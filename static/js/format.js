@@ -1,0 +1,113 @@
+// How numbers, times and ages are written: the twin of app/web/format.py, to the character. A browser test sweeps both.
+const GROUP = "\u202f", MINUS = "\u2212", SPACE = "\u00a0";
+export const NO_VALUE = "----", NO_DATA_YET = "\u2013\u00a0\u2013";
+
+const mark = (lang) => (lang === "en" ? "." : ",");
+const pad = (whole, digits = 2) => String(whole).padStart(digits, "0");
+
+/** Fixed decimals, half a last digit away from zero on the shortest digits that name the number, never "−0". */
+export function number(value, decimals, lang) {
+  if (!Number.isFinite(value)) return NO_VALUE;
+  const [mantissa, exponent] = Math.abs(value).toExponential().split("e");
+  const digits = mantissa.replace(".", "");
+  let point = Number(exponent) + 1; // digits before the decimal mark
+  let kept = [...digits];
+  const length = point + decimals; // digits that stay
+  if (length < kept.length) {
+    const up = length >= 0 && kept[length] >= "5";
+    kept = kept.slice(0, Math.max(0, length));
+    if (up) {
+      let i = kept.length - 1;
+      while (i >= 0 && kept[i] === "9") kept[i--] = "0";
+      if (i >= 0) kept[i] = String(Number(kept[i]) + 1);
+      else { kept.unshift("1"); point += 1; }
+    }
+  }
+  while (kept.length < point + decimals) kept.push("0");
+  if (point < 1) { kept = [..."0".repeat(1 - point), ...kept]; point = 1; }
+  const whole = kept.slice(0, point).join(""), rest = kept.slice(point, point + decimals).join("");
+  const sign = value < 0 && kept.some((digit) => digit !== "0") ? MINUS : "";
+  return sign + whole.replace(/\B(?=(\d{3})+$)/g, GROUP) + (rest ? mark(lang) + rest : "");
+}
+
+export const quantity = (value, decimals, unit, lang) =>
+  unit ? number(value, decimals, lang) + SPACE + unit : number(value, decimals, lang);
+
+export const percent = (value, decimals, lang) => quantity(value, decimals, "%", lang);
+
+export const hexadecimal = (value, digits = 4) => "0x" + pad(Math.round(value).toString(16).toUpperCase(), digits);
+
+export function age(seconds) {
+  const whole = Number.isFinite(seconds) ? Math.max(0, Math.floor(seconds)) : 0;
+  for (const [size, unit] of [[86400, "d"], [3600, "h"], [60, "min"]])
+    if (whole >= size) return Math.floor(whole / size) + SPACE + unit;
+  return whole + SPACE + "s";
+}
+
+export function duration(seconds, lang) {
+  if (seconds < 9.95) return quantity(Math.max(0, seconds), 1, "s", lang);
+  const whole = Math.floor(seconds + 0.5);
+  for (const [size, unit, small, below] of [[86400, "d", 3600, "h"], [3600, "h", 60, "min"], [60, "min", 1, "s"]])
+    if (whole >= size)
+      return `${Math.floor(whole / size)}${SPACE}${unit} ${pad(Math.floor((whole % size) / small))}${SPACE}${below}`;
+  return whole + SPACE + "s";
+}
+
+const zones = new Map();
+
+/** The wall clock of `zone` at `micros` (µs UTC). */
+function wall(micros, zone) {
+  let form = zones.get(zone);
+  if (!form) {
+    const two = "2-digit";
+    form = new Intl.DateTimeFormat("en-GB", {
+      timeZone: zone, hourCycle: "h23", year: "numeric", month: two, day: two, hour: two, minute: two, second: two,
+    });
+    zones.set(zone, form);
+  }
+  const parts = {};
+  for (const { type, value } of form.formatToParts(Math.floor(micros / 1000))) parts[type] = value;
+  parts.year = pad(parts.year, 4);
+  return parts;
+}
+
+/** What the wall clock shows, minus UTC [min]. */
+function offset(micros, zone) {
+  const w = wall(micros, zone);
+  return Math.round((Date.UTC(w.year, w.month - 1, w.day, w.hour, w.minute, w.second) - Math.floor(micros / 1e6) * 1000) / 6e4);
+}
+
+export function clockTime(micros, zone, { milliseconds = false, seconds = true } = {}) {
+  const w = wall(micros, zone);
+  const ms = milliseconds ? "." + pad(Math.floor((((micros % 1e6) + 1e6) % 1e6) / 1000), 3) : "";
+  return seconds || milliseconds ? `${w.hour}:${w.minute}:${w.second}${ms}` : `${w.hour}:${w.minute}`;
+}
+
+export function date(micros, zone, lang, { year = true } = {}) {
+  const w = wall(micros, zone);
+  if (lang === "en") return `${w.day}/${w.month}` + (year ? `/${w.year}` : "");
+  return `${w.day}.${w.month}.` + (year ? w.year : "");
+}
+
+/** Date and time: the year only when it is not that of `now`; the repeated hour of autumn with its offset. */
+export function dateTime(micros, zone, lang, now, { milliseconds = false } = {}) {
+  const sameYear = wall(micros, zone).year === wall(now, zone).year;
+  const text = `${date(micros, zone, lang, { year: !sameYear })} ${clockTime(micros, zone, { milliseconds })}`;
+  const here = offset(micros, zone);
+  // Shown twice: an hour or so away the clock shows the same with another offset.
+  const twin = [-180, -120, -60, -30, 30, 60, 120, 180].some((minutes) => {
+    const there = offset(micros + minutes * 6e7, zone);
+    return there + minutes === here;
+  });
+  if (!twin) return text;
+  const sign = here < 0 ? "-" : "+", minutes = Math.abs(here);
+  return `${text} ${sign}${pad(Math.floor(minutes / 60))}:${pad(minutes % 60)}`;
+}
+
+/** Time of day when it is of today, else date and time. */
+export function momentOrTime(micros, zone, lang, now) {
+  return date(micros, zone, lang) === date(now, zone, lang) ? clockTime(micros, zone) : dateTime(micros, zone, lang, now);
+}
+
+/** Least change that is drawn at once [EU]: half a last digit, so that no digit flickers. */
+export const deadBand = (decimals) => 0.5 * 10 ** -decimals;

@@ -1,0 +1,210 @@
+// Live values: one socket per page keeps everything that carries a data-tag true (docs/api.md, static/js/values.js).
+import { age, clockTime } from "./format.js";
+import { SPAN, badge, origin, server, state, texts, ways } from "./values.js";
+
+const DELAYED = 2000, OFFLINE = 3000, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
+const body = document.body, page = body.dataset;
+const tags = new Map(); // name → what is known of the tag and what is bound to it
+let byHandle = new Map(), socket = null, rev = null, counted = null;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false;
+
+// ---- binding --------------------------------------------------------------------------------------------------
+
+/** Bind everything with a data-tag below `root` that is not bound yet. */
+export function bind(root = document) {
+  for (const tag of tags.values()) tag.items = tag.items.filter(({ element }) => element.isConnected);
+  for (const element of root.querySelectorAll("[data-tag]")) {
+    const data = element.dataset;
+    let tag = tags.get(data.tag);
+    if (!tag) {
+      tag = { name: data.tag, value: null, quality: 6, state: "none", source: "field", known: false, items: [], kept: [], since: 0 };
+      tags.set(data.tag, tag);
+    }
+    if (tag.items.some((item) => item.element === element)) continue;
+    if (data.age) tag.since = performance.now() - data.age * 1000;
+    const found = ways(element);
+    tag.items.push(...found);
+    tag.curve ||= found.some((item) => item.curve);
+    if (tag.known) draw(tag, () => true);
+  }
+}
+
+function draw(tag, wanted) {
+  for (const item of tag.items) if (!item.curve && wanted(item)) item.draw(item, tag);
+}
+
+function take(handle, value, quality) {
+  const tag = byHandle.get(handle);
+  if (!tag) return;
+  const next = state(quality, value);
+  if (next === "stale" && tag.state !== "stale" && !(tag.since && !tag.known)) tag.since = performance.now() - 1000 * (staleAfter(tag) || 0);
+  if (next !== "stale") tag.since = 0;
+  Object.assign(tag, { value, quality, state: next, source: origin(quality), known: true, move: true, text: true });
+}
+
+const staleAfter = (tag) => Math.max(0, ...tag.items.map(({ element }) => +(element.dataset.stale ?? 0)));
+
+/** Moving things at most ten times a second, numbers five times; timers, so that a hidden tab keeps up. */
+function redraw() {
+  timer = 0;
+  if (body.dataset.live === "offline") return;
+  const now = performance.now(), textDue = now - written >= TEXT - 5;
+  moved = now;
+  if (textDue) written = now;
+  let left = false;
+  for (const tag of tags.values()) {
+    if (tag.move) { tag.move = false; draw(tag, (item) => item.moves); }
+    if (tag.text && textDue) { tag.text = false; draw(tag, (item) => !item.moves); }
+    left ||= tag.text;
+  }
+  if (left) wake();
+}
+
+function wake() {
+  timer ||= setTimeout(redraw, Math.max(0, moved + MOVE - performance.now()));
+}
+
+/** Once a second: ages, samples and curves, times of axes, and what was too small to draw at once. */
+function tick() {
+  const now = Math.floor(performance.now() / 1000), current = body.dataset.live !== "offline";
+  for (const tag of tags.values()) {
+    if (tag.curve && tag.known) {
+      const usable = current && tag.state !== "bad" && tag.state !== "none" && tag.state !== "stale" && typeof tag.value === "number";
+      if (usable || tag.kept.at(-1)?.[1] !== null) tag.kept.push([now, usable ? tag.value : null]);
+      while (tag.kept.length && tag.kept[0][0] < now - SPAN) tag.kept.shift();
+      for (const item of tag.items) if (item.curve) item.draw(item, tag);
+    }
+    if (current && tag.known)
+      for (const item of tag.items) {
+        if (item.late) item.draw(item, tag);
+        else if (tag.state === "stale" && item.element.classList.contains("val")) badge(item.element, tag);
+      }
+  }
+  if (server.time && current)
+    for (const element of document.querySelectorAll("[data-ago]"))
+      element.textContent = clockTime(server.time - element.dataset.ago * 1e6, page.zone, { seconds: false });
+}
+
+// ---- the connection -------------------------------------------------------------------------------------------
+
+function connection(next) {
+  if (next === body.dataset.live) return;
+  body.dataset.live = next;
+  if (next === "offline") {
+    for (const tag of tags.values())
+      for (const { element } of tag.items) if (element.dataset.q) element.dataset.q = "stale";
+    for (const button of document.querySelectorAll("[data-command]")) refuse(button);
+  } else {
+    for (const button of document.querySelectorAll("[data-command]")) allow(button);
+    for (const tag of tags.values()) Object.assign(tag, { move: tag.known, text: tag.known });
+    for (const tag of tags.values()) if (tag.known) draw(tag, () => true);
+  }
+  document.dispatchEvent(new CustomEvent("pogon:live", { detail: next }));
+}
+
+/** Offline every command says why it cannot be pressed; Stop stays and says what it will do. */
+function refuse(button) {
+  const line = button.querySelector("small");
+  button.kept = { disabled: button.getAttribute("aria-disabled"), text: line?.textContent };
+  const stop = button.classList.contains("stop");
+  if (line) line.textContent = stop ? texts.tried : texts.no_connection;
+  if (!stop) button.setAttribute("aria-disabled", "true");
+}
+
+function allow(button) {
+  if (!button.kept) return;
+  const { disabled, text } = button.kept, line = button.querySelector("small");
+  if (line) line.textContent = text;
+  disabled === null ? button.removeAttribute("aria-disabled") : button.setAttribute("aria-disabled", disabled);
+  delete button.kept;
+}
+
+function watch() {
+  const silent = performance.now() - heard;
+  if (silent >= OFFLINE) {
+    connection("offline");
+    for (const element of document.querySelectorAll("[data-offline-age]")) element.textContent = age(silent / 1000);
+    if (socket?.readyState === WebSocket.OPEN && silent >= OFFLINE + 1000) drop();
+  } else if (silent >= DELAYED && body.dataset.live === "live") connection("delayed");
+}
+
+function drop() {
+  const old = socket;
+  socket = null;
+  fresh = false;
+  if (old) { old.onclose = old.onmessage = old.onopen = null; old.close(); }
+  const pause = Math.min(PAUSES[Math.min(tries++, PAUSES.length - 1)] * (0.75 + Math.random() / 2), 5000);
+  clearTimeout(retry);
+  retry = setTimeout(open, pause);
+}
+
+function open() {
+  clearTimeout(retry);
+  const here = new WebSocket(location.origin.replace(/^http/, "ws") + "/live");
+  socket = here;
+  here.onopen = () => here.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+  here.onmessage = ({ data }) => receive(JSON.parse(data));
+  here.onclose = here.onerror = () => socket === here && drop();
+  retry = setTimeout(() => socket === here && here.readyState !== WebSocket.OPEN && drop(), 4000);
+}
+
+function receive(message) {
+  if (message.hello) return welcome(message.hello);
+  if (!message.v) return;
+  if (message.rev !== rev) { // the plant was read anew: other handles
+    rev = message.rev;
+    fresh = false;
+    return socket.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+  }
+  if (message.full) fresh = true;
+  else if (!fresh || message.n !== counted + 1) {
+    if (fresh) socket.send('{"snapshot":true}');
+    fresh = false;
+    return;
+  }
+  counted = message.n;
+  server.time = message.t;
+  heard = performance.now();
+  tries = 0;
+  for (const [handle, value, quality] of message.v) take(handle, value, quality);
+  if (body.dataset.live === "live") wake();
+  else connection("live");
+}
+
+function welcome(hello) {
+  rev = hello.rev;
+  fresh = false;
+  byHandle = new Map();
+  for (const [name, handle] of Object.entries(hello.handles)) {
+    const tag = tags.get(name);
+    if (tag) byHandle.set(handle, tag);
+  }
+  if (rev !== +page.rev || (page.build && hello.build !== page.build)) renew(rev !== +page.rev);
+}
+
+/** The page is older than the server: reload it when nobody types or holds anything, else only say so. */
+function renew(other) {
+  const busy = document.querySelector("dialog[open], [data-held], [data-dirty]") || document.activeElement?.matches("input, select, textarea");
+  if (other && !busy) return location.reload();
+  for (const element of document.querySelectorAll("[data-outdated]")) element.hidden = false;
+  if (other) setTimeout(() => renew(true), 2000);
+}
+
+/** For other scripts: what the page knows of a tag now, or undefined. */
+export const current = (name) => tags.get(name);
+
+bind();
+open();
+setInterval(watch, 250);
+setInterval(tick, 1000);
+document.addEventListener("htmx:after:swap", () => { bind(); subscribeAgain(); });
+document.addEventListener("visibilitychange", () => {
+  if (!document.hidden && performance.now() - heard > 1500 && socket?.readyState === WebSocket.OPEN) socket.send('{"snapshot":true}');
+});
+
+/** New elements may name tags of this page that nothing showed before: ask for their handles. */
+function subscribeAgain() {
+  const bound = new Set([...byHandle.values()].map((tag) => tag.name));
+  if (socket?.readyState === WebSocket.OPEN && [...tags.keys()].some((name) => !bound.has(name)))
+    socket.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+}
