@@ -110,7 +110,11 @@ class Derivation:
         every derived point. A clock that was set back adds nothing and takes nothing away.
         """
         new_day = self._turn_day(time_us)
-        waiting = set(self._by_name) if self._fresh or new_day else {state.point.name for state in self._timed}
+        waiting: set[str] = set()
+        if self._fresh or new_day:
+            waiting.update(self._by_name)
+        elif not changed:
+            waiting.update(state.point.name for state in self._timed)
         self._fresh = False
         for name, reading in changed.items():
             self._values[name] = reading

@@ -15,6 +15,8 @@ follow Kleene: what is already decided stays decided. `good()` and `bad()` are a
 import ast
 import math
 import operator
+import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -110,13 +112,19 @@ def parse(text: str) -> Expression:
         raise _error(text, 1, "nothing", EXPECTED)
     if len(text) > LONGEST:
         raise _error(text[:40] + "…", LONGEST + 1, f"{len(text)} characters", f"at most {LONGEST} characters")
+    sentence = text.strip()
+    if stranger := re.search(r"[^A-Za-z0-9_.,()+\-*/<>=!\s]", sentence):
+        raise _error(sentence, stranger.start() + 1, f"`{stranger[0]}`", EXPECTED)
     try:
-        tree = ast.parse(text.strip(), mode="eval")
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        position = (getattr(error, "offset", None) or 1) if isinstance(error, SyntaxError) else 1
-        what = error.msg if isinstance(error, SyntaxError) else str(error)
-        raise _error(text, position, f"a mistake ({what})", EXPECTED) from error
-    compiler = _Compiler(text.strip())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Python about `1in (1, 2)`, which a plant engineer never sees
+            tree = ast.parse(sentence, mode="eval")
+    except SyntaxError as error:
+        # an offset of 0 is the parser's word for the end
+        raise _error(sentence, error.offset or len(sentence), f"a mistake ({error.msg})", EXPECTED) from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise _error(sentence, 1, f"a mistake ({error})", EXPECTED) from error
+    compiler = _Compiler(sentence)
     step = compiler.build(tree.body, 0)
     return Expression(text, frozenset(compiler.names), compiler.argument, frozenset(compiler.ages), step)
 

@@ -11,7 +11,7 @@ from app.errors import ConfigurationError
 from app.plant import expression, types
 from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, Texts
 from app.plant.derive import order_problem
-from app.plant.tables import Source, Table, one_of
+from app.plant.tables import MISSING, NONE, Source, Table, one_of
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -80,11 +80,11 @@ class _PlantReader:
         areas = {key: self._area(key, table) for key, table in root.tables("areas")}
         links = {key: self._link(key, table) for key, table in root.tables("links")}
         if not links:
-            root.note("links", "none", "at least one [links.<name>]")
+            root.note("links", NONE, "at least one [links.<name>]")
         for key, table in root.tables("equipment"):
             self._equipment(key, table, links, areas)
         if not root.data.get("equipment"):
-            root.note("equipment", "none", "at least one [equipment.<id>]")
+            root.note("equipment", NONE, "at least one [equipment.<id>]")
         for row in root.rows("alarms"):
             self._alarm(row)
         root.done()
@@ -127,7 +127,7 @@ class _PlantReader:
         expected = "a text, or a text for each language: { hr = …, en = … }"
         if value is None:
             if required:
-                table.note(key, "missing", expected)
+                table.note(key, MISSING, expected)
             return dict.fromkeys(self.languages, default)
         if isinstance(value, str) and value.strip():
             return dict.fromkeys(self.languages, value)
@@ -292,9 +292,8 @@ class _PlantReader:
             if key in words:
                 values[key] = table.text(key, choices=words[key])
             elif key in codes:
-                register = data.type.points[known[key].key].register
-                greatest = 65535 * register.scale if register else 65535.0
-                values[key] = table.number(key, low=0, high=greatest)
+                low, high = known[key].low, known[key].high
+                values[key] = table.number(key, low=_limit(low, 0.0), high=_limit(high, 6553.5))
         for key in sorted(codes):
             table.raw(key)
         for key in words:
@@ -383,6 +382,14 @@ def _bounded(data: types.PointData, options: Mapping[str, object]) -> Point:
         else:
             computed[name] = None if value is None else round(value, 6)
     return replace(data.point, **computed)
+
+
+def _limit(text: str, otherwise: float) -> float:
+    """A limit that is a plain number; `otherwise` when other parameters decide."""
+    try:
+        return float(text)
+    except ValueError:
+        return otherwise
 
 
 def _numbered(text: str, number: int) -> str:

@@ -15,6 +15,13 @@ LARGEST_FILE = 4 * 1024 * 1024
 """Nobody writes a plant of this size by hand [bytes]."""
 
 
+class Plain(str):
+    """A word of ours in place of a value: shown without quotation marks."""
+
+
+MISSING, NONE = Plain("missing"), Plain("none")
+
+
 class Source:
     """One TOML file and the problems found in it. Reading never raises."""
 
@@ -36,8 +43,8 @@ class Source:
             before = error.object[: error.start].count(b"\n") + 1
             self.note((), f"byte 0x{error.object[error.start]:02x}", "text in UTF-8", line=before)
             return
-        except OSError as error:
-            self.note((), error.strerror or type(error).__name__, "a readable TOML file")
+        except (OSError, ValueError) as error:
+            self.note((), getattr(error, "strerror", None) or str(error), "a readable TOML file")
             return
         self._lines = text.splitlines()
         if not text.strip():
@@ -57,7 +64,7 @@ class Source:
     def note(self, path: Sequence[str], value: object, expected: str, *, line: int | None = None) -> None:
         """Remember a mistake at the key `path`."""
         key = ".".join(path) if path else "(file)"
-        shown = f'"{value}"' if isinstance(value, str) and path else str(value)
+        shown = f'"{value}"' if isinstance(value, str) and path and not isinstance(value, Plain) else str(value)
         if len(shown) > 120:
             shown = shown[:117] + "…"
         self.problems.append(Problem(self.name, key, shown, expected, line if line is not None else self.line(path)))
@@ -124,7 +131,7 @@ class Table:
     ) -> str:
         """A text that is not empty, one of `choices`, or matching `pattern`."""
         value = self._value(key, default, expected or "a text")
-        if value is default or value is None:
+        if key not in self.data:
             return "" if value is REQUIRED or value is None else str(value)
         if choices is not None:
             wanted = list(choices)
@@ -141,8 +148,8 @@ class Table:
         """A finite number `low <= value <= high`; the default as it is when there is none."""
         expected = span("a number", low, high)
         value = self._value(key, default, expected)
-        if value is default or value is None:
-            return 0.0 if value is REQUIRED or (value is None and default is REQUIRED) else value
+        if key not in self.data:
+            return 0.0 if value is REQUIRED else value
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
@@ -157,8 +164,8 @@ class Table:
         """A whole number `low <= value <= high`."""
         expected = span("a whole number", low, high)
         value = self._value(key, default, expected)
-        if value is default or value is None:
-            return low if value is REQUIRED or (value is None and default is REQUIRED) else value
+        if key not in self.data:
+            return low if value is REQUIRED else value
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             self.note(key, value, expected)
             return low if default is REQUIRED else default
@@ -175,8 +182,8 @@ class Table:
     def items(self, key: str, default: Any = REQUIRED, expected: str = "a list") -> list[Any]:
         """A list, unchecked inside."""
         value = self._value(key, default, expected)
-        if value is default or value is None:
-            return [] if value is REQUIRED or value is None else list(value)
+        if key not in self.data:
+            return [] if value is REQUIRED else list(value)
         if not isinstance(value, list):
             self.note(key, value, expected)
             return []
@@ -185,7 +192,7 @@ class Table:
     def table(self, key: str, *, required: bool = False, expected: str = "a table") -> "Table":
         """The table at `key`; empty when there is none."""
         value = self._value(key, REQUIRED if required else {}, expected)
-        if value is REQUIRED:
+        if key not in self.data:
             value = {}
         if not isinstance(value, dict):
             self.note(key, value, expected)
@@ -221,7 +228,7 @@ class Table:
         if key in self.data:
             return self.data[key]
         if default is REQUIRED:
-            self.source.note((*self.path, key), "missing", expected)
+            self.source.note((*self.path, key), MISSING, expected)
         return default
 
 

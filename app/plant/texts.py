@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from babel import Locale
+from babel import Locale, UnknownLocaleError
 
 from app.errors import ConfigurationError
 from app.plant.definitions import EquipmentType, Plant
@@ -121,7 +121,7 @@ def plural_category(lang: str, number: float) -> str:
     """CLDR category of a number: `one`, `few`, `many`, `other`. A language that Babel does not know has `other` only."""
     try:
         return str(Locale.parse(lang, sep="-").plural_form(abs(number)))
-    except ValueError:
+    except (ValueError, UnknownLocaleError):
         return "other"
 
 

@@ -32,7 +32,7 @@ from app.plant.definitions import (
     Write,
 )
 from app.plant.derive import KINDS
-from app.plant.tables import Source, Table
+from app.plant.tables import MISSING, NONE, Source, Table
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
 KEY = r"[a-z][a-z0-9_]*"
@@ -228,7 +228,7 @@ class _TypeReader:
         if key in self.points:
             table.note("", key, "a key that no other point of the type has")
         if register is None and derived is None:
-            table.note("", "neither", "a point with `address` or with `derived`")
+            table.note("", NONE, "a point with `address` or with `derived`")
         self.points[key] = PointData(point, bounds)
         if not given:
             table.done()
@@ -362,7 +362,7 @@ class _TypeReader:
                     data = self.points[key]
                     data.point = _with_texts(data.point, options)
             elif key not in self.points:
-                row.note("address", "missing", "an address, or a key of points.toml")
+                row.note("address", MISSING, "an address, or a key of points.toml")
             row.done()
             yield key, setpoint
 
@@ -397,7 +397,7 @@ class _TypeReader:
         if command.feedback:
             self.expressions.append((table, "feedback", command.feedback, True))
         if not command.writes:
-            table.note("writes", "missing", "a list of { point, value }")
+            table.note("writes", MISSING, "a list of { point, value }")
         if command.hold != bool(command.release):
             table.note(
                 "release", command.release, "what is written when the button is released, for a hold-to-run only"
