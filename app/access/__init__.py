@@ -1,1 +1,1 @@
-"""People: users, roles, sessions, audit."""
+"""Who may do what, and what they did: people, roles, sessions, tokens, audit."""

@@ -1,0 +1,83 @@
+"""Everything about people in one place: accounts, sessions, tokens, the audit, and the secret that signs forms."""
+
+import hmac
+import secrets
+from hashlib import sha256
+from pathlib import Path
+
+from sqlalchemy import func, select
+
+from app.access.audit import Audit
+from app.access.first_code import FirstCode
+from app.access.keys import check_files, prepare, read_key
+from app.access.passwords import Cost, Passwords
+from app.access.people import People
+from app.access.sessions import Sessions
+from app.access.tables import person_table
+from app.access.throttle import Throttle
+from app.access.tokens import Tokens
+from app.clock import Clock
+from app.db import Database
+
+__all__ = ["Access", "prepare"]
+
+
+class Access:
+    """Who may come in, and what they did. `prepare(data)` and `db.migrate()` come first."""
+
+    def __init__(self, db: Database, clock: Clock, data: Path, cost: Cost | None = None) -> None:
+        """Reads or makes the keys in `data`.
+
+        Raises:
+            ConfigurationError: a key, the database or the folder may be read or written by others, or a key is broken.
+        """
+        check_files(data)
+        self._secret = read_key(data / "secret.key")
+        self.audit = Audit(db, clock, data)
+        self.passwords = Passwords(cost)
+        self.throttle = Throttle(clock)
+        self.first_code = FirstCode(data)
+        self.sessions = Sessions(db, clock, self.audit)
+        self.tokens = Tokens(db, clock, self.audit)
+        self.people = People(db, clock, self.audit, self.sessions, self.passwords, self.throttle, self.first_code)
+        self._db = db
+
+    async def start(self, version: str = "") -> str:
+        """Note the start; returns the one-time code while there is no account, else nothing."""
+        await self.audit.record("server.started", None, version=version)
+        if await self.people.count():
+            self.first_code.used()
+            return ""
+        return self.first_code.renew()
+
+    async def stop(self) -> None:
+        """Note the end, anchor the audit."""
+        await self.audit.record("server.stopped", None)
+        self.close()
+
+    def close(self) -> None:
+        """End the threads and anchor the audit, without a line."""
+        self.audit.close()
+        self.passwords.close()
+
+    def is_commissioned(self) -> bool:
+        """Whether there is an account, on the caller's thread."""
+        query = select(func.count()).select_from(person_table)
+        return bool(self._db.run(lambda connection: connection.execute(query).scalar_one()))
+
+    # ---- signed form tokens (OWASP: HMAC, bound to the session) ----------------------------------------
+
+    def form_token(self, bound_to: str) -> str:
+        """A token for forms of the session id, or of the pre-session id, `bound_to`; never the same twice."""
+        salt = secrets.token_urlsafe(12)
+        return f"{self._form_mac(bound_to, salt)}.{salt}"
+
+    def is_form_token(self, token: str, bound_to: str) -> bool:
+        """Whether `token` was made for `bound_to`."""
+        mac, _, salt = token.partition(".")
+        good = hmac.compare_digest(mac.encode("utf-8", "replace"), self._form_mac(bound_to, salt).encode())
+        return good and bool(bound_to) and bool(salt)
+
+    def _form_mac(self, bound_to: str, salt: str) -> str:
+        text = f"{len(bound_to)}!{bound_to}!{len(salt)}!{salt}".encode("utf-8", "replace")
+        return hmac.new(self._secret, text, sha256).hexdigest()

@@ -1,0 +1,75 @@
+"""Files that only the server may read: keys, the first code, the databases. 0600, or the server does not start."""
+
+import os
+import secrets
+import stat
+from pathlib import Path
+
+from app.errors import ConfigurationError
+
+KEY_BYTES = 32
+PRIVATE = ("secret.key", "audit.key", "first-code", "pogon.db", "pogon.db-wal", "pogon.db-shm", "audit.buffer")
+"""Files of POGON_DATA that nobody else may read or write."""
+
+
+def check_files(data: Path) -> None:
+    """Refuse a data folder that others could change, or files in it that they could read.
+
+    Raises:
+        ConfigurationError: names the file, its mode and the command that puts it right.
+    """
+    if data.is_dir() and stat.S_IMODE(data.stat().st_mode) & 0o002:
+        raise ConfigurationError(
+            f"{data} may be written by everybody (mode {stat.S_IMODE(data.stat().st_mode):04o}): chmod 0700 {data}"
+        )
+    for path in (data / name for name in PRIVATE):
+        if path.exists() and stat.S_IMODE(path.stat().st_mode) & 0o077:
+            raise ConfigurationError(
+                f"{path} may be read or written by others (mode {stat.S_IMODE(path.stat().st_mode):04o}): chmod 0600 {path}"
+            )
+
+
+def prepare(data: Path) -> None:
+    """Make the data folder (0700) and an empty private database file, if missing, and check what is there.
+
+    Raises:
+        ConfigurationError: as `check_files`, or the folder cannot be made.
+    """
+    try:
+        data.mkdir(parents=True, exist_ok=True, mode=0o700)
+        check_files(data)
+        # SQLite gives its journal files the mode of the database itself
+        os.close(os.open(data / "pogon.db", os.O_CREAT | os.O_RDWR, 0o600))
+    except OSError as error:
+        raise ConfigurationError(f"POGON_DATA={data} cannot be used: {error.strerror}") from error
+
+
+def read_key(path: Path) -> bytes:
+    """The key in `path`, 32 bytes as hex; a missing one is made, different on every installation.
+
+    Raises:
+        ConfigurationError: the file is not a key.
+    """
+    if not path.exists():
+        write_private(path, secrets.token_hex(KEY_BYTES) + "\n", exclusive=True)
+    try:
+        key = bytes.fromhex(path.read_text("ascii").strip())
+    except (ValueError, OSError) as error:
+        raise ConfigurationError(f"{path} is not a key of {KEY_BYTES} bytes in hex") from error
+    if len(key) != KEY_BYTES:
+        raise ConfigurationError(f"{path} has {len(key)} bytes, a key has {KEY_BYTES}")
+    return key
+
+
+def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
+    """Write `text` to a file that is private from its first byte on; a reader sees the old text or the new, never half."""
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    if exclusive and path.exists():
+        temporary.unlink()
+    else:
+        temporary.replace(path)

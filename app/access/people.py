@@ -1,0 +1,597 @@
+"""Accounts: made, changed, disabled, and let in with a password. An id is never given twice."""
+
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
+from sqlalchemy.exc import IntegrityError
+
+from app.access.audit import Audit, Entry, printable, refused_without_audit
+from app.access.first_code import FirstCode
+from app.access.passwords import Passwords, check_policy, initial_password
+from app.access.roles import FIRST_ROLES, Person, known_roles
+from app.access.sessions import Sessions, hash_of, roles_of
+from app.access.tables import person_table, role_table, session_table
+from app.access.throttle import Throttle
+from app.clock import Clock
+from app.db import Database
+from app.errors import Refused
+
+INITIAL_LIFE = 24 * 3600.0
+"""An initial password is good for one sign-in within so long [s]."""
+RESERVED = frozenset({"system", "guest"})
+LANGUAGES = ("hr", "en", "de", "cs")
+THEMES = ("light", "dark", "")
+FIRST = "first sign-in"
+"""Under this name wrong codes of the first sign-in are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """A person's account, without its password."""
+
+    id: int
+    name: str
+    display: str
+    roles: frozenset[str]
+    disabled: bool
+    must_change: bool
+    initial_until: int | None
+    """Until when the initial password is good [µs UTC]; None when it was changed."""
+    created: int
+    last_seen: int | None
+    """Last sign-in [µs UTC]."""
+    language: str = ""
+    theme: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SignedIn:
+    """What a sign-in gives."""
+
+    sid: str
+    """The id for the cookie; kept nowhere else."""
+    account: Account
+    last_seen: int | None
+    """The sign-in before this one [µs UTC]."""
+
+
+class People:
+    """The accounts of one installation."""
+
+    def __init__(
+        self,
+        db: Database,
+        clock: Clock,
+        audit: Audit,
+        sessions: Sessions,
+        passwords: Passwords,
+        throttle: Throttle,
+        first_code: FirstCode,
+    ) -> None:
+        self._db = db
+        self._clock = clock
+        self._audit = audit
+        self._sessions = sessions
+        self._passwords = passwords
+        self._throttle = throttle
+        self._first_code = first_code
+        self.plant_name = ""
+        """A password may not be made of it."""
+
+    # ---- signing in -----------------------------------------------------------------------------------
+
+    async def sign_in(self, name: str, password: str, address: str, agent: str, old_sid: str = "") -> SignedIn:
+        """Open a session, in place of `old_sid`.
+
+        Raises:
+            Refused: 401 `access.failed`, the same for every cause; 429 `access.too_many`.
+            StorageError: the database did not take it.
+        """
+        await self._take(address)
+        key = account_name(name)
+        wait = self._throttle.wait(key)
+        if wait > 0:
+            await self._failed(key, address, "locked", wait)
+        # counted before the slow check, so that attempts side by side do not share one
+        delay = self._throttle.failed(key)
+        row = await self._db.read(lambda connection: _row(connection, person_table.c.name == key))
+        good = await self._passwords.verify(password, row.password if row else None)
+        now = self._clock.micros()
+        if row is None or not good:
+            await self._failed(key, address, "wrong", delay)
+        elif row.disabled:
+            await self._failed(key, address, "disabled", delay)
+        elif row.must_change and (row.initial_until is None or row.initial_until <= now):
+            await self._failed(key, address, "expired", delay)
+        assert row is not None
+        fresh = await self._passwords.hash(password) if self._passwords.outdated(row.password) else None
+
+        def work(connection: Connection) -> tuple[tuple[SignedIn, list[str]] | None, Sequence[Entry]]:
+            again = _row(connection, person_table.c.id == row.id)
+            spent = again is not None and again.initial_until != row.initial_until
+            if again is None or again.disabled or again.password != row.password or spent:
+                return None, ()
+            account = _account(connection, again)
+            changed: dict[str, object] = {"last_seen": now}
+            if fresh:
+                changed["password"] = fresh
+            if account.must_change:
+                changed["initial_until"] = now  # good for this one sign-in
+            connection.execute(update(person_table).where(person_table.c.id == row.id).values(**changed))
+            replaces = hash_of(old_sid) if old_sid else None
+            sid, ended = self._sessions.open(connection, account.id, account.roles, address, agent, replaces)
+            who = _as_person(account, hash_of(sid), address)
+            lines = [self._audit.entry("signin.ok", who, key, agent=printable(agent, 200))]
+            over = [old for old in ended if old != replaces]
+            lines += [self._audit.entry("session.limit", who, key, ended=old[:12]) for old in over]
+            return (SignedIn(sid, account, row.last_seen), ended), lines
+
+        done = await self._audit.with_entries(work)
+        if done is None:
+            await self._failed(key, address, "changed", delay)
+        assert done is not None
+        self._throttle.clear(key)
+        signed_in, ended = done
+        self._sessions.announce(ended)
+        return signed_in
+
+    async def first(
+        self, code: str, name: str, display: str, password: str, address: str, agent: str, old_sid: str = ""
+    ) -> SignedIn:
+        """Make the first account, administrator, engineer and operator at once, and sign in.
+
+        Raises:
+            Refused: the code is wrong (401), there is an account already (409), the name or password cannot be used (422), or there were
+                too many attempts (429).
+            StorageError: the database did not take it.
+        """
+        await self._take(address)
+        if self._throttle.wait(FIRST) > 0:
+            raise Refused("access.wait", 429, seconds=round(self._throttle.wait(FIRST) + 0.5))
+        if not self._first_code.open or await self.count():
+            raise Refused("access.first_done", 409)
+        if not self._first_code.matches(code):
+            delay = self._throttle.failed(FIRST)
+            await self._audit.record(
+                "signin.failed",
+                None,
+                FIRST,
+                result="refused",
+                reason="access.cause.wrong",
+                address=address,
+                delay=delay,
+            )
+            raise Refused("access.code_wrong", 401)
+        key = usable_name(name)
+        label = usable_display(display, key)
+        check_policy(password, FIRST_ROLES, [key, label, self.plant_name])
+        kept = await self._passwords.hash(password)
+
+        def work(connection: Connection) -> tuple[SignedIn | None, Sequence[Entry]]:
+            if connection.execute(select(func.count()).select_from(person_table)).scalar_one():
+                return None, ()
+            account = self._insert(connection, key, label, FIRST_ROLES, kept, None)
+            sid, _ = self._sessions.open(
+                connection, account.id, account.roles, address, agent, hash_of(old_sid) if old_sid else None
+            )
+            who = _as_person(account, hash_of(sid), address)
+            return SignedIn(sid, account, None), [
+                self._audit.entry("person.first", who, key, new=account.roles),
+                self._audit.entry("signin.ok", who, key, agent=printable(agent, 200)),
+            ]
+
+        done = await self._audit.with_entries(work)
+        if done is None:
+            raise Refused("access.first_done", 409)
+        self._first_code.used()
+        self._throttle.clear(FIRST)
+        return done
+
+    # ---- looking after accounts -----------------------------------------------------------------------
+
+    async def count(self) -> int:
+        """Number of accounts, disabled ones too."""
+        query = select(func.count()).select_from(person_table)
+        return await self._db.read(lambda connection: connection.execute(query).scalar_one())
+
+    async def all(self) -> list[Account]:
+        """All accounts by name."""
+        return await self._db.read(all_accounts)
+
+    async def get(self, person_id: int) -> Account:
+        """One account.
+
+        Raises:
+            Refused: 404, there is none with this id.
+        """
+        found = await self._db.read(lambda connection: _find(connection, person_id))
+        if found is None:
+            raise Refused("access.no_person", 404, id=person_id)
+        return found
+
+    async def add(self, by: Person, name: str, display: str, roles: Iterable[str]) -> tuple[Account, str]:
+        """Make an account; returns it and its initial password, which is shown once and kept nowhere.
+
+        Raises:
+            Refused: the name is taken (409) or unusable, no or unknown roles (422), or the audit cannot be written (503).
+            StorageError: the database did not take it.
+        """
+        refused_without_audit(self._audit)
+        prepared = self._prepared(name, display, roles)
+        initial = initial_password()
+        kept = await self._passwords.hash(initial)
+        account = await self._audit.with_entries(lambda connection: self._added(connection, by, *prepared, kept))
+        return account, initial
+
+    def add_now(self, by: Person, rows: Sequence[tuple[str, str, Iterable[str]]]) -> list[tuple[Account, str]]:
+        """As `add`, for many at once, all or none, on the caller's thread: for the command line.
+
+        Raises:
+            Refused: one of them cannot be made; none is.
+        """
+        prepared = [self._prepared(*row) for row in rows]
+        initials = [initial_password() for _ in rows]
+        hashes = [self._passwords.hash_now(initial) for initial in initials]
+
+        def work(connection: Connection) -> tuple[list[Account], Sequence[Entry]]:
+            accounts: list[Account] = []
+            lines: list[Entry] = []
+            for one, kept in zip(prepared, hashes, strict=True):
+                account, entries = self._added(connection, by, *one, kept)
+                accounts.append(account)
+                lines += entries
+            return accounts, lines
+
+        return list(zip(self._audit.run(work), initials, strict=True))
+
+    async def set_roles(self, by: Person, person_id: int, roles: Iterable[str]) -> Account:
+        """Give a person another set of roles; it counts from the next request on.
+
+        Raises:
+            Refused: unknown role (422), nobody of this id (404), the last administrator would be gone (409), no audit (503).
+        """
+        refused_without_audit(self._audit)
+        return await self._audit.with_entries(lambda connection: self._roles_set(connection, by, person_id, roles))
+
+    def set_roles_now(self, by: Person, name: str, roles: Iterable[str]) -> Account:
+        """As `set_roles`, by name, on the caller's thread: for the command line."""
+        return self._audit.run(lambda connection: self._roles_set(connection, by, _id_of(connection, name), roles))
+
+    async def disable(self, by: Person, person_id: int, disabled: bool) -> None:
+        """Shut a person out, with all sessions at once, or let them in again.
+
+        Raises:
+            Refused: nobody of this id (404), oneself or the last administrator (409), no audit (503).
+        """
+        refused_without_audit(self._audit)
+
+        def work(connection: Connection) -> tuple[list[str], Sequence[Entry]]:
+            account = _known(connection, person_id)
+            if disabled and account.id == by.id:
+                raise Refused("access.not_yourself", 409)
+            connection.execute(update(person_table).where(person_table.c.id == person_id).values(disabled=disabled))
+            _keep_an_admin(connection)
+            kind = "person.disabled" if disabled else "person.enabled"
+            ended = _end_sessions(connection, person_id) if disabled else []
+            return ended, [self._audit.entry(kind, by, account.name)]
+
+        self._sessions.announce(await self._audit.with_entries(work))
+
+    async def delete(self, by: Person, person_id: int) -> None:
+        """Remove an account for good; its lines in the audit stay, its id is never given again.
+
+        Raises:
+            Refused: nobody of this id (404), oneself or the last administrator (409), no audit (503).
+        """
+        refused_without_audit(self._audit)
+
+        def work(connection: Connection) -> tuple[list[str], Sequence[Entry]]:
+            account = _known(connection, person_id)
+            if account.id == by.id:
+                raise Refused("access.not_yourself", 409)
+            ended = _end_sessions(connection, person_id)
+            connection.execute(delete(person_table).where(person_table.c.id == person_id))
+            _keep_an_admin(connection)
+            return ended, [self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)]
+
+        self._sessions.announce(await self._audit.with_entries(work))
+
+    async def rename(self, by: Person, person_id: int, display: str) -> None:
+        """Change the name that others read.
+
+        Raises:
+            Refused: nobody of this id (404), an unusable name (422), no audit (503).
+        """
+        refused_without_audit(self._audit)
+
+        def work(connection: Connection) -> tuple[None, Sequence[Entry]]:
+            account = _known(connection, person_id)
+            label = usable_display(display, account.name)
+            connection.execute(update(person_table).where(person_table.c.id == person_id).values(display=label))
+            return None, [self._audit.entry("person.renamed", by, account.name, account.display, label)]
+
+        await self._audit.with_entries(work)
+
+    async def new_initial(self, by: Person, person_id: int) -> str:
+        """A new initial password, in place of a forgotten one; all sessions of the person end. Shown once, kept nowhere.
+
+        Raises:
+            Refused: nobody of this id (404), oneself (409), no audit (503).
+        """
+        refused_without_audit(self._audit)
+        if person_id == by.id:
+            raise Refused("access.not_yourself", 409)
+        initial = initial_password()
+        kept = await self._passwords.hash(initial)
+        account, ended = await self._audit.with_entries(
+            lambda connection: self._password_set(connection, by, person_id, kept, initial=True)
+        )
+        self._throttle.clear(account.name)
+        self._sessions.announce(ended)
+        return initial
+
+    def set_password_now(self, by: Person, name: str, password: str | None) -> str:
+        """Set a password by name on the caller's thread, for the command line; None sets an initial one and returns it.
+
+        Raises:
+            Refused: nobody of this name (404), or the password is too weak (422).
+        """
+        accounts = {account.name: account for account in self._db.run(all_accounts)}
+        account = accounts.get(account_name(name))
+        if account is None:
+            raise Refused("access.no_person", 404, id=printable(name, 40))
+        if password is not None:
+            check_policy(password, account.roles, [account.name, account.display, self.plant_name])
+        chosen = password if password is not None else initial_password()
+        kept = self._passwords.hash_now(chosen)
+        self._audit.run(
+            lambda connection: self._password_set(connection, by, account.id, kept, initial=password is None)
+        )
+        return chosen
+
+    async def unlock(self, by: Person, person_id: int) -> None:
+        """Let a person try again at once after wrong passwords.
+
+        Raises:
+            Refused: nobody of this id (404).
+        """
+        account = await self.get(person_id)
+        self._throttle.clear(account.name)
+        await self._audit.record("person.unlocked", by, account.name)
+
+    def locked(self, name: str) -> float:
+        """Seconds that an account still has to wait after wrong passwords."""
+        return self._throttle.wait(account_name(name))
+
+    # ---- one's own account ----------------------------------------------------------------------------
+
+    async def change_password(self, person: Person, current: str, new: str, agent: str, sid: str) -> str:
+        """Change one's own password; all one's sessions end and a new id is returned.
+
+        Raises:
+            Refused: the current one is wrong (401), too many attempts (429), the new one too weak or the old one again (422).
+        """
+        wait = self._throttle.wait(person.name)
+        if wait > 0:
+            raise Refused("access.wait", 429, seconds=round(wait + 0.5))
+        delay = self._throttle.failed(person.name)
+        row = await self._db.read(lambda connection: _row(connection, person_table.c.id == person.id))
+        if row is None or not await self._passwords.verify(current, row.password):
+            await self._audit.record(
+                "password.refused", person, person.name, result="refused", reason="access.cause.wrong", delay=delay
+            )
+            raise Refused("access.current_wrong", 401)
+        self._throttle.clear(person.name)
+        check_policy(new, person.roles, [person.name, person.display, self.plant_name])
+        if await self._passwords.verify(new, row.password):
+            raise Refused("access.password.same", 422)
+        kept = await self._passwords.hash(new)
+
+        def work(connection: Connection) -> tuple[tuple[str, list[str]], Sequence[Entry]]:
+            account, ended = self._password_set(connection, person, person.id, kept, initial=False)[0]
+            fresh, _ = self._sessions.open(connection, account.id, account.roles, person.address, agent, hash_of(sid))
+            return (fresh, ended), [self._audit.entry("password.changed", person, person.name)]
+
+        fresh, ended = await self._audit.with_entries(work)
+        self._sessions.announce(ended)
+        return fresh
+
+    async def prefer(self, person: Person, language: str | None = None, theme: str | None = None) -> None:
+        """Keep language and theme with the account.
+
+        Raises:
+            Refused: 422, not a language or theme of ours.
+        """
+        if language is not None and language not in LANGUAGES:
+            raise Refused("access.no_language", 422, language=printable(language, 20))
+        if theme is not None and theme not in THEMES:
+            raise Refused("access.no_theme", 422, theme=printable(theme, 20))
+        values = {name: value for name, value in (("language", language), ("theme", theme)) if value is not None}
+        if values:
+            change = update(person_table).where(person_table.c.id == person.id).values(**values)
+            await self._db.write(lambda connection: connection.execute(change) and None)
+
+    # ---- details --------------------------------------------------------------------------------------
+
+    async def _take(self, address: str) -> None:
+        if not self._throttle.take(address):
+            raise Refused("access.too_many", 429)
+
+    async def _failed(self, key: str, address: str, cause: str, delay: float) -> None:
+        """Write down why, tell only that.
+
+        Raises:
+            Refused: always.
+        """
+        await self._audit.record(
+            "signin.failed",
+            None,
+            key,
+            result="refused",
+            reason=f"access.cause.{cause}",
+            address=address,
+            delay=round(delay),
+        )
+        raise Refused("access.failed", 401)
+
+    def _prepared(self, name: str, display: str, roles: Iterable[str]) -> tuple[str, str, frozenset[str]]:
+        key = usable_name(name)
+        return key, usable_display(display, key), _usable_roles(roles)
+
+    def _added(
+        self, connection: Connection, by: Person, key: str, label: str, roles: frozenset[str], kept: str
+    ) -> tuple[Account, Sequence[Entry]]:
+        until = self._clock.micros() + round(INITIAL_LIFE * 1e6)
+        account = self._insert(connection, key, label, roles, kept, until)
+        return account, [self._audit.entry("person.added", by, key, new=roles, display=label)]
+
+    def _insert(
+        self, connection: Connection, key: str, label: str, roles: frozenset[str], kept: str, initial_until: int | None
+    ) -> Account:
+        values = {
+            "name": key,
+            "display": label,
+            "password": kept,
+            "must_change": initial_until is not None,
+            "initial_until": initial_until,
+            "disabled": False,
+            "language": "",
+            "theme": "",
+            "created": self._clock.micros(),
+        }
+        try:
+            connection.execute(insert(person_table).values(**values))
+        except IntegrityError as error:
+            raise Refused("access.name_taken", 409, name=key) from error
+        row = _row(connection, person_table.c.name == key)
+        connection.execute(insert(role_table), [{"person": row.id, "role": role} for role in sorted(roles)])
+        return _account(connection, row)
+
+    def _roles_set(
+        self, connection: Connection, by: Person, person_id: int, roles: Iterable[str]
+    ) -> tuple[Account, Sequence[Entry]]:
+        account, held = _known(connection, person_id), _usable_roles(roles)
+        connection.execute(delete(role_table).where(role_table.c.person == person_id))
+        connection.execute(insert(role_table), [{"person": person_id, "role": role} for role in sorted(held)])
+        _keep_an_admin(connection)
+        return _known(connection, person_id), [self._audit.entry("person.roles", by, account.name, account.roles, held)]
+
+    def _password_set(
+        self, connection: Connection, by: Person, person_id: int, kept: str, *, initial: bool
+    ) -> tuple[tuple[Account, list[str]], Sequence[Entry]]:
+        account = _known(connection, person_id)
+        until = self._clock.micros() + round(INITIAL_LIFE * 1e6) if initial else None
+        change = update(person_table).where(person_table.c.id == person_id)
+        connection.execute(change.values(password=kept, must_change=initial, initial_until=until))
+        ended = _end_sessions(connection, person_id)
+        kind = "password.initial" if initial else "password.set"
+        return (account, ended), [self._audit.entry(kind, by, account.name)]
+
+
+def account_name(name: str) -> str:
+    """`name` as accounts are looked up: one spelling for all ways to type it."""
+    return unicodedata.normalize("NFKC", name).strip().casefold()[:64]
+
+
+def usable_name(name: str) -> str:
+    """A name for an account: 2 to 32 letters, digits, dots, dashes, underscores.
+
+    Raises:
+        Refused: 422.
+    """
+    key = account_name(name)
+    if not re.fullmatch(r"\w[\w.-]{1,31}", key) or key in RESERVED:
+        raise Refused("access.name_unusable", 422, name=printable(name, 40))
+    return key
+
+
+def usable_display(display: str, name: str) -> str:
+    """The name that others read, at most 80 characters; without one the account's name.
+
+    Raises:
+        Refused: 422, too long.
+    """
+    label = " ".join(unicodedata.normalize("NFC", display).split()) or name
+    if len(label) > 80:
+        raise Refused("access.display_long", 422, most=80)
+    return printable(label, 80)
+
+
+def all_accounts(connection: Connection) -> list[Account]:
+    """All accounts by name."""
+    rows = connection.execute(select(person_table).order_by(person_table.c.name)).all()
+    return [_account(connection, row) for row in rows]
+
+
+def _usable_roles(roles: Iterable[str]) -> frozenset[str]:
+    try:
+        held = known_roles(roles)
+    except ValueError as error:
+        raise Refused("access.no_role", 422, roles=printable(", ".join(roles), 80)) from error
+    if not held:
+        raise Refused("access.needs_role", 422)
+    return held
+
+
+def _row(connection: Connection, condition: ColumnElement[bool]) -> Any:
+    return connection.execute(select(person_table).where(condition)).first()
+
+
+def _account(connection: Connection, row: Any) -> Account:
+    return Account(
+        id=row.id,
+        name=row.name,
+        display=row.display,
+        roles=roles_of(connection, row.id),
+        disabled=bool(row.disabled),
+        must_change=bool(row.must_change),
+        initial_until=row.initial_until,
+        created=row.created,
+        last_seen=row.last_seen,
+        language=row.language,
+        theme=row.theme,
+    )
+
+
+def _find(connection: Connection, person_id: int) -> Account | None:
+    row = _row(connection, person_table.c.id == person_id)
+    return _account(connection, row) if row else None
+
+
+def _known(connection: Connection, person_id: int) -> Account:
+    account = _find(connection, person_id)
+    if account is None:
+        raise Refused("access.no_person", 404, id=person_id)
+    return account
+
+
+def _id_of(connection: Connection, name: str) -> int:
+    row = _row(connection, person_table.c.name == account_name(name))
+    if row is None:
+        raise Refused("access.no_person", 404, id=printable(name, 40))
+    return int(row.id)
+
+
+def _end_sessions(connection: Connection, person_id: int) -> list[str]:
+    mine = session_table.c.person == person_id
+    ended = list(connection.execute(select(session_table.c.id_hash).where(mine)).scalars())
+    connection.execute(delete(session_table).where(mine))
+    return ended
+
+
+def _keep_an_admin(connection: Connection) -> None:
+    admins = (
+        select(func.count())
+        .select_from(person_table.join(role_table, role_table.c.person == person_table.c.id))
+        .where(role_table.c.role == "admin", person_table.c.disabled.is_(False))
+    )
+    if not connection.execute(admins).scalar_one():
+        raise Refused("access.last_admin", 409)
+
+
+def _as_person(account: Account, session: str, address: str) -> Person:
+    return Person(account.id, account.name, account.display, account.roles, frozenset(), session, address=address)

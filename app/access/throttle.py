@@ -1,0 +1,81 @@
+"""Brakes on guessing: growing delays per account, a token bucket per address. Never a permanent lock: nobody can lock out a shift.
+
+Source: reference/security.md section 4.5 (1, 2, 4 … 60 s after 5 failures; 20 attempts per minute and address).
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from app.clock import Clock
+
+FREE_FAILURES = 5
+"""Failures of an account that cost nothing."""
+LONGEST_DELAY = 60.0
+"""Longest delay of an account [s]."""
+FORGET_AFTER = 3600.0
+"""Quiet time after which the failures of an account are forgotten [s]."""
+BUCKET = 20
+"""Attempts that an address may make at once, and per minute."""
+MOST_KEPT = 10_000
+"""Accounts and addresses remembered; the longest unused go first, so memory is bounded."""
+
+
+@dataclass(slots=True)
+class _Account:
+    failures: int = 0
+    last: float = 0.0
+    until: float = 0.0
+
+
+@dataclass(slots=True)
+class _Bucket:
+    tokens: float
+    at: float
+
+
+class Throttle:
+    """Counts failures; names that no account has are counted alike, so a lock tells nothing."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._accounts: OrderedDict[str, _Account] = OrderedDict()
+        self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
+
+    def wait(self, account: str) -> float:
+        """Seconds until `account` may try again; 0 when it may now."""
+        kept = self._accounts.get(account)
+        return max(0.0, kept.until - self._clock.monotonic()) if kept else 0.0
+
+    def failed(self, account: str) -> float:
+        """Count a failure; returns the delay that it brings [s]."""
+        now = self._clock.monotonic()
+        kept = self._accounts.setdefault(account, _Account())
+        self._accounts.move_to_end(account)
+        if now - kept.last > FORGET_AFTER:
+            kept.failures = 0
+        kept.failures += 1
+        kept.last = now
+        over = kept.failures - FREE_FAILURES
+        delay = min(LONGEST_DELAY, 2.0 ** min(over, 10)) if over >= 0 else 0.0
+        kept.until = now + delay
+        while len(self._accounts) > MOST_KEPT:
+            self._accounts.popitem(last=False)
+        return delay
+
+    def clear(self, account: str) -> None:
+        """Forget the failures of `account`: it signed in, or an administrator freed it."""
+        self._accounts.pop(account, None)
+
+    def take(self, address: str) -> bool:
+        """Take one attempt of `address`; False when it has none left."""
+        now = self._clock.monotonic()
+        bucket = self._buckets.setdefault(address, _Bucket(float(BUCKET), now))
+        self._buckets.move_to_end(address)
+        bucket.tokens = min(float(BUCKET), bucket.tokens + (now - bucket.at) * BUCKET / 60.0)
+        bucket.at = now
+        while len(self._buckets) > MOST_KEPT:
+            self._buckets.popitem(last=False)
+        if bucket.tokens < 1.0:
+            return False
+        bucket.tokens -= 1.0
+        return True
