@@ -37,6 +37,7 @@ KINDS: Mapping[str, tuple[bool, bool]] = {
 }
 """Kind → (needs `of`, needs `when`)."""
 RETAINED = frozenset({"running_hours", "starts", "min_today", "max_today", "since"})
+_NEVER: tuple[Value, int] = (None, NO_DATA)
 HOUR = 3_600_000_000
 """[µs]"""
 
@@ -79,12 +80,12 @@ class Derivation:
         self._values: dict[str, tuple[Value, int]] = {}
         self._states = [state for item in plant.equipment.values() for state in _in_order(_states(item.points))]
         self._by_name = {state.point.name: state for state in self._states}
-        self._order = {state.point.name: index for index, state in enumerate(self._states)}
-        self._readers: dict[str, list[_State]] = {}
-        for state in self._states:
-            for name in state.inputs:
-                self._readers.setdefault(name, []).append(state)
-        self._timed = [state for state in self._states if state.kind in ("running_hours", "min_today", "max_today")]
+        self._downstream = _downstream(self._states)
+        self._timed = [
+            index
+            for index, state in enumerate(self._states)
+            if state.kind in ("running_hours", "min_today", "max_today")
+        ]
         self._options = {
             f"{item.id}.{point.key}": _number(item.options.get(point.derived.of))
             for item in plant.equipment.values()
@@ -96,7 +97,7 @@ class Derivation:
     @property
     def inputs(self) -> frozenset[str]:
         """Points whose changes it wants to hear of."""
-        return frozenset(self._readers)
+        return frozenset(self._downstream) - self.names
 
     @property
     def names(self) -> frozenset[str]:
@@ -110,31 +111,22 @@ class Derivation:
         every derived point. A clock that was set back adds nothing and takes nothing away.
         """
         new_day = self._turn_day(time_us)
-        waiting: set[str] = set()
+        waiting: set[int] = set()
         if self._fresh or new_day:
-            waiting.update(self._by_name)
+            waiting.update(range(len(self._states)))
         elif not changed:
-            waiting.update(state.point.name for state in self._timed)
+            waiting.update(self._timed)
         self._fresh = False
-        for name, reading in changed.items():
-            self._values[name] = reading
-            waiting.update(state.point.name for state in self._readers.get(name, ()))
+        self._values.update(changed)
+        for name in changed:
+            waiting.update(self._downstream.get(name, ()))
         result: list[tuple[str, Value, int]] = []
-        pending = sorted(waiting, key=self._order.__getitem__)
-        seen = set(pending)
-        while pending:
-            name = pending.pop(0)
-            state = self._by_name[name]
+        for index in sorted(waiting):
+            state = self._states[index]
             reading = self._compute(state, time_us)
-            if reading == state.sent:
-                continue
-            state.sent = reading
-            self._values[name] = reading
-            result.append((name, *reading))
-            further = [reader.point.name for reader in self._readers.get(name, ()) if reader.point.name not in seen]
-            if further:
-                seen.update(further)
-                pending = sorted((*pending, *further), key=self._order.__getitem__)
+            if reading != state.sent:
+                state.sent = self._values[state.point.name] = reading
+                result.append((state.point.name, *reading))
         return result
 
     def retained(self) -> dict[str, Retained]:
@@ -184,15 +176,15 @@ class Derivation:
     def _compute(self, state: _State, now: int) -> tuple[Value, int]:
         if state.kind == "option":
             option = self._options[state.point.name]
-            return (option, GOOD) if option is not None else (None, NO_DATA)
-        readings = [self._values.get(name, (None, NO_DATA)) for name in state.inputs]
-        quality = worst(reading[1] for reading in readings)
+            return (option, GOOD) if option is not None else _NEVER
+        readings = [self._values.get(name, _NEVER) for name in state.inputs]
+        quality = readings[0][1] if len(readings) == 1 else worst([reading[1] for reading in readings])
         truth = None
         if state.when is not None:
-            truth = state.when.true(lambda key: self._values.get(state.keys[key], (None, NO_DATA)))
+            truth = state.when.true(lambda key: self._values.get(state.keys[key], _NEVER))
         match state.kind:
             case "signed":
-                size = _number(self._values.get(state.of, (None, NO_DATA))[0])
+                size = _number(self._values.get(state.of, _NEVER)[0])
                 if size is None or truth is None or is_bad(quality):
                     return None, _at_least_bad(quality)
                 return (-size if truth and size else size), quality
@@ -251,6 +243,17 @@ def _states(points: Mapping[str, Point]) -> list[_State]:
         inputs = tuple(dict.fromkeys([*([of] if of else []), *keys.values()]))
         states.append(_State(point, point.derived.kind, of, when, inputs, keys=keys))
     return states
+
+
+def _downstream(ordered: list[_State]) -> dict[str, tuple[int, ...]]:
+    """Name → indices of everything that is computed from it, directly or through others."""
+    reached: dict[str, set[int]] = {}
+    for index in reversed(range(len(ordered))):
+        state = ordered[index]
+        further = reached.get(state.point.name, set())
+        for name in state.inputs:
+            reached.setdefault(name, set()).update(further, (index,))
+    return {name: tuple(sorted(indices)) for name, indices in reached.items()}
 
 
 def _in_order(states: list[_State]) -> list[_State]:
