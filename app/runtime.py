@@ -93,7 +93,7 @@ class Runtime:
             for link_name, link in self.links.items()
             for name in statistic_names(link.link, sorted({item.unit for item in self.on_link(link_name)}))
         ]
-        points = list(self.plant.points.values()) if self.plant else []
+        points = [point for point in (self.plant.points.values() if self.plant else ()) if _has_value(point)]
         points += system_points(self.plant, statistics)
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
@@ -237,3 +237,8 @@ class Runtime:
     def _task_changed(self, kept: Kept) -> None:
         if not kept.alive:
             log.warning("task down task=%s error=%s", kept.name, kept.error)
+
+
+def _has_value(point: Point) -> bool:
+    """False for registers that can only be written: they are no tags."""
+    return point.register is None or point.register.readable
