@@ -6,7 +6,8 @@
     │   ├── NoAnswer         silence until the time-out
     │   ├── NotConnected     the line or the socket is not there
     │   ├── BadAnswer        an answer came and is not one to this request (length, unit, function, check sum)
-    │   └── DeviceException  the device answered with a Modbus exception code
+    │   ├── DeviceException  the device answered with a Modbus exception code
+    │   └── Overtaken        a write that was never sent, because a Stop came before it
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
 
@@ -72,6 +73,12 @@ class DeviceException(LinkError):
         name = EXCEPTION_NAMES.get(code, "unknown exception")
         super().__init__(f"{what + ': ' if what else ''}exception {code:02d} {name}")
         self.code = code
+
+
+class Overtaken(LinkError):
+    """A write that was never sent, because a Stop to the same device came before it."""
+
+    kind = "overtaken"
 
 
 class Refused(PogonError):

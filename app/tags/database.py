@@ -163,6 +163,8 @@ class TagDatabase:
         for block, members in self._members.items():
             age = now - self._seen_monotonic.get(block, now)
             for handle in members:
+                if self._blocks[handle] != block:  # another plan of its link reads it in another block now
+                    continue
                 limit = self.tags[handle].stale_after
                 if limit and age > limit and self._qualities[handle] & 3 == GOOD and handle not in self._stale:
                     overdue.setdefault(block, []).append(handle)

@@ -1,0 +1,81 @@
+"""What a transport is: four calls that carry one telegram at a time to the registers of a device.
+
+A transport knows addresses and bytes; it does not know quality, priorities, retries, alarms or people. One object is one connection (one
+socket, one serial line) and gets one call at a time; what waits is ordered by the link. Everything it raises is a `LinkError`.
+
+A late answer never becomes the answer to a later request: TCP tells them apart by transaction; a serial transport waits out the silence
+before its next request and throws away what came meanwhile. That wait belongs to the next call and counts as its time on the wire.
+"""
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from app.plant.definitions import Link
+
+Exchange = Callable[[int, bytes], Awaitable[bytes | None]]
+"""(unit, PDU) → the PDU that the virtual device answers, or None for silence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Neighbouring registers that one telegram reads."""
+
+    address: int
+    """First register, 0-based."""
+    count: int
+    """1 to 125."""
+    function: int = 3
+    """03 holding, 04 input registers."""
+
+    @property
+    def last(self) -> int:
+        """Last register."""
+        return self.address + self.count - 1
+
+
+class Transport(Protocol):
+    """One connection to devices. `patience` is the device's own time for an answer [s]; time on the wire comes on top."""
+
+    parallel: ClassVar[bool]
+    """Whether a link may open several of them to the same device (`device.connections`)."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether a telegram could be sent now."""
+        ...
+
+    async def connect(self) -> None:
+        """Open the connection; returns when telegrams can be carried.
+
+        Raises:
+            NotConnected: it could not be opened.
+        """
+        ...
+
+    async def read(self, unit: int, block: Block, patience: float) -> list[int]:
+        """Exactly `block.count` words of the device `unit`.
+
+        Raises:
+            NoAnswer: silence until the time-out.
+            NotConnected: the connection is not there, or went while waiting.
+            BadAnswer: an answer came that is not one to this request.
+            DeviceException: the device refused.
+        """
+        ...
+
+    async def write(self, unit: int, address: int, words: Sequence[int], patience: float, function: int = 6) -> None:
+        """Write `words` from `address` on with function 06 (one word) or 16; returns when the echo equals the request.
+
+        Raises:
+            NoAnswer, NotConnected, BadAnswer, DeviceException: as `read`; whether the device acted is not known then.
+        """
+        ...
+
+    async def close(self) -> None:
+        """Close the connection; never raises, and may be called twice."""
+        ...
+
+
+TransportFactory = Callable[[Link, Exchange | None], Transport]
+"""Builds one unopened connection of a link."""

@@ -1,0 +1,159 @@
+"""Points → the fewest reads: neighbouring registers in one telegram, over a gap when the gap is cheaper than another telegram.
+
+Cost of a plan [registers] = telegrams x overhead + registers read; the plan of least cost is found exactly (dynamic programming over the
+points in order of address). Overhead is what a telegram costs beside its registers: reference/modbus.md section 1 and section 3 item 3.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from app.links.contract import Block
+from app.plant.definitions import Device, Link, Point, Register, Scan
+from app.registers.pdu import MAX_READ, READ_HOLDING, READ_INPUT
+from app.registers.rtu import character_time, read_time
+
+NETWORK_OVERHEAD = 10_000.0
+"""Over TCP and in memory a register costs next to nothing: first the fewest telegrams, then the fewest registers."""
+
+FUNCTIONS: Mapping[str, int] = {"holding": READ_HOLDING, "input": READ_INPUT}
+"""Table → function code that reads it."""
+
+Span = tuple[int, int]
+"""First and last address."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One block of a plan and the points that lie in it."""
+
+    block: Block
+    scan: Scan
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All reads of one unit."""
+
+    readings: tuple[Reading, ...] = ()
+    unreadable: tuple[Point, ...] = ()
+    """Points whose registers the device does not answer."""
+
+
+@dataclass(slots=True)
+class Learned:
+    """What a device has shown beyond its data sheet, kept as long as the link lives."""
+
+    limit: int = MAX_READ
+    """Most registers per read."""
+    bad: set[tuple[int, int, int]] = field(default_factory=set)
+    """(function, first, last) of registers that the device refuses."""
+    gaps: set[tuple[int, int, int]] = field(default_factory=set)
+    """(function, first, last) of unused registers that no block may span."""
+
+
+def overhead(link: Link, device: Device) -> float:
+    """What one telegram costs, counted in registers: the break-even gap.
+
+    9600 baud 8E1: 10 without turnaround, 12 with 5 ms, 18 with 20 ms (reference/modbus.md section 3).
+    """
+    if link.transport != "rtu":
+        return NETWORK_OVERHEAD
+    return (read_time(link.baud, 0) + device.turnaround) / (2 * character_time(link.baud))
+
+
+def plan(points: Iterable[Point], device: Device, cost: float, learned: Learned | None = None) -> Plan:
+    """The reads of one unit. `cost`: overhead of a telegram [registers].
+
+    Fast points come first; a slower point that lies inside a faster block is read with it, for nothing. Points without a register
+    and command registers are left out.
+    """
+    learned = learned or Learned()
+    readings: list[Reading] = []
+    unreadable: list[Point] = []
+    classes: dict[tuple[Scan, int], list[Point]] = {}
+    for point in points:
+        register = point.register
+        if register is None or not register.readable:
+            continue
+        function = FUNCTIONS[register.table]
+        if _is_unreadable(register, function, device, learned) or register.words > _limit(device, point.scan, learned):
+            unreadable.append(point)
+        else:
+            classes.setdefault((point.scan, function), []).append(point)
+    for scan in Scan:
+        for function in sorted(set(FUNCTIONS.values())):
+            wanted = classes.get((scan, function), [])
+            limit = _limit(device, scan, learned)
+            wanted = _ride(wanted, readings, function, limit)
+            walls = _walls(device, function, learned)
+            for group in _cut(wanted, limit, walls, cost):
+                readings.append(Reading(_around(group, function), scan, tuple(group)))
+    return Plan(tuple(readings), tuple(unreadable))
+
+
+def span_of(register: Register) -> Span:
+    """First and last address of a register."""
+    return register.address, register.address + register.words - 1
+
+
+def _limit(device: Device, scan: Scan, learned: Learned) -> int:
+    return max(1, min(device.max_read, device.group_read.get(scan.value, MAX_READ), learned.limit, MAX_READ))
+
+
+def _is_unreadable(register: Register, function: int, device: Device, learned: Learned) -> bool:
+    first, last = span_of(register)
+    if function not in device.read_functions or last > 0xFFFF:
+        return True
+    silent = (*device.holes, *device.write_only, *((a, b) for f, a, b in learned.bad if f == function))
+    return any(first <= b and a <= last for a, b in silent)
+
+
+def _walls(device: Device, function: int, learned: Learned) -> list[Span]:
+    known = ((a, b) for f, a, b in learned.bad | learned.gaps if f == function)
+    return sorted([*device.holes, *device.write_only, *known])
+
+
+def _ride(points: Sequence[Point], readings: list[Reading], function: int, limit: int) -> list[Point]:
+    """The points that no faster block holds already; the others join it."""
+    rest = []
+    for point in points:
+        assert point.register is not None
+        first, last = span_of(point.register)
+        for index, reading in enumerate(readings):
+            block = reading.block
+            if block.function == function and block.count <= limit and block.address <= first and last <= block.last:
+                readings[index] = Reading(block, reading.scan, (*reading.points, point))
+                break
+        else:
+            rest.append(point)
+    return rest
+
+
+def _cut(points: Sequence[Point], limit: int, walls: Collection[Span], cost: float) -> list[list[Point]]:
+    """Cut the points, in order of address, into groups of least cost."""
+    spans = sorted(((span_of(point.register), point) for point in points if point.register), key=lambda item: item[0])
+    best: list[tuple[float, int]] = [(0.0, 0)]
+    for end in range(1, len(spans) + 1):
+        choice = (float("inf"), 0)
+        last = -1
+        for begin in range(end - 1, -1, -1):
+            first = spans[begin][0][0]
+            last = max(last, spans[begin][0][1])
+            if last - first + 1 > limit or any(first <= b and a <= last for a, b in walls):
+                break
+            choice = min(choice, (best[begin][0] + cost + last - first + 1, begin))
+        best.append(choice)
+    groups = []
+    end = len(spans)
+    while end:
+        begin = best[end][1]
+        groups.append([point for _, point in spans[begin:end]])
+        end = begin
+    return groups[::-1]
+
+
+def _around(points: Sequence[Point], function: int) -> Block:
+    spans = [span_of(point.register) for point in points if point.register]
+    first = min(span[0] for span in spans)
+    return Block(first, max(span[1] for span in spans) - first + 1, function)

@@ -1,0 +1,259 @@
+"""The register link: the points of some machines, kept true over one connection to their registers, and the road for writes.
+
+By itself it only reads. What is written comes from the command gate (`write`), the instructor or the probe (`raw_write`), and goes to a
+live device only when the plant file says `writes = true`.
+"""
+
+import asyncio
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import count
+from typing import cast
+
+from app.clock import Clock
+from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
+from app.links.contract import Block, Exchange, Transport
+from app.links.runner import LinkRunner
+from app.links.scan_block import ScanBlock, words_of
+from app.links.schedule import Priority
+from app.links.station import Station
+from app.links.statistics import LinkStatistics, State
+from app.links.statistics import statistic_names as statistic_names
+from app.links.transports import TRANSPORTS
+from app.plant.definitions import Equipment, Link, Point, Register
+from app.registers.codec import encode
+from app.registers.pdu import WRITE_MULTIPLE, WRITE_SINGLE
+from app.tags.database import TagDatabase
+
+UNITS = range(1, 248)
+
+
+class RegisterLink:
+    """One link of the plant. `run` keeps it alive; everything else may be called at any time, also while it is down."""
+
+    def __init__(
+        self,
+        link: Link,
+        equipment: Sequence[Equipment],
+        tags: TagDatabase,
+        clock: Clock,
+        *,
+        exchange: Exchange | None = None,
+    ) -> None:
+        """`equipment`: the machines on this link; `exchange`: the simulated line of a memory link.
+
+        Raises:
+            ConfigurationError: an unknown transport, a memory link without line, a unit outside 1 to 247 (255 over TCP).
+        """
+        if link.transport not in TRANSPORTS:
+            raise ConfigurationError(
+                f"links.{link.name}.transport = {link.transport}: expected one of {', '.join(TRANSPORTS)}"
+            )
+        transport = TRANSPORTS[link.transport]
+        transport(link, exchange)  # a link that cannot be built fails here and not in its task
+        for item in equipment:
+            if item.unit not in UNITS and not (link.transport == "tcp" and item.unit in (0, 255)):
+                raise ConfigurationError(f"{item.id}.unit = {item.unit}: expected 1 to 247")
+        self.link = link
+        self.name = link.name
+        self._equipment = {item.id: item for item in equipment}
+        self._demands: dict[object, frozenset[str]] = {}
+        by_unit: dict[int, list[Equipment]] = {}
+        for item in equipment:
+            by_unit.setdefault(item.unit, []).append(item)
+        numbers = count()
+        stations = {
+            unit: Station(link, unit, items, f"link.{link.name}", lambda: next(numbers))
+            for unit, items in sorted(by_unit.items())
+        }
+        lanes = min((item.type.device.connections for item in equipment), default=1) if transport.parallel else 1
+        self._runner = LinkRunner(
+            link, stations, tags, clock, lambda: cast(Transport, transport(link, exchange)), max(1, lanes)
+        )
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """How the link is doing."""
+        return self._runner.statistics
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every unit behind the link has said that it is simulated; False before they were asked."""
+        return self._runner.statistics.simulated
+
+    @property
+    def up(self) -> bool:
+        """Whether anybody behind the link answers."""
+        return self.statistics.state in (State.UP, State.SOME_SILENT)
+
+    @property
+    def stations(self) -> Mapping[int, Station]:
+        """The units, for pages that show how they are read."""
+        return self._runner.stations
+
+    async def run(self) -> None:
+        """Connect, scan, publish, back off, for ever."""
+        await self._runner.run()
+
+    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
+        """Write `value` [EU] to the point with key `point`; returns when the device has echoed it (accepted, not confirmed).
+
+        Never repeated here. `urgent` (Stop) goes before everything, is also tried on a silent unit, and takes writes to the same
+        unit that still wait out of the queue.
+
+        Raises:
+            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            LinkError: it was not accepted, or nobody knows (NoAnswer).
+        """
+        item = self._equipment_named(equipment)
+        definition = self._point_named(item, point)
+        register = definition.register
+        if register is None or not register.writable:
+            raise LinkError(f"{definition.name} cannot be written: it is read only")
+        try:
+            words = encode(register, value)
+        except ValueError as error:
+            raise LinkError(f"{definition.name}: {error}") from error
+        station = self._runner.stations[item.unit]
+        function = self._write_function(station, definition.name, words)
+        self._check_writable(station, urgent=urgent)
+        if register.mask is not None and register.readable:
+            words = await self._merged(station, register, words)
+        await self._send(item.unit, register.address, words, function, urgent=urgent)
+        self._runner.written(station, register.address, len(words))
+
+    async def refresh(self, equipment: str, points: Iterable[str]) -> None:
+        """Read the blocks of these points (keys) now; they are published before it returns.
+
+        Raises:
+            LinkError: a block was not answered, or the device has no such register.
+        """
+        item = self._equipment_named(equipment)
+        names = {self._point_named(item, key).name for key in points}
+        station = self._runner.stations[item.unit]
+        if station.state is State.DOWN and self._runner.connected:
+            raise NoAnswer(f"link {self.name}: unit {item.unit} is silent")
+        blocks = station.covering(names)
+        missing = names.difference(*(block.names for block in blocks))
+        if missing:
+            raise LinkError(f"link {self.name}: {', '.join(sorted(missing))} cannot be read")
+        results = await asyncio.gather(*(self._refresh(station, block) for block in blocks), return_exceptions=True)
+        for result in results:
+            if isinstance(result, BaseException):
+                raise result
+
+    async def raw_read(self, unit: int, address: int, count: int, function: int = 3) -> list[int]:
+        """`count` words from `address` of any unit.
+
+        Raises:
+            LinkError: as the transport.
+        """
+        block = Block(address, count, function)
+        job = self._runner.job(unit, block, liveness=not self._is_training(unit, address))
+        return await self._runner.ask(job, Priority.REFRESH)
+
+    async def raw_write(self, unit: int, address: int, words: Sequence[int]) -> None:
+        """Write `words` from `address` of any unit, with function 06 for one word and 16 for more.
+
+        Raises:
+            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            LinkError: as the transport.
+        """
+        station = self._runner.stations.get(unit)
+        simulated = self.link.simulated or (station is not None and station.simulated and self._runner.connected)
+        if not simulated and not self.link.writes:
+            raise Refused("command.writes_off", link=self.name)
+        function = WRITE_SINGLE if len(words) == 1 else WRITE_MULTIPLE
+        await self._send(unit, address, words, function, liveness=not self._is_training(unit, address))
+        self._runner.nudge(unit)
+
+    def demand(self, who: object, points: Iterable[str]) -> None:
+        """`who` (a page, a kind of page) shows these points (`equipment.point`) from now on; it replaces what it asked before."""
+        self._demands[who] = frozenset(points)
+        self._runner.demand(frozenset().union(*self._demands.values()))
+
+    def release(self, who: object) -> None:
+        """`who` is gone."""
+        if self._demands.pop(who, None) is not None:
+            self._runner.demand(frozenset().union(*self._demands.values()))
+
+    def words(self, name: str) -> Sequence[int] | None:
+        """Raw words of the point `name` (`equipment.point`) as last read; None while there are none."""
+        item = self._equipment.get(name.partition(".")[0])
+        if item is None:
+            return None
+        for block in self._runner.stations[item.unit].covering([name]):
+            for point in block.points:
+                if point.name == name:
+                    return words_of(block, point)
+        return None
+
+    # details
+
+    async def _refresh(self, station: Station, block: ScanBlock) -> None:
+        try:
+            await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
+        except (NoAnswer, BadAnswer):
+            self.statistics.retries += 1
+            await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
+
+    async def _send(
+        self,
+        unit: int,
+        address: int,
+        words: Sequence[int],
+        function: int,
+        *,
+        urgent: bool = False,
+        liveness: bool = True,
+    ) -> None:
+        job = self._runner.job(unit, liveness=liveness)
+        job.address, job.words, job.function, job.urgent = address, tuple(words), function, urgent
+        await self._runner.ask(job, Priority.URGENT if urgent else Priority.WRITE)
+
+    async def _merged(self, station: Station, register: Register, words: Sequence[int]) -> list[int]:
+        """`words` with the bits of the register that belong to others as they are now."""
+        block = Block(register.address, register.words, 3)
+        now = await self._runner.ask(self._runner.job(station.number, block), Priority.WRITE)
+        raw = ((register.mask or 0) << register.shift).to_bytes(2 * register.words, "big")
+        own = [int.from_bytes(raw[2 * index : 2 * index + 2], "big") for index in range(register.words)]
+        return [(old & ~bits) | (new & bits) for old, new, bits in zip(now, words, own, strict=True)]
+
+    def _check_writable(self, station: Station, *, urgent: bool) -> None:
+        if not self._runner.connected:
+            raise NotConnected(f"link {self.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
+        if station.state is State.CONFIGURATION:
+            raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
+        if station.state is not State.UP and not (urgent and self._may_write(station)):
+            raise NoAnswer(f"link {self.name}: unit {station.number} is silent")
+        if not self._may_write(station):
+            raise Refused("command.writes_off", link=self.name)
+
+    def _may_write(self, station: Station) -> bool:
+        return self.link.writes or self.link.simulated or station.simulated
+
+    def _write_function(self, station: Station, name: str, words: Sequence[int]) -> int:
+        device = station.device
+        if len(words) == 1 and WRITE_SINGLE in device.write_functions:
+            return WRITE_SINGLE
+        if WRITE_MULTIPLE in device.write_functions and len(words) <= max(1, device.max_write):
+            return WRITE_MULTIPLE
+        raise LinkError(
+            f"{name}: {len(words)} words cannot be written with functions {list(device.write_functions)}, "
+            f"at most {device.max_write} at once"
+        )
+
+    def _is_training(self, unit: int, address: int) -> bool:
+        station = self._runner.stations.get(unit)
+        return address >= (station.device.training if station else 0xE000)
+
+    def _equipment_named(self, name: str) -> Equipment:
+        try:
+            return self._equipment[name]
+        except KeyError:
+            raise LinkError(f"link {self.name}: no equipment {name}, expected one of {list(self._equipment)}") from None
+
+    def _point_named(self, item: Equipment, key: str) -> Point:
+        try:
+            return item.points[key]
+        except KeyError:
+            raise LinkError(f"{item.id} has no point {key}") from None

@@ -1,0 +1,741 @@
+"""The loop around a register link: connect, scan, publish, back off, say so once.
+
+Each connection is a lane with a loop of its own; all lanes take their next telegram from one schedule. What needs several telegrams
+(to identify a unit, to find the registers that it refuses, to look whether a silent one is back) is a task that puts them into that
+schedule one by one, so a write never waits for more than the telegram on the wire.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass
+from math import inf
+from random import uniform
+from typing import Any
+
+from app.clock import Clock
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
+from app.links.contract import Block, Transport
+from app.links.scan_block import ScanBlock
+from app.links.schedule import Job, Priority, Schedule
+from app.links.station import Finding, Station, spans_of
+from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
+from app.plant.definitions import Link, Scan
+from app.tags.database import TagDatabase
+from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
+
+log = logging.getLogger(__name__)
+
+RETRIES = 1
+"""Of a read without an answer; a write is never repeated here."""
+RETRY_LIMIT = 0.8
+"""Longest time-out of a retry [s]: a pulled cable shows within one time-out + 1 s."""
+BUSY_PAUSE = 0.05
+"""Before a device that is busy is asked again [s]."""
+BUSY_TRIES = 2
+SLOWEST_REFUSED = 10.0
+"""Longest period of a block that the device keeps refusing [s]."""
+PERMANENT = 10.0
+"""Period of a block that the device cannot serve at all [s]; a repaired device comes back by itself."""
+FIRST_PROBE, LAST_PROBE = 1.0, 60.0
+"""Pauses between probes of a silent unit [s], doubling."""
+PROBE_SHARE = 0.05
+"""Most of the line's time that goes into probes while others live on it."""
+FIRST_PAUSE, LAST_PAUSE = 0.1, 5.0
+"""Pauses before a lost connection is opened again [s], doubling; the first try is at once."""
+RECHECK = 60.0
+"""Between two looks at a refused register [s]."""
+ENDED = "link ended"
+REPORT = 1.0
+"""Period of the statistics [s]."""
+
+TRAINING_WORDS = 4
+TRAINING_MAGIC = 0x5047
+TRAINING_SIMULATED = 0x0001
+TRAINING_VERSION = 1
+"""Head of the training registers (reference/register-map.md): magic, flags, version, type."""
+
+GATEWAY = (10, 11)
+NO_REGISTER = (2, 3)
+PERMANENT_CODES = (1, 7)
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One connection."""
+
+    number: int
+    transport: Transport
+    answers: int = 0
+
+
+class LinkRunner:
+    """Keeps the units of one link scanned and their tags honest."""
+
+    def __init__(
+        self,
+        link: Link,
+        stations: Mapping[int, Station],
+        tags: TagDatabase,
+        clock: Clock,
+        build: Callable[[], Transport],
+        lanes: int,
+    ) -> None:
+        """`build` makes an unopened connection; `lanes` of them are kept open."""
+        self.link = link
+        self.stations = stations
+        self.statistics = LinkStatistics(units={number: UnitStatistics() for number in stations})
+        self.demanded: frozenset[str] = frozenset()
+        self._tags = tags
+        self._clock = clock
+        self._build = build
+        self._lanes = lanes
+        self._schedule = Schedule()
+        self._open: set[int] = set()
+        self._sleepers: set[asyncio.Future[None]] = set()
+        self._failed: asyncio.Future[None] | None = None
+        self._publisher = StatisticsPublisher(link.name, self.statistics, tags, clock)
+        self._told_up: bool | None = None
+        self._heard = False
+        """Whether anybody answered since the connection was opened, or since all were silent."""
+        self._line_silent = False
+        if not self._heard:
+            self._heard = True
+            self._settle()
+        self._probe_free = 0.0
+        self._reopened = 0.0
+        self._reopen: set[int] = set()
+
+    async def run(self) -> None:
+        """Keep every connection open and used until cancelled."""
+        loop = asyncio.get_running_loop()
+        self._failed = loop.create_future()
+        self._replan_all()
+        own = [loop.create_task(self._lane(number)) for number in range(self._lanes)]
+        own.append(loop.create_task(self._report()))
+        try:
+            await asyncio.wait([*own, self._failed], return_when=asyncio.FIRST_EXCEPTION)
+            for ended in (*own, self._failed):
+                if ended.done():
+                    ended.result()
+        finally:
+            for task in own:
+                task.cancel()
+            await asyncio.gather(*own, return_exceptions=True)
+            self._close(ENDED)
+            if not self._failed.done():
+                self._failed.cancel()
+
+    # what others ask
+
+    @property
+    def connected(self) -> bool:
+        """Whether a connection is open."""
+        return bool(self._open)
+
+    async def ask(self, job: Job, priority: Priority) -> list[int]:
+        """Send the telegram of `job` when it is its turn.
+
+        Raises:
+            LinkError: as the transport, or NotConnected at once when there is no connection.
+        """
+        if not self._open:
+            raise NotConnected(f"link {self.link.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
+        if job.urgent:
+            for overtaken in self._schedule.overtake(job.unit):
+                _fail(
+                    overtaken,
+                    Overtaken(f"unit {job.unit}: write to {overtaken.address:#06x} not sent, a Stop came first"),
+                )
+        self._schedule.add(job, priority)
+        self._wake()
+        return await job.done
+
+    def job(self, unit: int, read: Block | None = None, *, liveness: bool = True, scan: ScanBlock | None = None) -> Job:
+        """A read of `unit`, or the start of a write."""
+        station = self.stations.get(unit)
+        timeout = station.timeout if station else self.link.timeout or _default_timeout(self.stations)
+        done: asyncio.Future[list[int]] = asyncio.get_running_loop().create_future()
+        return Job(unit, timeout, done, read, scan, liveness=liveness)
+
+    def written(self, station: Station, address: int, count: int) -> None:
+        """What holds these registers is read again now."""
+        if station.state is State.UP:
+            for block in station.around(3, address, address + count - 1):
+                self._schedule.at(block, self._now())
+            self._wake()
+
+    def nudge(self, unit: int) -> None:
+        """Somebody wrote registers of their own to `unit`: what is silent or refused is tried now, not when its pause is over."""
+        station = self.stations.get(unit)
+        if station is None:
+            return
+        station.probe_now.set()
+        if station.state is State.UP:
+            for block in station.blocks:
+                if block.failures or (block.quality or 0) & 3:
+                    self._schedule.at(block, self._now())
+        self._wake()
+
+    def demand(self, names: frozenset[str]) -> None:
+        """Points of class PAGE that somebody looks at."""
+        fresh = names - self.demanded
+        self.demanded = names
+        for station in self.stations.values():
+            if station.state is State.UP:
+                for block in station.covering(fresh):
+                    if block.scan is Scan.PAGE and not block.queued:
+                        self._schedule.at(block, self._now())
+        self._wake()
+
+    # a connection
+
+    async def _lane(self, number: int) -> None:
+        pause = 0.0
+        while True:
+            lane = _Lane(number, self._build())
+            try:
+                await lane.transport.connect()
+                self._opened(number)
+                await self._work(lane)
+            except NotConnected as error:
+                self._lost(number, error)
+            finally:
+                await lane.transport.close()
+            if lane.answers:
+                pause = 0.0
+            await asyncio.sleep(pause * uniform(0.9, 1.1))
+            pause = min(max(2 * pause, FIRST_PAUSE), LAST_PAUSE)
+
+    async def _work(self, lane: _Lane) -> None:
+        """Carry telegrams until the connection is lost."""
+        number, transport = lane.number, lane.transport
+        try:
+            while True:
+                if not transport.connected:
+                    raise NotConnected(f"link {self.link.name}: closed by the other end")
+                if number in self._reopen:
+                    self._reopen.discard(number)
+                    raise NotConnected(f"link {self.link.name}: no unit answers, opening the connection again")
+                turn = self._schedule.take(self._now())
+                if turn is None:
+                    await self._idle()
+                elif isinstance(turn, Job):
+                    await self._do(lane, turn)
+                else:
+                    await self._scan(lane, turn)
+        except asyncio.CancelledError:
+            self._lost(number, NotConnected(ENDED))
+            raise
+
+    async def _idle(self) -> None:
+        loop = asyncio.get_running_loop()
+        sleeper: asyncio.Future[None] = loop.create_future()
+        due = self._schedule.next_due()
+        timer = None if due is None else loop.call_at(due, _finish, sleeper)
+        self._sleepers.add(sleeper)
+        try:
+            await sleeper
+        finally:
+            self._sleepers.discard(sleeper)
+            if timer is not None:
+                timer.cancel()
+
+    def _wake(self) -> None:
+        for sleeper in self._sleepers:
+            _finish(sleeper)
+
+    def _opened(self, number: int) -> None:
+        first = not self._open
+        self._open.add(number)
+        self.statistics.connections = len(self._open)
+        if first:
+            self._heard = False
+            for station in self.stations.values():
+                station.state = State.CONNECTING
+                self._attend(station, self._bring_up(station))
+            if not self.stations:
+                self._note(up=True)
+        self._settle()
+
+    def _lost(self, number: int, error: NotConnected) -> None:
+        self._open.discard(number)
+        self._reopen.discard(number)
+        self.statistics.connections = len(self._open)
+        self.statistics.last_error, self.statistics.last_error_text = error.kind, str(error)
+        if not self._open:
+            self._close(str(error))
+
+    def _close(self, reason: str) -> None:
+        """Nothing is connected any more: no job waits, everything is bad at once, and one line says so."""
+        for job in self._schedule.clear():
+            _fail(job, NotConnected(f"link {self.link.name}: {reason}"))
+        for station in self.stations.values():
+            station.end_tasks()
+            station.state = State.DOWN
+            self._publish_lost(station, COMM_FAILURE)
+        self._heard = False
+        if reason != ENDED:
+            self._note(up=False, reason=reason)
+        self._settle()
+
+    # one telegram
+
+    async def _do(self, lane: _Lane, job: Job) -> None:
+        transport = lane.transport
+        started = self._now()
+        station = self.stations.get(job.unit)
+        try:
+            if job.read is not None:
+                words = await transport.read(job.unit, job.read, job.timeout)
+            elif station is not None:
+                async with station.writing:
+                    await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
+                words = []
+            else:
+                await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
+                words = []
+        except BaseException as error:
+            self.statistics.busy += self._now() - started
+            if not isinstance(error, LinkError):
+                _fail(job, NotConnected(f"link {self.link.name}: ended while unit {job.unit} was asked"))
+                raise
+            if isinstance(error, DeviceException):
+                lane.answers += 1
+                self._answered(station, started, job.liveness and error.code not in GATEWAY)
+            self.statistics.failed(job.unit, error)
+            _fail(job, error)
+            if isinstance(error, NotConnected):
+                raise
+            return
+        lane.answers += 1
+        self.statistics.busy += self._now() - started
+        self._answered(station, started, job.liveness)
+        if job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
+            self._publish(station, job.scan, words, started)
+        if not job.done.done():
+            job.done.set_result(words)
+
+    async def _scan(self, lane: _Lane, block: ScanBlock) -> None:
+        station = self.stations[block.unit]
+        started = self._now()
+        ticket = block.ticket
+        timeout = min(station.timeout, RETRY_LIMIT) if block.attempts else station.timeout
+        try:
+            words = await lane.transport.read(block.unit, block.block, timeout)
+        except NotConnected:
+            if ticket == block.ticket:
+                self._schedule.at(block, block.due)  # another connection may do it
+            raise
+        except LinkError as error:
+            self.statistics.busy += self._now() - started
+            self.statistics.failed(block.unit, error)
+            if isinstance(error, DeviceException):
+                lane.answers += 1
+            if ticket == block.ticket:  # else it has been given another place, or none, while it was away
+                self._scan_failed(station, block, error, started)
+            return
+        lane.answers += 1
+        ended = self._now()
+        self.statistics.busy += ended - started
+        self._answered(station, started, True)
+        station.proven = max(station.proven, block.block.count)
+        block.attempts = block.failures = 0
+        if block.scan is Scan.FAST:
+            if block.scanned:
+                self.statistics.fast_scan(ended - block.scanned)
+            block.scanned = ended
+        if ticket == block.ticket:
+            self._again(block)
+        if station.state is State.UP and block.alive:
+            self._publish(station, block, words, started)
+
+    def _again(self, block: ScanBlock) -> None:
+        """The next place of a block: one period after the last, or now and counted when that is over."""
+        if block.period == inf or (block.scan is Scan.PAGE and self.demanded.isdisjoint(block.names)):
+            return
+        due, now = block.due + block.period, self._now()
+        if due < now:
+            self.statistics.late_scans += 1 + int((now - due) / block.period)
+            due = now
+        self._schedule.at(block, due)
+
+    def _publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
+        if started < block.started:  # a later request was answered before this one, on another connection
+            return
+        block.started = started
+        block.bind(self._tags.handles, self._tags.revision)
+        self._tags.publish(block.seen(words, self._clock.micros(), station.origin))
+
+    def _publish_lost(self, station: Station, quality: int) -> None:
+        for block in station.blocks:
+            self._publish_block_lost(station, block, quality)
+
+    def _publish_block_lost(self, station: Station, block: ScanBlock, quality: int) -> None:
+        block.bind(self._tags.handles, self._tags.revision)
+        block.attempts, block.scanned = 0, 0.0
+        block.started = self._now()
+        batch = block.lost(self._clock.micros(), quality | station.origin)
+        if batch is not None:
+            self._tags.publish(batch)
+
+    def _answered(self, station: Station | None, started: float, alive: bool) -> None:
+        self.statistics.telegrams += 1
+        if station is None or not alive:
+            return
+        self.statistics.units[station.number].answered(self._now() - started)
+        self._line_silent = False
+        if not self._heard:
+            self._heard = True
+            self._settle()
+        if station.state is State.DOWN:
+            station.probe_now.set()
+
+    # what goes wrong
+
+    def _scan_failed(self, station: Station, block: ScanBlock, error: LinkError, started: float) -> None:
+        if isinstance(error, DeviceException) and error.code not in GATEWAY:
+            self._answered(station, started, True)
+            self._refused(station, block, error)
+        elif block.attempts < RETRIES and not self._line_silent:
+            block.attempts += 1
+            self.statistics.retries += 1
+            self._schedule.at(block, block.due, first=True)
+        else:
+            block.attempts = 0
+            if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
+                self._attend(station, self._try_smaller(station, block, error))
+            else:
+                self._silent(station, error)
+
+    def _refused(self, station: Station, block: ScanBlock, error: DeviceException) -> None:
+        now = self._now()
+        if error.code in NO_REGISTER:
+            self._attend(station, self._examine(station, block))
+        elif error.code in PERMANENT_CODES:
+            self._publish_block_lost(station, block, CONFIGURATION if error.code == 1 else DEVICE)
+            self._schedule.at(block, now + PERMANENT)
+        elif block.attempts < BUSY_TRIES:
+            block.attempts += 1
+            self.statistics.retries += 1
+            self._schedule.at(block, now + BUSY_PAUSE * block.attempts)
+        else:
+            self._publish_block_lost(station, block, DEVICE)
+            block.failures += 1
+            shortest = min(block.period, 1.0)
+            self._schedule.at(block, now + min(SLOWEST_REFUSED, max(shortest, 0.25 * 2 ** min(block.failures, 6))))
+
+    def _silent(self, station: Station, error: LinkError) -> None:
+        """A unit in quarantine: bad at once, and from now on only probes."""
+        if station.state is State.DOWN:
+            return
+        station.end_tasks()
+        for block in station.blocks:
+            self._schedule.drop(block)
+        station.state = State.DOWN
+        self._line_silent = True
+        self._publish_lost(station, COMM_FAILURE)
+        if self._several:
+            log.warning("unit silent link=%s unit=%d reason=%s", self.link.name, station.number, error)
+        self._attend(station, self._probe(station))
+        if self._all_silent:
+            self._heard = False
+            self._note(up=False, reason=str(error))
+        self._settle()
+
+    @property
+    def _several(self) -> bool:
+        return len(self.stations) > 1
+
+    @property
+    def _all_silent(self) -> bool:
+        return all(station.state is State.DOWN for station in self.stations.values())
+
+    async def _probe(self, station: Station) -> None:
+        """Ask a silent unit for one register now and then, until it answers."""
+        pause = FIRST_PROBE
+        while True:
+            wait = pause * uniform(0.9, 1.1)
+            wait = min(wait, LAST_PAUSE) if self._all_silent else max(wait, self._probe_free - self._now())
+            station.probe_now.clear()
+            try:
+                async with asyncio.timeout(wait):
+                    await station.probe_now.wait()
+            except TimeoutError:
+                pass
+            started = self._now()
+            try:
+                await self._read(station, station.probe())
+                break
+            except DeviceException as error:
+                if error.code not in GATEWAY:
+                    break
+            except LinkError:
+                pass
+            self._probe_free = max(self._probe_free, started) + (self._now() - started) / PROBE_SHARE
+            pause = min(2 * pause, LAST_PROBE)
+            self._reopen_when_all_silent()
+        if self._several:
+            log.info("unit answers link=%s unit=%d", self.link.name, station.number)
+        await self._bring_up(station)
+
+    def _reopen_when_all_silent(self) -> None:
+        """A socket can be open and dead; some devices need a new one (pymodbus #2619)."""
+        now = self._now()
+        if self.link.transport == "tcp" and self._all_silent and now - self._reopened > LAST_PAUSE:
+            self._reopened = now
+            self._reopen = set(self._open)
+            self._wake()
+
+    async def _bring_up(self, station: Station) -> None:
+        """Find out what the unit is, then scan it."""
+        while not await self._identify(station):
+            station.state = State.CONFIGURATION
+            self._publish_lost(station, CONFIGURATION)
+            self._settle()
+            await asyncio.sleep(LAST_PAUSE)
+        station.state = State.UP
+        station.tell_unreadable(self._tags, self._clock.micros())
+        now = self._now()
+        for block in station.blocks:
+            self._schedule.at(block, now)
+        self._wake()
+        self._start_recheck(station)
+        self._settle()
+
+    async def _identify(self, station: Station) -> bool:
+        """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one."""
+        if self.link.simulated:
+            station.simulated = True
+            return True
+        station.simulated = False
+        header = Block(station.device.training, TRAINING_WORDS)
+        for _ in range(1 + RETRIES):
+            try:
+                magic, flags, version, _ = await self._read(station, header, liveness=False)
+            except DeviceException:
+                return True
+            except (NoAnswer, BadAnswer):
+                continue
+            if magic != TRAINING_MAGIC:
+                return True
+            if version != TRAINING_VERSION or not flags & TRAINING_SIMULATED:
+                log.error(
+                    "training registers not understood link=%s unit=%d flags=%#x version=%d expected=%d",
+                    self.link.name,
+                    station.number,
+                    flags,
+                    version,
+                    TRAINING_VERSION,
+                )
+                return False
+            station.simulated = True
+            return True
+        return True
+
+    async def _try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
+        """Silence at a size that the device never answered: is it the size, or is nobody there?"""
+        async with station.attention:
+            await self._try_smaller_alone(station, block, error)
+
+    async def _try_smaller_alone(self, station: Station, block: ScanBlock, error: LinkError) -> None:
+        if not block.alive:
+            return
+        self._schedule.drop(block)
+        try:
+            await self._read(station, Block(block.block.address, 1, block.block.function))
+        except DeviceException:
+            pass
+        except LinkError:
+            self._later(station, error)
+            return
+        station.learned.limit = station.device.fallback_read
+        self._tell_limit(station, error)
+        self._replan(station)
+
+    async def _examine(self, station: Station, block: ScanBlock) -> None:
+        """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
+        async with station.attention:
+            await self._examine_alone(station, block)
+
+    async def _examine_alone(self, station: Station, block: ScanBlock) -> None:
+        if not block.alive:
+            return
+        self._schedule.drop(block)
+        finding, function = Finding(), block.block.function
+        try:
+            await self._halve(station, function, spans_of(block.points), finding)
+        except DeviceException:
+            self._schedule.at(block, self._now() + 1.0)
+            self._wake()
+            return
+        except LinkError as error:
+            self._later(station, error)
+            return
+        learned = station.learned
+        if finding.limit is not None:
+            fallback = station.device.fallback_read
+            learned.limit = fallback if 0 < fallback < block.block.count else finding.limit
+            self._tell_limit(
+                station, LinkError(f"{block.block.count} registers from {block.block.address:#06x} refused")
+            )
+        learned.gaps.update((function, first, last) for first, last in finding.gaps)
+        learned.bad.update((function, first, last) for first, last in finding.bad)
+        for first, last in finding.bad:
+            log.warning(
+                "no such register link=%s unit=%d first=%#06x last=%#06x", self.link.name, station.number, first, last
+            )
+        if finding.limit is None and not finding.gaps and not finding.bad:
+            self._schedule.at(block, self._now() + BUSY_PAUSE)  # it takes the block now
+            self._wake()
+        self._replan(station)
+        self._start_recheck(station)
+
+    async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
+        """Whether the device answers the registers from the first to the last of `spans` in one read."""
+        first, last = spans[0][0], max(end for _, end in spans)
+        try:
+            await self._read(station, Block(first, last - first + 1, function))
+            return True
+        except DeviceException as error:
+            if error.code not in NO_REGISTER:
+                raise
+            code = error.code
+        if len(spans) == 1:
+            finding.bad.append(spans[0])
+            return False
+        middle = len(spans) // 2
+        left, right = spans[:middle], spans[middle:]
+        alone = [await self._halve(station, function, half, finding) for half in (left, right)]
+        if all(alone):
+            end, begin = max(end for _, end in left), right[0][0]
+            if code == 2 and begin > end + 1:
+                finding.gaps.append((end + 1, begin - 1))
+            else:
+                larger = max(end - first, last - begin) + 1
+                finding.limit = larger if finding.limit is None else min(finding.limit, larger)
+        return False
+
+    def _start_recheck(self, station: Station) -> None:
+        if station.learned.bad and station.recheck is None:
+            station.recheck = self._attend(station, self._recheck(station))
+
+    async def _recheck(self, station: Station) -> None:
+        """Look now and then at a refused register; when it is there after all, everything is tried again."""
+        pause = FIRST_PROBE
+        while station.learned.bad:
+            await asyncio.sleep(RECHECK if station.blocks else pause)
+            pause = min(2 * pause, RECHECK)
+            function, first, last = min(station.learned.bad)
+            try:
+                await self._read(station, Block(first, last - first + 1, function))
+            except LinkError:
+                continue
+            station.learned.bad.clear()
+            station.learned.gaps.clear()
+            self._replan(station)
+        station.recheck = None
+
+    # small things
+
+    async def _read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
+        return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
+
+    def _replan_all(self) -> None:
+        for station in self.stations.values():
+            station.plan()
+
+    def _replan(self, station: Station) -> None:
+        before = set(map(id, station.blocks))
+        for gone in station.plan():
+            gone.alive = False
+            self._schedule.drop(gone)
+        now = self._now()
+        station.tell_unreadable(self._tags, self._clock.micros())
+        for block in station.blocks:
+            if id(block) not in before and station.state is State.UP:
+                self._schedule.at(block, now)
+        self._wake()
+
+    def _attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """Do `work` for a station beside its scans."""
+        task = asyncio.get_running_loop().create_task(work)
+        station.tasks.add(task)
+        task.add_done_callback(station.tasks.discard)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _later(self, station: Station, error: LinkError) -> None:
+        """`_silent`, outside the task that it ends."""
+        asyncio.get_running_loop().call_soon(self._silent, station, error)
+
+    def _tell_limit(self, station: Station, error: LinkError) -> None:
+        log.warning(
+            "unit takes fewer registers per read link=%s unit=%d limit=%d reason=%s",
+            self.link.name,
+            station.number,
+            station.learned.limit,
+            error,
+        )
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if error is None or isinstance(error, NotConnected):  # the lanes tell a lost connection
+            return
+        if self._failed is not None and not self._failed.done():
+            self._failed.set_exception(error)
+
+    def _settle(self) -> None:
+        """State of the link from the states of its units."""
+        states = [station.state for station in self.stations.values()]
+        for number, station in self.stations.items():
+            self.statistics.units[number].state = station.state
+        statistics = self.statistics
+        if not self._open:
+            statistics.state = State.CONNECTING if self._told_up is None else State.DOWN
+        elif State.CONFIGURATION in states:
+            statistics.state = State.CONFIGURATION
+        elif states and all(state is State.DOWN for state in states):
+            statistics.state = State.DOWN
+        elif State.DOWN in states:
+            statistics.state = State.SOME_SILENT
+        else:
+            statistics.state = State.CONNECTING if states and State.UP not in states else State.UP
+        statistics.simulated = self.link.simulated or (
+            bool(states) and all(station.simulated for station in self.stations.values())
+        )
+        if State.UP in states and self._open and self._heard:
+            self._note(up=True)
+        self._publisher.publish()
+
+    def _note(self, *, up: bool, reason: str = "") -> None:
+        if up == self._told_up:
+            return
+        self._told_up = up
+        if up:
+            log.info("link up link=%s", self.link.name)
+        else:
+            log.warning("link down link=%s reason=%s", self.link.name, reason)
+
+    async def _report(self) -> None:
+        while True:
+            await asyncio.sleep(REPORT)
+            self._publisher.measure()
+            self._settle()
+
+    def _now(self) -> float:
+        return asyncio.get_running_loop().time()
+
+
+def _finish(sleeper: asyncio.Future[None]) -> None:
+    if not sleeper.done():
+        sleeper.set_result(None)
+
+
+def _fail(job: Job, error: LinkError) -> None:
+    if not job.done.done():
+        job.done.set_exception(error)
+
+
+def _default_timeout(stations: Mapping[int, Station]) -> float:
+    return max((station.timeout for station in stations.values()), default=1.0)

@@ -1,0 +1,150 @@
+"""One unit of a line: its machines, the blocks that are read of it, and what it has shown so far."""
+
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+from app.links.contract import Block
+from app.links.planner import FUNCTIONS, Learned, Plan, Reading, overhead, plan, span_of
+from app.links.scan_block import ScanBlock
+from app.links.statistics import State
+from app.plant.definitions import Device, Equipment, Link, Point, Scan
+from app.tags.batch import Batch
+from app.tags.database import TagDatabase
+from app.tags.quality import NOT_CONNECTED, Origin
+
+
+@dataclass(slots=True)
+class Station:
+    """State of one unit; what happens to it is decided in runner.py."""
+
+    link: Link
+    number: int
+    equipment: Sequence[Equipment]
+    source: str
+    next_block: Callable[[], int]
+    """Gives the next block number of the link."""
+    simulated: bool = False
+    """Whether it said so; a device that did not is live."""
+    state: State = State.CONNECTING
+    blocks: list[ScanBlock] = field(default_factory=list)
+    learned: Learned = field(default_factory=Learned)
+    proven: int = 0
+    """Most registers that it ever answered in one read."""
+    tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    """What is being done to get it going: identify, probe, find out what it refuses."""
+    recheck: asyncio.Task[None] | None = None
+    """Looks now and then whether refused registers are there after all; one of `tasks`."""
+    attention: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """One examination at a time."""
+    probe_now: asyncio.Event = field(default_factory=asyncio.Event)
+    writing: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """One write at a time, so that a Stop on a second connection never overtakes a start on the first."""
+    unreadable: tuple[Point, ...] = ()
+    _unreadable_block: int = -1
+    _unreadable_told: tuple[object, ...] = ()
+
+    @property
+    def device(self) -> Device:
+        """What the device can take; that of the first machine where several share a unit."""
+        return self.equipment[0].type.device
+
+    @property
+    def timeout(self) -> float:
+        """Time for an answer, beside the time on the wire [s]."""
+        return self.link.timeout or max(item.type.device.timeout for item in self.equipment)
+
+    @property
+    def origin(self) -> int:
+        """Origin flag of its values."""
+        return Origin.SIMULATED if self.simulated else 0
+
+    def plan(self) -> list[ScanBlock]:
+        """Plan the reads anew; blocks that stay as they are keep their number and state. Returns those that are gone."""
+        by_type: dict[str, list[Equipment]] = {}
+        for item in self.equipment:
+            by_type.setdefault(item.type.name, []).append(item)
+        plans = [self._plan_of(items) for items in by_type.values()]
+        before = {_identity(block.reading): block for block in self.blocks}
+        self.blocks = []
+        for reading in (reading for result in plans for reading in result.readings):
+            block = before.pop(_identity(reading), None)
+            self.blocks.append(block or self._block(reading))
+        self.unreadable = tuple(point for result in plans for point in result.unreadable)
+        return list(before.values())
+
+    def covering(self, names: Iterable[str]) -> list[ScanBlock]:
+        """The blocks that hold these points, without doubles."""
+        wanted = frozenset(names)
+        return [block for block in self.blocks if not wanted.isdisjoint(block.names)]
+
+    def around(self, function: int, first: int, last: int) -> list[ScanBlock]:
+        """The blocks that hold any register of `first` to `last`."""
+        return [
+            block
+            for block in self.blocks
+            if block.block.function == function and block.block.address <= last and first <= block.block.last
+        ]
+
+    def probe(self) -> Block:
+        """One register that the device answers: of the fastest block, else the first of its map."""
+        for block in self.blocks:
+            return Block(block.block.address, 1, block.block.function)
+        for point in self.unreadable:
+            if point.register is not None:
+                return Block(point.register.address, 1, FUNCTIONS[point.register.table])
+        return Block(0, 1)
+
+    def tell_unreadable(self, tags: TagDatabase, time: int) -> None:
+        """Publish once that the points without a register in the device are not connected."""
+        told = (tags.revision, self.origin, *(point.name for point in self.unreadable))
+        if told == self._unreadable_told:
+            return
+        self._unreadable_told = told
+        if self._unreadable_block < 0:
+            self._unreadable_block = self.next_block()
+        handles = [tags.handle(point.name) for point in self.unreadable if point.name in tags]
+        if handles:
+            quality = NOT_CONNECTED | self.origin
+            nothing = [None] * len(handles)
+            tags.publish(Batch(self.source, self._unreadable_block, time, time, handles, nothing, quality))
+
+    def end_tasks(self) -> None:
+        """End what is being done to get it going."""
+        for task in self.tasks:
+            task.cancel()
+        self.tasks.clear()
+        self.recheck = None
+
+    def _plan_of(self, items: Sequence[Equipment]) -> Plan:
+        device = items[0].type.device
+        points = (point for item in items for point in item.points.values())
+        return plan(points, device, overhead(self.link, device), self.learned)
+
+    def _block(self, reading: Reading) -> ScanBlock:
+        device = self.device
+        fast, slow = self.link.fast or device.fast, self.link.slow or device.slow
+        period = {Scan.FAST: fast, Scan.SLOW: slow, Scan.PAGE: slow, Scan.ONCE: inf}[reading.scan]
+        return ScanBlock(self.source, self.next_block(), self.number, reading, period)
+
+
+def _identity(reading: Reading) -> object:
+    return reading.block, reading.scan, tuple(point.name for point in reading.points)
+
+
+@dataclass(slots=True)
+class Finding:
+    """What cutting a refused block in halves has shown."""
+
+    bad: list[tuple[int, int]] = field(default_factory=list)
+    """Registers that the device refuses alone."""
+    gaps: list[tuple[int, int]] = field(default_factory=list)
+    """Unused registers between halves that it takes alone and not together."""
+    limit: int | None = None
+    """Larger of two neighbouring halves that it takes alone and not together: the block is too large."""
+
+
+def spans_of(points: Iterable[Point]) -> list[tuple[int, int]]:
+    """The different spans of registers of `points`, in order."""
+    return sorted({span_of(point.register) for point in points if point.register is not None})

@@ -1,0 +1,202 @@
+"""How a link is doing, counted as it happens and published about once a second as tags `sys.link.<link>.…`.
+
+| name | content |
+| --- | --- |
+| state | 0 connecting · 1 up · 2 some units silent · 3 down · 4 configuration |
+| polls | telegrams answered per second, reads and writes [1/s] |
+| scan_time | time between two scans of a fast block, mean [ms] |
+| bus_share | time with a telegram on its way, of all time and connections [%] |
+| timeouts, exceptions, retries, late_scans | counted since the start |
+| last_error | index in `ERROR_KINDS`, 0 = none yet |
+| connections | open now |
+| simulated | 1 when every unit says that it is simulated |
+
+and for each unit `sys.link.<link>.unit<n>.…`: state, answer_time (smoothed [ms]), timeouts, exceptions.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from zlib import crc32
+
+from app.clock import Clock
+from app.errors import DeviceException, LinkError, NoAnswer
+from app.plant.definitions import Link
+from app.tags.batch import Batch, Value
+from app.tags.database import TagDatabase
+
+SOURCE = "sys"
+
+LINK_KEYS: Sequence[str] = (
+    "state",
+    "polls",
+    "scan_time",
+    "bus_share",
+    "timeouts",
+    "exceptions",
+    "retries",
+    "late_scans",
+    "last_error",
+    "connections",
+    "simulated",
+)
+UNIT_KEYS: Sequence[str] = ("state", "answer_time", "timeouts", "exceptions")
+
+ERROR_KINDS: Sequence[str] = ("", "failed", "no_answer", "not_connected", "bad_answer", "exception", "overtaken")
+"""`LinkError.kind` by its code in `last_error`; a text key `link.error.<kind>`."""
+
+SMOOTHING = 0.1
+"""Share of the newest in a smoothed answer time."""
+
+
+class State(IntEnum):
+    """Of a link, and of a unit (which is never SOME_SILENT)."""
+
+    CONNECTING = 0
+    UP = 1
+    SOME_SILENT = 2
+    DOWN = 3
+    CONFIGURATION = 4
+
+
+def statistic_names(link: Link | str, units: Iterable[int]) -> list[str]:
+    """Names of all tags of `link`, for those who create the points."""
+    link = link if isinstance(link, str) else link.name
+    names = [f"{SOURCE}.link.{link}.{key}" for key in LINK_KEYS]
+    for unit in sorted(set(units)):
+        names += [f"{SOURCE}.link.{link}.unit{unit}.{key}" for key in UNIT_KEYS]
+    return names
+
+
+@dataclass(slots=True)
+class UnitStatistics:
+    """One unit."""
+
+    state: State = State.CONNECTING
+    answer_time: float = 0.0
+    """Smoothed [s]; 0 = never answered."""
+    timeouts: int = 0
+    exceptions: int = 0
+
+    def answered(self, seconds: float) -> None:
+        """An answer took `seconds`."""
+        self.answer_time += (seconds - self.answer_time) * (SMOOTHING if self.answer_time else 1.0)
+
+
+@dataclass(slots=True)
+class LinkStatistics:
+    """One link."""
+
+    state: State = State.CONNECTING
+    telegrams: int = 0
+    """Answered, refusals included."""
+    busy: float = 0.0
+    """Time with a telegram on its way, summed over connections [s]."""
+    timeouts: int = 0
+    exceptions: int = 0
+    retries: int = 0
+    late_scans: int = 0
+    last_error: str = ""
+    """Kind of the last error."""
+    last_error_text: str = ""
+    """Its sentence, for people."""
+    connections: int = 0
+    simulated: bool = False
+    fast_scans: int = 0
+    fast_time: float = 0.0
+    """Sum of the times between scans of fast blocks [s]."""
+    polls: float = 0.0
+    """In the last period [1/s]."""
+    scan_time: float = 0.0
+    """In the last period [s]."""
+    bus_share: float = 0.0
+    """In the last period, 0 to 1."""
+    units: dict[int, UnitStatistics] = field(default_factory=dict)
+
+    def failed(self, unit: int, error: LinkError) -> None:
+        """Count `error` of `unit`."""
+        self.last_error, self.last_error_text = error.kind, str(error)
+        of_unit = self.units.get(unit)
+        if isinstance(error, DeviceException):
+            self.exceptions += 1
+            if of_unit:
+                of_unit.exceptions += 1
+        elif isinstance(error, NoAnswer):
+            self.timeouts += 1
+            if of_unit:
+                of_unit.timeouts += 1
+
+    def fast_scan(self, seconds: float) -> None:
+        """A fast block was scanned `seconds` after its last time."""
+        self.fast_scans += 1
+        self.fast_time += seconds
+
+
+class StatisticsPublisher:
+    """Turns the counters of one link into tags."""
+
+    def __init__(self, link: str, statistics: LinkStatistics, tags: TagDatabase, clock: Clock) -> None:
+        self._prefix = f"{SOURCE}.link.{link}."
+        self._block = crc32(link.encode())
+        self._statistics = statistics
+        self._tags = tags
+        self._clock = clock
+        self._revision = -1
+        self._handles: dict[str, int] = {}
+        self._last: dict[str, Value] = {}
+        self._since = clock.monotonic()
+        self._before = (0, 0.0, 0, 0.0)
+
+    def measure(self) -> None:
+        """Close a period: rates since the last call."""
+        s, now = self._statistics, self._clock.monotonic()
+        elapsed = now - self._since
+        if elapsed <= 0:
+            return
+        telegrams, busy, scans, time = self._before
+        s.polls = (s.telegrams - telegrams) / elapsed
+        s.bus_share = min(1.0, (s.busy - busy) / elapsed / max(1, s.connections))
+        s.scan_time = (s.fast_time - time) / (s.fast_scans - scans) if s.fast_scans > scans else 0.0
+        self._before = (s.telegrams, s.busy, s.fast_scans, s.fast_time)
+        self._since = now
+
+    def publish(self) -> None:
+        """Publish what changed, for the tags that exist."""
+        tags = self._tags
+        if tags.revision != self._revision:
+            self._revision, self._last = tags.revision, {}
+            names = {name[len(self._prefix) :]: handle for name, handle in tags.handles.items() if self._is_ours(name)}
+            self._handles = names
+        if not self._handles:
+            return
+        values = self._values()
+        changed = {key: value for key, value in values.items() if key in self._handles and self._last.get(key) != value}
+        self._last |= changed
+        now = self._clock.micros()
+        handles = [self._handles[key] for key in changed]
+        tags.publish(Batch(SOURCE, self._block, now, now, handles, list(changed.values())))
+
+    def _is_ours(self, name: str) -> bool:
+        return name.startswith(self._prefix)
+
+    def _values(self) -> dict[str, Value]:
+        s = self._statistics
+        values: dict[str, Value] = {
+            "state": int(s.state),
+            "polls": round(s.polls, 1),
+            "scan_time": round(s.scan_time * 1000, 1),
+            "bus_share": round(s.bus_share * 100, 1),
+            "timeouts": s.timeouts,
+            "exceptions": s.exceptions,
+            "retries": s.retries,
+            "late_scans": s.late_scans,
+            "last_error": ERROR_KINDS.index(s.last_error) if s.last_error in ERROR_KINDS else 1,
+            "connections": s.connections,
+            "simulated": int(s.simulated),
+        }
+        for unit, of_unit in s.units.items():
+            values[f"unit{unit}.state"] = int(of_unit.state)
+            values[f"unit{unit}.answer_time"] = round(of_unit.answer_time * 1000, 1)
+            values[f"unit{unit}.timeouts"] = of_unit.timeouts
+            values[f"unit{unit}.exceptions"] = of_unit.exceptions
+        return values

@@ -1,0 +1,146 @@
+"""Modbus TCP through pymodbus: its socket, its transaction numbers, its one request at a time; our PDUs and our checks.
+
+pymodbus 3.16 decodes an answer without checking function, count or echo, takes 125 registers apart one by one, and closes the socket
+from inside its callback when an answer is nonsense (reference/modbus.md section 5). Therefore its framer hands over the PDU as it came,
+and `registers.pdu.parse_answer` decides.
+"""
+
+import asyncio
+import logging
+from collections.abc import Sequence
+
+from pymodbus.client import AsyncModbusTcpClient
+from pymodbus.exceptions import ConnectionException, ModbusIOException
+from pymodbus.framer.socket import FramerSocket
+from pymodbus.pdu import DecodePDU, ModbusPDU
+
+from app.errors import BadAnswer, NoAnswer, NotConnected
+from app.links.contract import Block, Exchange
+from app.plant.definitions import Link
+from app.registers.pdu import Request, build_request, parse_answer
+
+CONNECT_LIMIT = 3.0
+"""Longest wait for a socket [s]."""
+NEVER = 1 << 40
+"""pymodbus would cut the line after a few silent units; the link decides that."""
+
+# Silence and refusals are counted, shown and told once by the link; pymodbus would tell every one of them as an error.
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
+
+
+class TcpTransport:
+    """One socket to a device or gateway."""
+
+    parallel = True
+
+    def __init__(self, link: Link, exchange: Exchange | None = None) -> None:
+        """`exchange` is of the memory transport; not used here."""
+        self._where = f"{link.host}:{link.tcp_port}"
+        self._host, self._port = link.host, link.tcp_port
+        self._client: AsyncModbusTcpClient | None = None
+        self._asking = False
+
+    @property
+    def connected(self) -> bool:
+        """Whether the socket is open, as far as anybody knows."""
+        return self._client is not None and self._client.connected
+
+    async def connect(self) -> None:
+        """Open the socket."""
+        await self.close()
+        client = AsyncModbusTcpClient(
+            self._host,
+            port=self._port,
+            retries=0,
+            reconnect_delay=0,
+            timeout=CONNECT_LIMIT,
+            trace_connect=self._connection_changed,
+        )
+        client.set_max_no_responses(NEVER)
+        client.ctx.framer = _PlainFramer(DecodePDU(False))
+        try:
+            opened = await client.connect()
+        except BaseException:
+            client.close()
+            raise
+        if not opened:
+            client.close()
+            raise NotConnected(f"{self._where}: no connection")
+        self._client = client
+
+    async def read(self, unit: int, block: Block, patience: float) -> list[int]:
+        """Exactly `block.count` words."""
+        return await self._ask(unit, Request(block.function, block.address, block.count), patience)
+
+    async def write(self, unit: int, address: int, words: Sequence[int], patience: float, function: int = 6) -> None:
+        """Write `words`; returns when the echo equals the request."""
+        await self._ask(unit, Request(function, write_address=address, words=tuple(words)), patience)
+
+    async def close(self) -> None:
+        """Close the socket."""
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
+
+    async def _ask(self, unit: int, request: Request, patience: float) -> list[int]:
+        client = self._client
+        if client is None or not client.connected:
+            raise NotConnected(f"{self._where}: not connected")
+        try:
+            telegram = _Telegram(unit, build_request(request))
+        except ValueError as error:
+            raise BadAnswer(f"unit {unit}: {error}") from error
+        client.ctx.comm_params.timeout_connect = patience
+        self._asking = True
+        try:
+            answer = await client.ctx.execute(False, telegram)
+        except ModbusIOException as error:
+            raise NoAnswer(f"{self._where} unit {unit}: no answer in {patience:g} s") from error
+        except (ConnectionException, OSError) as error:
+            raise NotConnected(f"{self._where}: connection lost") from error
+        finally:
+            self._asking = False
+        if not isinstance(answer, _Telegram):
+            raise BadAnswer(f"{self._where} unit {unit}: {answer!r}, expected an answer")
+        return parse_answer(request, answer.pdu)
+
+    def _connection_changed(self, connected: bool) -> None:
+        """pymodbus lets a request wait for its time-out when the socket goes; nobody should."""
+        if connected or not self._asking or self._client is None:
+            return
+        waiting: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
+        if not waiting.done():
+            waiting.set_exception(ConnectionException(f"{self._where}: closed by the other end"))
+
+
+class _Telegram(ModbusPDU):
+    """A PDU as bytes."""
+
+    def __init__(self, unit: int, pdu: bytes) -> None:
+        self.dev_id = unit
+        self.transaction_id = 0
+        self.retries = 0
+        self.pdu = pdu
+        self.function_code = pdu[0] if pdu else 0
+
+    def encode(self) -> bytes:
+        """All behind the function code."""
+        return self.pdu[1:]
+
+
+class _PlainFramer(FramerSocket):
+    """Finds the answer to the request on its way by transaction and unit, and leaves its meaning to others."""
+
+    def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:
+        """Bytes used, and the first answer to `exp_tid` of `exp_devid`; strangers are skipped."""
+        used = 0
+        while used < len(data):
+            length, unit, transaction, pdu = self.decode(data[used:])
+            used += length
+            if not length:
+                return used, None
+            if transaction == exp_tid and unit == exp_devid and pdu:
+                telegram = _Telegram(unit, pdu)
+                telegram.transaction_id = transaction
+                return used, telegram
+        return used, None

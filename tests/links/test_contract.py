@@ -1,0 +1,139 @@
+"""What every transport keeps, over real telegrams: the table itself is the list of what is tested."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+
+import pytest
+
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
+from app.links.contract import Block, Transport
+from app.links.transports import TRANSPORTS
+from app.plant.definitions import Link
+from app.sim.bus import Bus, LineFaultMode
+from app.sim.server import TcpServer
+from tests.links.devices import RegisterDevice, on_bus
+
+
+@dataclass
+class Bench:
+    transport: Transport
+    device: RegisterDevice
+    other: RegisterDevice
+
+
+@pytest.fixture(params=[name for name in TRANSPORTS if name != "rtu"])  # rtu: test_rtu.py, over a pty
+async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
+    device, other = RegisterDevice({n: n * 3 for n in range(200)}), RegisterDevice({n: 7 for n in range(200)})
+    bus = Bus({1: device, 2: other})
+    server = TcpServer(bus)
+    await server.start("127.0.0.1", 0)
+    link = Link("hall", request.param, host="127.0.0.1", tcp_port=server.address[1])
+    transport: Transport = TRANSPORTS[request.param](link, on_bus(bus))
+    await transport.connect()
+    yield Bench(transport, device, other)
+    await transport.close()
+    await server.close()
+
+
+async def test_reads_exactly_the_words_asked_for(bench: Bench) -> None:
+    for block in (Block(0, 1), Block(7, 3), Block(0, 125)):
+        words = await bench.transport.read(1, block, 0.5)
+        assert words == [3 * n for n in range(block.address, block.address + block.count)]
+
+
+async def test_writes_one_word_and_several_and_checks_the_echo(bench: Bench) -> None:
+    await bench.transport.write(1, 5, [0x1234], 0.5, 6)
+    await bench.transport.write(1, 8, [1, 2, 3], 0.5, 16)
+    assert await bench.transport.read(1, Block(5, 6), 0.5) == [0x1234, 18, 21, 1, 2, 3]
+
+
+async def test_a_refusal_is_told_by_its_code(bench: Bench) -> None:
+    with pytest.raises(DeviceException, match="illegal data address") as refused:
+        await bench.transport.read(1, Block(1000, 1), 0.5)
+    assert refused.value.code == 2
+    with pytest.raises(DeviceException):
+        await bench.transport.write(1, 1000, [1], 0.5)
+
+
+async def test_silence_lasts_the_patience_and_no_longer(bench: Bench) -> None:
+    for patience in (0.05, 0.15):
+        began = time.monotonic()
+        with pytest.raises(NoAnswer):
+            await bench.transport.read(9, Block(0, 1), patience)
+        assert patience * 0.9 <= time.monotonic() - began < patience + 0.15
+
+
+async def test_a_request_that_no_telegram_can_carry_is_a_link_error(bench: Bench) -> None:
+    with pytest.raises(LinkError):
+        await bench.transport.read(1, Block(0, 126), 0.5)
+    with pytest.raises(LinkError):
+        await bench.transport.write(1, 0, [70000], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("mode", "argument"),
+    [
+        (LineFaultMode.WRONG_UNIT, 0),
+        (LineFaultMode.WRONG_LENGTH, 0),
+        (LineFaultMode.GARBAGE, 0),
+        (LineFaultMode.GARBAGE, 1),
+    ],
+)
+async def test_a_wrong_answer_never_becomes_a_value_and_the_next_one_is_right(
+    bench: Bench, mode: LineFaultMode, argument: int
+) -> None:
+    fault = bench.device.line_fault
+    for count in (1, 3, 125):
+        fault.mode, fault.argument, fault.count = mode, argument, 1
+        with pytest.raises((BadAnswer, NoAnswer)):
+            await bench.transport.read(1, Block(0, count), 0.15)
+        assert await bench.transport.read(1, Block(1, 2), 0.5) == [3, 6]
+    fault.mode, fault.argument, fault.count = mode, argument, 1
+    with pytest.raises((BadAnswer, NoAnswer)):
+        await bench.transport.write(1, 1, [9], 0.15)
+
+
+async def test_a_late_answer_is_not_the_answer_to_the_next_request(bench: Bench) -> None:
+    fault = bench.device.line_fault
+    fault.mode, fault.delay_ms, fault.count = LineFaultMode.SLOW, 120, 1
+    with pytest.raises(NoAnswer):
+        await bench.transport.read(1, Block(0, 2), 0.05)
+    for address in (10, 20, 30):
+        words = await bench.transport.read(1, Block(address, 2), 0.5)
+        assert words == [3 * address, 3 * address + 3]
+        await asyncio.sleep(0.03)
+
+
+async def test_a_closed_connection_refuses_at_once(bench: Bench) -> None:
+    await bench.transport.close()
+    await bench.transport.close()
+    assert not bench.transport.connected
+    began = time.monotonic()
+    with pytest.raises(NotConnected):
+        await bench.transport.read(1, Block(0, 1), 5.0)
+    with pytest.raises(NotConnected):
+        await bench.transport.write(1, 0, [1], 5.0)
+    assert time.monotonic() - began < 0.1
+    await bench.transport.connect()
+    assert await bench.transport.read(1, Block(1, 1), 0.5) == [3]
+
+
+async def test_a_server_that_goes_away_is_noticed_at_once_not_after_the_patience() -> None:
+    device = RegisterDevice({0: 1})
+    device.line_fault.mode = LineFaultMode.SILENT
+    server = TcpServer(Bus({1: device}))
+    await server.start("127.0.0.1", 0)
+    transport = TRANSPORTS["tcp"](Link("hall", "tcp", host="127.0.0.1", tcp_port=server.address[1]))
+    await transport.connect()
+    reading = asyncio.create_task(transport.read(1, Block(0, 1), 10.0))
+    await asyncio.sleep(0.05)
+    began = time.monotonic()
+    await server.close()
+    with pytest.raises(NotConnected):
+        await reading
+    assert time.monotonic() - began < 0.5
+    with pytest.raises(NotConnected):
+        await transport.connect()
+    await transport.close()
