@@ -1,21 +1,64 @@
 """The web application; its lifespan starts and stops the plant."""
 
-from fastapi import FastAPI
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
 
-from app import __version__
+from fastapi import FastAPI
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+
+from app import __version__, bundled
+from app.runtime import Runtime
 from app.settings import Settings
+from app.web import errors, pages, socket
+from app.web.assets import Assets
+from app.web.guard import allow, check_declared
+from app.web.security import Shield
+from app.web.view import View
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """The application for `settings`, ready to be served."""
-    app = FastAPI(title="Pogon", version=__version__, docs_url=None, redoc_url=None, openapi_url=None)
+    """The application for `settings`, ready to be served.
 
-    @app.get("/healthz")
+    Raises:
+        ConfigurationError: a route does not say who may use it.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        runtime = Runtime(settings)
+        app.state.runtime = runtime
+        await runtime.start()
+        try:
+            yield
+        finally:
+            await socket.sockets_of(app).close()
+            await runtime.stop()
+
+    app = FastAPI(
+        title="Pogon", version=__version__, docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan
+    )
+
+    @app.get("/healthz", dependencies=[allow("open")])
     async def healthz() -> dict[str, str]:
         return {"status": "ok"}
 
-    @app.get("/readyz")
+    @app.get("/readyz", dependencies=[allow("open")])
     async def readyz() -> dict[str, str]:
         return {"status": "ok"}
 
+    dress(app, settings)
     return app
+
+
+def dress(app: FastAPI, settings: Settings) -> None:
+    """Give `app` our pages, our errors and the layer around everything; every route must say who may use it."""
+    app.state.view = View(Assets(bundled("static")))
+    app.include_router(pages.router)
+    app.include_router(socket.router)
+    errors.install(app)
+    app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
+    if settings.behind_proxy:
+        proxies = [address.strip() for address in settings.behind_proxy.split(",") if address.strip()]
+        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=proxies)
+    check_declared(app)

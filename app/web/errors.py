@@ -1,0 +1,100 @@
+"""What a person reads when a request was not carried out: the page in their language, a line for htmx, JSON for programs."""
+
+import logging
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from starlette.exceptions import HTTPException
+
+from app.errors import Refused
+from app.web.view import View
+
+log = logging.getLogger(__name__)
+
+TEXTS = {
+    400: "error.bad_request",
+    401: "error.sign_in",
+    403: "error.forbidden",
+    404: "error.not_found",
+    405: "error.method",
+    413: "error.too_large",
+    422: "error.invalid",
+    500: "error.internal",
+    503: "error.unavailable",
+}
+
+
+class PlantBroken(Exception):
+    """There is no plant to show: its files have mistakes."""
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of `app` from here."""
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(Refused, _refused)
+    app.add_exception_handler(PlantBroken, _broken_plant)
+
+
+async def internal(request: Request, reference: str) -> Response:
+    """An error of ours: no detail, only the `reference` under which the log has it."""
+    try:
+        return answer(request, 500, TEXTS[500], reference=reference)
+    except Exception:  # the page around it may be what is broken
+        log.exception("error page failed id=%s", reference)
+        return PlainTextResponse(f"Internal error {reference}", 500)
+
+
+def answer(request: Request, status: int, key: str, reference: str = "", **params: object) -> Response:
+    """The text `key` in the form that the asker can use."""
+    view: View = request.app.state.view
+    text = view.text(request, key, **params)
+    if request.url.path.startswith("/api/"):
+        return JSONResponse({"error": key, "text": text} | ({"reference": reference} if reference else {}), status)
+    if request.headers.get("hx-request") == "true":
+        return view.fragment(request, "fragments/error.html", status=status, text=text, reference=reference)
+    return view.page(
+        request,
+        "pages/error.html",
+        status=status,
+        title=view.text(request, "error.title"),
+        text=text,
+        reference=reference,
+    )
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    response = answer(request, error.status_code, TEXTS.get(error.status_code, "error.unknown"))
+    for name, value in (error.headers or {}).items():
+        response.headers[name] = value
+    return response
+
+
+async def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    if request.url.path.startswith("/api/"):
+        fields = [{"field": ".".join(map(str, fault["loc"])), "expected": fault["msg"]} for fault in error.errors()]
+        return JSONResponse({"error": TEXTS[422], "fields": fields}, 422)
+    return answer(request, 422, TEXTS[422])
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, Refused)
+    return answer(request, error.status, error.reason, "", **error.params)
+
+
+async def _broken_plant(request: Request, error: Exception) -> Response:
+    view: View = request.app.state.view
+    if request.url.path.startswith("/api/") or request.headers.get("hx-request") == "true":
+        return answer(request, 503, TEXTS[503])
+    runtime = view.runtime(request)
+    return view.page(
+        request,
+        "pages/problems.html",
+        status=503,
+        title=view.text(request, "problem.page"),
+        problems=runtime.problems,
+        folder=str(runtime.settings.plant),
+    )

@@ -1,0 +1,127 @@
+"""The pages that are not about one subject: overview, area, machine; language and theme; static files and health."""
+
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from app import bundled
+from app.plant.definitions import Plant
+from app.web import language
+from app.web.errors import PlantBroken
+from app.web.guard import allow
+from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, View, address_of_area, area_label, areas
+
+router = APIRouter()
+
+
+def view_of(request: Request) -> View:
+    """What renders our pages."""
+    view: View = request.app.state.view
+    return view
+
+
+def plant_of(request: Request) -> Plant:
+    """The running plant.
+
+    Raises:
+        PlantBroken: its files have mistakes; the answer lists them.
+    """
+    plant = view_of(request).runtime(request).plant
+    if plant is None:
+        raise PlantBroken
+    return plant
+
+
+@router.get("/", dependencies=[allow("view")])
+async def overview(request: Request) -> HTMLResponse:
+    """Tiles of all machines."""
+    plant, view = plant_of(request), view_of(request)
+    machines = [view.machine(request, equipment) for equipment in plant.equipment.values()]
+    title = view.runtime(request).texts.label(language.language_of(request), plant.name)
+    return view.page(request, "pages/overview.html", title=title, kind="overview", machines=machines)
+
+
+@router.get("/area/{key}", dependencies=[allow("view")])
+async def area(request: Request, key: str) -> HTMLResponse:
+    """Tiles of the machines of one area."""
+    plant, view = plant_of(request), view_of(request)
+    members = areas(plant).get(key)
+    if members is None:
+        raise HTTPException(404)
+    machines = [view.machine(request, equipment) for equipment in members]
+    title = area_label(view.runtime(request).texts, plant, language.language_of(request), key)
+    return view.page(request, "pages/overview.html", title=title, kind="overview", area=key, machines=machines)
+
+
+@router.get("/equipment/{key}", dependencies=[allow("view")])
+async def equipment(request: Request, key: str) -> HTMLResponse:
+    """The screen of one machine."""
+    plant, view = plant_of(request), view_of(request)
+    machine = plant.equipment.get(key)
+    if machine is None or not (bundled("templates") / "screens" / machine.type.name / "page.html").is_file():
+        raise HTTPException(404)
+    drawn = view.machine(request, machine)
+    members = areas(plant)[machine.area]
+    up = "/" if len(members) == 1 else address_of_area(machine.area, members)
+    return view.page(
+        request,
+        f"screens/{machine.type.name}/page.html",
+        title=drawn.label,
+        kind=f"equipment/{machine.id}",
+        area=machine.area,
+        chip=machine.id,
+        up=up,
+        equipment=drawn,
+    )
+
+
+@router.post("/language", dependencies=[allow("open")])
+async def set_language(request: Request, to: Annotated[str, Form()], next: Annotated[str, Form()] = "/") -> Response:
+    """Keep the choice of a language and go back to where it was made."""
+    if to not in view_of(request).languages(request):
+        raise HTTPException(400)
+    return _kept(request, next, {language.COOKIE: to})
+
+
+@router.post("/theme", dependencies=[allow("open")])
+async def set_theme(
+    request: Request,
+    to: Annotated[str, Form()] = "",
+    profile: Annotated[str, Form()] = "",
+    next: Annotated[str, Form()] = "/",
+) -> Response:
+    """Keep the choice of colours or of the size of the panel and go back to where it was made."""
+    chosen = {THEME_COOKIE: to, PROFILE_COOKIE: profile}
+    chosen = {name: value for name, value in chosen.items() if value}
+    if not chosen or (to and to not in THEMES) or (profile and profile not in PROFILES):
+        raise HTTPException(400)
+    return _kept(request, next, chosen)
+
+
+@router.api_route("/static/{name:path}", methods=["GET", "HEAD"], dependencies=[allow("open")])
+async def static(request: Request, name: str) -> Response:
+    """A file of the pages."""
+    return view_of(request).assets.respond(request, name)
+
+
+@router.get("/favicon.ico", dependencies=[allow("open")])
+async def favicon(request: Request) -> Response:
+    """Browsers ask for it by themselves; ours is the icon that every page names."""
+    return view_of(request).assets.respond(request, "icon.svg")
+
+
+def _kept(request: Request, next: str, cookies: dict[str, str]) -> Response:
+    response = RedirectResponse(quote(language.local_path(next), safe="/?&=%+,;:@!$'()*~-._#"), 303)
+    for name, value in cookies.items():
+        response.set_cookie(
+            name,
+            value,
+            max_age=language.YEAR,
+            httponly=True,
+            samesite="lax",
+            secure=request.url.scheme == "https",
+        )
+    return response

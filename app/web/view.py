@@ -1,0 +1,250 @@
+"""Templates and what all of them need: language, theme, person, areas, clock, the addresses of static files.
+
+A language has an environment of its own, so that macros say `_("nav.home")` whether or not they are imported with context. Templates get
+`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py) everywhere, and the names of `_surroundings` on a page.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+from zoneinfo import ZoneInfo
+
+from babel import Locale
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from app import bundled
+from app.clock import to_datetime
+from app.plant.definitions import Equipment, EquipmentType, Plant
+from app.plant.texts import Texts
+from app.web import format as fmt
+from app.web.assets import Assets
+from app.web.language import HTML, NAMES, language_of
+from app.web.points import EquipmentView, live_texts
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+THEMES = ("light", "dark", "auto")
+THEME_COOKIE = "pogon_theme"
+PROFILES = ("desk", "panel-10", "panel-9", "panel-7", "gloves")
+PROFILE_COOKIE = "pogon_profile"
+
+HTMX = {
+    "mode": "same-origin",
+    "history": False,
+    "includeIndicatorCSS": False,
+    "noSwap": [204, 304, "4xx", "5xx"],
+    "extensions": "pogon",
+    "defaultTimeout": 10000,
+}
+"""htmx 4: requests to this server only, no cache of pages, no style of its own, errors are never swapped in (app.js shows them in the
+message line), no extension but ours, which turns evaluation, `hx-on` and scripts in fragments off."""
+
+PAGES: tuple[tuple[str, str], ...] = ()
+"""Tabs after the areas: text key, address. A page that does not exist has no tab."""
+
+COUNTS: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
+    ("i-link", "frame.links", ("sys.links_up", "sys.links_total"), "f-comm"),
+)
+"""At the right of the message line: symbol, text key, tags, class."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tab:
+    """A place one can go to."""
+
+    label: str
+    url: str
+    current: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What the message line says first: the outcome of what was just asked."""
+
+    text: str
+    kind: str = "info"
+    """info, done or error."""
+    time: str = ""
+
+
+class View:
+    """Renders pages and fragments."""
+
+    def __init__(self, assets: Assets) -> None:
+        self.assets = assets
+        self.build = assets.build
+        self._environments: dict[str, tuple[Texts, Environment]] = {}
+        self._product = Texts.read()
+
+    def page(self, request: Request, template: str, *, status: int = 200, title: str, **context: Any) -> HTMLResponse:
+        """`template` in the frame. `title` is the one h1; `kind` says which live page it is (runtime.page_names), `area` which tab."""
+        return self._render(request, template, status, {"title": title, **context}, frame=True)
+
+    def fragment(self, request: Request, template: str, *, status: int = 200, **context: Any) -> HTMLResponse:
+        """`template` alone, for htmx."""
+        return self._render(request, template, status, context, frame=False)
+
+    def text(self, request: Request, key: str, /, **params: object) -> str:
+        """The product's text `key` in the language of `request`."""
+        return self._texts(request).text(language_of(request), key, **params)
+
+    def languages(self, request: Request) -> Sequence[str]:
+        """Languages that a person may choose here."""
+        return self._texts(request).languages
+
+    def runtime(self, request: Request) -> "Runtime":
+        """The running plant."""
+        runtime: Runtime = request.app.state.runtime
+        return runtime
+
+    def machine(self, request: Request, equipment: Equipment) -> EquipmentView:
+        """`equipment` as templates see it."""
+        lang = language_of(request)
+        return EquipmentView(equipment, self.runtime(request), lang, partial(self._texts(request).text, lang))
+
+    def _texts(self, request: Request) -> Texts:
+        runtime = self.runtime(request)
+        return runtime.texts if runtime.plant else self._product
+
+    def _render(
+        self, request: Request, template: str, status: int, context: dict[str, Any], *, frame: bool
+    ) -> HTMLResponse:
+        lang = language_of(request)
+        environment = self._environment(self._texts(request), lang)
+        values: dict[str, Any] = {
+            "status": status,
+            "csrf": getattr(request.state, "csrf", ""),
+            "person": getattr(request.state, "person", None),
+        }
+        if frame:
+            values |= self._surroundings(request, lang, context)
+        return HTMLResponse(environment.get_template(template).render(values | context), status)
+
+    def _environment(self, texts: Texts, lang: str) -> Environment:
+        known = self._environments.get(lang)
+        if known is not None and known[0] is texts:
+            return known[1]
+        environment = Environment(
+            loader=FileSystemLoader(bundled("templates")),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+            auto_reload=False,
+            cache_size=-1,
+        )
+        environment.globals |= {
+            "_": partial(texts.text, lang),
+            "lang": lang,
+            "asset": self.assets.url,
+            "label": partial(texts.label, lang),
+            "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
+            "fmt": fmt,
+        }
+        self._environments[lang] = (texts, environment)
+        return environment
+
+    def _surroundings(self, request: Request, lang: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        runtime = self.runtime(request)
+        texts = self._texts(request)
+        text = partial(texts.text, lang)
+        plant = runtime.plant
+        zone = ZoneInfo(plant.timezone) if plant else ZoneInfo("UTC")
+        now = runtime.clock.micros()
+        theme = request.cookies.get(THEME_COOKIE, "")
+        profile = request.cookies.get(PROFILE_COOKIE, "")
+        area = given.get("area", "")
+        path = request.url.path
+        return {
+            "kind": "frame",
+            "chip": "",
+            "up": "" if path == "/" else "/",
+            "crumbs": self._crumbs(texts, plant, lang, path, area),
+            "message": None,
+            "theme": theme if theme in THEMES else THEMES[0],
+            "themes": [(name, text(f"theme.{name}"), "") for name in THEMES],
+            "profile": profile if profile in PROFILES else PROFILES[0],
+            "profiles": [(name, text(f"panel.{name}"), "") for name in PROFILES],
+            "languages": [(code, NAMES.get(code, code), HTML.get(code, code)) for code in texts.languages],
+            "html_lang": HTML.get(lang, lang),
+            "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",
+            "plant_label": texts.label(lang, plant.name) if plant else "Pogon",
+            "nav": self._tabs(texts, plant, lang, path, area),
+            "simulated": runtime.simulated,
+            "counts": self._counts(runtime, text),
+            "timezone": zone.key,
+            "now": now,
+            "now_time": fmt.clock_time(now, zone),
+            "now_date": f"{weekday(now, zone, lang)} {fmt.date(now, zone, lang)}",
+            "revision": runtime.tags.revision,
+            "build": self.build,
+            "htmx_config": json.dumps(HTMX, separators=(",", ":")),
+            "live_texts": json.dumps(live_texts(text), ensure_ascii=False, separators=(",", ":")),
+        }
+
+    def _tabs(self, texts: Texts, plant: Plant | None, lang: str, path: str, area: str) -> list[Tab]:
+        tabs = [Tab(texts.text(lang, "nav.overview"), "/", path == "/")]
+        for key, machines in areas(plant).items():
+            url = address_of_area(key, machines)
+            tabs.append(Tab(area_label(texts, plant, lang, key), url, key == area))
+        tabs += [Tab(texts.text(lang, key), url, path.split("/")[1] == url.split("/")[1]) for key, url in PAGES]
+        return tabs
+
+    def _crumbs(self, texts: Texts, plant: Plant | None, lang: str, path: str, area: str) -> list[Tab]:
+        if path == "/" or plant is None:
+            return []
+        crumbs = [Tab(texts.label(lang, plant.name), "/")]
+        machines = areas(plant).get(area, [])
+        if area and path != f"/area/{quote(area)}":
+            crumbs.append(Tab(area_label(texts, plant, lang, area), address_of_area(area, machines)))
+        return crumbs
+
+    def _counts(self, runtime: "Runtime", text: fmt.Text) -> list[dict[str, Any]]:
+        tags = runtime.tags
+        return [
+            {
+                "symbol": symbol,
+                "label": text(key),
+                "class": look,
+                "parts": [
+                    (name, "–" if tags.value(tags.handle(name)) is None else tags.value(tags.handle(name)))
+                    for name in names
+                ],
+            }
+            for symbol, key, names, look in COUNTS
+            if all(name in tags for name in names)
+        ]
+
+
+def areas(plant: Plant | None) -> dict[str, list[Equipment]]:
+    """Area → its machines, in the order of the plant file; an area without machines is left out."""
+    found: dict[str, list[Equipment]] = {key: [] for key in plant.areas} if plant else {}
+    for equipment in plant.equipment.values() if plant else ():
+        found.setdefault(equipment.area, []).append(equipment)
+    return {key: machines for key, machines in found.items() if machines}
+
+
+def address_of_area(key: str, machines: Sequence[Equipment]) -> str:
+    """Where the tab of an area leads: to its tiles, or to its only machine at once."""
+    return f"/equipment/{quote(machines[0].id)}" if len(machines) == 1 else f"/area/{quote(key)}"
+
+
+def area_label(texts: Texts, plant: Plant | None, lang: str, key: str) -> str:
+    """Name of an area: the plant's, else that of the equipment type it is called after, else its key."""
+    if plant and key in plant.areas:
+        return texts.label(lang, plant.areas[key]) or key
+    if plant and isinstance(kind := plant.types.get(key), EquipmentType):
+        return texts.of_type(lang, kind, kind.label)
+    return key
+
+
+def weekday(micros: int, zone: ZoneInfo, lang: str) -> str:
+    """Short name of the day: `Mo`, `pon`."""
+    day = to_datetime(micros).astimezone(zone).weekday()
+    return str(Locale.parse(lang).days["format"]["abbreviated"][day]).rstrip(".")

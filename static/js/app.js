@@ -1,0 +1,147 @@
+// The frame: what htmx may do, the message line, menus, the clock, and what survives a change of language.
+(() => {
+  "use strict";
+  const body = document.body, line = document.getElementById("message");
+
+  // ---- htmx: nothing that is fetched may bring a program along --------------------------------------------------
+  // The content policy refuses inline scripts and evaluation already; this holds where it would not, and for scripts of our own address.
+  function refuse() { throw new Error("evaluation is off"); }
+  const inert = (html) => html;
+  window.htmx?.registerExtension("pogon", {
+    init: (api) => api.initSecurity({ createHTML: inert, createScript: () => "" }, refuse, refuse),
+    htmx_before_on_init: () => false,
+    htmx_after_request: (element, { ctx }) => { ctx.text = withoutScripts(ctx.text); },
+    htmx_config_request: (element, { ctx }) => {
+      try {
+        return new URL(ctx.request.action || "", location.href).origin === location.origin;
+      } catch {
+        return false;
+      }
+    },
+  });
+
+  /** `html` without script elements; parsed by the browser itself, in a document where nothing runs. */
+  function withoutScripts(html) {
+    if (!/<script/i.test(html)) return html;
+    const inside = document.implementation.createHTMLDocument("").createElement("template");
+    inside.innerHTML = html;
+    for (const script of inside.content.querySelectorAll("script")) script.remove();
+    return inside.innerHTML;
+  }
+
+  // ---- message line ---------------------------------------------------------------------------------------------
+  const SYMBOLS = { error: "i-warn", done: "i-check", info: "i-info" };
+
+  /** Say `text` in the message line; kind is error, done or info. */
+  function say(text, kind = "info") {
+    const symbol = line.querySelector("use"), sprite = symbol.getAttribute("href").split("#")[0];
+    symbol.setAttribute("href", `${sprite}#${SYMBOLS[kind]}`);
+    line.querySelector("svg").removeAttribute("hidden");
+    line.querySelector("time").textContent = document.querySelector("[data-clock]").textContent;
+    line.querySelector("span").textContent = text;
+    line.dataset.kind = kind;
+  }
+  window.pogon = { say };
+
+  document.addEventListener("htmx:response:error", ({ detail: { ctx } }) => {
+    const answer = new DOMParser().parseFromString(ctx.text ?? "", "text/html");
+    say(answer.querySelector("[data-message]")?.textContent.trim() || line.dataset.refused, "error");
+  });
+  document.addEventListener("htmx:error", ({ detail: { ctx } }) => {
+    if (ctx && !ctx.response) say(line.dataset.network, "error");
+  });
+
+  // ---- menus ----------------------------------------------------------------------------------------------------
+  const menus = () => document.querySelectorAll("details.drop[open]");
+  document.addEventListener("pointerdown", ({ target }) => {
+    for (const menu of menus()) if (!menu.contains(target)) menu.open = false;
+  });
+  document.addEventListener("keydown", ({ key }) => {
+    if (key !== "Escape") return;
+    for (const menu of menus()) {
+      menu.open = false;
+      menu.querySelector("summary").focus();
+    }
+  });
+  document.addEventListener("toggle", ({ target, newState }) => {
+    if (newState === "open" && target.matches?.("details.drop")) for (const menu of menus()) if (menu !== target) menu.open = false;
+  }, true);
+
+  // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
+  const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
+  const zone = body.dataset.zone;
+  const form = new Intl.DateTimeFormat("en-GB", {
+    timeZone: zone, hourCycle: "h23", hour: "2-digit", minute: "2-digit", second: "2-digit",
+  });
+  const date = new Intl.DateTimeFormat("en-GB", { timeZone: zone, day: "2-digit", month: "2-digit", year: "numeric" });
+  const lang = document.documentElement.lang;
+  const name = new Intl.DateTimeFormat(lang, { timeZone: zone, weekday: "short" });
+  let ahead = Number(face.dataset.now) / 1000 - Date.now(), last = "";
+
+  function tick() {
+    const now = new Date(Date.now() + ahead), time = form.format(now);
+    if (time === last) return;
+    last = face.textContent = time;
+    const written = date.format(now);
+    const local = body.dataset.lang === "en" ? written : written.replaceAll("/", ".");
+    const whole = `${name.format(now).replace(".", "")} ${local}`;
+    if (day.textContent !== whole) day.textContent = whole;
+  }
+  document.addEventListener("pogon:time", ({ detail }) => {
+    const off = detail / 1000 - Date.now();
+    if (Math.abs(off - ahead) > 500) ahead = off;
+  });
+  setInterval(tick, 200);
+
+  // ---- offline: the message line says since when -------------------------------------------------------------------
+  let before = null;
+  document.addEventListener("pogon:live", ({ detail }) => {
+    const text = line.querySelector("span");
+    if (detail === "offline") {
+      before = { text: text.textContent, kind: line.dataset.kind, time: line.querySelector("time").textContent };
+      const since = new Date(Date.now() + ahead - 3000);
+      say(line.dataset.stale.replace("{time}", form.format(since)), "error");
+    } else if (before) {
+      if (before.text) {
+        say(before.text, before.kind);
+        line.querySelector("time").textContent = before.time;
+      } else {
+        text.textContent = line.querySelector("time").textContent = "";
+        line.querySelector("svg").setAttribute("hidden", "");
+        delete line.dataset.kind;
+      }
+      before = null;
+    }
+  });
+
+  // ---- a change of language or colours keeps the place, the fragment and what was typed ---------------------------
+  const KEPT = "pogon.typed";
+  const fields = () => [...document.querySelectorAll(".content :is(input, select, textarea), .zone :is(input, select, textarea)")]
+    .filter((field) => (field.name || field.id) && !["password", "hidden", "file"].includes(field.type));
+  const key = (field) => `${field.form?.id ?? ""}/${field.name || field.id}/${field.type === "radio" ? field.value : ""}`;
+  const checks = (field) => ["checkbox", "radio"].includes(field.type);
+  const changed = (field) => field.tagName === "SELECT" ? [...field.options].some((option) => option.selected !== option.defaultSelected)
+    : checks(field) ? field.checked !== field.defaultChecked : field.value !== field.defaultValue;
+
+  document.addEventListener("submit", ({ target }) => {
+    if (!target.matches("form[data-stay]")) return;
+    const back = target.querySelector("[name=next]");
+    back.value = location.pathname + location.search + location.hash;
+    const typed = fields().filter(changed).map((field) => [key(field), checks(field) ? field.checked : field.value]);
+    const scroll = [window.scrollY, document.getElementById("content").scrollTop];
+    sessionStorage.setItem(KEPT, JSON.stringify({ path: location.pathname + location.search, typed, scroll }));
+  });
+  const kept = JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
+  sessionStorage.removeItem(KEPT);
+  if (kept?.path === location.pathname + location.search) {
+    const typed = new Map(kept.typed);
+    for (const field of fields()) {
+      const value = typed.get(key(field));
+      if (value === undefined) continue;
+      if (checks(field)) field.checked = value; else field.value = value;
+      field.dispatchEvent(new Event("input", { bubbles: true }));
+    }
+    window.scrollTo(0, kept.scroll[0]);
+    document.getElementById("content").scrollTop = kept.scroll[1];
+  }
+})();
