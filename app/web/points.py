@@ -12,7 +12,7 @@ from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA
 from app.web import format as fmt
-from app.web.drawing import Dial, Indicator, indicator
+from app.web.drawing import Dial, Indicator, Knots, indicator, round_steps
 from app.web.format import Text
 
 TIME_UNIT = "time"
@@ -85,13 +85,26 @@ class PointView:
         ).replace(" ,", ",")
 
     @property
-    def badge(self) -> str:
-        """Letters beside the value: F forced, M manual or local, BAD, or the age of a stale one. S is in the header."""
+    def value_text(self) -> str:
+        """Value and unit as drawn, or the quality when there is no value: `aria-valuetext` of a meter."""
+        if not self.usable or not isinstance(self.value, int | float):
+            return self.quality_text
+        return fmt.quantity(self.value, self.decimals, self.unit, self.lang)
+
+    def badge(self, style: str) -> str:
+        """Letters beside the value: BAD, the age of a stale one, F forced, M manual or local; S only in a box, the header says it."""
         if self.state == "bad":
             return "BAD"
         if self.state == "stale":
             return fmt.age(self.age)
-        return {"forced": "F", "manual": "M"}.get(self.source, "")
+        return {"forced": "F", "manual": "M", "sim": "S" if "boxed" in style.split() else ""}.get(self.source, "")
+
+    @property
+    def badge_look(self) -> str:
+        """Classes of the badge beside `badge`."""
+        if self.state in ("bad", "stale"):
+            return " soft" if self.state == "stale" else ""
+        return {"forced": " solid", "manual": " dot"}.get(self.source, "")
 
     @property
     def texts_json(self) -> str:
@@ -116,6 +129,19 @@ class PointView:
         if self.scale_low is None or self.scale_high is None or not self.scale_low < self.scale_high:
             return None
         return Dial(self.scale_low, self.scale_high)
+
+    def steps(self, most: int) -> tuple[float, ...]:
+        """Round values of an axis over the scale, at most `most`."""
+        if self.scale_low is None or self.scale_high is None:
+            return ()
+        return round_steps(self.scale_low, self.scale_high, most)
+
+    def line_scale(self, start: float, length: float, *, signed: bool = False) -> Knots:
+        """A straight scale from its low end at `start` over `length`; `signed` keeps 0 in the middle, also of what is never negative."""
+        low, high = self.scale_low or 0.0, self.scale_high if self.scale_high is not None else 1.0
+        if signed:
+            low = min(low, -high)
+        return Knots(((low, start), (max(high, low + 1e-9), start + length)))
 
     def number(self, value: float) -> str:
         """Another number of the same kind, without noughts at its end (limits, ends of scales)."""
@@ -193,6 +219,11 @@ class EquipmentView:
         return self.equipment.area
 
     @property
+    def link(self) -> str:
+        """Id of its link."""
+        return self.equipment.link
+
+    @property
     def link_label(self) -> str:
         """Name of its link."""
         plant = self.runtime.plant
@@ -232,12 +263,19 @@ class EquipmentView:
         """Those of `keys` that the machine has."""
         return [self.point(key) for key in keys if key in self.equipment.points]
 
-    def system_point(self, name: str) -> PointView | None:
-        """A point of the system (`sys.…`) by its full name, or None."""
+    def option(self, name: str) -> float | None:
+        """A number that the plant file sets for this machine, or None."""
+        value = self.equipment.options.get(name)
+        return value if isinstance(value, float) else None
+
+    @property
+    def answer_time(self) -> PointView | None:
+        """How long the device takes to answer [ms], when its link counts it."""
+        name = f"sys.link.{self.link}.unit{self.unit_address}.answer_time"
         if name not in self.runtime.tags:
             return None
-        point = Point(name=name, id=name, equipment="sys", key=name.rpartition(".")[2], label="", unit="ms")
-        return point_view(point, self.runtime, self.lang, self.text, label=name)
+        point = Point(name=name, id=name, equipment="sys", key="answer_time", label="", unit="ms")
+        return point_view(point, self.runtime, self.lang, self.text, label=self.text("screen.answer_time"))
 
     def __getitem__(self, key: str) -> PointView:
         return self.point(key)
@@ -378,8 +416,6 @@ def live_texts(text: Text) -> dict[str, object]:
         "unknown": text("value.unknown"),
         "no_connection": text("live.no_connection"),
         "tried": text("live.stop_is_tried"),
-        "lost": text("live.lost"),
-        "states": {state: text(f"live.state.{state}") for state in ("live", "delayed", "offline")},
     }
 
 

@@ -21,6 +21,7 @@ from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from app.live.frames import Live, Watcher
+from app.web.guard import allow
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +99,7 @@ def sockets_of(app: Any) -> Sockets:
     return found
 
 
-@router.websocket("/live")
+@router.websocket("/live", dependencies=[allow("view")])
 async def live(websocket: WebSocket) -> None:
     """One page of one browser."""
     runtime = websocket.app.state.runtime
@@ -207,7 +208,7 @@ class _Conversation:
             "kind": kind,
             "rev": self.runtime.tags.revision,
             "handles": {name: handles[name] for name in names if name in handles},
-            "build": getattr(self.websocket.app.state, "build", ""),
+            "build": getattr(getattr(self.websocket.app.state, "view", None), "build", ""),
         }
         await self.send(orjson.dumps({"hello": hello}))
         self.speaker = asyncio.create_task(self.speak(self.watcher))

@@ -1,9 +1,9 @@
 // Live values: one socket per page keeps everything that carries a data-tag true (docs/api.md, static/js/values.js).
 import { age, clockTime } from "./format.js";
-import { SPAN, badge, origin, server, state, texts, ways } from "./values.js";
+import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.js";
 
 const DELAYED = 2000, OFFLINE = 3000, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
-const body = document.body, page = body.dataset;
+const body = document.body;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
 let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false;
@@ -142,7 +142,7 @@ function open() {
   clearTimeout(retry);
   const here = new WebSocket(location.origin.replace(/^http/, "ws") + "/live");
   socket = here;
-  here.onopen = () => here.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+  here.onopen = () => here.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
   here.onmessage = ({ data }) => receive(JSON.parse(data));
   here.onclose = here.onerror = () => socket === here && drop();
   retry = setTimeout(() => socket === here && here.readyState !== WebSocket.OPEN && drop(), 4000);
@@ -154,7 +154,7 @@ function receive(message) {
   if (message.rev !== rev) { // the plant was read anew: other handles
     rev = message.rev;
     fresh = false;
-    return socket.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+    return socket.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
   }
   if (message.full) fresh = true;
   else if (!fresh || message.n !== counted + 1) {
@@ -206,5 +206,5 @@ document.addEventListener("visibilitychange", () => {
 function subscribeAgain() {
   const bound = new Set([...byHandle.values()].map((tag) => tag.name));
   if (socket?.readyState === WebSocket.OPEN && [...tags.keys()].some((name) => !bound.has(name)))
-    socket.send(JSON.stringify({ subscribe: page.page, rev: +page.rev }));
+    socket.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
 }

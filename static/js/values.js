@@ -8,8 +8,10 @@ import * as format from "./format.js";
 
 export const SPAN = 600; // what a curve shows [s]
 const SETTLE = 2000; // a change too small to draw at once is drawn after this [ms]
-const { lang, zone } = document.body.dataset;
-export const texts = JSON.parse(document.getElementById("live-texts").dataset.texts);
+/** What the server says of this page: kind, rev, build, lang, zone, texts. */
+export const page = document.getElementById("live").dataset;
+export const texts = JSON.parse(page.texts);
+const { lang, zone } = page;
 /** What the server's clock said last [µs UTC]. */
 export const server = { time: 0 };
 

@@ -72,11 +72,13 @@ async def served() -> AsyncIterator[Served]:
     app.state.runtime = hall
     port = find_port()
     server = uvicorn.Server(
-        uvicorn.Config(app, port=port, log_level="error", ws_max_size=65536, timeout_graceful_shutdown=2, lifespan="off")
+        uvicorn.Config(
+            app, port=port, log_level="error", ws_max_size=65536, timeout_graceful_shutdown=2, lifespan="off"
+        )
     )
     running = asyncio.create_task(server.serve())
     beat = asyncio.create_task(hall.live.beat())
-    while not server.started:
+    while not server.started:  # noqa: ASYNC110 — uvicorn has no event for it
         await asyncio.sleep(0.01)
     yield Served(port, hall, app)
     server.should_exit = True
@@ -101,7 +103,7 @@ async def ask(socket: ClientConnection, kind: str = "equipment/m1") -> dict[str,
 
 async def until(truth: Callable[[], bool], seconds: float = 3) -> None:
     async with asyncio.timeout(seconds):
-        while not truth():
+        while not truth():  # noqa: ASYNC110
             await asyncio.sleep(0.01)
 
 
