@@ -1,9 +1,9 @@
 """Alembic's entry for `history.db`; url and tables come from app/db.py, or from `-x url=…` on the command line."""
 
-import app.historian.tables  # noqa: F401
 from alembic import context
 from sqlalchemy import create_engine
 
+import app.historian.tables  # noqa: F401
 from app.db import history_tables
 
 config = context.config
