@@ -166,10 +166,20 @@ class Alarm:
     label: str
     """Text key: "Object: condition"."""
     expression: str
-    """When it is active."""
+    """When it is active; empty for the kinds that need no sentence."""
     priority: int
     clear: str = ""
     """When it is over; empty = when `expression` is false (a dead-band needs its own sentence)."""
+    kind: str = "expression"
+    """expression, high, low, deviation, rate or bad_quality (alarms/conditions.py); the others work on `value` and `limit`."""
+    dead_band: float = 0.0
+    """How far it must go back before it is over [EU]."""
+    reference: str = ""
+    """Point from which a deviation is measured."""
+    window: float = 1.0
+    """Time over which a rate is taken [s]."""
+    realarm: float = 0.0
+    """An acknowledged alarm asks for attention again after this [s]; 0 = never."""
     on_delay: float = 0.0
     off_delay: float = 0.0
     latching: bool = False

@@ -48,6 +48,7 @@ WORDS: Mapping[Type, int] = {
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 ROLES = ("viewer", "operator", "engineer", "admin")
 SPECIAL_VALUES = ("argument", "previous")
+ALARM_KINDS = ("expression", "high", "low", "deviation", "rate", "bad_quality")
 
 
 @dataclass(slots=True)
@@ -438,7 +439,8 @@ class _TypeReader:
 
     def _alarm(self, key: str, table: Table) -> Alarm:
         alarm = read_alarm(key, table, f"alarm.{key}.")
-        for name, text in (("expression", alarm.expression), ("clear", alarm.clear), ("value", alarm.value)):
+        sentences = {"expression": alarm.expression, "clear": alarm.clear, "value": alarm.value, "reference": alarm.reference}
+        for name, text in sentences.items():
             if text:
                 self.expressions.append((table, name, text, False))
         table.done()
@@ -471,10 +473,20 @@ class _TypeReader:
 def read_alarm(key: str, table: Table, prefix: str) -> Alarm:
     """An alarm row; its texts are the keys `prefix` + label, consequence, cause, response unless the row names others."""
     limit = table.number("limit", None)
+    kind = table.text("kind", "expression", choices=ALARM_KINDS)
+    if kind not in ("expression", "bad_quality") and limit is None:
+        table.note("limit", MISSING, f"a number: an alarm of the kind {kind} compares with it")
+    if kind != "expression" and not table.has("value"):
+        table.note("value", MISSING, f"the point that an alarm of the kind {kind} watches")
     return Alarm(
         key=key,
         label=table.text("label", f"{prefix}label"),
-        expression=table.text("expression"),
+        expression=table.text("expression") if kind == "expression" else "",
+        kind=kind,
+        dead_band=float(table.number("dead_band", 0.0, 0)),
+        reference=table.text("reference") if kind == "deviation" else table.text("reference", ""),
+        window=float(table.number("window", 1.0, 0.1, 3600)),
+        realarm=float(table.number("realarm", 0.0, 0, 86400)),
         priority=table.whole("priority", low=1, high=4),
         clear=table.text("clear", ""),
         on_delay=float(table.number("on_delay", 0.0, 0, 86400)),
