@@ -1,14 +1,16 @@
 """The command line: pogon run, simulate, check, probe, export, user, audit, backup, restore."""
 
 import asyncio
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
-import uvicorn
 from pydantic import ValidationError
 
 from app import __version__
+from app.access.access import prepare
+from app.cli_access import audit_cli, user_cli
 from app.clock import SystemClock
 from app.errors import ConfigurationError
 from app.main import create_app
@@ -17,8 +19,11 @@ from app.plant.loader import read_plant
 from app.settings import Settings
 from app.sim.server import PARITIES, Openings
 from app.sim.server import simulate as serve_simulated
+from app.web.serve import serve
 
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
+cli.add_typer(user_cli, name="user")
+cli.add_typer(audit_cli, name="audit")
 
 
 def main() -> None:
@@ -45,15 +50,13 @@ def options(
 def run() -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
     settings = read_settings()
-    uvicorn.run(
-        create_app(settings),
-        host=settings.host,
-        port=settings.port,
-        log_level=settings.log_level,
-        timeout_graceful_shutdown=2,
-        server_header=False,
-        ws_max_size=65536,
-    )
+    os.umask(0o077)
+    try:
+        prepare(settings.data)
+        serve(create_app(settings), settings)
+    except ConfigurationError as error:
+        typer.echo(f"pogon: {error}", err=True)
+        raise typer.Exit(2) from error
 
 
 @cli.command()

@@ -10,7 +10,7 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from app import __version__, bundled
 from app.runtime import Runtime
 from app.settings import Settings
-from app.web import errors, pages, socket
+from app.web import audit, errors, guard, pages, signin, socket, users
 from app.web.assets import Assets
 from app.web.guard import allow, check_declared
 from app.web.security import Shield
@@ -29,6 +29,7 @@ def create_app(settings: Settings) -> FastAPI:
         runtime = Runtime(settings)
         app.state.runtime = runtime
         await runtime.start()
+        runtime.access.sessions.subscribe(socket.sockets_of(app).end)
         try:
             yield
         finally:
@@ -56,7 +57,12 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.include_router(pages.router)
     app.include_router(socket.router)
+    for part in (signin, users, audit):
+        app.include_router(part.router)
+    app.state.sockets = socket.Sockets(guard.may_watch_live)
     errors.install(app)
+    guard.install(app)
+    app.add_middleware(guard.Gatekeeper)
     app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
     if settings.behind_proxy:
         proxies = [address.strip() for address in settings.behind_proxy.split(",") if address.strip()]

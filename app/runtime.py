@@ -4,7 +4,10 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from app import __version__
+from app.access.access import Access, prepare
 from app.clock import Clock, SystemClock
+from app.db import Database
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
@@ -39,6 +42,10 @@ class Runtime:
         self.texts = Texts.read()
         self.keeper = Keeper(self._task_changed)
         self.plant: Plant | None = None
+        self.db: Database
+        """`pogon.db`, from `start` on."""
+        self.access: Access
+        """People, sessions and the audit, from `start` on."""
         self.problems: list[Problem] = []
         self.points: dict[str, Point] = {}
         self.links: dict[str, RegisterLink] = {}
@@ -51,7 +58,15 @@ class Runtime:
     # ---- start and stop -------------------------------------------------------------------------------
 
     async def start(self) -> None:
-        """Read the plant and set everything in motion. A wrong plant file is not an error: `problems` lists what is wrong."""
+        """Read the plant and set everything in motion. A wrong plant file is not an error: `problems` lists what is wrong.
+
+        Raises:
+            ConfigurationError: POGON_DATA may be read or written by others.
+            StorageError: `pogon.db` cannot be used.
+        """
+        await asyncio.to_thread(self._open_storage)
+        await self.access.start(__version__)
+        self.keeper.keep("audit", self.access.audit.watch)
         self.plant, self.problems = read_plant(self.settings.plant)
         for problem in self.problems:
             log.error("plant problem %s", problem)
@@ -68,9 +83,18 @@ class Runtime:
         if self._modbus is not None:
             await self._modbus.close()  # type: ignore[attr-defined]
         self.live.close()
+        await self.access.stop()
+        await asyncio.to_thread(self.db.close)
+
+    def _open_storage(self) -> None:
+        prepare(self.settings.data)
+        self.db = Database(self.settings.data / "pogon.db", "pogon")
+        self.db.migrate()
+        self.access = Access(self.db, self.clock, self.settings.data)
 
     async def _start_plant(self, plant: Plant) -> None:
         self.texts = Texts.read(plant)
+        self.access.people.plant_name = " ".join(plant.name.values())
         memory = [name for name, link in plant.links.items() if link.simulated]
         if memory:
             self.sim = SimPlant(plant, self.clock, links=memory)

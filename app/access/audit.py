@@ -5,8 +5,8 @@
 
 K is `POGON_DATA/audit.key`, outside the database: who can write the database cannot compute the chain anew. That the tail was cut
 off is told by `audit.head` (the newest line, after every commit) and by the anchors in `audit.anchors` (every 1000 lines and every
-hour), which a site copies to another machine. Who can write all of these files can still go back to an older state of all of them; only copied anchors
-tell that. Source: reference/security.md section 6, with HMAC instead of Ed25519 for the anchors.
+hour), which a site copies to another machine. Who can write all of these files can still go back to an older state of all of them; only
+copied anchors tell that. Source: reference/security.md section 6, with HMAC instead of Ed25519 for the anchors.
 
 When the database does not take a line, it goes to `audit.buffer` and is written later, in order and marked; meanwhile `healthy` is False.
 """

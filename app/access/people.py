@@ -11,7 +11,7 @@ from sqlalchemy.exc import IntegrityError
 
 from app.access.audit import Audit, Entry, printable, refused_without_audit
 from app.access.first_code import FirstCode
-from app.access.passwords import Passwords, check_policy, initial_password
+from app.access.passwords import Passwords, check_policy, initial_password, normal
 from app.access.roles import FIRST_ROLES, Person, known_roles
 from app.access.sessions import Sessions, hash_of, roles_of
 from app.access.tables import person_table, role_table, session_table
@@ -23,8 +23,6 @@ from app.errors import Refused
 INITIAL_LIFE = 24 * 3600.0
 """An initial password is good for one sign-in within so long [s]."""
 RESERVED = frozenset({"system", "guest"})
-LANGUAGES = ("hr", "en", "de", "cs")
-THEMES = ("light", "dark", "")
 FIRST = "first sign-in"
 """Under this name wrong codes of the first sign-in are counted."""
 
@@ -202,6 +200,10 @@ class People:
         """All accounts by name."""
         return await self._db.read(all_accounts)
 
+    def now(self) -> list[Account]:
+        """As `all`, on the caller's thread: for the command line."""
+        return self._db.run(all_accounts)
+
     async def get(self, person_id: int) -> Account:
         """One account.
 
@@ -340,7 +342,7 @@ class People:
         Raises:
             Refused: nobody of this name (404), or the password is too weak (422).
         """
-        accounts = {account.name: account for account in self._db.run(all_accounts)}
+        accounts = {account.name: account for account in self.now()}
         account = accounts.get(account_name(name))
         if account is None:
             raise Refused("access.no_person", 404, id=printable(name, 40))
@@ -369,25 +371,38 @@ class People:
 
     # ---- one's own account ----------------------------------------------------------------------------
 
-    async def change_password(self, person: Person, current: str, new: str, agent: str, sid: str) -> str:
-        """Change one's own password; all one's sessions end and a new id is returned.
+    async def confirm(self, person: Person, password: str) -> None:
+        """Ask for one's own password before something weighty (confirmation level C4).
 
         Raises:
-            Refused: the current one is wrong (401), too many attempts (429), the new one too weak or the old one again (422).
+            Refused: it is wrong (401), or there were too many wrong ones (429).
         """
         wait = self._throttle.wait(person.name)
         if wait > 0:
             raise Refused("access.wait", 429, seconds=round(wait + 0.5))
         delay = self._throttle.failed(person.name)
         row = await self._db.read(lambda connection: _row(connection, person_table.c.id == person.id))
-        if row is None or not await self._passwords.verify(current, row.password):
+        if row is None or not await self._passwords.verify(password, row.password):
             await self._audit.record(
-                "password.refused", person, person.name, result="refused", reason="access.cause.wrong", delay=delay
+                "password.refused",
+                person,
+                person.name,
+                result="refused",
+                reason="access.cause.wrong",
+                delay=round(delay),
             )
             raise Refused("access.current_wrong", 401)
         self._throttle.clear(person.name)
+
+    async def change_password(self, person: Person, current: str, new: str, agent: str, sid: str) -> str:
+        """Change one's own password; all one's sessions end and a new id is returned.
+
+        Raises:
+            Refused: the current one is wrong (401), too many attempts (429), the new one too weak or the old one again (422).
+        """
+        await self.confirm(person, current)
         check_policy(new, person.roles, [person.name, person.display, self.plant_name])
-        if await self._passwords.verify(new, row.password):
+        if normal(new) == normal(current):
             raise Refused("access.password.same", 422)
         kept = await self._passwords.hash(new)
 
@@ -401,16 +416,8 @@ class People:
         return fresh
 
     async def prefer(self, person: Person, language: str | None = None, theme: str | None = None) -> None:
-        """Keep language and theme with the account.
-
-        Raises:
-            Refused: 422, not a language or theme of ours.
-        """
-        if language is not None and language not in LANGUAGES:
-            raise Refused("access.no_language", 422, language=printable(language, 20))
-        if theme is not None and theme not in THEMES:
-            raise Refused("access.no_theme", 422, theme=printable(theme, 20))
-        values = {name: value for name, value in (("language", language), ("theme", theme)) if value is not None}
+        """Keep language and theme with the account, for the next browser that this person signs in with."""
+        values = {name: value[:8] for name, value in (("language", language), ("theme", theme)) if value is not None}
         if values:
             change = update(person_table).where(person_table.c.id == person.id).values(**values)
             await self._db.write(lambda connection: connection.execute(change) and None)

@@ -26,14 +26,14 @@ PERMISSIONS: Mapping[str, frozenset[str]] = {
     "diagnose": frozenset({"operator", "engineer", "admin"}),  # communication, storage
     "configure": frozenset({"engineer"}),  # level 4: parameters, forcing, alarm limits, import, reload, API pages
     "instruct": frozenset({"engineer"}),  # faults of the simulated plant
-    "audit.own": frozenset({"operator"}),
+    "audit.own": frozenset({"operator", "engineer", "admin"}),  # what one has done oneself
     "audit": frozenset({"engineer", "admin"}),
     "tokens": frozenset({"engineer", "admin"}),
     "administer": frozenset({"admin"}),  # people, roles, network, backup, verifying the audit
 }
 """Permission → roles that have it. A permission that is not here is nobody's."""
 
-PUBLIC = "public"
+PUBLIC = "open"
 """What a route declares that needs no sign-in (sign-in itself, static files, health)."""
 GUEST = frozenset({"view"})
 """What a visitor without sign-in may do, and only while every link of the plant is simulated."""

@@ -7,8 +7,9 @@ closed session acts on the next one, also when the command line made it. Source:
 import hashlib
 import re
 import secrets
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection, delete, insert, select, update
 
@@ -17,6 +18,7 @@ from app.access.roles import ACTING, FORCED, IDLE, Person, permissions_of
 from app.access.tables import person_table, role_table, session_table
 from app.clock import Clock
 from app.db import Database
+from app.errors import StorageError
 
 IDLE_AFTER = 15 * 60.0
 """Without a deed for so long a session only watches [s]."""
@@ -29,6 +31,8 @@ LIMITS = {"viewer": 10, "operator": 3, "engineer": 2, "admin": 1}
 TOUCH_PERIOD = 20.0
 """A deed is written at most so often [s]."""
 ID_BYTES = 32
+MOST_KNOWN = 1000
+"""Sessions remembered for the time when the database cannot be read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,7 @@ class Sessions:
         self._audit = audit
         self._ended: list[Callable[[Collection[str]], None]] = []
         self._touched: dict[str, int] = {}
+        self._known: OrderedDict[str, Person] = OrderedDict()
 
     def subscribe(self, ended: Callable[[Collection[str]], None]) -> None:
         """Have `ended` called with the hashes of sessions that this process has just ended, so that sockets close at once."""
@@ -62,12 +67,28 @@ class Sessions:
     async def find(self, sid: str, address: str, agent: str) -> Person | None:
         """The person behind the id `sid`, with what is allowed now; None when there is no such session, or no more.
 
+        While the database cannot be read, a person known from before may still watch and stop the plant, and nothing else.
+
         Raises:
-            StorageError: the database cannot be read.
+            StorageError: the database cannot be read, and this session was not seen before.
         """
         if not re.fullmatch(r"[\w-]{43}", sid, re.ASCII):
             return None
-        return await self._db.read(lambda connection: self._found(connection, hash_of(sid), address, agent))
+        id_hash = hash_of(sid)
+        try:
+            person = await self._db.read(lambda connection: self._found(connection, id_hash, address, agent))
+        except StorageError:
+            known = self._known.get(id_hash)
+            if known is None:
+                raise
+            return replace(known, permissions=known.permissions & IDLE, idle=True, idle_in=0.0)
+        if person is None:
+            self._known.pop(id_hash, None)
+        else:
+            self._known[id_hash] = person
+            while len(self._known) > MOST_KNOWN:
+                self._known.popitem(last=False)
+        return person
 
     async def again(self, person: Person) -> Person | None:
         """`person` as of now, for a socket that stays open; None when its session is over.
@@ -169,6 +190,8 @@ class Sessions:
 
     def announce(self, hashes: Collection[str]) -> None:
         """Tell the subscribers that these sessions are over."""
+        for id_hash in hashes:
+            self._known.pop(id_hash, None)
         if hashes:
             for ended in self._ended:
                 ended(hashes)

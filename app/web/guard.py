@@ -1,19 +1,117 @@
-"""What each route asks of a person. A route that says nothing is a mistake, found when the server starts."""
+"""Who gets in: a person is found for every request, and every route says what it asks of them. Nothing is allowed by silence.
 
-from collections.abc import Iterable
+`Gatekeeper` is the layer that finds the person (session cookie, or an API token under /api/) and leaves in `request.state`: `person`
+(None: not signed in), `csrf` (a fresh signed token for forms) and `bound` (what it is bound to). `allow("…")` is the dependency of a route:
+it checks the permission, and on unsafe methods where the request comes from and that its token is ours. A route without one is found by
+`check_declared` when the server starts. Identity never comes from another header (Referer, X-Forwarded-User, X-Original-URL …).
+"""
 
-from fastapi import Depends, FastAPI
+import ipaddress
+import logging
+import re
+import secrets
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+from urllib.parse import quote, urlsplit
+
+from fastapi import Depends, FastAPI, Request
 from fastapi.params import Depends as Dependency
+from fastapi.responses import RedirectResponse, Response
 from fastapi.routing import iter_route_contexts
-from starlette.requests import HTTPConnection
+from starlette.datastructures import FormData, Headers, MutableHeaders, UploadFile
+from starlette.exceptions import WebSocketException
+from starlette.requests import HTTPConnection, cookie_parser
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
 
-from app.errors import ConfigurationError
+from app.access.access import Access
+from app.access.audit import printable
+from app.access.roles import PERMISSIONS as OF_ROLES
+from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
+from app.access.tokens import PREFIX
+from app.errors import ConfigurationError, Refused, StorageError
+from app.web.errors import answer
 
-PERMISSIONS = {
-    "open": "nothing: health, static files, signing in",
-    "view": "see screens of levels 1 to 3 and live values",
-}
-"""Permission → what it allows. A route names one of these."""
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+log = logging.getLogger(__name__)
+
+PERMISSIONS: frozenset[str] = frozenset({PUBLIC, *OF_ROLES})
+"""What a route may ask for: nothing (`open`: health, static files, signing in) or a permission of app/access/roles.py."""
+SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
+SID, PRE = "sid", "pre"
+"""Cookies of the session and, before there is one, of the browser; under TLS with the prefix `__Host-`."""
+UNTOUCHED = ("/static/", "/healthz", "/readyz", "/favicon.ico")
+"""Nobody is looked up for these."""
+POLICY_VIOLATION = 1008
+DENIALS_KEPT = 60.0
+"""The same refusal of the same person is written down once in so long [s]."""
+
+
+class SignInFirst(Exception):
+    """Nobody is signed in, or somebody only watches after idling, and the route asks for more."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+class MustChange(Exception):
+    """An initial password has to be changed before anything else."""
+
+
+class Gatekeeper:
+    """The layer that finds the person behind a request."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        state = scope.setdefault("state", {})
+        state |= {"person": None, "csrf": "", "bound": "", "bearer": False}
+        access = access_of(scope["app"])
+        if access is None or scope["path"].startswith(UNTOUCHED):
+            await self._app(scope, receive, send)
+            return
+        headers, secure = Headers(scope=scope), is_secure(scope)
+        cookies = _cookies(headers)
+        fresh = ""
+        bearer = _bearer(scope, headers)
+        if bearer is not None:
+            state["bearer"] = True
+            state["person"] = await access.tokens.find(bearer, address_of(scope))
+        else:
+            fresh = await self._browser(scope, state, access, headers, cookies)
+        await self._app(scope, receive, _with_cookie(send, cookie_name(PRE, secure), fresh, secure) if fresh else send)
+
+    async def _browser(
+        self, scope: Scope, state: dict[str, object], access: Access, headers: Headers, cookies: Mapping[str, str]
+    ) -> str:
+        """Find who uses this browser; returns a new pre-session id when it has none."""
+        secure, fresh = is_secure(scope), ""
+        sid = cookies.get(cookie_name(SID, secure), "")
+        person = None
+        if sid:
+            try:
+                person = await access.sessions.find(sid, address_of(scope), headers.get("user-agent", ""))
+            except StorageError as error:
+                log.error("session not read reason=%s", error)
+        state["person"] = person
+        if person is not None:
+            bound = sid
+            if _is_deed(scope, headers):
+                access.sessions.touch(person)
+        else:
+            bound = cookies.get(cookie_name(PRE, secure), "")
+            if not re.fullmatch(r"[\w-]{22}", bound, re.ASCII):
+                bound = fresh = secrets.token_urlsafe(16)
+        state["bound"] = bound
+        state["csrf"] = access.form_token(bound)
+        return fresh
 
 
 class Allow:
@@ -21,12 +119,45 @@ class Allow:
 
     def __init__(self, permission: str) -> None:
         if permission not in PERMISSIONS:
-            raise ConfigurationError(f'permission "{permission}" is unknown: expected one of {", ".join(PERMISSIONS)}')
+            raise ConfigurationError(
+                f'permission "{permission}" is unknown: expected one of {", ".join(sorted(PERMISSIONS))}'
+            )
         self.permission = permission
 
-    def __call__(self, connection: HTTPConnection) -> None:
-        """Note what is asked for; app/access decides about it."""
-        connection.state.permission = self.permission
+    async def __call__(self, connection: HTTPConnection) -> None:
+        """Let through or raise.
+
+        Raises:
+            SignInFirst: nobody is signed in, or somebody who idled.
+            MustChange: an initial password comes first.
+            Refused: 403 for a missing right, a foreign origin or token; 415 for an API body that is no JSON; 503 without audit.
+            WebSocketException: any of these, on a socket.
+        """
+        state = connection.state
+        state.permission = self.permission
+        person: Person | None = state.person
+        if not permitted(person, self.permission, simulated=guests_allowed(connection.app)):
+            if connection.scope["type"] == "websocket":
+                raise WebSocketException(POLICY_VIOLATION)
+            await self._refuse(connection, person)
+        if connection.scope["type"] != "http":
+            return
+        request = Request(connection.scope) if not isinstance(connection, Request) else connection
+        if request.method not in SAFE:
+            await check_origin_and_token(request)
+            access = access_of(request.app)
+            if self.permission in RECORDED and (access is None or not access.audit.healthy):
+                raise Refused("access.audit_unavailable", 503)
+
+    async def _refuse(self, connection: HTTPConnection, person: Person | None) -> None:
+        if person is None:
+            raise SignInFirst("error.sign_in")
+        if person.must_change:
+            raise MustChange
+        if person.idle and self.permission in permissions_of(person.roles):
+            raise SignInFirst("access.idle")
+        await _note_denied(connection, person, self.permission)
+        raise Refused("error.forbidden", 403)
 
 
 def allow(permission: str) -> Dependency:
@@ -37,6 +168,178 @@ def allow(permission: str) -> Dependency:
     """
     dependency: Dependency = Depends(Allow(permission))
     return dependency
+
+
+require = allow
+
+
+def install(app: FastAPI) -> None:
+    """Answer those who have to sign in first, and those who have to change their password first."""
+    app.add_exception_handler(SignInFirst, _to_sign_in)
+    app.add_exception_handler(MustChange, _to_account)
+
+
+# ---- what routes ask --------------------------------------------------------------------------------------
+
+
+def access_of(app: FastAPI) -> Access | None:
+    """People, sessions and audit of the running server; None while it starts."""
+    return getattr(getattr(app.state, "runtime", None), "access", None)
+
+
+def people_access(request: Request) -> Access:
+    """As `access_of`, for a route.
+
+    Raises:
+        Refused: 503 while there is none.
+    """
+    access = access_of(request.app)
+    if access is None:
+        raise Refused("error.unavailable", 503)
+    return access
+
+
+def person_of(request: Request) -> Person:
+    """Who makes the request, on a route that asks for a person.
+
+    Raises:
+        SignInFirst: nobody is signed in.
+    """
+    person: Person | None = request.state.person
+    if person is None:
+        raise SignInFirst("error.sign_in")
+    return person
+
+
+def guests_allowed(app: FastAPI) -> bool:
+    """Whether visitors without sign-in may watch: every link is simulated, or the first plant file is broken and nobody has an account."""
+    runtime: Runtime | None = getattr(app.state, "runtime", None)
+    if runtime is None:
+        return False
+    access = access_of(app)
+    uncommissioned = access is not None and access.first_code.open
+    return bool(runtime.simulated) or (runtime.plant is None and uncommissioned)
+
+
+async def may_watch_live(websocket: WebSocket, kind: str) -> bool:
+    """Whether whoever opened a socket may watch this kind of page, as of now: asked at subscribing and every 30 s."""
+    access = access_of(websocket.app)
+    person: Person | None = websocket.state.person
+    if access is not None and person is not None:
+        try:
+            person = await (access.tokens if websocket.state.bearer else access.sessions).again(person)
+        except StorageError as error:
+            log.error(
+                "session not read reason=%s", error
+            )  # what it was allowed before holds until the database is back
+        if person is None and not guests_allowed(websocket.app):
+            return False
+    return may_watch(person, kind, simulated=guests_allowed(websocket.app))
+
+
+async def check_origin_and_token(request: Request) -> None:
+    """Refuse a change that another site's page asks for: fetch metadata or origin, then the signed token of this session.
+
+    Raises:
+        Refused: 403, or 415 for an API body that is no JSON.
+    """
+    content = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if request.url.path.startswith("/api/") and content not in ("", "application/json"):
+        raise Refused("access.json_only", 415)
+    if request.state.bearer:
+        return  # a token that a program sends on purpose cannot be borrowed by a page
+    site = request.headers.get("sec-fetch-site")
+    if site is not None:
+        good = site == "same-origin"
+    else:
+        named = request.headers.get("origin") or request.headers.get("referer") or ""
+        good = bool(named) and urlsplit(named).netloc.lower() == request.headers.get("host", "").lower()
+    if not good:
+        raise Refused("access.other_site", 403)
+    token = request.headers.get("x-csrf-token", "")
+    if not token and content in ("application/x-www-form-urlencoded", "multipart/form-data"):
+        form = await request.form()
+        values = form.getlist("csrf")
+        token = values[0] if len(values) == 1 and isinstance(values[0], str) else ""
+    access = access_of(request.app)
+    if access is None or not access.is_form_token(token, request.state.bound):
+        raise Refused("access.form_stale", 403)
+
+
+async def fields(
+    request: Request, required: Iterable[str], optional: Iterable[str] = (), lists: Iterable[str] = ()
+) -> dict[str, str]:
+    """The fields of a form by name, each once; what is not named is refused, not ignored (no rights by an extra field).
+
+    Raises:
+        Refused: 422, a field is missing, there twice, a file, unknown, or not text.
+    """
+    form = await request.form()
+    wanted, extra, many = set(required), {*optional, "csrf", "next"}, set(lists)
+    found: dict[str, str] = {}
+    for name, value in form.multi_items():
+        if name in many and isinstance(value, str):
+            continue
+        if name not in wanted | extra or name in found or isinstance(value, UploadFile):
+            raise Refused("access.form_field", 422, field=printable(name, 40))
+        found[name] = value
+    if missing := sorted(wanted - set(found)):
+        raise Refused("access.form_field", 422, field=missing[0])
+    return {name: found.get(name, "") for name in (*required, *optional, "next")}
+
+
+async def field_list(request: Request, name: str) -> list[str]:
+    """All values of the field `name` (check boxes)."""
+    form: FormData = await request.form()
+    return [value for value in form.getlist(name) if isinstance(value, str)]
+
+
+# ---- addresses and cookies --------------------------------------------------------------------------------
+
+
+def is_secure(scope: Scope) -> bool:
+    """Whether the browser came over TLS."""
+    return scope.get("scheme") in ("https", "wss")
+
+
+def cookie_name(name: str, secure: bool) -> str:
+    """`__Host-sid` under TLS: no other host and no unencrypted page can set it."""
+    return f"__Host-{name}" if secure else name
+
+
+def address_of(scope: Scope) -> str:
+    """Where the request comes from; all addresses of this machine are one."""
+    client = scope.get("client")
+    if not client:
+        return ""
+    try:
+        address = ipaddress.ip_address(str(client[0]).partition("%")[0])
+    except ValueError:
+        return printable(client[0], 64)
+    mapped = getattr(address, "ipv4_mapped", None)
+    address = mapped or address
+    return "127.0.0.1" if address.is_loopback else str(address)
+
+
+def session_cookie(response: Response, request: Request, sid: str) -> None:
+    """Hand the browser its session: a cookie until it is closed, out of reach of scripts and other sites."""
+    secure = is_secure(request.scope)
+    response.set_cookie(cookie_name(SID, secure), sid, httponly=True, samesite="strict", secure=secure, path="/")
+
+
+def session_id(request: Request) -> str:
+    """The id in the cookie; empty without one."""
+    return request.cookies.get(cookie_name(SID, is_secure(request.scope)), "")
+
+
+def forget_cookies(response: Response, request: Request) -> None:
+    """Take session and pre-session cookies away."""
+    secure = is_secure(request.scope)
+    for name in (SID, PRE):
+        response.delete_cookie(cookie_name(name, secure), path="/", secure=secure, httponly=True, samesite="strict")
+
+
+# ---- start-up self-check ----------------------------------------------------------------------------------
 
 
 def permissions(app: FastAPI) -> dict[str, str]:
@@ -65,5 +368,86 @@ def check_declared(app: FastAPI) -> None:
     silent = [route for route, permission in permissions(app).items() if not permission]
     if silent:
         raise ConfigurationError(
-            f"{', '.join(silent)}: no permission declared, expected dependencies=[allow(…)] with one of {', '.join(PERMISSIONS)}"
+            f"{', '.join(silent)}: no permission declared, "
+            f"expected dependencies=[allow(…)] with one of {', '.join(sorted(PERMISSIONS))}"
         )
+
+
+# ---- details ----------------------------------------------------------------------------------------------
+
+
+def _cookies(headers: Headers) -> dict[str, str]:
+    return cookie_parser(headers.get("cookie", ""))
+
+
+def _bearer(scope: Scope, headers: Headers) -> str | None:
+    """The API token of a program; browsers' pages do not take one."""
+    kind, _, token = headers.get("authorization", "").partition(" ")
+    if kind.lower() != "bearer" or not token.startswith(PREFIX):
+        return None
+    return token.strip() if scope["type"] == "websocket" or scope["path"].startswith("/api/") else None
+
+
+def _is_deed(scope: Scope, headers: Headers) -> bool:
+    """Whether a person did something: a change, or a page gone to; not what a page fetches by itself."""
+    if scope["type"] != "http":
+        return False
+    if scope["method"] not in SAFE:
+        return True
+    mode = headers.get("sec-fetch-mode")
+    return mode == "navigate" if mode is not None else "text/html" in headers.get("accept", "")
+
+
+def _with_cookie(send: Send, name: str, value: str, secure: bool) -> Send:
+    """Set the pre-session cookie with the first page."""
+    line = f"{name}={value}; Path=/; HttpOnly; SameSite=Strict{'; Secure' if secure else ''}"
+
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            if headers.get("content-type", "").startswith("text/html"):
+                headers.append("set-cookie", line)
+        await send(message)
+
+    return sending
+
+
+def wants_page(request: Request) -> bool:
+    """Whether a browser goes to a page, as against a fragment or a program's request."""
+    fragment = request.headers.get("hx-request") == "true" or request.url.path.startswith("/api/")
+    return request.method in SAFE and not fragment
+
+
+async def _to_sign_in(request: Request, error: Exception) -> Response:
+    assert isinstance(error, SignInFirst)
+    if wants_page(request):
+        wish = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+        return RedirectResponse(f"/signin?next={quote(wish, safe='/')}", 303)
+    return answer(request, 401, error.reason)
+
+
+async def _to_account(request: Request, error: Exception) -> Response:
+    if wants_page(request):
+        return RedirectResponse("/account", 303)
+    return answer(request, 403, "access.must_change")
+
+
+async def _note_denied(connection: HTTPConnection, person: Person, permission: str) -> None:
+    """Write a denial down, but let nobody fill the audit with them."""
+    access = access_of(connection.app)
+    if access is None:
+        return
+    route = connection.scope.get("route")
+    path = getattr(route, "path", "") or connection.scope["path"]
+    app_state = connection.app.state
+    if not hasattr(app_state, "denials"):
+        app_state.denials = {}
+    noted: dict[tuple[str, str], float] = app_state.denials
+    now = app_state.runtime.clock.monotonic()
+    key = (person.name, path)
+    if now - noted.get(key, -DENIALS_KEPT) < DENIALS_KEPT:
+        return
+    if len(noted) > 1000:
+        noted.clear()
+    noted[key] = now
+    await access.audit.record("access.denied", person, path, result="refused", permission=permission)

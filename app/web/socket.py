@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import logging
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -64,6 +64,7 @@ class Sockets:
         self.recheck = RECHECK
         self._open: dict[WebSocket, str] = {}
         self._count: Counter[str] = Counter()
+        self._closing: set[asyncio.Task[None]] = set()
 
     def __len__(self) -> int:
         return len(self._open)
@@ -84,11 +85,24 @@ class Sockets:
             if not self._count[who]:
                 del self._count[who]
 
+    def end(self, sessions: Collection[str]) -> None:
+        """Close the sockets of sessions that are over, at once."""
+        for websocket in tuple(self._open):
+            person = getattr(websocket.state, "person", None)
+            if person is not None and person.session in sessions:
+                task = asyncio.get_running_loop().create_task(_close(websocket, POLICY))
+                self._closing.add(task)
+                task.add_done_callback(self._closing.discard)
+
     async def close(self) -> None:
         """Close all sockets: the server ends."""
         for websocket in tuple(self._open):
-            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-                await websocket.close(GOING_AWAY)
+            await _close(websocket, GOING_AWAY)
+
+
+async def _close(websocket: WebSocket, code: int) -> None:
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code)
 
 
 def sockets_of(app: Any) -> Sockets:
@@ -99,7 +113,7 @@ def sockets_of(app: Any) -> Sockets:
     return found
 
 
-@router.websocket("/live", dependencies=[allow("view")])
+@router.websocket("/live", dependencies=[allow("open")])  # each kind of page is asked for at subscribing
 async def live(websocket: WebSocket) -> None:
     """One page of one browser."""
     runtime = websocket.app.state.runtime

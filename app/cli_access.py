@@ -1,0 +1,202 @@
+"""pogon user and pogon audit: people and the audit from the terminal of the server, also beside a running one.
+
+Whoever may read POGON_DATA may do all this: the terminal of the server is the last resort when every password is forgotten.
+"""
+
+import csv
+import getpass
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from pydantic import ValidationError
+
+from app.access.access import Access, prepare
+from app.access.audit import printable
+from app.access.people import Account
+from app.access.roles import ROLES, Person
+from app.clock import SystemClock, to_datetime
+from app.db import Database
+from app.errors import ConfigurationError, PogonError, Refused
+from app.plant.texts import Texts
+from app.settings import Settings
+
+user_cli = typer.Typer(no_args_is_help=True, help="People: add, passwd, role, list. Works beside a running server.")
+audit_cli = typer.Typer(no_args_is_help=True, help="The audit: verify. Works beside a running server.")
+
+COLUMNS = ("name", "display", "roles")
+"""Columns of the file of a class; `roles` are separated by spaces, empty means operator."""
+
+Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
+
+
+@user_cli.command()
+def add(
+    name: Annotated[str, typer.Argument(help="Name to sign in with.")] = "",
+    role: Annotated[
+        list[str] | None, typer.Option("--role", "-r", help=f"{', '.join(ROLES)}; may be repeated.")
+    ] = None,
+    display: Annotated[str, typer.Option(help="Name that others read.")] = "",
+    file: Annotated[
+        Path | None,
+        typer.Option("--file", help="CSV with the columns name, display, roles: a whole class, all or none."),
+    ] = None,
+    data: Data = None,
+) -> None:
+    """Make accounts and print their initial passwords, which are good for one sign-in within 24 hours."""
+    if bool(name) == bool(file):
+        _fail("give a NAME, or --file FILE")
+    rows = _rows(file) if file else [(name, display, tuple(role or ("operator",)))]
+    with _access(data) as access:
+        made = access.people.add_now(_terminal(), rows)
+        out = csv.writer(sys.stdout, lineterminator="\n")
+        if file:
+            out.writerow(["name", "display", "roles", "initial password"])
+        for account, initial in made:
+            if file:
+                out.writerow([account.name, account.display, " ".join(sorted(account.roles)), initial])
+            else:
+                typer.echo(f"{account.name} ({', '.join(sorted(account.roles))}) initial password: {initial}")
+
+
+@user_cli.command()
+def passwd(
+    name: Annotated[str, typer.Argument(help="Whose password.")],
+    initial: Annotated[bool, typer.Option("--initial", help="Print a new initial password instead of asking.")] = False,
+    stdin: Annotated[bool, typer.Option("--stdin", help="Read the password from the first line of the input.")] = False,
+    data: Data = None,
+) -> None:
+    """Set a password; all sessions of the person end."""
+    with _access(data) as access:
+        if initial:
+            typer.echo(f"{name} initial password: {access.people.set_password_now(_terminal(), name, None)}")
+            return
+        password = sys.stdin.readline().rstrip("\n") if stdin else _asked()
+        access.people.set_password_now(_terminal(), name, password)
+        typer.echo(f"{name}: the password is changed, all sessions have ended")
+
+
+@user_cli.command("role")
+def role_(
+    name: Annotated[str, typer.Argument(help="Whose roles.")],
+    roles: Annotated[list[str], typer.Argument(help=f"All roles of the person from now on: {', '.join(ROLES)}.")],
+    data: Data = None,
+) -> None:
+    """Give a person another set of roles; it counts from the next request on."""
+    with _access(data) as access:
+        account = access.people.set_roles_now(_terminal(), name, roles)
+        typer.echo(f"{account.name}: {', '.join(sorted(account.roles))}")
+
+
+@user_cli.command("list")
+def list_(data: Data = None) -> None:
+    """Print all accounts."""
+    with _access(data) as access:
+        accounts = access.people.now()
+        width = max((len(account.name) for account in accounts), default=4)
+        for account in accounts:
+            typer.echo(
+                f"{account.name:<{width}}  {_state(account):<17}  {', '.join(sorted(account.roles)):<35}  {account.display}"
+            )
+        if not accounts:
+            typer.echo("no account yet: start the server and type the code that it prints")
+
+
+@audit_cli.command()
+def verify(data: Data = None) -> None:
+    """Check the chain of the audit: exit code 0 and the number of lines, or 1 and the first line that is not in order."""
+    with _access(data, existing=True) as access:
+        verdict = access.audit.check_now()
+        if verdict.ok:
+            typer.echo(f"audit ok: {verdict.count} lines")
+            return
+        reason = {
+            "changed": "was changed",
+            "removed": "is missing",
+            "inserted": "was put in",
+            "cut": "and all after it were cut off",
+            "head": "does not agree with audit.head",
+            "anchor": "does not agree with audit.anchors",
+        }[verdict.why]
+        typer.echo(f"audit broken: line {verdict.bad} {reason}; {verdict.count} lines before it are in order", err=True)
+        raise typer.Exit(1)
+
+
+def _state(account: Account) -> str:
+    if account.disabled:
+        return "disabled"
+    if account.must_change:
+        return "initial password"
+    return f"seen {to_datetime(account.last_seen):%Y-%m-%d}" if account.last_seen else "never seen"
+
+
+@contextmanager
+def _access(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
+    """People and audit of a data folder; every error of ours is one line and exit code 2."""
+    db: Database | None = None
+    access: Access | None = None
+    try:
+        folder = data or Settings().data
+        if existing and not (folder / "pogon.db").is_file():
+            raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
+        prepare(folder)
+        db = Database(folder / "pogon.db", "pogon")
+        db.migrate()
+        access = Access(db, SystemClock(), folder)
+        yield access
+    except Refused as refused:
+        _fail(Texts.read().text("en", refused.reason, **refused.params))
+    except (PogonError, ValidationError) as error:
+        _fail(str(error).splitlines()[0])
+    finally:
+        if access:
+            access.close()
+        if db:
+            db.close()
+
+
+def _fail(text: str) -> NoReturn:
+    typer.echo(f"pogon: {text}", err=True)
+    raise typer.Exit(2)
+
+
+def _terminal() -> Person:
+    """Who is named in the audit: the user of the operating system."""
+    try:
+        name = getpass.getuser()
+    except (OSError, KeyError):
+        name = "?"
+    label = printable(f"terminal:{name}", 64)
+    return Person(0, label, label, frozenset(), frozenset(), "", address="terminal")
+
+
+def _asked() -> str:
+    first = typer.prompt("New password", hide_input=True)
+    if first != typer.prompt("Again", hide_input=True):
+        _fail("the two passwords differ")
+    return str(first)
+
+
+def _rows(file: Path) -> list[tuple[str, str, tuple[str, ...]]]:
+    """The people of a CSV file; comma or semicolon, a heading with at least `name`."""
+    try:
+        text = file.read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        _fail(f"{file}: {error}, expected a CSV file in UTF-8")
+    first = text.partition("\n")[0]
+    reader = csv.DictReader(text.splitlines(), delimiter=";" if first.count(";") > first.count(",") else ",")
+    heading = [name.strip().lower() for name in reader.fieldnames or ()]
+    reader.fieldnames = heading
+    if "name" not in heading or set(heading) - set(COLUMNS):
+        _fail(f"{file}:1: heading {', '.join(heading) or 'is empty'}, expected {', '.join(COLUMNS)}")
+    rows = []
+    for row in reader:
+        roles = tuple((row.get("roles") or "operator").replace(",", " ").split())
+        if (row.get("name") or "").strip():
+            rows.append((row["name"].strip(), (row.get("display") or "").strip(), roles))
+    if not rows:
+        _fail(f"{file}: nobody in it")
+    return rows

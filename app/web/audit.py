@@ -1,0 +1,185 @@
+"""The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
+
+import csv
+import io
+import re
+from collections.abc import AsyncIterator
+from datetime import datetime
+from typing import Any
+from urllib.parse import urlencode
+from zoneinfo import ZoneInfo
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response, StreamingResponse
+
+from app.access.audit import Filter, Record
+from app.access.roles import Person
+from app.clock import to_micros
+from app.errors import Refused
+from app.web import format as fmt
+from app.web import language
+from app.web.guard import allow, fields, people_access, person_of
+from app.web.signin import moment, view_of, zone_of
+
+router = APIRouter()
+
+PAGE = 50
+"""Lines on a page."""
+CSV_PAGE = 500
+_UTC = ZoneInfo("UTC")
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")
+"""A cell of text that begins like this is a formula to a spreadsheet; ours begins with an apostrophe then."""
+COLUMNS = ("seq", "time", "kind", "person", "address", "object", "old", "new", "result", "reason", "text")
+
+
+@router.get("/audit", dependencies=[allow("audit.own")])
+async def audit(request: Request) -> Response:
+    """Lines, newest first; an operator sees only their own."""
+    view, access, person = view_of(request), people_access(request), person_of(request)
+    wanted, typed = _filter(request, person)
+    lines = await access.audit.find(wanted, PAGE + 1)
+    older = lines[PAGE - 1].seq if len(lines) > PAGE else None
+    query = {name: value for name, value in typed.items() if value}
+    verdict = access.audit.verdict
+    return view.page(
+        request,
+        "pages/audit.html",
+        title=view.text(request, "audit.title"),
+        kind="frame",
+        rows=[_row(request, line) for line in lines[:PAGE]],
+        typed=typed,
+        kinds=[(kind, _kind(request, kind)) for kind in _groups(await access.audit.kinds())],
+        older=f"/audit?{urlencode(query | {'before': older})}" if older else "",
+        newest=f"/audit?{urlencode(query)}" if wanted.before else "",
+        export=f"/audit.csv?{urlencode(query)}" if person.may("audit") else "",
+        whole=person.may("audit"),
+        may_verify=person.may("administer"),
+        healthy=access.audit.healthy,
+        verdict=verdict,
+        why=view.text(request, f"audit.why.{verdict.why}") if verdict and not verdict.ok else "",
+        count=await access.audit.count(),
+        filtered=bool(query),
+    )
+
+
+@router.post("/audit/verify", dependencies=[allow("administer")])
+async def verify(request: Request) -> Response:
+    """Verify the chain now."""
+    await fields(request, [])
+    await people_access(request).audit.check(person_of(request))
+    return RedirectResponse("/audit", 303)
+
+
+@router.get("/audit.csv", dependencies=[allow("audit")])
+async def export(request: Request) -> Response:
+    """The lines that the filter lets through, oldest last, as CSV with UTC and local time."""
+    person, access = person_of(request), people_access(request)
+    wanted, typed = _filter(request, person)
+    filters = "&".join(f"{name}={value}" for name, value in typed.items() if value)
+    await access.audit.record("audit.exported", person, filters=filters)
+    return StreamingResponse(
+        _csv(request, wanted),
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": 'attachment; filename="audit.csv"'},
+    )
+
+
+async def _csv(request: Request, wanted: Filter) -> AsyncIterator[bytes]:
+    access = people_access(request)
+    yield "\ufeff".encode()
+    yield _line([*COLUMNS[:2], "local_time", *COLUMNS[2:]])
+    zone = zone_of(request)
+    while lines := await access.audit.find(wanted, CSV_PAGE):
+        for line in lines:
+            cells = [getattr(line, name) for name in COLUMNS[2:-1]]
+            texts = [defused(str(cell)) for cell in (*cells, _text(request, line))]
+            yield _line([line.seq, fmt.iso(line.time, _UTC), fmt.iso(line.time, zone), *texts])
+        wanted = Filter(wanted.person, wanted.object, wanted.kind, wanted.since, wanted.until, lines[-1].seq)
+
+
+def defused(cell: str) -> str:
+    """`cell` so that no spreadsheet takes it for a formula."""
+    return f"'{cell}" if cell.startswith(FORMULA) else cell
+
+
+def _line(cells: list[Any]) -> bytes:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\r\n").writerow(cells)
+    return out.getvalue().encode()
+
+
+def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
+    """The filter in the address, and what was typed; an operator's is always their own name.
+
+    Raises:
+        Refused: 422, a time or a number cannot be read, or a field is there twice.
+    """
+    query = request.query_params
+    names = ("person", "object", "kind", "since", "until")
+    for name in (*names, "before"):
+        if len(query.getlist(name)) > 1:
+            raise Refused("access.form_field", 422, field=name)
+    typed = {name: query.get(name, "").strip()[:120] for name in names}
+    if not person.may("audit"):
+        typed["person"] = ""
+    before = query.get("before", "")
+    if before and not re.fullmatch(r"[0-9]{1,18}", before):
+        raise Refused("access.form_field", 422, field="before")
+    wanted = Filter(
+        person=typed["person"] if person.may("audit") else person.name,
+        object=typed["object"],
+        kind=typed["kind"],
+        since=_time(request, typed["since"], "since"),
+        until=_time(request, typed["until"], "until"),
+        before=int(before) if before else None,
+    )
+    return wanted, typed
+
+
+def _time(request: Request, text: str, field: str) -> int | None:
+    """What a `datetime-local` field sends, in the plant's zone."""
+    if not text:
+        return None
+    try:
+        return to_micros(datetime.fromisoformat(text).replace(tzinfo=zone_of(request)))
+    except (ValueError, OverflowError) as error:
+        raise Refused("access.form_field", 422, field=field) from error
+
+
+def _row(request: Request, line: Record) -> dict[str, Any]:
+    zone = zone_of(request)
+    return {
+        "line": line,
+        "time": moment(request, line.time),
+        "iso": fmt.iso(line.time, zone),
+        "text": _text(request, line),
+        "result": _known(request, f"audit.result.{line.result}", line.result),
+        "reason": _reason(request, line),
+    }
+
+
+def _text(request: Request, line: Record) -> str:
+    return _known(
+        request,
+        f"audit.kind.{line.kind}",
+        line.kind,
+        **{"object": line.object, "old": line.old, "new": line.new, "person": line.person} | dict(line.parameters),
+    )
+
+
+def _reason(request: Request, line: Record) -> str:
+    return _known(request, line.reason, line.reason, **line.parameters) if line.reason else ""
+
+
+def _known(request: Request, key: str, otherwise: str, /, **params: str) -> str:
+    """The text `key` in the reader's language, or what was written down when we have no words for it."""
+    runtime, lang = view_of(request).runtime(request), language.language_of(request)
+    return runtime.texts.text(lang, key, **params) if runtime.texts.has(lang, key) else otherwise
+
+
+def _kind(request: Request, kind: str) -> str:
+    return _known(request, f"audit.group.{kind}", kind)
+
+
+def _groups(kinds: list[str]) -> list[str]:
+    return sorted({kind.partition(".")[0] for kind in kinds})
