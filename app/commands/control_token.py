@@ -1,0 +1,263 @@
+"""The control token: who may command a machine. One session at a time; Stop and acknowledge need none.
+
+It is taken, handed over, released, or lost: 10 s after the last socket of its session, or after 15 min without a command or other sign
+of the person. Whoever wants it from the holder asks; the holder has 10 s to refuse, silence yields. Nothing changes hands while a
+hold-to-run moves the machine.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from app.access.roles import Person
+from app.clock import Clock
+from app.errors import Refused
+
+OPERATE = "operate"
+"""Permission that the token needs."""
+IDLE = 900.0
+"""Time without a sign of the holder after which the token is free [s]."""
+GONE = 10.0
+"""Time after the holder's last socket closed [s]."""
+ANSWER = 10.0
+"""Time that the holder has to refuse a take-over [s]."""
+PAUSE = 30.0
+"""Time after a refusal before the same person may ask again [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds a machine."""
+
+    session: str
+    person: str
+    """Identity."""
+    display: str
+    since: int
+    """[µs UTC]"""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOver:
+    """Somebody asks the holder for a machine."""
+
+    session: str
+    person: str
+    display: str
+    asked: int
+    """[µs UTC]"""
+    until: float
+    """Monotonic time at which silence yields [s]."""
+
+
+@dataclass(slots=True)
+class _Grip:
+    holder: Holder
+    who: Person
+    sign: float
+    """Last sign of the person, monotonic [s]."""
+    request: TakeOver | None = None
+    asker: Person | None = None
+
+
+Journal = Callable[[Person | None, str, str, str], None]
+"""(person, equipment, what: taken, released, handed_over, taken_over, refused, lost; name of the former holder)."""
+
+
+class ControlToken:
+    """The tokens of all machines."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        moving: Callable[[str], bool] = lambda equipment: False,
+        changed: Callable[[str], None] = lambda equipment: None,
+        journal: Journal = lambda person, equipment, what, former: None,
+    ) -> None:
+        """`moving`: whether a hold-to-run moves the machine; `changed` is called with the machine whose token changed."""
+        self._clock = clock
+        self._moving = moving
+        self._changed = changed
+        self._journal = journal
+        self._grips: dict[str, _Grip] = {}
+        self._sockets: dict[str, int] = {}
+        self._closed: dict[str, float] = {}
+        self._refusals: dict[tuple[str, str], float] = {}
+
+    def holder(self, equipment: str) -> Holder | None:
+        """Who holds the machine; None = nobody."""
+        grip = self._grips.get(equipment)
+        return grip.holder if grip else None
+
+    def request_for(self, equipment: str) -> TakeOver | None:
+        """The take-over that waits for the holder's answer."""
+        grip = self._grips.get(equipment)
+        return grip.request if grip else None
+
+    def held_by(self, session: str) -> list[str]:
+        """Machines that this session holds."""
+        return [equipment for equipment, grip in self._grips.items() if grip.holder.session == session]
+
+    def holds(self, person: Person, equipment: str) -> bool:
+        """Whether this very session holds the machine."""
+        grip = self._grips.get(equipment)
+        return grip is not None and grip.holder.session == person.session
+
+    def take(self, person: Person, equipment: str) -> Holder:
+        """Take a free machine; the holder may take it again.
+
+        Raises:
+            Refused: 403 `why.role` (not an operator), 423 `why.held` (`display`, `since`).
+        """
+        if not person.may(OPERATE):
+            raise Refused("why.role", 403, role="operator")
+        grip = self._grips.get(equipment)
+        if grip is None:
+            return self._give(person, equipment, "taken")
+        if grip.holder.session != person.session:
+            raise Refused("why.held", 423, display=grip.holder.display, since=grip.holder.since)
+        grip.sign = self._clock.monotonic()
+        return grip.holder
+
+    def request(self, person: Person, equipment: str) -> TakeOver | None:
+        """Ask the holder for the machine; None = it was free and is the asker's now.
+
+        Raises:
+            Refused: 403 `why.role`; 423 `why.hold_active` while a hold-to-run moves it, `why.requested` when somebody else asks already,
+                `why.take_over_refused` within 30 s of the holder's refusal.
+        """
+        grip = self._grips.get(equipment)
+        if grip is None or grip.holder.session == person.session:
+            self.take(person, equipment)
+            return None
+        if not person.may(OPERATE):
+            raise Refused("why.role", 403, role="operator")
+        if self._moving(equipment):
+            raise Refused("why.hold_active", 423, display=grip.holder.display)
+        now = self._clock.monotonic()
+        if grip.request and grip.request.session != person.session:
+            raise Refused("why.requested", 423, display=grip.request.display)
+        if now - self._refusals.get((equipment, person.session), float("-inf")) < PAUSE:
+            raise Refused("why.take_over_refused", 423, display=grip.holder.display)
+        if grip.request is None:
+            grip.request = TakeOver(person.session, str(person.id), person.display, self._clock.micros(), now + ANSWER)
+            grip.asker = person
+            self._changed(equipment)
+        return grip.request
+
+    def refuse(self, person: Person, equipment: str) -> None:
+        """The holder keeps the machine.
+
+        Raises:
+            Refused: 409 `why.no_request`: nobody asks, or this session does not hold it.
+        """
+        grip = self._own(person, equipment)
+        if grip is None or grip.request is None:
+            raise Refused("why.no_request", 409)
+        self._refusals[equipment, grip.request.session] = self._clock.monotonic()
+        self._journal(person, equipment, "refused", grip.request.display)
+        grip.request = grip.asker = None
+        grip.sign = self._clock.monotonic()
+        self._changed(equipment)
+
+    def give(self, person: Person, equipment: str) -> Holder:
+        """The holder hands the machine to whoever asks, at once.
+
+        Raises:
+            Refused: 409 `why.no_request`; 423 `why.hold_active`.
+        """
+        grip = self._own(person, equipment)
+        if grip is None or grip.asker is None:
+            raise Refused("why.no_request", 409)
+        if self._moving(equipment):
+            raise Refused("why.hold_active", 423, display=grip.holder.display)
+        return self._give(grip.asker, equipment, "handed_over", grip.holder.display)
+
+    def release(self, person: Person, equipment: str) -> None:
+        """The holder lets go; whoever asks gets it. Nothing happens when this session does not hold it.
+
+        Raises:
+            Refused: 423 `why.hold_active`.
+        """
+        grip = self._own(person, equipment)
+        if grip is None:
+            return
+        if self._moving(equipment):
+            raise Refused("why.hold_active", 423, display=grip.holder.display)
+        self._let_go(equipment, "released")
+
+    def touch(self, session: str, equipment: str) -> None:
+        """The holder gave a command to the machine."""
+        grip = self._grips.get(equipment)
+        if grip and grip.holder.session == session:
+            grip.sign = self._clock.monotonic()
+
+    def session_seen(self, session: str) -> None:
+        """The person did something (a request of a page, not a keep-alive)."""
+        for grip in self._grips.values():
+            if grip.holder.session == session:
+                grip.sign = self._clock.monotonic()
+
+    def socket_opened(self, session: str) -> None:
+        """One more socket of the session."""
+        self._sockets[session] = self._sockets.get(session, 0) + 1
+        self._closed.pop(session, None)
+
+    def socket_closed(self, session: str) -> None:
+        """One socket fewer; after the last one the token has 10 s."""
+        left = self._sockets.get(session, 0) - 1
+        if left > 0:
+            self._sockets[session] = left
+            return
+        self._sockets.pop(session, None)
+        self._closed[session] = self._clock.monotonic()
+
+    def session_ended(self, session: str) -> None:
+        """Signed out, or ended by an administrator: what it held is free at once, what it asked for is withdrawn."""
+        self._closed.pop(session, None)
+        self._sockets.pop(session, None)
+        for equipment, grip in list(self._grips.items()):
+            if grip.request and grip.request.session == session:
+                grip.request = grip.asker = None
+                self._changed(equipment)
+            if grip.holder.session == session:
+                self._let_go(equipment, "lost")
+
+    def keep_only(self, equipment: frozenset[str]) -> None:
+        """Forget machines that the plant no longer has."""
+        for gone in set(self._grips) - equipment:
+            del self._grips[gone]
+
+    def tick(self) -> None:
+        """Free what is idle or gone, and hand over where the holder kept silent. Called several times a second."""
+        now = self._clock.monotonic()
+        for equipment, grip in list(self._grips.items()):
+            if self._moving(equipment):
+                grip.sign = now
+                continue
+            gone = now - self._closed.get(grip.holder.session, now) >= GONE
+            if gone or now - grip.sign >= IDLE:
+                self._let_go(equipment, "lost")
+            elif grip.request and grip.asker and now >= grip.request.until:
+                self._give(grip.asker, equipment, "taken_over", grip.holder.display)
+        held = {grip.holder.session for grip in self._grips.values()}
+        self._closed = {s: at for s, at in self._closed.items() if s in held or now - at < GONE}
+        self._refusals = {key: at for key, at in self._refusals.items() if now - at < PAUSE}
+
+    def _own(self, person: Person, equipment: str) -> _Grip | None:
+        grip = self._grips.get(equipment)
+        return grip if grip and grip.holder.session == person.session else None
+
+    def _give(self, person: Person, equipment: str, what: str, former: str = "") -> Holder:
+        holder = Holder(person.session, str(person.id), person.display, self._clock.micros())
+        self._grips[equipment] = _Grip(holder, person, self._clock.monotonic())
+        self._journal(person, equipment, what, former)
+        self._changed(equipment)
+        return holder
+
+    def _let_go(self, equipment: str, what: str) -> None:
+        grip = self._grips.pop(equipment)
+        self._journal(grip.who, equipment, what, "")
+        if grip.asker:
+            self._give(grip.asker, equipment, "taken_over", grip.holder.display)
+        self._changed(equipment)

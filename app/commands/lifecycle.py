@@ -1,0 +1,143 @@
+"""The life of one command: asked, accepted by the device, confirmed by its feedback, or what became of it instead. Pure.
+
+    requested ─→ accepted ─→ confirmed
+        │            ├→ unconfirmed   no feedback within the limit
+        │            ├→ failed        a fault appeared, or the device refused
+        │            └→ superseded    a newer command or a Stop
+        ├→ refused   the gate said no; nothing was written
+        ├→ dry_run   computed and shown, never written
+        └→ unknown   no valid answer to the telegram: re-read, never sent again
+
+Accepted means that the echo of every telegram was checked. Confirmed means that values read after that satisfy the feedback.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+
+class State(StrEnum):
+    """Where a command stands; its text is `fb.<state>`."""
+
+    REQUESTED = "requested"
+    ACCEPTED = "accepted"
+    CONFIRMED = "confirmed"
+    FAILED = "failed"
+    UNCONFIRMED = "unconfirmed"
+    REFUSED = "refused"
+    UNKNOWN = "unknown"
+    DRY_RUN = "dry_run"
+    SUPERSEDED = "superseded"
+
+
+_OUTCOMES = frozenset({State.CONFIRMED, State.FAILED, State.UNCONFIRMED, State.SUPERSEDED})
+
+NEXT: Mapping[State, frozenset[State]] = {
+    State.REQUESTED: _OUTCOMES | {State.ACCEPTED, State.REFUSED, State.UNKNOWN, State.DRY_RUN},
+    State.ACCEPTED: _OUTCOMES | {State.UNKNOWN},
+    State.UNKNOWN: _OUTCOMES | {State.UNKNOWN},
+    State.CONFIRMED: _OUTCOMES,
+}
+"""State → states that may follow. Requested goes to confirmed only for a Stop whose echo was lost and whose effect is read back;
+confirmed goes on only for a hold-to-run, which is confirmed while it moves and ends when it has stopped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """One command as every viewer of the machine sees it. Texts are keys."""
+
+    id: str
+    equipment: str
+    command: str
+    """Key of the command or of the setpoint."""
+    label: str
+    """Text key of the command."""
+    person: str
+    """Name shown for who asked."""
+    state: State
+    requested: int
+    """When it was asked [µs UTC]."""
+    accepted: int = 0
+    """When the echo was checked [µs UTC]; 0 = not."""
+    ended: int = 0
+    """When it came to its end [µs UTC]; 0 = it goes on."""
+    reason: str = ""
+    """Text key, filled with `params`."""
+    params: Mapping[str, object] = field(default_factory=dict)
+    argument: float | None = None
+    old: float | int | str | None = None
+    """What the point of the argument held before."""
+    limit: float = 0.0
+    """Time within which the feedback must come, from accepted on [s]."""
+    telegrams: tuple[tuple[str, float], ...] = ()
+    """(point, value) that are or, in a dry run, would be written."""
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more will happen to it."""
+        return self.ended > 0
+
+    @property
+    def text(self) -> str:
+        """Text key of the state."""
+        return f"fb.{self.state}"
+
+
+def advance(
+    progress: Progress,
+    state: State,
+    at: int,
+    *,
+    end: bool | None = None,
+    reason: str = "",
+    params: Mapping[str, object] = {},
+) -> Progress:
+    """`progress` in `state` since `at` [µs UTC]. Every state but accepted and unknown is the end, unless `end` says otherwise.
+
+    Raises:
+        ValueError: the command is over, or nothing leads from where it stands to `state`.
+    """
+    if progress.over or state not in NEXT.get(progress.state, ()):
+        raise ValueError(f"command {progress.id}: {progress.state}{' (over)' * progress.over} does not become {state}")
+    ends = state not in (State.ACCEPTED, State.UNKNOWN) if end is None else end
+    return replace(
+        progress,
+        state=state,
+        accepted=at if state is State.ACCEPTED else progress.accepted,
+        ended=at if ends else 0,
+        reason=reason or progress.reason,
+        params=params if reason else progress.params,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known about a command that waits for its feedback."""
+
+    state: State
+    waited: float
+    """Since accepted, or since it became unknown [s]."""
+    limit: float
+    """[s]"""
+    feedback: bool | None
+    """The feedback by values read since the telegram; None = no such values yet, or not known."""
+    before: bool | None = None
+    """The feedback before the telegram."""
+    fault: bool = False
+    """A fault appeared since."""
+
+
+def judge(facts: Facts) -> State | None:
+    """What the command becomes now; None = it goes on waiting. Unknown is a verdict too, when time is up.
+
+    A command whose telegram got no valid answer is confirmed only by a change: feedback that held before proves nothing.
+    """
+    if facts.feedback and (facts.state is State.ACCEPTED or (facts.state is State.UNKNOWN and facts.before is False)):
+        return State.CONFIRMED
+    if facts.fault:
+        return State.FAILED
+    if facts.waited < facts.limit:
+        return None
+    if facts.state is State.UNKNOWN and facts.feedback is not False:
+        return State.UNKNOWN
+    return State.UNCONFIRMED
