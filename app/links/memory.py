@@ -54,6 +54,7 @@ class MemoryTransport:
             raise BadAnswer(f"unit {unit}: {error}") from error
         try:
             async with asyncio.timeout(patience):
+                await asyncio.sleep(0)  # a device that answers at once must not keep the loop from everybody else
                 answer = await self._exchange(unit, pdu)
                 if answer is None:
                     await asyncio.sleep(patience + 1)

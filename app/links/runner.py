@@ -39,6 +39,8 @@ PERMANENT = 10.0
 """Period of a block that the device cannot serve at all [s]; a repaired device comes back by itself."""
 FIRST_PROBE, LAST_PROBE = 1.0, 60.0
 """Pauses between probes of a silent unit [s], doubling."""
+SETTLE = 0.05
+"""What a device is given to act on registers that somebody wrote, before it is looked at again [s]."""
 PROBE_SHARE = 0.05
 """Most of the line's time that goes into probes while others live on it."""
 FIRST_PAUSE, LAST_PAUSE = 0.1, 5.0
@@ -105,12 +107,13 @@ class LinkRunner:
         self._probe_free = 0.0
         self._reopened = 0.0
         self._reopen: set[int] = set()
+        for station in stations.values():
+            station.plan()
 
     async def run(self) -> None:
         """Keep every connection open and used until cancelled."""
         loop = asyncio.get_running_loop()
         self._failed = loop.create_future()
-        self._replan_all()
         own = [loop.create_task(self._lane(number)) for number in range(self._lanes)]
         own.append(loop.create_task(self._report()))
         try:
@@ -174,7 +177,7 @@ class LinkRunner:
         if station.state is State.UP:
             for block in station.blocks:
                 if block.failures or (block.quality or 0) & 3:
-                    self._schedule.at(block, self._now())
+                    self._schedule.at(block, self._now() + SETTLE)
         self._wake()
 
     def demand(self, names: frozenset[str]) -> None:
@@ -461,6 +464,8 @@ class LinkRunner:
             try:
                 async with asyncio.timeout(wait):
                     await station.probe_now.wait()
+                await asyncio.sleep(SETTLE)
+                pause = FIRST_PROBE / 2
             except TimeoutError:
                 pass
             started = self._now()
@@ -640,10 +645,6 @@ class LinkRunner:
 
     async def _read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
         return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
-
-    def _replan_all(self) -> None:
-        for station in self.stations.values():
-            station.plan()
 
     def _replan(self, station: Station) -> None:
         before = set(map(id, station.blocks))

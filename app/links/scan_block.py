@@ -14,9 +14,14 @@ from app.registers.register import Order
 from app.tags.batch import Batch, Value
 from app.tags.quality import NOT_CONNECTED, OUT_OF_RANGE
 
-WordDecoder = Callable[[int], Value]
-_Entry = tuple[int, int, int, WordDecoder | None, Decoder, float, float]
-"""Offset in the block, words, handle, quick decoder of one word, decoder, least and greatest value."""
+WordDecoder = Callable[[int], float]
+_Quick = tuple[int, int, WordDecoder, float, float]
+"""Offset in the block, handle, decoder of one word, least and greatest value."""
+_Entry = tuple[int, int, int, Decoder, float, float]
+"""Offset in the block, words, handle, decoder, least and greatest value."""
+
+
+_DIVISORS = {1 / divisor: divisor for divisor in (10, 100, 1000, 10_000)}
 
 
 class ScanBlock:
@@ -54,6 +59,7 @@ class ScanBlock:
         self.alive = True
         """False once a new plan has replaced it."""
         self._revision = -1
+        self._quick: list[_Quick] = []
         self._entries: list[_Entry] = []
 
     def bind(self, handles: Mapping[str, int], revision: int) -> None:
@@ -62,7 +68,7 @@ class ScanBlock:
             return
         self._revision = revision
         self.words = self.quality = None
-        self._entries = []
+        self._quick, self._entries = [], []
         for point in self.points:
             register, handle = point.register, handles.get(point.name)
             if register is None or handle is None:
@@ -71,7 +77,10 @@ class ScanBlock:
             high = inf if point.high is None else point.high
             offset = register.address - self.block.address
             quick = word_decoder(register)
-            self._entries.append((offset, register.words, handle, quick, decoder(register), low, high))
+            if quick is not None:
+                self._quick.append((offset, handle, quick, low, high))
+            else:
+                self._entries.append((offset, register.words, handle, decoder(register), low, high))
 
     def seen(self, words: list[int], time: int, quality: int) -> Batch:
         """The batch for `words`, read at `time` [µs UTC] with base quality `quality`."""
@@ -83,29 +92,27 @@ class ScanBlock:
         self.words = words
         handles: list[int] = []
         values: list[Value] = []
-        qualities: list[int] | None = None
-        for offset, width, handle, quick, decode, low, high in self._entries:
-            if quick is not None:
-                word = words[offset]
-                if old is not None and word == old[offset]:
-                    continue
-                value = quick(word)
-            else:
-                raw = words[offset : offset + width]
-                if old is not None and raw == old[offset : offset + width]:
-                    continue
+        uneven: dict[int, int] = {}
+        before = old or [-1] * len(words)
+        for offset, handle, quick, low, high in self._quick:
+            word = words[offset]
+            if word != before[offset]:
+                number = quick(word)
+                if not low <= number <= high:
+                    uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
+                handles.append(handle)
+                values.append(number)
+        for offset, width, handle, decode, low, high in self._entries:
+            raw = words[offset : offset + width]
+            if raw != before[offset : offset + width]:
                 value = decode(raw)
-            own = quality
-            if value is None:
-                own = NOT_CONNECTED | quality & 0xF00
-            elif not isinstance(value, str) and not low <= value <= high:
-                own = OUT_OF_RANGE | quality & 0xF00
-            if own != quality and qualities is None:
-                qualities = [quality] * len(values)
-            handles.append(handle)
-            values.append(value)
-            if qualities is not None:
-                qualities.append(own)
+                if value is None:
+                    uneven[len(handles)] = NOT_CONNECTED | quality & 0xF00
+                elif not isinstance(value, str) and not low <= value <= high:
+                    uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
+                handles.append(handle)
+                values.append(value)
+        qualities = [uneven.get(index, quality) for index in range(len(handles))] if uneven else None
         return Batch(self.source, self.number, time, time, handles, values, quality, qualities)
 
     def lost(self, time: int, quality: int) -> Batch | None:
@@ -114,25 +121,29 @@ class ScanBlock:
         if quality == self.quality:
             return None
         self.quality = quality
-        handles = [entry[2] for entry in self._entries]
+        handles = [entry[1] for entry in self._quick] + [entry[2] for entry in self._entries]
         return Batch(self.source, self.number, time, time, handles, [None] * len(handles), quality)
 
 
 def word_decoder(register: Register) -> WordDecoder | None:
-    """A quick way for one plain word: the same value as `registers.codec.decode`; None when there is none."""
-    plain = register.words == 1 and register.order is Order.ABCD and register.none is None
+    """A quick way for one plain word: the same number as `registers.codec.decode`; None when there is none.
+
+    A quotient by a power of ten is the number nearest to the decimal one, so nothing is rounded afterwards.
+    """
+    plain = register.words == 1 and register.order is Order.ABCD and register.none is None and register.offset == 0
     if not plain or register.type is not Type.U16:
         return None
-    scale, offset, mask, shift = register.scale, register.offset, register.mask, register.shift
-    if scale == 1 and offset == 0:
-        if mask is None and shift == 0:
-            return _as_it_is
-        keep = 0xFFFF if mask is None else mask
-        return lambda word: word >> shift & keep
-    return None
+    keep, shift = 0xFFFF if register.mask is None else register.mask, register.shift
+    whole = register.mask is None and shift == 0
+    if register.scale == 1:
+        return _as_it_is if whole else lambda word: word >> shift & keep
+    divisor = _DIVISORS.get(register.scale)
+    if divisor is None:
+        return None
+    return (lambda word: word / divisor) if whole else lambda word: (word >> shift & keep) / divisor
 
 
-def _as_it_is(word: int) -> Value:
+def _as_it_is(word: int) -> float:
     return word
 
 

@@ -100,6 +100,10 @@ class TcpTransport:
             raise NotConnected(f"{self._where}: connection lost") from error
         finally:
             self._asking = False
+        task = asyncio.current_task()
+        if task is not None and task.cancelling():
+            # wait_for of Python 3.11, which pymodbus uses, forgets a cancellation that comes together with the answer
+            raise asyncio.CancelledError
         if not isinstance(answer, _Telegram):
             raise BadAnswer(f"{self._where} unit {unit}: {answer!r}, expected an answer")
         return parse_answer(request, answer.pdu)

@@ -137,3 +137,16 @@ async def test_a_server_that_goes_away_is_noticed_at_once_not_after_the_patience
     with pytest.raises(NotConnected):
         await transport.connect()
     await transport.close()
+
+
+async def test_a_reader_that_is_ended_ends_also_when_the_answer_comes_at_that_moment(bench: Bench) -> None:
+    async def read_for_ever() -> None:
+        while True:
+            await bench.transport.read(1, Block(0, 1), 0.5)
+
+    for n in range(60):
+        reader = asyncio.create_task(read_for_ever())
+        await asyncio.sleep(0.002 + n * 0.00007)
+        reader.cancel()
+        done, _ = await asyncio.wait([reader], timeout=1)
+        assert done

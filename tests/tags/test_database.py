@@ -114,3 +114,13 @@ def test_two_tags_of_one_name_are_refused() -> None:
 def test_a_computed_value_is_as_good_as_its_worst_input(qualities: list[int], result: str) -> None:
     assert name(worst(qualities)) == result
     assert worst(qualities) & 0xF00 == (0x100 if any(q & 0x100 for q in qualities) else 0)
+
+
+def test_a_value_that_moved_to_another_block_does_not_go_stale_with_its_old_one() -> None:
+    tags, clock = database("m1.speed")
+    tags.publish(batch(clock, {0: 1180.0}, block=1))
+    for _ in range(4):
+        clock.advance(1)
+        tags.publish(batch(clock, {0: 1181.0}, block=2))
+        tags.sweep()
+    assert is_good(tags.quality(0))
