@@ -9,7 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from app import __version__
-from app.access.access import prepare
+from app.access.access import lock, prepare
 from app.cli_access import audit_cli, user_cli
 from app.clock import SystemClock
 from app.errors import ConfigurationError
@@ -53,6 +53,7 @@ def run() -> None:
     os.umask(0o077)
     try:
         prepare(settings.data)
+        lock(settings.data)
         serve(create_app(settings), settings)
     except ConfigurationError as error:
         typer.echo(f"pogon: {error}", err=True)

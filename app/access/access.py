@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 
 from app.access.audit import Audit
 from app.access.first_code import FirstCode
-from app.access.keys import check_files, prepare, read_key
+from app.access.keys import check_files, lock, prepare, read_key
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
 from app.access.sessions import Sessions
@@ -19,7 +19,7 @@ from app.access.tokens import Tokens
 from app.clock import Clock
 from app.db import Database
 
-__all__ = ["Access", "prepare"]
+__all__ = ["Access", "lock", "prepare"]
 
 
 class Access:

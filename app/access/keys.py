@@ -1,5 +1,6 @@
 """Files that only the server may read: keys, the first code, the databases. 0600, or the server does not start."""
 
+import fcntl
 import os
 import secrets
 import stat
@@ -42,6 +43,21 @@ def prepare(data: Path) -> None:
         os.close(os.open(data / "pogon.db", os.O_CREAT | os.O_RDWR, 0o600))
     except OSError as error:
         raise ConfigurationError(f"POGON_DATA={data} cannot be used: {error.strerror}") from error
+
+
+def lock(data: Path) -> int:
+    """Keep a second server off this folder while this process lives; returns the file that holds the lock.
+
+    Raises:
+        ConfigurationError: another server runs on it.
+    """
+    handle = os.open(data / "server.lock", os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(handle)
+        raise ConfigurationError(f"POGON_DATA={data} is in use: another pogon runs on it") from error
+    return handle
 
 
 def read_key(path: Path) -> bytes:

@@ -11,7 +11,8 @@ from app import bundled
 from app.plant.definitions import Plant
 from app.web import language
 from app.web.errors import PlantBroken
-from app.web.guard import allow
+from app.web.guard import allow, people_access
+from app.web.operation import Operation
 from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, View, address_of_area, area_label, areas
 
 router = APIRouter()
@@ -63,7 +64,8 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
     machine = plant.equipment.get(key)
     if machine is None or not (bundled("templates") / "screens" / machine.type.name / "page.html").is_file():
         raise HTTPException(404)
-    drawn = view.machine(request, machine)
+    operation = Operation(request, machine)
+    drawn = operation.equipment
     members = areas(plant)[machine.area]
     up = "/" if len(members) == 1 else address_of_area(machine.area, members)
     return view.page(
@@ -75,6 +77,8 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
         chip=machine.id,
         up=up,
         equipment=drawn,
+        operation=operation,
+        message=operation.story,
     )
 
 
@@ -83,6 +87,8 @@ async def set_language(request: Request, to: Annotated[str, Form()], next: Annot
     """Keep the choice of a language and go back to where it was made."""
     if to not in view_of(request).languages(request):
         raise HTTPException(400)
+    if request.state.person is not None:
+        await people_access(request).people.prefer(request.state.person, language=to)
     return _kept(request, next, {language.COOKIE: to})
 
 
@@ -98,6 +104,8 @@ async def set_theme(
     chosen = {name: value for name, value in chosen.items() if value}
     if not chosen or (to and to not in THEMES) or (profile and profile not in PROFILES):
         raise HTTPException(400)
+    if to and request.state.person is not None:
+        await people_access(request).people.prefer(request.state.person, theme=to)
     return _kept(request, next, chosen)
 
 
