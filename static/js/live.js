@@ -6,7 +6,7 @@ const DELAYED = 2000, OFFLINE = 3000, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 
 const body = document.body;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
-let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0;
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
@@ -93,9 +93,9 @@ function connection(next) {
   if (next === "offline") {
     for (const tag of tags.values())
       for (const { element } of tag.items) if (element.dataset.q) element.dataset.q = "stale";
-    for (const button of document.querySelectorAll("[data-command]")) refuse(button);
+    for (const button of document.querySelectorAll("[data-command], [data-hold]")) refuse(button);
   } else {
-    for (const button of document.querySelectorAll("[data-command]")) allow(button);
+    for (const button of document.querySelectorAll("[data-command], [data-hold]")) allow(button);
     for (const tag of tags.values()) Object.assign(tag, { move: tag.known, text: tag.known });
     for (const tag of tags.values()) if (tag.known) draw(tag, () => true);
   }
@@ -104,9 +104,9 @@ function connection(next) {
 
 /** Offline every command says why it cannot be pressed; Stop stays and says what it will do. */
 function refuse(button) {
-  const line = button.querySelector("small");
+  const line = button.querySelector("small"), stop = button.classList.contains("stop");
+  if (stop && button.getAttribute("aria-disabled") === "true") return; // whoever may not stop it may not stop it now
   button.kept = { disabled: button.getAttribute("aria-disabled"), text: line?.textContent };
-  const stop = button.classList.contains("stop");
   if (line) line.textContent = stop ? texts.tried : texts.no_connection;
   if (!stop) button.setAttribute("aria-disabled", "true");
 }
@@ -150,6 +150,7 @@ function open() {
 
 function receive(message) {
   if (message.hello) return welcome(message.hello);
+  if (message.hold) return document.dispatchEvent(new CustomEvent("pogon:hold", { detail: message.hold }));
   if (!message.v) return;
   if (message.rev !== rev) { // the plant was read anew: other handles
     rev = message.rev;
@@ -163,6 +164,7 @@ function receive(message) {
     return;
   }
   counted = message.n;
+  if (Math.abs(message.t - told) > 9e5) document.dispatchEvent(new CustomEvent("pogon:time", { detail: (told = message.t) }));
   server.time = message.t;
   heard = performance.now();
   tries = 0;
@@ -184,7 +186,7 @@ function welcome(hello) {
 
 /** The page is older than the server: reload it when nobody types or holds anything, else only say so. */
 function renew(other) {
-  const busy = document.querySelector("dialog[open], [data-held], [data-dirty]") || document.activeElement?.matches("input, select, textarea");
+  const busy = document.querySelector("dialog[open], [data-held], [data-dirty]") || document.activeElement?.matches("input:not([type=radio]), select, textarea");
   if (other && !busy) return location.reload();
   for (const element of document.querySelectorAll("[data-outdated]")) element.hidden = false;
   if (other) setTimeout(() => renew(true), 2000);
@@ -198,6 +200,12 @@ open();
 setInterval(watch, 250);
 setInterval(tick, 1000);
 document.addEventListener("htmx:after:swap", () => { bind(); subscribeAgain(); });
+document.addEventListener("pogon:drawn", () => { bind(); subscribeAgain(); });
+// What hold-to-run sends goes at once or not at all.
+document.addEventListener("pogon:send", ({ detail }) => {
+  detail.sent = socket?.readyState === WebSocket.OPEN && socket.bufferedAmount === 0;
+  if (detail.sent) socket.send(JSON.stringify(detail.message));
+});
 document.addEventListener("visibilitychange", () => {
   if (!document.hidden && performance.now() - heard > 1500 && socket?.readyState === WebSocket.OPEN) socket.send('{"snapshot":true}');
 });
