@@ -10,9 +10,9 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from app import __version__, bundled
 from app.runtime import Runtime
 from app.settings import Settings
-from app.web import audit, errors, guard, pages, signin, socket, users
+from app.web import audit, errors, guard, health, pages, signin, socket, users
 from app.web.assets import Assets
-from app.web.guard import allow, check_declared
+from app.web.guard import check_declared
 from app.web.security import Shield
 from app.web.view import View
 
@@ -40,14 +40,6 @@ def create_app(settings: Settings) -> FastAPI:
         title="Pogon", version=__version__, docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan
     )
 
-    @app.get("/healthz", dependencies=[allow("open")])
-    async def healthz() -> dict[str, str]:
-        return {"status": "ok"}
-
-    @app.get("/readyz", dependencies=[allow("open")])
-    async def readyz() -> dict[str, str]:
-        return {"status": "ok"}
-
     dress(app, settings)
     return app
 
@@ -57,7 +49,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.include_router(pages.router)
     app.include_router(socket.router)
-    for part in (signin, users, audit):
+    for part in (health, signin, users, audit):
         app.include_router(part.router)
     app.state.sockets = socket.Sockets(guard.may_watch_live)
     errors.install(app)
