@@ -1,8 +1,9 @@
-"""The application with a plant read from its files, without links: what the pages need of a running one."""
+"""A running Pogon in this process: the demo plant or another, with people and audit in a folder of its own."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,57 +11,52 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from app import bundled
-from app.clock import ManualClock
-from app.main import dress
-from app.plant.loader import read_plant
-from app.plant.system import system_points
-from app.plant.texts import Texts
+from app.main import create_app
 from app.settings import Settings
-from app.tags.database import Tag, TagDatabase
 
-MakeApp = Callable[..., FastAPI]
-
-
-def standing_runtime(settings: Settings) -> SimpleNamespace:
-    """A runtime that stands still: plant, texts, tags without values."""
-    plant, problems = read_plant(settings.plant)
-    clock = ManualClock()
-    tags = TagDatabase(clock)
-    points = [*(plant.points.values() if plant else ()), *system_points(plant)]
-    tags.configure(Tag(point.name, point.id, point.equipment) for point in points)
-    return SimpleNamespace(
-        settings=settings,
-        clock=clock,
-        plant=plant,
-        problems=problems,
-        tags=tags,
-        texts=Texts.read(plant),
-        simulated=plant is not None and all(link.simulated for link in plant.links.values()),
-        links={},
-        live=None,
-    )
+HOST = "http://127.0.0.1:8000"
+Start = Callable[..., TestClient]
 
 
 @pytest.fixture
-def make_app() -> MakeApp:
-    """`make_app(plant=folder, **settings)`: our pages, errors and headers around a runtime that stands still."""
+def start(tmp_path: Path) -> Iterator[Start]:
+    """`start(plant=folder, extend=add_routes, **settings)`: a running application, and a browser at it."""
+    with ExitStack() as running:
 
-    def make(plant: Path | None = None, **settings: Any) -> FastAPI:
-        app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-        chosen = Settings(plant=plant or bundled("plants/demo"), **settings)
-        app.state.runtime = standing_runtime(chosen)
-        dress(app, chosen)
-        return app
+        def begin(
+            plant: Path | None = None,
+            extend: Callable[[FastAPI], object] = lambda app: None,
+            **settings: Any,
+        ) -> TestClient:
+            return running.enter_context(_running(tmp_path / "data", plant, extend, **settings))
 
-    return make
+        yield begin
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """One running demo plant for all tests of a module."""
+    with _running(tmp_path_factory.mktemp("demo") / "data") as browser:
+        yield browser
 
 
 @pytest.fixture
-def client(make_app: MakeApp) -> TestClient:
-    """A browser without cookies at the demo plant."""
-    return browse(make_app())
+def client(demo: TestClient) -> TestClient:
+    """A browser at the demo plant, without cookies, that follows no redirect by itself."""
+    demo.cookies.clear()
+    return demo
 
 
-def browse(app: FastAPI, **options: Any) -> TestClient:
-    """A client that names a host of ours and does not follow redirects by itself."""
-    return TestClient(app, base_url="http://127.0.0.1:8000", follow_redirects=False, **options)
+def send(client: TestClient, path: str, data: dict[str, str], **headers: str) -> Any:
+    """Post a form as a page of ours does: with its token and from its origin."""
+    token = re.search(r'name="csrf" value="([^"]*)"', client.get("/").text)
+    assert token
+    return client.post(path, data={"csrf": token[1], **data}, headers={"Origin": HOST, **headers})
+
+
+def _running(
+    data: Path, plant: Path | None = None, extend: Callable[[FastAPI], object] = lambda app: None, **settings: Any
+) -> TestClient:
+    app = create_app(Settings(plant=plant or bundled("plants/demo"), data=data, **settings))
+    extend(app)
+    return TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000))

@@ -1,0 +1,195 @@
+"""The frame in a real browser: what htmx may not do, the message line, menus, sizes, and the looks of a lost connection."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.conftest import PogonServer
+
+AXE = Path(__file__).resolve().parent.parent / ".vendor" / "axe.min.js"
+EVIL = """<b id="in" hx-on:click="window.bad = 1" data-hx-on:click="window.bad = 2"
+  hx-get="/never" hx-trigger="dblclick[window.bad = 5]" hx-vals="js:{x: window.bad = 6}">here</b>
+<script>window.bad = 4</script><script src="/evil.js"></script>
+<svg><script>window.bad = 8</script></svg>"""
+ASK = """url => {
+  document.getElementById('overlay').innerHTML = '<button id="ask" hx-target="#place">ask</button><div id="place">before</div>';
+  document.getElementById('ask').setAttribute('hx-get', url);
+  htmx.process(document.getElementById('overlay'));
+}"""
+SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
+
+
+@pytest.fixture
+def server(pogon_server: Callable[..., PogonServer]) -> PogonServer:
+    return pogon_server()
+
+
+@pytest.fixture(params=[False, True], ids=["with the policy", "without the policy"])
+def visitor(browser: Browser, server: PogonServer, request: pytest.FixtureRequest) -> Iterator[Page]:
+    """A page of an English browser; once with the content policy, once as if it were not there: htmx alone must hold too."""
+    context = browser.new_context(bypass_csp=request.param, locale="en-GB", viewport={"width": 1280, "height": 800})
+    context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
+    yield context.new_page()
+    context.close()
+
+
+def test_a_fragment_brings_no_program_along(visitor: Page, server: PogonServer) -> None:
+    fetched: list[str] = []
+    visitor.route("**/evil", lambda route: route.fulfill(body=EVIL, content_type="text/html"))
+    visitor.route("**/evil.js", lambda route: (fetched.append(route.request.url), route.fulfill(body="window.bad = 9")))
+    visitor.goto(server.url)
+    visitor.evaluate(ASK, "/evil")
+    visitor.click("#ask")
+    expect(visitor.locator("#in")).to_have_text("here")
+    visitor.click("#in")
+    visitor.dblclick("#in")
+    visitor.wait_for_timeout(200)
+    assert visitor.evaluate("window.bad") is None
+    assert visitor.locator("#place script").count() == 0
+    assert fetched == []
+
+
+def test_the_policy_stops_programs_in_attributes(page: Page, server: PogonServer) -> None:
+    page.goto(server.url)
+    page.evaluate(
+        "document.getElementById('overlay').innerHTML = '<b id=in onclick=\"window.bad = 1\">x</b><img src=x onerror=\"window.bad = 2\">'"
+    )
+    page.click("#in")
+    assert page.evaluate("window.bad") is None
+
+
+def test_htmx_asks_no_other_server(page: Page, server: PogonServer) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(server.url)
+    page.evaluate(ASK, "http://localhost:9/elsewhere")
+    page.click("#ask")
+    page.wait_for_timeout(200)
+    assert not [url for url in asked if "elsewhere" in url]
+    expect(page.locator("#place")).to_have_text("before")
+
+
+@pytest.mark.parametrize("status", [400, 403, 404, 409, 422, 500, 503])
+def test_an_error_is_said_in_the_message_line_and_replaces_nothing(
+    page: Page, server: PogonServer, status: int
+) -> None:
+    body = "<p data-message>Missing: <script>window.bad = 1</script>&lt;b&gt;</p>"
+    page.route("**/refused", lambda route: route.fulfill(status=status, body=body, content_type="text/html"))
+    page.goto(server.url)
+    page.evaluate(ASK, "/refused")
+    page.click("#ask")
+    expect(page.locator("#message")).to_contain_text("Missing: ")
+    expect(page.locator("#message")).to_contain_text("<b>")
+    expect(page.locator("#message")).to_have_attribute("data-kind", "error")
+    expect(page.locator("#place")).to_have_text("before")
+    assert page.evaluate("window.bad") is None
+
+
+def test_a_server_that_does_not_answer_is_said_too(visitor: Page, server: PogonServer) -> None:
+    visitor.route("**/gone", lambda route: route.abort())
+    visitor.goto(server.url)
+    visitor.evaluate(ASK, "/gone")
+    visitor.click("#ask")
+    expect(visitor.locator("#message")).to_contain_text("No answer from the server")
+    expect(visitor.locator("#place")).to_have_text("before")
+
+
+def test_the_language_changes_in_place_and_keeps_what_was_typed(page: Page, server: PogonServer) -> None:
+    page.goto(f"{server.url}/equipment/m1?from=2#commands")
+    field = page.locator("[name=argument]").first
+    field.evaluate("field => field.readOnly = false")
+    field.fill("33,3")
+    page.click(".lang > summary")
+    page.click(".lang button[value=cs]")
+    expect(page.locator("html")).to_have_attribute("lang", "cs")
+    assert page.url == f"{server.url}/equipment/m1?from=2#commands"
+    expect(page.locator("[name=argument]").first).to_have_value("33,3")
+    page.reload()
+    expect(page.locator("[name=argument]").first).not_to_have_value("33,3")
+
+
+def test_menus_work_without_scripts_and_close_with_escape(browser: Browser, page: Page, server: PogonServer) -> None:
+    plain = browser.new_context(java_script_enabled=False, locale="en-GB").new_page()
+    plain.goto(server.url)
+    plain.click(".theme > summary")
+    plain.click(".theme button[value=dark]")
+    assert plain.locator("html").get_attribute("data-theme") == "dark"
+    plain.context.close()
+    page.goto(server.url)
+    page.click(".lang > summary")
+    expect(page.locator(".lang .menu")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator(".lang .menu")).to_be_hidden()
+    page.click(".lang > summary")
+    page.click("main", position={"x": 5, "y": 400})
+    expect(page.locator(".lang .menu")).to_be_hidden()
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_every_size_holds_every_language(page: Page, server: PogonServer, lang: str, size: str) -> None:
+    width, height = SIZES[size]
+    page.set_viewport_size({"width": width, "height": height})
+    page.context.add_cookies([{"name": "pogon_lang", "value": lang, "url": server.url}])
+    for path in ("/", "/equipment/m1", "/nowhere"):
+        page.goto(server.url + path)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, path
+        if size != "phone":
+            assert page.evaluate("document.documentElement.scrollHeight") <= height, path
+        outside = page.evaluate(
+            """() => [...document.querySelectorAll('.head :is(h1, .clock b, .simstrip, .lang summary, .live), .banner, .count b')]
+            .filter(e => e.checkVisibility()).filter(e => {
+              const r = e.getBoundingClientRect(); return r.right > innerWidth + 1 || r.left < -1; })
+            .map(e => e.className || e.tagName)"""
+        )
+        assert outside == [], path
+        assert page.locator(".simstrip").is_visible() and page.locator(".lang > summary").is_visible()
+        overlaps = page.evaluate(
+            """() => { const boxes = [...document.querySelectorAll('.head > *, .head-r > *')].filter(e => e.checkVisibility()
+              && !e.matches('.head-r')).map(e => [e.className, e.getBoundingClientRect()]);
+            return boxes.flatMap(([a, p], i) => boxes.slice(i + 1).filter(([, q]) => p.left < q.right - 1 && q.left < p.right - 1
+              && p.top < q.bottom - 1 && q.top < p.bottom - 1).map(([b]) => `${a} over ${b}`)); }"""
+        )
+        assert overlaps == [], path
+
+
+def test_a_lost_server_is_seen_and_heard_of_again(page: Page, pogon_server: Callable[..., PogonServer]) -> None:
+    server = pogon_server()
+    page.context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
+    page.goto(f"{server.url}/equipment/m1")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    expect(page.locator(".offline")).to_be_hidden()
+    server.kill()
+    expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=5000)
+    expect(page.locator(".offline")).to_be_visible()
+    expect(page.locator("[data-offline-age]")).to_have_text("5\u00a0s", timeout=4000)
+    expect(page.locator("#message")).to_contain_text("all values are stale")
+    expect(page.locator(".live [data-when=offline]")).to_be_visible()
+    assert page.locator(".content .panel").first.evaluate("e => getComputedStyle(e).borderTopStyle") == "dashed"
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_frame_has_no_barrier(page: Page, server: PogonServer, theme: str) -> None:
+    page.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": server.url}])
+    for path in ("/", "/equipment/m1", "/nowhere"):
+        page.goto(server.url + path)
+        expect(page.locator("body")).to_have_attribute("data-live", "live")
+        page.click(".lang > summary")
+        page.evaluate(AXE.read_text("utf-8"))
+        found = page.evaluate("axe.run({resultTypes: ['violations']})")["violations"]
+        assert [(rule["id"], node["html"][:120]) for rule in found for node in rule["nodes"]] == [], path
+
+
+def test_a_keyboard_reaches_content_alarms_and_commands_first(page: Page, server: PogonServer) -> None:
+    page.goto(f"{server.url}/equipment/m1")
+    targets = []
+    for _ in range(3):
+        page.keyboard.press("Tab")
+        targets.append(page.evaluate("document.activeElement.getAttribute('href')"))
+        assert page.evaluate("document.activeElement.getBoundingClientRect().top") >= 0
+    assert targets == ["#content", "#alarms", "#commands"]
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "commands"

@@ -1,0 +1,104 @@
+"""Static files: fetched once under a name that contains their content, never stale, nothing else of the disk."""
+
+import gzip
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.web.assets import Assets
+
+CSS = b"body { color: red }\n" * 100
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    static = tmp_path / "static"
+    (static / "css").mkdir(parents=True)
+    (static / "css" / "a.css").write_bytes(CSS)
+    (static / ".secret.css").write_text("x")
+    (static / "notes.db").write_text("x")
+    (tmp_path / "outside.css").write_text("x")
+    (static / "link.css").symlink_to(tmp_path / "outside.css")
+    return static
+
+
+def test_the_address_follows_the_content(folder: Path) -> None:
+    assets = Assets(folder)
+    first = assets.url("css/a.css")
+    assert assets.url("css/a.css") == first != "/static/css/a.css"
+    (folder / "css" / "a.css").write_bytes(CSS + b"/* other */")
+    assert assets.url("css/a.css") != first
+
+
+def test_a_missing_file_is_named_once_and_breaks_no_page(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assets = Assets(folder)
+    assert assets.url("js/none.js") == assets.url("js/none.js") == "/static/js/none.js"
+    assert caplog.text.count("js/none.js") == 1
+
+
+def test_the_build_changes_with_our_files_only(folder: Path) -> None:
+    before = Assets(folder).build
+    (folder / "vendor").mkdir()
+    (folder / "vendor" / "x.js").write_text("1")
+    assert Assets(folder).build == before
+    (folder / "css" / "b.css").write_text("b{}")
+    assert Assets(folder).build != before
+
+
+def test_a_hashed_name_is_kept_for_ever(client: TestClient) -> None:
+    url = client.app.state.view.assets.url("css/frame.css")  # type: ignore[attr-defined]
+    answer = client.get(url)
+    assert answer.status_code == 200
+    assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+    assert answer.headers["content-type"] == "text/css; charset=utf-8"
+
+
+def test_a_plain_name_or_an_old_hash_is_asked_for_again(client: TestClient) -> None:
+    for url in ("/static/css/frame.css", "/static/css/frame.000000000000.css"):
+        answer = client.get(url)
+        assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-cache")
+    again = client.get("/static/css/frame.css", headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+
+
+def test_text_is_packed_for_who_can_unpack_it(client: TestClient) -> None:
+    with client.stream("GET", "/static/css/frame.css", headers={"Accept-Encoding": "gzip"}) as answer:
+        packed = b"".join(answer.iter_raw())
+    plain = client.get("/static/css/frame.css", headers={"Accept-Encoding": "identity"})
+    assert answer.headers["content-encoding"] == "gzip"
+    assert "content-encoding" not in plain.headers
+    assert gzip.decompress(packed) == plain.content
+    assert len(packed) < len(plain.content) / 2
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "css",
+        "../pyproject.toml",
+        "..%2f..%2fpyproject.toml",
+        "css/../../outside.css",
+        ".secret.css",
+        "notes.db",
+        "link.css",
+        "%00.css",
+    ],
+)
+def test_nothing_else_of_the_disk_is_served(client: TestClient, folder: Path, name: str) -> None:
+    client.app.state.view.assets._folder = folder.resolve()  # type: ignore[attr-defined]
+    assert client.get(f"/static/{name}").status_code == 404
+
+
+def test_a_cold_page_stays_below_its_weight(client: TestClient) -> None:
+    import re
+
+    page = client.get("/equipment/m1").text
+    files = set(re.findall(r'(?:href|src)="(/static/[^"#]+)', page))
+    assert len(files) > 10
+    weight = len(gzip.compress(page.encode()))
+    for url in files:
+        with client.stream("GET", url, headers={"Accept-Encoding": "gzip"}) as answer:
+            weight += len(b"".join(answer.iter_raw()))
+    assert weight < 150_000
