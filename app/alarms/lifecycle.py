@@ -142,6 +142,7 @@ class Row:
 
 _RISE = {"active": True, "acked": False}
 _CALM = {"active": False, "acked": True, "latched": False}
+_SHOWN = {"shelved": False, "suppressed": False, "out_of_service": False}
 
 TRANSITIONS: Sequence[Row] = (
     Row("T1", "A", Event.RAISE, "B", _RISE, Entry.RAISED, annunciates=True),
@@ -169,16 +170,16 @@ TRANSITIONS: Sequence[Row] = (
     Row("T17b", "H", Event.UNSUPPRESS, "*", {"active": False, "suppressed": False}, Entry.UNSUPPRESSED, {"alone": True, "latched": True}),
     Row("T17h", "HI", Event.UNSUPPRESS, "*", {"suppressed": False}, Entry.UNSUPPRESSED, {"alone": False, "suppressed": True}),
     Row("T18", "ABCDEFGH", Event.TAKE_OUT, "I", {"out_of_service": True}, Entry.OOS_ON),
-    Row("T19a", "I", Event.PUT_BACK, "B", {"out_of_service": False, "acked": False}, Entry.OOS_OFF, {"alone": True, "active": True}, annunciates=True),
-    Row("T19b", "I", Event.PUT_BACK, "A", {"out_of_service": False, "acked": True}, Entry.OOS_OFF, {"alone": True, "active": False, "latched": False}),
-    Row("T19c", "I", Event.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"alone": True, "active": False, "latched": True}),
     Row("T19h", "I", Event.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"alone": False}),
+    Row("T19a", "I", Event.PUT_BACK, "B", {"out_of_service": False, "acked": False}, Entry.OOS_OFF, {"active": True}, annunciates=True),
+    Row("T19b", "I", Event.PUT_BACK, "A", {"out_of_service": False, "acked": True}, Entry.OOS_OFF, {"active": False, "latched": False}),
+    Row("T19c", "I", Event.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"active": False, "latched": True}),
     Row("T20", "C", Event.REALARM, "B", {"acked": False}, Entry.REALARM, annunciates=True),
     Row("T21", "ABCDEFGHI", Event.PRIORITY, "=", {}, Entry.PRIO_CHANGED),
     Row("T22", "BCDEFGHI", Event.QUALITY, "=", {}, Entry.QUALITY),
     Row("T23", "BCDEFGHI", Event.RESTART, "=", {}, Entry.RESTORED),
     Row("L", "ABCDEFGHI", Event.LIMIT, "=", {}, Entry.LIMIT_CHANGED),
-    Row("R", "BCDEFGHI", Event.REMOVE, "A", {**_CALM, "latched": False, "shelved": False, "suppressed": False, "out_of_service": False}, Entry.REMOVED),
+    Row("R", "BCDEFGHI", Event.REMOVE, "A", {**_CALM, **_SHOWN}, Entry.REMOVED),
     # While hidden the condition goes on and is written down, silently.
     Row("S1", "GHI", Event.RAISE, "=", {**_RISE, "latched": False}, Entry.RAISED, {"active": False}),
     Row("S2", "GHI", Event.RETURN, "=", _CALM, Entry.RTN, {"active": True, "latching": False}),

@@ -1,9 +1,11 @@
 """Alembic's entry for `pogon.db`; url and tables come from app/db.py, or from `-x url=…` on the command line."""
 
-import app.access.tables  # noqa: F401
 from alembic import context
 from sqlalchemy import create_engine
 
+import app.access.tables  # noqa: F401
+import app.alarms.tables  # noqa: F401
+import app.plant.retained  # noqa: F401
 from app.db import pogon_tables
 
 config = context.config

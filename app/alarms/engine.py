@@ -1,0 +1,758 @@
+"""All alarms of a plant at work: follows the tags, keeps how every alarm stands, tells, writes the journal.
+
+A batch evaluates only the alarms whose inputs it changed, in the order of the plant file; delays are looked at when they are due. Then
+come suppression (while a device does not answer, its other alarms are hidden: the lost communication is the root), first-out, and
+annunciation. What happened is in memory at once, on the screens within a quarter of a second, and in the database as soon as it takes it;
+an alarm never waits for a disk. Sources: reference/alarms.md sections 1, 5, 6 and 11.
+"""
+
+import asyncio
+import hashlib
+import json
+import logging
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from sqlalchemy import Connection
+
+from app.access.audit import Verdict
+from app.access.roles import Person
+from app.alarms import journal
+from app.alarms.conditions import Delay, Told, Truth, condition, inputs, needs_time
+from app.alarms.definitions import PREFIX, PRIORITIES, SYSTEM_ALARMS
+from app.alarms.journal import Record, Stored
+from app.alarms.lifecycle import ANNUNCIATED, AUDIBLE, HIDDEN, Event, Life, State, Step, step
+from app.alarms.watch import CHATTER_WINDOW, Answer, Standing, Watch, carry, number, record, standing, stored, written
+from app.clock import Clock
+from app.db import Database
+from app.errors import Refused, StorageError
+from app.plant import expression
+from app.plant.definitions import Alarm, Equipment, Kind, Plant
+from app.plant.system import SYSTEM
+from app.plant.texts import Texts
+from app.tags import quality
+from app.tags.batch import Batch, Value
+from app.tags.database import TagDatabase
+from app.tags.quality import NO_DATA
+
+log = logging.getLogger(__name__)
+
+PUBLISH_PERIOD = 0.25
+"""Least time between two changes of the counts [s]."""
+IDLE = 0.5
+"""What depends on time alone is looked at this often [s]."""
+RETRY_PERIOD = 5.0
+"""A database that did not take the journal is asked again after this [s]."""
+FLOOD_WINDOW = 600.0
+FLOOD_BEGINS, FLOOD_ENDS = 10, 5
+"""Annunciations within the window [s] that begin a flood, and below which it is over."""
+REMEMBERED = 10_000
+"""Acknowledged occurrences whose acknowledger is known."""
+COMM = "comm"
+"""Class of the alarm that says that a device does not answer."""
+TRIP = "drive"
+"""Class whose alarms of one equipment are a first-out group."""
+
+
+class AlarmEngine:
+    """Every alarm of the plant and of the system."""
+
+    def __init__(self, tags: TagDatabase, clock: Clock, database: Database, texts: Texts, audit_key: bytes) -> None:
+        self.revision = 0
+        """Number of the last change of anything that a list shows."""
+        self.flood = False
+        self.healthy = True
+        """False while the journal waits for its database."""
+        self.config = ""
+        self._tags = tags
+        self._clock = clock
+        self._db = database
+        self._texts = texts
+        self._key = journal.journal_key(audit_key)
+        self._watches: dict[str, Watch] = {}
+        self._readers: dict[int, list[Watch]] = {}
+        self._timed: list[Watch] = []
+        self._pending: dict[str, Watch] = {}
+        self._realarms: dict[str, Watch] = {}
+        self._roots: dict[str, Watch] = {}
+        self._members: dict[str, list[Watch]] = {}
+        self._restored: dict[str, Stored] = {}
+        self._by_occurrence: dict[int, Watch] = {}
+        self._acknowledged: OrderedDict[int, tuple[str, str, int]] = OrderedDict()
+        self._next_occurrence = 1
+        self._news = 0
+        self._told: deque[int] = deque()
+        self._flood_times: deque[float] = deque()
+        self._records: list[Record] = []
+        self._dirty: dict[str, Watch | None] = {}
+        self._plant: Plant | None = None
+        self._equipment: Mapping[str, Equipment] = {}
+        self._list: tuple[int, list[Standing]] = (-1, [])
+        self._sent_at = -PUBLISH_PERIOD
+        self._sent_revision = -1
+        self._wake = asyncio.Event()
+        self._written = asyncio.Event()
+        self._lock = asyncio.Lock()
+        self._retry = 0.0
+        self._unsubscribe = tags.subscribe(self.take)
+
+    # ---- what there is --------------------------------------------------------------------------------
+
+    async def load(self) -> None:
+        """Read how the alarms stood when the server last ran. Call it before `configure`."""
+
+        def work(connection: Connection) -> tuple[list[Stored], int, list[int]]:
+            since = self._clock.micros() - journal.DAY
+            return (
+                journal.stored(connection),
+                journal.newest_occurrence(connection),
+                journal.annunciations(connection, since),
+            )
+
+        stored, newest, times = await self._db.read(work)
+        self._restored = {one.alarm: one for one in stored}
+        self._next_occurrence = newest + 1
+        self._told.extend(times)
+
+    def configure(self, plant: Plant | None, texts: Texts | None = None, person: Person | None = None) -> None:
+        """Take the alarms of `plant`; those that stand stay by their id, those whose definition is gone are closed.
+
+        Call it after the tag database was configured: handles are looked up again. `person` is who had the plant read anew.
+        """
+        self._texts = texts or self._texts
+        self._plant = plant
+        self._equipment = plant.equipment if plant else {}
+        old, self._watches = self._watches, {}
+        self._readers, self._timed, self._roots, self._members = {}, [], {}, {}
+        self._pending, self._realarms, self._by_occurrence = {}, {}, {}
+        rows = [alarm for item in self._equipment.values() for alarm in item.alarms]
+        self.config = hashlib.sha256(repr(rows).encode()).hexdigest()[:12]
+        changed: list[tuple[Watch, Alarm]] = []
+        for item in self._equipment.values():
+            for alarm in item.alarms:
+                watch = self._watch(item, alarm)
+                before = old.pop(watch.id, None)
+                if before is not None:
+                    carry(before, watch)
+                    if before.alarm != alarm:
+                        changed.append((watch, before.alarm))
+                self._add(watch)
+        for watch in list(old.values()):
+            if isinstance(watch.condition, Told) and (not watch.equipment or watch.equipment in self._equipment):
+                self._add(old.pop(watch.id))
+        for watch in old.values():
+            self._apply(watch, Event.REMOVE, person=person)
+            self._dirty[watch.id] = None
+        self._restore()
+        for watch, previous in changed:
+            self._redefined(watch, previous, person)
+        now, at = self._clock.monotonic(), self._clock.micros()
+        self._evaluate(list(self._watches.values()), now, at)
+        self._touch()
+
+    def _watch(self, item: Equipment, alarm: Alarm) -> Watch:
+        names = {key: point.name for key, point in item.points.items()}
+        point = item.points.get(alarm.value)
+        numeric = point is not None and point.kind not in (Kind.ENUM, Kind.TEXT, Kind.BOOL) and not point.texts
+        return Watch(
+            id=f"{item.id}.{alarm.key}",
+            index=len(self._watches),
+            equipment=item.id,
+            area=item.area,
+            type=item.type.name,
+            alarm=alarm,
+            condition=condition(alarm),
+            delay=Delay(alarm.on_delay, alarm.off_delay),
+            look=self._look(names),
+            age=self._age(names),
+            handles=frozenset(self._handles(names, inputs(alarm))),
+            unit=point.unit if point and numeric else "",
+            decimals=point.decimals if point else 0,
+        )
+
+    def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:
+        known = self._tags.handles
+        return [known[names[key]] for key in keys if names.get(key) in known]
+
+    def _look(self, names: Mapping[str, str]) -> Callable[[str], tuple[Value, int]]:
+        known, tags = self._tags.handles, self._tags
+        handles = {key: known[name] for key, name in names.items() if name in known}
+
+        def look(key: str) -> tuple[Value, int]:
+            handle = handles.get(key)
+            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+        return look
+
+    def _age(self, names: Mapping[str, str]) -> Callable[[str], float | None]:
+        known, tags = self._tags.handles, self._tags
+
+        def age(key: str) -> float | None:
+            handle = known.get(names.get(key, ""))
+            return None if handle is None else tags.age(handle)
+
+        return age
+
+    def _add(self, watch: Watch) -> None:
+        watch.index = len(self._watches)
+        watch.standing = None
+        self._watches[watch.id] = watch
+        self._members.setdefault(watch.equipment, []).append(watch)
+        for handle in watch.handles:
+            self._readers.setdefault(handle, []).append(watch)
+        if needs_time(watch.alarm):
+            self._timed.append(watch)
+        if watch.equipment and watch.alarm.alarm_class == COMM and not isinstance(watch.condition, Told):
+            self._roots[watch.equipment] = watch
+        if watch.occurrence:
+            self._by_occurrence[watch.occurrence] = watch
+        if watch.delay.since is not None:
+            self._pending[watch.id] = watch
+        self._arm(watch)
+
+    def _restore(self) -> None:
+        """Put back how the alarms stood; nothing of it asks for attention anew."""
+        restored, self._restored = self._restored, {}
+        for one in restored.values():
+            watch = self._watches.get(one.alarm)
+            if watch is None and one.key in SYSTEM_ALARMS and (not one.equipment or one.equipment in self._equipment):
+                watch = self._system_watch(one.alarm, one.key, one.equipment)
+                self._add(watch)
+            if watch is None:
+                orphan = self._orphan(one)
+                self._apply(orphan, Event.REMOVE)
+                self._dirty[one.alarm] = None
+                continue
+            watch.life, watch.occurrence, watch.known = one.life, one.occurrence, one.known
+            watch.first_true, watch.annunciated, watch.returned = one.first_true, one.annunciated, one.returned
+            watch.acked_at, watch.acked_by, watch.count = one.acked_at, one.acked_by, one.count
+            watch.ordinal, watch.uncertain = one.ordinal, one.uncertain
+            watch.value, watch.limit = one.value, one.limit
+            watch.params = json.loads(one.params)
+            watch.delay.restart(one.active)
+            if isinstance(watch.condition, Told):
+                watch.condition.active = one.active
+            self._by_occurrence[watch.occurrence] = watch
+            if one.acked_by:
+                self._remember(one.occurrence, watch.id, one.acked_by, one.acked_at)
+            self._arm(watch)
+            self._apply(watch, Event.RESTART)
+
+    def _orphan(self, one: Stored) -> Watch:
+        row = Alarm(one.key, f"alarm.{one.key}.label", "", 4)
+        watch = Watch(
+            one.alarm,
+            0,
+            one.equipment,
+            "",
+            "",
+            row,
+            Told(),
+            Delay(0, 0),
+            lambda key: (None, NO_DATA),
+            lambda key: None,
+            frozenset(),
+        )
+        watch.life, watch.occurrence, watch.first_true = one.life, one.occurrence, one.first_true
+        return watch
+
+    def _redefined(self, watch: Watch, before: Alarm, person: Person | None) -> None:
+        after = watch.alarm
+        if before.priority != after.priority:
+            louder = after.priority < before.priority and watch.life.state in AUDIBLE
+            self._apply(watch, Event.PRIORITY, person=person, detail=f"{before.priority} → {after.priority}")
+            self._news += louder
+        names = (
+            "limit",
+            "expression",
+            "clear",
+            "kind",
+            "dead_band",
+            "reference",
+            "window",
+            "on_delay",
+            "off_delay",
+            "latching",
+        )
+        changes = [
+            f"{name}: {getattr(before, name)} → {getattr(after, name)}"
+            for name in names
+            if getattr(before, name) != getattr(after, name)
+        ]
+        if changes:
+            self._apply(watch, Event.LIMIT, person=person, detail="; ".join(changes)[:200])
+
+    # ---- what happens ---------------------------------------------------------------------------------
+
+    def take(self, batch: Batch) -> None:
+        """Evaluate the alarms whose inputs the batch changed."""
+        readers = self._readers
+        if not readers or not batch.handles:
+            return
+        found: dict[int, Watch] = {}
+        for handle in batch.handles:
+            for watch in readers.get(handle, ()):
+                found[watch.index] = watch
+        if found:
+            self._evaluate([found[index] for index in sorted(found)], self._clock.monotonic(), batch.time)
+
+    def tick(self) -> None:
+        """Look at everything that time alone decides: delays, ages, rates, re-alarms, the end of a flood."""
+        now, at = self._clock.monotonic(), self._clock.micros()
+        due = {watch.index: watch for watch in self._pending.values() if (watch.delay.due or 0.0) <= now}
+        due |= {watch.index: watch for watch in self._timed}
+        if due:
+            self._evaluate([due[index] for index in sorted(due)], now, at)
+        for watch in list(self._realarms.values()):
+            if at - watch.acked_at >= watch.alarm.realarm * 1e6:
+                self._apply(watch, Event.REALARM)
+        self._judge_flood(now)
+
+    @property
+    def due(self) -> float | None:
+        """When the next delay ends [s, monotonic]; None while none runs."""
+        return min((watch.delay.due or 0.0 for watch in self._pending.values()), default=None)
+
+    def _evaluate(self, watches: Sequence[Watch], now: float, at: int) -> None:
+        roots: list[tuple[Watch, bool]] = []
+        others: list[tuple[Watch, bool]] = []
+        for watch in watches:
+            delay = watch.delay
+            truth = watch.condition.holds(watch.look, delay.active, now, watch.age)
+            if truth is None or not watch.known:
+                self._judge_quality(watch, truth)
+            change = delay.step(truth, now, at)
+            if delay.since is not None:
+                if watch.id not in self._pending:
+                    self._pending[watch.id] = watch
+                    self._wake.set()
+            else:
+                self._pending.pop(watch.id, None)
+            if change is None:
+                continue
+            if change.active:
+                watch.first_true = change.at
+                watch.annunciated = change.at + round(delay.on * 1e6)
+            is_root = self._roots.get(watch.equipment) is watch
+            (roots if is_root else others).append((watch, change.active))
+        for watch, active in roots:
+            self._changed(watch, active, now, at)
+            self._suppress(watch, active, now, at)
+        for watch, active in others:
+            root = self._roots.get(watch.equipment)
+            if active and root is not None and root.life.active and not watch.life.suppressed:
+                self._apply(watch, Event.SUPPRESS, detail=root.alarm.key)
+            self._changed(watch, active, now, at)
+
+    def _changed(self, watch: Watch, active: bool, now: float, at: int) -> None:
+        if not active:
+            self._apply(watch, Event.RETURN)
+            return
+        calm = watch.life.state is State.NORMAL and now - (watch.raises[-1] if watch.raises else -1e9) > CHATTER_WINDOW
+        watch.count = 1 if calm else watch.count + 1
+        watch.raises.append(now)
+        self._by_occurrence.pop(watch.occurrence, None)
+        watch.occurrence = self._next_occurrence
+        self._next_occurrence += 1
+        self._by_occurrence[watch.occurrence] = watch
+        watch.returned, watch.acked_at, watch.acked_by = 0, 0, ""
+        watch.value, watch.limit = number(watch.look(watch.alarm.value)), watch.alarm.limit
+        self._place(watch)
+        self._apply(watch, Event.RAISE)
+
+    def _place(self, watch: Watch) -> None:
+        """First-out: which one of its group came first. A group is armed again when none of its alarms stands any more."""
+        watch.ordinal, watch.uncertain = 0, False
+        if watch.alarm.alarm_class != TRIP:
+            return
+        group = [
+            one
+            for one in self._members[watch.equipment]
+            if one is not watch and one.alarm.alarm_class == TRIP and one.ordinal and one.life.state is not State.NORMAL
+        ]
+        watch.ordinal = max((one.ordinal for one in group), default=0) + 1
+        for one in group:
+            if one.first_true == watch.first_true:
+                one.uncertain = watch.uncertain = True
+                self._mark(one)
+
+    def _suppress(self, root: Watch, active: bool, now: float, at: int) -> None:
+        freed = []
+        for watch in self._members[root.equipment]:
+            if watch is root or isinstance(watch.condition, Told):
+                continue
+            if active and watch.life.state is not State.NORMAL:
+                self._apply(watch, Event.SUPPRESS, detail=root.alarm.key)
+            elif not active and watch.life.suppressed:
+                self._apply(watch, Event.UNSUPPRESS, detail=root.alarm.key)
+                if not watch.life.hidden:
+                    watch.delay.restart()
+                    freed.append(watch)
+        if freed:
+            self._evaluate(freed, now, at)
+
+    def _judge_quality(self, watch: Watch, truth: Truth) -> None:
+        known = truth is not None or all(self._tags.quality(handle) & 0xFF == NO_DATA for handle in watch.handles)
+        if known is watch.known or (watch.life.state is State.NORMAL and known is False):
+            return
+        watch.known = known
+        self._apply(watch, Event.QUALITY, detail="known" if known else "unknown")
+
+    def _judge_flood(self, now: float) -> None:
+        times = self._flood_times
+        while times and now - times[0] > FLOOD_WINDOW:
+            times.popleft()
+        flood = len(times) >= (FLOOD_ENDS if self.flood else FLOOD_BEGINS)
+        if flood is not self.flood:
+            self.flood = flood
+            self._touch()
+
+    def _apply(
+        self, watch: Watch, event: Event, *, person: Person | None = None, comment: str = "", detail: str = ""
+    ) -> Step:
+        result = step(watch.life, event, watch.traits)
+        if result.entry is None:
+            return result
+        at = self._clock.micros()
+        watch.life = result.life
+        if event is Event.ACKNOWLEDGE and person is not None:
+            watch.acked_at, watch.acked_by = at, person.display or person.name
+            self._remember(watch.occurrence, watch.id, watch.acked_by, at)
+        elif event is Event.RETURN:
+            watch.returned = at
+        elif event in (Event.REALARM, Event.UNSHELVE, Event.PUT_BACK) and not watch.life.acked:
+            watch.acked_at, watch.acked_by = 0, ""
+        if result.annunciates:
+            now = self._clock.monotonic()
+            self._news += 1
+            self._told.append(at)
+            self._flood_times.append(now)
+            self._judge_flood(now)
+        text = self._texts.of_type(self._texts.default, watch.type, watch.alarm.label, **written(watch))
+        self._records.append(record(watch, result, at, person, comment, detail, text, self.config))
+        self._mark(watch)
+        self._arm(watch)
+        return result
+
+    def _mark(self, watch: Watch) -> None:
+        watch.standing = None
+        self._dirty[watch.id] = watch
+        self._touch()
+
+    def _touch(self) -> None:
+        self.revision += 1
+        self._wake.set()
+
+    def _arm(self, watch: Watch) -> None:
+        if watch.alarm.realarm and watch.life.state is State.ACKNOWLEDGED:
+            self._realarms[watch.id] = watch
+        else:
+            self._realarms.pop(watch.id, None)
+
+    def _remember(self, occurrence: int, alarm: str, by: str, at: int) -> None:
+        self._acknowledged[occurrence] = (alarm, by, at)
+        while len(self._acknowledged) > REMEMBERED:
+            self._acknowledged.popitem(last=False)
+
+    # ---- what the system tells ------------------------------------------------------------------------
+
+    def raise_system(
+        self,
+        key: str,
+        equipment: str | None = None,
+        active: bool = True,
+        params: Mapping[str, object] | None = None,
+        *,
+        until: str = "",
+    ) -> None:
+        """Tell an alarm of `SYSTEM_ALARMS`, of a machine or of the server, or that it is over. Telling it again changes nothing.
+
+        A parameter named after what it is about (`link`, `task`) makes an alarm of its own. `until` is a sentence over the machine's
+        points that ends it.
+
+        Raises:
+            KeyError: no such alarm.
+        """
+        SYSTEM_ALARMS[key]
+        given = dict(params or {})
+        about = equipment or next((str(given[name]) for name in ("link", "task") if name in given), "")
+        id = ".".join(part for part in (SYSTEM, key, about) if part)
+        watch = self._watches.get(id)
+        if watch is None:
+            if not active:
+                return
+            watch = self._system_watch(id, key, equipment or "")
+            self._add(watch)
+        told = watch.condition
+        assert isinstance(told, Told)
+        if told.active is active and (not active or dict(watch.params) == given) and watch.delay.active is active:
+            return
+        told.active = active
+        if active:
+            if dict(watch.params) != given and watch.life.active:
+                self._mark(watch)
+            watch.params = given
+            if until and equipment in self._equipment:
+                self._listen(watch, until)
+        self._evaluate([watch], self._clock.monotonic(), self._clock.micros())
+
+    def stop_unconfirmed(self, equipment: str) -> None:
+        """A Stop was not read back in time. The alarm is over when the machine's Stop is seen to have worked."""
+        item = self._equipment.get(equipment)
+        stop = next((command for command in item.type.commands.values() if command.stop), None) if item else None
+        until = stop.feedback if stop and not expression.parse(stop.feedback or "1").needs_argument else ""
+        self.raise_system("stop_unconfirmed", equipment, True, until=until)
+
+    def _system_watch(self, id: str, key: str, equipment: str) -> Watch:
+        told = SYSTEM_ALARMS[key]
+        row = told.row(key)
+        item = self._equipment.get(equipment)
+        names = {name: point.name for name, point in item.points.items()} if item else {}
+        return Watch(
+            id=id,
+            index=0,
+            equipment=equipment,
+            area=item.area if item else SYSTEM,
+            type="",
+            alarm=row,
+            condition=Told(),
+            delay=Delay(row.on_delay, row.off_delay),
+            look=self._look(names),
+            age=self._age(names),
+            handles=frozenset(),
+            once=told.once,
+        )
+
+    def _listen(self, watch: Watch, until: str) -> None:
+        assert isinstance(watch.condition, Told)
+        watch.condition.until = expression.parse(until)
+        item = self._equipment[watch.equipment]
+        names = {name: point.name for name, point in item.points.items()}
+        for handle in self._handles(names, watch.condition.until.names):
+            readers = self._readers.setdefault(handle, [])
+            if watch not in readers:
+                readers.append(watch)
+
+    # ---- what people do -------------------------------------------------------------------------------
+
+    async def acknowledge(self, occurrences: Iterable[int], person: Person, comment: str = "") -> list[Answer]:
+        """Acknowledge these occurrences; each has its answer. A late one for an occurrence that is over never meets the next one.
+
+        Returns when it is in the journal, or when the database has not taken it for 2 s: it is acknowledged all the same.
+        """
+        answers = [self._acknowledge(occurrence, person, comment) for occurrence in dict.fromkeys(occurrences)]
+        await self._settle()
+        return answers
+
+    def _acknowledge(self, occurrence: int, person: Person, comment: str) -> Answer:
+        watch = self._by_occurrence.get(occurrence)
+        if watch is None or watch.life.state is State.NORMAL:
+            return self._answered(occurrence)
+        result = self._apply(watch, Event.ACKNOWLEDGE, person=person, comment=comment)
+        if result.entry is None:
+            if watch.life.state in HIDDEN:
+                return Answer(occurrence, "hidden", watch.id)
+            return self._answered(occurrence)
+        if watch.once and isinstance(watch.condition, Told) and watch.condition.until is None:
+            watch.condition.active = False
+            self._evaluate([watch], self._clock.monotonic(), self._clock.micros())
+        return Answer(occurrence, "done", watch.id, watch.acked_by, watch.acked_at)
+
+    def _answered(self, occurrence: int) -> Answer:
+        alarm, by, at = self._acknowledged.get(occurrence, ("", "", 0))
+        return Answer(occurrence, "already" if by else "gone", alarm, by, at)
+
+    async def reset(self, occurrence: int, person: Person, comment: str = "") -> None:
+        """Release a latched alarm whose condition is over and which is acknowledged.
+
+        Raises:
+            Refused: 409 with the reason; 404 for an occurrence that is not there.
+        """
+        watch = self._by_occurrence.get(occurrence)
+        if watch is None:
+            raise Refused("alarm.answer.gone", 404)
+        result = self._apply(watch, Event.RESET, person=person, comment=comment)
+        if result.entry is None:
+            raise Refused(result.refused or "alarm.why.not_latched", 409)
+        await self._settle()
+
+    # ---- what is shown --------------------------------------------------------------------------------
+
+    def standing(self) -> list[Standing]:
+        """The active list: everything that is annunciated, most important first."""
+        return [one for one in self._all() if one.state in ANNUNCIATED]
+
+    def hidden(self) -> list[Standing]:
+        """What is shelved, suppressed or out of service."""
+        return [one for one in self._all() if one.state in HIDDEN]
+
+    def find(self, occurrence: int) -> Standing | None:
+        """The alarm whose present occurrence this is; None when it is over."""
+        watch = self._by_occurrence.get(occurrence)
+        return self._standing(watch) if watch and watch.life.state is not State.NORMAL else None
+
+    def latest(self) -> Standing | None:
+        """The most important one that waits for an acknowledgement: by priority, then the newest."""
+        return next((one for one in self._all() if one.unacked), None)
+
+    @property
+    def told(self) -> Sequence[int]:
+        """Times of all annunciations of the last 24 hours [µs UTC]."""
+        since = self._clock.micros() - journal.DAY
+        while self._told and self._told[0] < since:
+            self._told.popleft()
+        return tuple(self._told)
+
+    @property
+    def news(self) -> int:
+        """Number of annunciations since the server started."""
+        return self._news
+
+    def definition(self, id: str) -> Alarm | None:
+        """The row of the alarm `id`."""
+        watch = self._watches.get(id)
+        return watch.alarm if watch else None
+
+    def labels(self) -> Iterable[tuple[str, str, str, Mapping[str, object]]]:
+        """Id, equipment type, text key and parameters of every alarm, for searching in a reader's language."""
+        return [(watch.id, watch.type, watch.alarm.label, watch.params) for watch in self._watches.values()]
+
+    def _all(self) -> list[Standing]:
+        if self._list[0] != self.revision:
+            found = [self._standing(watch) for watch in self._watches.values() if watch.life.state is not State.NORMAL]
+            self._list = (self.revision, sorted(found, key=lambda one: one.order))
+        return self._list[1]
+
+    def _standing(self, watch: Watch) -> Standing:
+        if watch.standing is None:
+            root = self._roots.get(watch.equipment)
+            rule = root.alarm.key if root and watch.life.suppressed else ""
+            watch.standing = standing(watch, watch.chattering(self._clock.monotonic()), rule)
+        return watch.standing
+
+    def counts(self) -> dict[str, Value]:
+        """Values of the points `sys.alarms.…`, by what follows that."""
+        unack = dict.fromkeys(PRIORITIES, 0)
+        active = dict.fromkeys(PRIORITIES, 0)
+        by = {item: dict.fromkeys(PRIORITIES, 0) for item in (*self._equipment, SYSTEM)}
+        sound = 0
+        for one in self._all():
+            if one.state not in ANNUNCIATED:
+                continue
+            active[one.priority] += 1
+            unack[one.priority] += one.unacked
+            by[one.equipment or SYSTEM][one.priority] += 1
+            if one.state in AUDIBLE and (not sound or one.priority < sound) and self._watches[one.id].alarm.audible:
+                sound = one.priority
+        values: dict[str, Value] = {
+            "revision": self.revision,
+            "new": self._news,
+            "sound": sound,
+            "total": sum(active.values()),
+            "flood": int(self.flood),
+        }
+        for priority in PRIORITIES:
+            values[f"unack_{priority}"], values[f"active_{priority}"] = unack[priority], active[priority]
+        for item, numbers in by.items():
+            values |= {f"by.{item}.p{priority}": number for priority, number in numbers.items()}
+        return values
+
+    def publish(self) -> None:
+        """Bring the points `sys.alarms.…` up to date."""
+        self._sent_at, self._sent_revision = self._clock.monotonic(), self.revision
+        known, tags, now = self._tags.handles, self._tags, self._clock.micros()
+        handles, values = [], []
+        for key, value in self.counts().items():
+            handle = known.get(f"{SYSTEM}.{PREFIX}.{key}")
+            if handle is not None and (tags.value(handle) != value or quality.is_bad(tags.quality(handle))):
+                handles.append(handle)
+                values.append(value)
+        tags.publish(Batch(SYSTEM, 1, now, now, handles, values))
+
+    # ---- what runs ------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Look at delays when they are due and publish the counts, for ever."""
+        while True:
+            self.tick()
+            now = self._clock.monotonic()
+            wait = IDLE if self.due is None else max(0.0, min(IDLE, self.due - now))
+            if self.revision != self._sent_revision:
+                pause = self._sent_at + PUBLISH_PERIOD - now
+                if pause <= 0:
+                    self.publish()
+                    self._written.set()
+                else:
+                    wait = min(wait, pause)
+                    await asyncio.sleep(wait)
+                    continue
+            self._wake.clear()
+            try:
+                async with asyncio.timeout(wait):
+                    await self._wake.wait()
+            except TimeoutError:
+                pass
+
+    async def keep_journal(self) -> None:
+        """Write the journal as soon as there is something, for ever."""
+        while True:
+            self._written.clear()
+            if self._records or self._dirty:
+                try:
+                    await self.flush()
+                except StorageError:
+                    await asyncio.sleep(RETRY_PERIOD)
+                    continue
+            try:
+                async with asyncio.timeout(IDLE):
+                    await self._written.wait()
+            except TimeoutError:
+                pass
+
+    async def flush(self) -> None:
+        """Write what waits.
+
+        Raises:
+            StorageError: the database did not take it; it waits on.
+        """
+        async with self._lock:
+            records, dirty = self._records, self._dirty
+            if not records and not dirty:
+                return
+            self._records, self._dirty = [], {}
+            standing = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
+            gone = [id for id, watch in dirty.items() if watch is None or watch.life == Life()]
+            try:
+                await self._db.write(lambda connection: journal.write(connection, self._key, records, standing, gone))
+            except StorageError as error:
+                self._records = records + self._records
+                self._dirty = dirty | self._dirty
+                if self.healthy:
+                    self.healthy = False
+                    log.error("alarm journal waits reason=%s", error)
+                    self.raise_system("journal_waiting")
+                raise
+            if not self.healthy:
+                self.healthy = True
+                log.warning("alarm journal written again records=%d", len(records))
+                self.raise_system("journal_waiting", active=False)
+
+    async def _settle(self) -> None:
+        self._wake.set()
+        try:
+            async with asyncio.timeout(2.0):
+                await asyncio.shield(self.flush())
+        except (StorageError, TimeoutError):
+            return
+
+    async def close(self) -> None:
+        """Stop following the tags and write what waits."""
+        self._unsubscribe()
+        try:
+            await self.flush()
+        except StorageError as error:
+            log.error("alarm journal not written records=%d reason=%s", len(self._records), error)
+
+    async def verify(self) -> Verdict:
+        """Walk the chain of the journal."""
+        return await self._db.read(lambda connection: journal.verify(connection, self._key))
