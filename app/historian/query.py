@@ -1,0 +1,316 @@
+"""Questions to the history: what a screen can show of any range, and raw rows for those who want all.
+
+A trend asks for `width` columns. Each column carries first, lowest, highest, last (after "M4", hmi-design.md section 15), so that no
+spike is lost, however far it is zoomed out. It is read from whichever table is the coarsest that still fills the columns.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from sqlalchemy import Connection
+
+from app.historian.store import GAP_AFTER, HOUR, MINUTE
+
+MAX_WIDTH = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A point as the history knows it, also when the plant has it no longer."""
+
+    number: int
+    id: str
+    name: str
+    unit: str
+    kind: str
+
+
+@dataclass(slots=True)
+class Columns:
+    """A decimated series: n columns in order of time; where nothing was recorded there is none.
+
+    Draw each as first, low, high, last, and lift the pen at every None. A column without samples (`count` 0) is a break (all None), or
+    what holds at an edge: where the range begins or ends, or just before a break.
+    """
+
+    time: list[int] = field(default_factory=list)
+    """Of the first sample in the column [µs UTC]."""
+    first: list[float | None] = field(default_factory=list)
+    """None when the first sample is bad."""
+    low: list[float | None] = field(default_factory=list)
+    high: list[float | None] = field(default_factory=list)
+    last: list[float | None] = field(default_factory=list)
+    """None when the last sample is bad: the line is broken there."""
+    quality: list[int] = field(default_factory=list)
+    """Worst level in the column: 0 good, 1 uncertain, 2 bad."""
+    count: list[int] = field(default_factory=list)
+    """Samples in the column."""
+    source: str = "sample"
+    """Coarsest table that was read: `sample`, `minute` or `hour`."""
+    step: int = 0
+    """Width of a column [µs]; columns begin at whole multiples of it."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def add(
+        self,
+        time: int,
+        first: float | None,
+        low: float | None,
+        high: float | None,
+        last: float | None,
+        quality: int,
+        count: int,
+    ) -> None:
+        """Append one column."""
+        self.time.append(time)
+        self.first.append(first)
+        self.low.append(low)
+        self.high.append(high)
+        self.last.append(last)
+        self.quality.append(quality)
+        self.count.append(count)
+
+    def drop(self) -> None:
+        """Take the last column away."""
+        for column in (self.time, self.first, self.low, self.high, self.last, self.quality, self.count):
+            column.pop()
+
+    def hold(self, time: int, value: float | None, quality: int) -> None:
+        """Append what holds at `time`, when that is later than what is there; a None breaks the line."""
+        if not self.time or time > self.time[-1]:
+            self.add(time, value, value, value, value, quality, 0)
+
+
+def recorded(connection: Connection) -> dict[str, Recorded]:
+    """Every point of the history by name and by lasting id; a name in use wins over an id."""
+    rows = [
+        Recorded(*row) for row in connection.exec_driver_sql("SELECT id, lasting_id, name, unit, kind FROM point").all()
+    ]
+    return {row.id: row for row in rows} | {row.name: row for row in rows}
+
+
+def find(connection: Connection, name: str) -> Recorded | None:
+    """The point with this name or lasting id, None when it was never recorded."""
+    row = connection.exec_driver_sql(
+        "SELECT id, lasting_id, name, unit, kind FROM point WHERE name = ? OR lasting_id = ? ORDER BY name = ? DESC, id DESC",
+        (name, name, name),
+    ).first()
+    return None if row is None else Recorded(*row)
+
+
+def alive(connection: Connection) -> int:
+    """The recorder's last sign of life [µs UTC]; 0 when it never ran."""
+    return int(connection.exec_driver_sql("SELECT coalesce(max(alive), 0) FROM run").scalar_one())
+
+
+def columns(connection: Connection, number: int, begin: int, end: int, width: int) -> Columns:
+    """The point `number` from `begin` to `end` (without it) [µs UTC] as about `width` columns, at most one more, and edges and breaks.
+
+    The last value is drawn up to `end`, or as far as the recorder has come.
+
+    Raises:
+        ValueError: the range is empty or `width` is outside 1 to 4000.
+    """
+    if end <= begin:
+        raise ValueError(f"a range must end after it begins: {begin} to {end}")
+    if not 1 <= width <= MAX_WIDTH:
+        raise ValueError(f"width must be 1 to {MAX_WIDTH}, not {width}")
+    step, table = _grid(end - begin, width)
+    cells = _cells(connection, number, begin, end, step, table)
+    before, known_to = _before(connection, number, begin), min(end, alive(connection))
+    return _drawn(before, cells, begin, known_to, Columns(source=table, step=step))
+
+
+def raw(
+    connection: Connection, number: int, begin: int, end: int, chunk: int = 5000
+) -> Iterator[tuple[int, float | str | None, int]]:
+    """Every sample of `number` with begin <= time < end, in order: time [µs UTC], value, quality word. Constant memory."""
+    after = begin - 1
+    while True:
+        rows = page(connection, number, after, end, chunk)
+        yield from rows
+        if len(rows) < chunk:
+            return
+        after = rows[-1][0]
+
+
+def page(
+    connection: Connection, number: int, after: int, end: int, limit: int
+) -> list[tuple[int, float | str | None, int]]:
+    """The first `limit` samples with after < time < end."""
+    return [
+        (t, s if v is None else v, q)
+        for t, v, s, q in connection.exec_driver_sql(
+            "SELECT t, v, s, q FROM sample WHERE point = ? AND t > ? AND t < ? ORDER BY t LIMIT ?",
+            (number, after, end, limit),
+        )
+    ]
+
+
+def count(connection: Connection, number: int, begin: int, end: int) -> int:
+    """How many samples `raw` would give."""
+    return int(
+        connection.exec_driver_sql(
+            "SELECT count(*) FROM sample WHERE point = ? AND t >= ? AND t < ?", (number, begin, end)
+        ).scalar_one()
+    )
+
+
+def at(connection: Connection, number: int, time: int) -> tuple[int, float | str | None, int] | None:
+    """The sample that held at `time` [µs UTC]: its own time, value, quality word; None when there is none."""
+    row = connection.exec_driver_sql(
+        "SELECT t, v, s, q FROM sample WHERE point = ? AND t <= ? ORDER BY t DESC LIMIT 1", (number, time)
+    ).first()
+    return None if row is None else (row[0], row[2] if row[1] is None else row[1], row[3])
+
+
+def texts(
+    connection: Connection, number: int, begin: int, end: int, limit: int = MAX_WIDTH
+) -> list[tuple[int, str | None]]:
+    """The first `limit` values of a text point in the range, after the one that held at its beginning; None: bad or not recorded."""
+    held = at(connection, number, begin)
+    out: list[tuple[int, str | None]] = []
+    if held is not None and begin - held[0] <= GAP_AFTER:
+        out.append((begin, str(held[1]) if held[1] is not None else None))
+    for time, value, _ in page(connection, number, begin, end, limit):
+        text = None if value is None else str(value)
+        if not out or out[-1][1] != text:
+            out.append((time, text))
+    return out
+
+
+@dataclass(slots=True)
+class _Cell:
+    """What lies in one column."""
+
+    index: int
+    low: float | None
+    high: float | None
+    first_time: int
+    first: float | None
+    last_time: int
+    last: float | None
+    last_level: int
+    worst: int
+    count: int
+
+    def join(self, other: "_Cell") -> None:
+        """Take over the rest of the same column."""
+        self.last_time, self.last, self.last_level = other.last_time, other.last, other.last_level
+        self.low = other.low if self.low is None else self.low if other.low is None else min(self.low, other.low)
+        self.high = other.high if self.high is None else self.high if other.high is None else max(self.high, other.high)
+        self.worst = max(self.worst, other.worst)
+        self.count += other.count
+
+
+def _grid(length: int, width: int) -> tuple[int, str]:
+    """Width of a column [µs], and the coarsest table whose rows fill at least every second column asked for.
+
+    A column of roll-ups is a whole number of them, so that each belongs to one column.
+    """
+    step = max(1, -(-length // width))
+    for table, unit in (("hour", HOUR), ("minute", MINUTE)):
+        if step >= unit // 2:
+            return -(-step // unit) * unit, table
+    return step, "sample"
+
+
+def _cells(connection: Connection, number: int, begin: int, end: int, step: int, table: str) -> list[_Cell]:
+    """Columns that have samples; what the roll-ups do not cover (the ends, and what is too young) comes from the finer table."""
+    if begin >= end:
+        return []
+    if table == "sample":
+        return _of_samples(connection, number, begin, end, step)
+    unit, finer = (HOUR, "minute") if table == "hour" else (MINUTE, "sample")
+    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (table,)).scalar() or 0
+    inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
+    if inner >= outer:
+        return _cells(connection, number, begin, end, step, finer)
+    out = _cells(connection, number, begin, inner, step, finer)
+    for part in (
+        _of_roll_ups(connection, number, inner, outer, step, table),
+        _cells(connection, number, outer, end, step, finer),
+    ):
+        if out and part and out[-1].index == part[0].index:
+            out[-1].join(part.pop(0))
+        out += part
+    return out
+
+
+def _of_samples(connection: Connection, number: int, begin: int, end: int, step: int) -> list[_Cell]:
+    return [
+        _Cell(*row)
+        for row in connection.exec_driver_sql(
+            """
+            SELECT c, low, high, t0, f.v, t1, l.v, l.q & 3, worst, n
+            FROM (SELECT t / ? AS c, min(v) AS low, max(v) AS high, min(t) AS t0, max(t) AS t1, max(q & 3) AS worst, count(*) AS n
+                  FROM sample WHERE point = ? AND t >= ? AND t < ? GROUP BY c) AS g
+            CROSS JOIN sample AS f ON f.point = ? AND f.t = g.t0
+            CROSS JOIN sample AS l ON l.point = ? AND l.t = g.t1
+            ORDER BY c
+            """,
+            (step, number, begin, end, number, number),
+        )
+    ]
+
+
+def _of_roll_ups(connection: Connection, number: int, begin: int, end: int, step: int, table: str) -> list[_Cell]:
+    return [
+        _Cell(*row)
+        for row in connection.exec_driver_sql(
+            f"""
+            SELECT c, g.low, g.high, f.first_t, f.first, l.last_t, l.last, l.last_q & 3, worst, n
+            FROM (SELECT t / ? AS c, min(low) AS low, max(high) AS high, min(t) AS t0, max(t) AS t1, max(level) AS worst,
+                         sum(count) AS n
+                  FROM {table} WHERE point = ? AND t >= ? AND t < ? GROUP BY c) AS g
+            CROSS JOIN {table} AS f ON f.point = ? AND f.t = g.t0
+            CROSS JOIN {table} AS l ON l.point = ? AND l.t = g.t1
+            ORDER BY c
+            """,
+            (step, number, begin, end, number, number),
+        )
+    ]
+
+
+def _before(connection: Connection, number: int, begin: int) -> tuple[int, float | None, int] | None:
+    row = connection.exec_driver_sql(
+        "SELECT t, v, q FROM sample WHERE point = ? AND t < ? AND t >= ? ORDER BY t DESC LIMIT 1",
+        (number, begin, begin - GAP_AFTER),
+    ).first()
+    return None if row is None else (row[0], row[1], row[2] & 3)
+
+
+def _drawn(
+    before: tuple[int, float | None, int] | None,
+    cells: Sequence[_Cell],
+    begin: int,
+    known_to: int,
+    out: Columns,
+) -> Columns:
+    """Columns in order, with what holds at the edges and a break wherever nothing was recorded or a sample was bad."""
+    held_time, held, level = before if before is not None else (begin - GAP_AFTER - 1, None, 2)
+    if held is not None:
+        out.hold(begin, held, level)
+    for cell in cells:
+        if held is not None:
+            _end_of_hold(out, held_time, held, level, cell.first_time, cell.first)
+        if out.time and cell.first_time <= out.time[-1]:
+            out.drop()
+        out.add(cell.first_time, cell.first, cell.low, cell.high, cell.last, cell.worst, cell.count)
+        held_time, held, level = cell.last_time, cell.last, cell.last_level
+    if held is not None and known_to > held_time:
+        _end_of_hold(out, held_time, held, level, known_to, held)
+        if known_to - held_time <= GAP_AFTER:
+            out.hold(known_to, held, level)
+    return out
+
+
+def _end_of_hold(out: Columns, since: int, held: float, level: int, time: int, value: float | None) -> None:
+    """Draw `held` (a sample of the time `since`) up to where it ends before `time`, where the point is `value`."""
+    if time - since > GAP_AFTER:
+        out.hold(since + GAP_AFTER, held, level)
+        out.hold(since + GAP_AFTER + 1, None, 2)
+    elif value is None:
+        out.hold(time - 1, held, level)

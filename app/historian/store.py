@@ -1,0 +1,274 @@
+"""The history database: append rows, roll them up, cut what is too old or too much.
+
+Everything here runs on the writer thread of `history.db` (or on a reader thread, where it says so) with an open connection. Sums over
+samples are left to SQLite: it works on them without holding up the interpreter, and so the event loop.
+"""
+
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import Connection, text
+
+from app.plant.definitions import Point
+from app.tags.quality import NO_DATA
+
+Row = tuple[int, int, float | None, str | None, int]
+"""point number, time [µs UTC], number, text, quality word"""
+
+MINUTE = 60_000_000
+HOUR = 3_600_000_000
+DAY = 86_400_000_000
+"""[µs]"""
+HEARTBEAT = 600_000_000
+"""A sample at least this often while the recorder runs [µs]."""
+GAP_AFTER = HEARTBEAT + 30_000_000
+"""A value holds until the next sample, but no longer than this: after it nothing was recorded [µs]."""
+ROLL_UP_AT_ONCE = 6 * HOUR
+"""Longest time that is rolled up in one transaction [µs], so that catching up does not hold up the writer."""
+CUT_AT_ONCE = 100_000
+"""Samples of one point that are removed in one transaction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How full the history is."""
+
+    used: int
+    """Bytes in use, free pages of the file left out."""
+    free: int
+    """Bytes left on the disk."""
+    oldest: int | None
+    """Time of the oldest sample [µs UTC]."""
+    rows_today: int
+    """Rows stored in the last 24 h."""
+    grown_today: int
+    """Bytes by which the database has grown in the last 24 h; what was cut away does not count against it."""
+    since: int | None
+    """From when on the two are known, at most 24 h ago [µs UTC]."""
+
+
+def register(connection: Connection, points: Iterable[Point]) -> dict[str, int]:
+    """Numbers of `points` by lasting id; new ones are added, changed names and units are taken over."""
+    known = {
+        row.lasting_id: row for row in connection.execute(text("SELECT id, lasting_id, name, unit, kind FROM point"))
+    }
+    numbers: dict[str, int] = {}
+    for item in points:
+        row = known.get(item.id)
+        values = {"l": item.id, "n": item.name, "u": item.unit, "k": item.kind.value}
+        if row is None:
+            numbers[item.id] = connection.execute(
+                text("INSERT INTO point (lasting_id, name, unit, kind) VALUES (:l, :n, :u, :k) RETURNING id"), values
+            ).scalar_one()
+        else:
+            numbers[item.id] = row.id
+            if (row.name, row.unit, row.kind) != (item.name, item.unit, item.kind.value):
+                connection.execute(text("UPDATE point SET name=:n, unit=:u, kind=:k WHERE lasting_id=:l"), values)
+    return numbers
+
+
+def begin_run(connection: Connection, start: int) -> int:
+    """Note that the recorder runs since `start` [µs UTC], and close what the run before left open.
+
+    A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
+    directly after the last sign of life. Returns the number of these.
+    """
+    alive = connection.execute(text("SELECT alive FROM run ORDER BY start DESC LIMIT 1")).scalar()
+    rows: list[Row] = []
+    if alive is not None:
+        for (number,) in connection.exec_driver_sql("SELECT id FROM point").all():
+            last = connection.exec_driver_sql(
+                "SELECT t, q FROM sample WHERE point = ? ORDER BY t DESC LIMIT 1", (number,)
+            ).first()
+            if last is not None and last[1] & 3 != 2:
+                rows.append((number, max(alive, last[0]) + 1, None, None, NO_DATA))
+    append(connection, rows, start, start)
+    return len(rows)
+
+
+def append(connection: Connection, rows: Sequence[Row], start: int, alive: int) -> None:
+    """Store `rows` and that the recorder that began at `start` was alive at `alive` [µs UTC].
+
+    A later row of the same point and time wins, so writing rows twice does no harm. Rows older than what is rolled up set the marks
+    back, and their minutes and hours are rolled up again.
+    """
+    if rows:
+        connection.exec_driver_sql(
+            "INSERT OR REPLACE INTO sample (point, t, v, s, q) VALUES (?, ?, ?, ?, ?)", list(rows)
+        )
+        oldest = min(row[1] for row in rows)
+        for table, width in (("minute", MINUTE), ("hour", HOUR)):
+            connection.exec_driver_sql(
+                "UPDATE mark SET t = ? WHERE name = ? AND t > ?", (oldest // width * width, table, oldest)
+            )
+        connection.exec_driver_sql(
+            "INSERT INTO volume (t, rows, grown) VALUES (?, ?, 0) ON CONFLICT (t) DO UPDATE SET rows = rows + excluded.rows",
+            (alive // HOUR * HOUR, len(rows)),
+        )
+    connection.exec_driver_sql(
+        "INSERT INTO run (start, alive) VALUES (?, ?) ON CONFLICT (start) DO UPDATE SET alive = max(alive, excluded.alive)",
+        (start, alive),
+    )
+
+
+def roll_up(connection: Connection, now: int) -> bool:
+    """Write roll-ups of minutes and hours that are over at `now` [µs UTC], at most 6 hours of them; True when all are written.
+
+    It continues where it stopped, so a killed server loses none. A minute without a sample has no row: the value before holds.
+    """
+    done = True
+    reached = now
+    for table, width, source, statement in (("minute", MINUTE, "sample", MINUTES), ("hour", HOUR, "minute", HOURS)):
+        begin = connection.execute(text("SELECT t FROM mark WHERE name = :n"), {"n": table}).scalar()
+        if begin is None:
+            oldest = _oldest(connection, source)
+            begin = now if oldest is None else oldest
+        begin = begin // width * width
+        end = min(reached // width * width, begin + ROLL_UP_AT_ONCE)
+        done = done and end == reached // width * width
+        if begin < end:
+            connection.execute(text(statement), {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width})
+        reached = max(begin, end)
+        connection.execute(
+            text("INSERT INTO mark (name, t) VALUES (:n, :t) ON CONFLICT (name) DO UPDATE SET t = excluded.t"),
+            {"n": table, "t": reached},
+        )
+    return done
+
+
+MINUTES = """
+INSERT OR REPLACE INTO minute (point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level)
+WITH RECURSIVE
+part AS MATERIALIZED (
+    SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL AS valid, s.q
+    FROM point p CROSS JOIN sample s ON s.point = p.id AND s.t >= :begin AND s.t < :end
+    UNION ALL
+    SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL, s.q
+    FROM point p CROSS JOIN sample s ON s.point = p.id
+     AND s.t = (SELECT max(b.t) FROM sample b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap)
+),
+span AS (
+    SELECT point, t, v, valid, q,
+           min(lead(t, 1, :end) OVER (PARTITION BY point ORDER BY t), t + :gap) AS e
+    FROM part
+),
+piece (point, t, e, v, good) AS (
+    SELECT point, max(t, :begin), e, v, q & 3 = 0 FROM span WHERE valid AND q & 3 < 2 AND e > :begin
+    UNION ALL
+    SELECT point, (t / :w + 1) * :w, e, v, good FROM piece WHERE (t / :w + 1) * :w < e
+),
+weight AS MATERIALIZED (
+    SELECT point, t / :w * :w AS m, sum(d) AS held, sum(d * good) AS good, sum(v * d * good) AS area
+    FROM (SELECT point, t, v, good, min(e, (t / :w + 1) * :w) - t AS d FROM piece) GROUP BY 1, 2
+),
+seen AS (
+    SELECT point, t / :w * :w AS m, min(v) AS low, max(v) AS high, min(t) AS t0, max(t) AS t1, count(*) AS n,
+           max(q & 3) AS level
+    FROM part WHERE t >= :begin GROUP BY 1, 2
+)
+SELECT seen.point, seen.m, low, high, t0, f.v, t1, l.v, l.q, iif(good > 0, area / good, NULL), coalesce(good, 0), coalesce(held, 0),
+       n, level
+FROM seen
+JOIN sample f ON f.point = seen.point AND f.t = t0
+JOIN sample l ON l.point = seen.point AND l.t = t1
+LEFT JOIN weight ON weight.point = seen.point AND weight.m = seen.m
+"""
+HOURS = """
+INSERT OR REPLACE INTO hour (point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level)
+WITH RECURSIVE
+part AS MATERIALIZED (
+    SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id AND m.t >= :begin AND m.t < :end
+    UNION ALL
+    SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id
+     AND m.t = (SELECT max(b.t) FROM minute b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap - 60000000)
+),
+span AS (
+    SELECT p.point, p.t + 60000000 AS t, last AS v, last_q AS q, k.kind = 'text' AS is_text,
+           min(lead(p.t, 1, :end) OVER (PARTITION BY p.point ORDER BY p.t), last_t + :gap) AS e
+    FROM part p JOIN point k ON k.id = p.point
+),
+piece (point, t, e, v, good) AS (
+    SELECT point, max(t, :begin), e, v, q & 3 = 0 FROM span
+    WHERE (v IS NOT NULL OR is_text) AND q & 3 < 2 AND e > max(t, :begin)
+    UNION ALL
+    SELECT point, (t / :w + 1) * :w, e, v, good FROM piece WHERE (t / :w + 1) * :w < e
+),
+weight AS MATERIALIZED (
+    SELECT point, m, sum(held) AS held, sum(good) AS good, sum(area) AS area FROM (
+        SELECT point, t / :w * :w AS m, d AS held, d * good AS good, v * d * good AS area
+        FROM (SELECT point, t, v, good, min(e, (t / :w + 1) * :w) - t AS d FROM piece)
+        UNION ALL
+        SELECT point, t / :w * :w, held, good, mean * good FROM part WHERE t >= :begin
+    ) GROUP BY 1, 2
+),
+seen AS (
+    SELECT point, t / :w * :w AS m, min(low) AS low, max(high) AS high, min(t) AS t0, max(t) AS t1, sum(count) AS n,
+           max(level) AS level
+    FROM part WHERE t >= :begin GROUP BY 1, 2
+)
+SELECT seen.point, seen.m, seen.low, seen.high, f.first_t, f.first, l.last_t, l.last, l.last_q,
+       iif(weight.good > 0, area / weight.good, NULL), weight.good, weight.held, n, seen.level
+FROM seen
+JOIN minute f ON f.point = seen.point AND f.t = t0
+JOIN minute l ON l.point = seen.point AND l.t = t1
+JOIN weight ON weight.point = seen.point AND weight.m = seen.m
+"""
+
+
+def size(connection: Connection, path: Path, now: int) -> Size:
+    """How full the history is; on a reader thread."""
+    day = connection.exec_driver_sql(
+        "SELECT coalesce(sum(rows), 0), coalesce(sum(grown), 0), min(t) FROM volume WHERE t > ?", (now - DAY,)
+    ).one()
+    return Size(used(connection), shutil.disk_usage(path.parent).free, _oldest(connection, "sample"), *day)
+
+
+def used(connection: Connection) -> int:
+    """Bytes in use."""
+    pages, free, page = (
+        int(connection.exec_driver_sql(f"PRAGMA {name}").scalar_one())
+        for name in ("page_count", "freelist_count", "page_size")
+    )
+    return (pages - free) * page
+
+
+def note_growth(connection: Connection, now: int, grown: int) -> None:
+    """Note that the database has grown by `grown` bytes; forget what is older than two days."""
+    connection.exec_driver_sql(
+        "INSERT INTO volume (t, rows, grown) VALUES (?, 0, ?) ON CONFLICT (t) DO UPDATE SET grown = grown + excluded.grown",
+        (now // HOUR * HOUR, grown),
+    )
+    connection.exec_driver_sql("DELETE FROM volume WHERE t < ?", (now - 2 * DAY,))
+
+
+def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tuple[int, bool]:
+    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point.
+
+    Returns how many samples were removed, and whether all are.
+    """
+    before = before // HOUR * HOUR
+    removed, done = 0, True
+    for (number,) in connection.exec_driver_sql("SELECT id FROM point").all():
+        bound = connection.exec_driver_sql(
+            "SELECT t FROM sample WHERE point = ? AND t < ? ORDER BY t LIMIT 1 OFFSET ?", (number, before, at_once)
+        ).scalar()
+        limit = before if bound is None else bound
+        done = done and bound is None
+        for table, width in (("minute", MINUTE), ("hour", HOUR)):
+            connection.exec_driver_sql(
+                f"DELETE FROM {table} WHERE point = ? AND t < ?", (number, limit // width * width)
+            )
+        removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
+    if done:
+        connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
+    return removed, done
+
+
+def _oldest(connection: Connection, table: str) -> int | None:
+    """Time of the oldest row of `sample` or `minute`: one look into the index per point."""
+    oldest: int | None = connection.exec_driver_sql(
+        f"SELECT min(t) FROM (SELECT (SELECT min(t) FROM {table} WHERE point = p.id) AS t FROM point p)"
+    ).scalar()
+    return oldest

@@ -1,0 +1,440 @@
+"""What becomes history, and what happens when the database does not take it."""
+
+import asyncio
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sqlalchemy import Connection, event
+
+from app.db import Database
+from app.historian import query, recorder, store
+from app.historian.recorder import Recorder, Track
+from app.historian.store import DAY, HEARTBEAT, Row
+from app.plant.definitions import Kind, Point
+from app.tags.database import Tag
+from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
+from tests.historian.conftest import Source, point
+
+ROOT = Path(__file__).resolve().parents[2]
+BEGIN = 1_773_036_000_000_000
+QUOTA = 1 << 30
+
+signals = st.lists(
+    st.tuples(
+        st.integers(1, 5_000_000),
+        st.one_of(st.floats(-3, 3, allow_nan=False), st.integers(-3, 3), st.sampled_from([0.0, 0.5, 1.0, -1.0])),
+    ),
+    min_size=1,
+    max_size=80,
+)
+
+
+def kept(samples: list[tuple[int, float]], dead_band: float, *, linear: bool = True) -> list[Row]:
+    track, rows = Track(1, dead_band, linear), list[Row]()
+    for moment, value in samples:
+        track.take(moment, value, GOOD, 0, rows)
+    track.end(rows)
+    return rows
+
+
+def on_line(rows: list[Row], moment: int) -> float:
+    """The line through the stored rows, at `moment`."""
+    for a, b in pairwise(rows):
+        if a[1] <= moment <= b[1]:
+            assert a[2] is not None
+            assert b[2] is not None
+            return a[2] + (b[2] - a[2]) * (moment - a[1]) / (b[1] - a[1])
+    assert moment == rows[-1][1]
+    assert rows[-1][2] is not None
+    return rows[-1][2]
+
+
+def in_time(steps: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    out, moment = [], BEGIN
+    for step, value in steps:
+        moment += step
+        out.append((moment, value))
+    return out
+
+
+@settings(max_examples=400, deadline=None)
+@given(signals, st.sampled_from([0.0, 0.1, 0.5, 1.0, 2.0]))
+def test_line_and_hold_through_what_is_stored_are_within_the_dead_band(
+    steps: list[tuple[int, float]], dead_band: float
+) -> None:
+    samples = in_time(steps)
+    rows = kept(samples, dead_band)
+    assert [row[1] for row in rows] == sorted({row[1] for row in rows})
+    reach = dead_band * (1 + 1e-6) + 1e-9
+    for moment, value in samples:
+        assert abs(on_line(rows, moment) - value) <= reach
+        held = [row[2] for row in rows if row[1] <= moment][-1]
+        assert held is not None
+        assert abs(held - value) <= reach
+
+
+@settings(max_examples=200, deadline=None)
+@given(signals)
+def test_a_step_is_stored_exactly_when_it_changes(steps: list[tuple[int, float]]) -> None:
+    samples = in_time(steps)
+    rows = kept(samples, 0.0, linear=False)
+    changes = [samples[0]] + [b for a, b in pairwise(samples) if a[1] != b[1]]
+    assert [(row[1], row[2]) for row in rows] == [(t, float(v)) for t, v in changes]
+
+
+def test_a_slow_value_costs_few_rows() -> None:
+    samples = [(BEGIN + i * 100_000, i / 1000) for i in range(1, 10_001)]
+    assert len(kept(samples, 0.5)) <= 45
+
+
+def test_the_last_suppressed_sample_is_the_corner_before_a_jump() -> None:
+    rows = kept([(BEGIN, 0.0), (BEGIN + 1, 0.1), (BEGIN + 2, 0.2), (BEGIN + 3, 9.0)], 0.5)
+    assert [(row[1] - BEGIN, row[2]) for row in rows] == [(0, 0.0), (2, 0.2), (3, 9.0)]
+
+
+async def recording(history: Database, *points: Point, **limits: Any) -> tuple[Source, Recorder]:
+    source = Source(*points)
+    made = Recorder(source.tags, history, source.clock, keep_days=400, quota=QUOTA, **limits)
+    await made.configure(points)
+    return source, made
+
+
+def rows_of(history: Database, name: str = "m1.speed") -> list[tuple[int, float | str | None, int]]:
+    def look(connection: Connection) -> list[tuple[int, float | str | None, int]]:
+        found = query.find(connection, name)
+        return list(query.raw(connection, found.number, 0, 1 << 62)) if found else []
+
+    return history.run(look)
+
+
+async def test_a_source_that_lists_only_changes_still_gives_true_corners(history: Database) -> None:
+    source, made = await recording(history, point())
+    begin = source.clock.micros()
+    for second in range(10):
+        source.publish(m1_speed=100 if second < 8 else 900)
+        source.clock.advance(1)
+    await made.flush()
+    assert [((t - begin) / 1e6, v) for t, v, _ in rows_of(history)] == [(0, 100), (7, 100), (8, 900)]
+
+
+async def test_every_change_of_quality_is_stored_and_bad_has_no_value(history: Database) -> None:
+    source, made = await recording(history, point(dead_band=50))
+    for quality, value in ((GOOD, 10), (GOOD, 11), (STALE, 11), (GOOD, 11), (COMM_FAILURE, 11), (GOOD, 12)):
+        source.publish(quality, m1_speed=value)
+        source.clock.advance(1)
+    await made.flush()
+    assert [(v, q) for _, v, q in rows_of(history)] == [
+        (10, GOOD),
+        (11, GOOD),
+        (11, STALE),
+        (11, GOOD),
+        (None, COMM_FAILURE),
+        (12, GOOD),
+    ]
+
+
+async def test_a_constant_value_is_stored_every_ten_minutes(history: Database) -> None:
+    source, made = await recording(history, point(), point("m1.fault", Kind.TEXT), point("m1.run", Kind.BOOL))
+    for _ in range(35 * 60):
+        source.publish(m1_speed=5, m1_fault="OC", m1_run=1)
+        source.clock.advance(1)
+        await asyncio.sleep(0)
+        if made._clock.micros() % 10_000_000 == 0:
+            await made.flush()
+    for name in ("m1.speed", "m1.fault", "m1.run"):
+        rows = rows_of(history, name)
+        assert max(b[0] - a[0] for a, b in pairwise(rows)) <= HEARTBEAT + 11_000_000
+        assert 4 <= len(rows) <= 9
+        assert len({row[1] for row in rows}) == 1
+
+
+async def test_what_is_no_number_is_stored_as_bad(history: Database) -> None:
+    source, made = await recording(history, point())
+    for value in (1.0, float("nan"), float("inf"), None):
+        source.publish(m1_speed=value)
+        source.clock.advance(1)
+    await made.flush()
+    assert [(v, q & 3) for _, v, q in rows_of(history)] == [(1.0, 0), (None, 2), (None, 2), (None, 2)]
+
+
+async def test_a_clock_that_is_set_back_loses_nothing(history: Database) -> None:
+    source, made = await recording(history, point(dead_band=1))
+    source.publish(m1_speed=1.0)
+    source.clock.step_wall(-3600)
+    source.publish(m1_speed=1.1)
+    source.clock.advance(1)
+    source.publish(m1_speed=5.0)
+    await made.close()
+    assert [v for _, v, _ in rows_of(history)] == [1.1, 5.0, 1.0]
+
+
+async def test_points_without_history_leave_none(history: Database) -> None:
+    silent = Point("m1.code", "m1.code", "m1", "code", "code", history=False)
+    source, made = await recording(history, point(), silent)
+    source.publish(m1_speed=1, m1_code=2)
+    await made.flush()
+    assert rows_of(history, "m1.code") == []
+    assert len(rows_of(history)) == 1
+
+
+async def test_a_renamed_point_goes_on_in_its_own_history(history: Database) -> None:
+    source, made = await recording(history, point("m1.speed"))
+    source.publish(m1_speed=1)
+    renamed = Point("m1.rpm", "m1.speed", "m1", "rpm", "rpm", unit="1/min")
+    source.tags.configure([Tag("m1.rpm", "m1.speed", "link.a")])
+    await made.configure([renamed])
+    source.clock.advance(1)
+    source.publish(m1_rpm=2)
+    await made.close()
+    assert [v for _, v, _ in rows_of(history, "m1.rpm")] == [1, 2]
+
+
+async def test_a_removed_point_ends_with_no_data(history: Database) -> None:
+    source, made = await recording(history, point("m1.speed"), point("m1.current"))
+    source.publish(m1_speed=1, m1_current=2)
+    source.tags.configure([Tag("m1.speed", "m1.speed", "link.a")])
+    source.clock.advance(5)
+    await made.configure([point("m1.speed")])
+    await made.close()
+    assert [(v, q) for _, v, q in rows_of(history, "m1.current")] == [(2, GOOD), (None, NO_DATA)]
+
+
+async def test_a_value_that_was_there_before_the_recorder_is_taken(history: Database) -> None:
+    source = Source(point())
+    source.publish(m1_speed=7)
+    source.clock.advance(60)
+    made = Recorder(source.tags, history, source.clock, keep_days=400, quota=QUOTA)
+    await made.configure([point()])
+    await made.close()
+    assert rows_of(history) == [(source.clock.micros(), 7, GOOD)]
+
+
+async def test_roll_ups_are_made_while_it_runs(history: Database) -> None:
+    source, made = await recording(history, point())
+    for second in range(600):
+        source.publish(m1_speed=second)
+        source.clock.advance(1)
+    await made.flush()
+    await made.look_after()
+    assert history.run(lambda c: c.exec_driver_sql("SELECT sum(count) FROM minute").scalar()) >= 540
+    assert made.size is not None
+    assert made.size.rows_today == len(rows_of(history))
+
+
+async def test_history_above_its_quota_is_cut_oldest_first(history: Database) -> None:
+    source, made = await recording(history, point())
+    made.quota = 400_000
+    for second in range(30_000):
+        source.publish(m1_speed=second)
+        source.clock.advance(1)
+    await made.flush()
+    newest = rows_of(history)[-1]
+    await made.look_after()
+    await made.look_after()
+    rows = rows_of(history)
+    assert made.size is not None
+    assert made.size.used <= made.quota
+    assert rows[-1] == newest
+    assert 5_000 < len(rows) < 30_000
+
+
+async def test_history_older_than_it_is_kept_is_cut(history: Database) -> None:
+    source, made = await recording(history, point())
+    made.keep_days = 2
+    for hour in range(24 * 4):
+        source.publish(m1_speed=hour)
+        source.clock.advance(3600)
+    await made.flush()
+    await made.look_after()
+    age = source.clock.micros() - rows_of(history)[0][0]
+    assert 2 * DAY <= age < 2 * DAY + store.HOUR * 2
+
+
+def limit_pages(database: Database, limit: Callable[[], int]) -> None:
+    """Let the disk be full: the file may have no more than `limit()` pages."""
+
+    @event.listens_for(database.engine, "checkout")
+    def _limit(connection: Any, *_: object) -> None:
+        connection.execute(f"PRAGMA max_page_count={limit()}")
+
+
+async def test_a_full_disk_is_told_and_what_was_seen_meanwhile_is_filled_in(
+    history: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = 1 << 30
+    limit_pages(history, lambda: room)
+    source, made = await recording(history, point())
+    source.publish(m1_speed=-1)
+    source.clock.advance(1)
+    await made.flush()
+    room = 1
+    for value in range(5000):
+        source.publish(m1_speed=value)
+        source.clock.advance(0.01)
+    await made.flush()
+    assert made.full
+    assert made.statistics()["full"] == 1
+    assert "full" in made.error
+    await made.flush()
+    room = 1 << 30
+    await made.flush()
+    assert made.full, "tried again too early"
+    source.clock.advance(recorder.RETRY_PAUSE)
+    await made.flush()
+    assert not made.full
+    assert made.statistics() | {"quota_days": 0, "fill": 0} == {
+        "full": 0,
+        "fill": 0,
+        "rows_per_second": made.statistics()["rows_per_second"],
+        "dropped": 0,
+        "quota_days": 0,
+    }
+    assert [v for _, v, _ in rows_of(history)] == [-1, *range(5000)]
+
+
+async def test_what_does_not_fit_into_memory_is_dropped_counted_and_leaves_a_gap(
+    history: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_LIMIT", 100)
+    room = 1 << 30
+    limit_pages(history, lambda: room)
+    source, made = await recording(history, point())
+    room = 1
+    published = 0
+    while not made.full:
+        source.publish(m1_speed=published)
+        source.clock.advance(0.1)
+        published += 1
+        await made.flush()
+    fitted = published - 1
+    for _ in range(300):
+        source.publish(m1_speed=published)
+        source.clock.advance(0.1)
+        published += 1
+        await made.flush()
+    room = 1 << 30
+    source.clock.advance(10)
+    await made.close()
+    values = [v for _, v, _ in rows_of(history)]
+    assert values[: fitted + 1] == [*range(fitted), None]
+    tail = values[fitted + 1 :]
+    assert tail == [*range(published - len(tail), published)]
+    assert 95 <= len(tail) <= 101
+    assert made.dropped == published - (len(values) - 1), "every row is either there or counted"
+
+
+async def test_points_that_a_full_disk_does_not_take_are_recorded_when_there_is_room(history: Database) -> None:
+    room = 1
+    limit_pages(history, lambda: room)
+    points = [point(f"m{i}.speed") for i in range(1, 400)]
+    source, made = await recording(history, *points)
+    assert made.full
+    source.publish(m7_speed=7)
+    room = 1 << 30
+    source.clock.advance(10)
+    await made.flush()
+    source.publish(m8_speed=8)
+    await made.close()
+    assert [v for _, v, _ in rows_of(history, "m7.speed")] == [7]
+    assert [v for _, v, _ in rows_of(history, "m8.speed")] == [8]
+
+
+async def test_a_failing_recorder_never_raises_into_the_tag_database(history: Database, tmp_path: Path) -> None:
+    broken = Database(tmp_path / "nowhere" / "history.db", "history")
+    source = Source(point())
+    made = Recorder(source.tags, broken, source.clock, keep_days=1, quota=QUOTA)
+    await made.configure([point()])
+    source.publish(m1_speed=1)
+    await made.flush()
+    assert made.full
+    await made.close()
+    broken.close()
+
+
+async def test_it_runs_writes_and_can_be_cancelled_at_any_time_without_loss(history: Database) -> None:
+    source, made = await recording(history, point())
+    written: list[int] = []
+    for value in range(30):
+        task = asyncio.create_task(made.flush())
+        source.publish(m1_speed=value)
+        source.clock.advance(1)
+        await asyncio.sleep(0.001 * (value % 4))
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        written.append(value)
+    await made.close()
+    assert [v for _, v, _ in rows_of(history)] == written
+
+
+KILLED = """
+import asyncio, sys
+from pathlib import Path
+from app.clock import SystemClock
+from app.db import Database
+from app.historian.recorder import Recorder
+from app.plant.definitions import Point
+from app.tags.batch import Batch
+from app.tags.database import Tag, TagDatabase
+
+async def main():
+    clock = SystemClock()
+    tags = TagDatabase(clock)
+    points = [Point(f"m1.p{i}", f"m1.p{i}", "m1", f"p{i}", "p") for i in range(50)]
+    tags.configure(Tag(p.name, p.id, "link.a") for p in points)
+    database = Database(Path(sys.argv[1]), "history")
+    database.migrate()
+    recorder = Recorder(tags, database, clock, keep_days=10, quota=1 << 30)
+    await recorder.configure(points)
+    task = asyncio.create_task(recorder.run())
+    n = 0
+    while not task.done():
+        n += 1
+        now = clock.micros()
+        tags.publish(Batch("link.a", 0, now, now, range(50), [n + i / 100 for i in range(50)]))
+        print(now, flush=True)
+        await asyncio.sleep(0.01)
+    await task
+
+asyncio.run(main())
+"""
+
+
+def test_kill_9_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
+    path = tmp_path / "history.db"
+    with subprocess.Popen([sys.executable, "-c", KILLED, str(path)], cwd=ROOT, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        last = 0
+        until = time.monotonic() + 30
+        begun = 0
+        while time.monotonic() < until and (not begun or last - begun < 2_700_000):
+            last = int(process.stdout.readline())
+            begun = begun or last
+        os.kill(process.pid, signal.SIGKILL)
+        for line in process.stdout:
+            last = int(line) if line.endswith(b"\n") else last
+    assert process.returncode == -signal.SIGKILL
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        for number in range(1, 51):
+            (newest, count) = connection.execute(
+                "SELECT max(t), count(*) FROM sample WHERE point = ?", (number,)
+            ).fetchone()
+            assert last - newest < 1_000_000
+            assert count > 100
+    connection.close()
+    again = Database(path, "history")
+    again.migrate()
+    again.run(lambda c: store.begin_run(c, last + 60_000_000))
+    assert rows_of(again, "m1.p7")[-1][2] == NO_DATA
+    again.close()
