@@ -50,6 +50,8 @@ STOP_LIMIT = 10.0
 """Time after which a Stop that is not read back raises an alarm, unless its own time-out (a long ramp) is longer [s]."""
 READ_AGAIN = 0.5
 """Between two reads of a feedback that no fast scan brings: a device may take a while to act [s]."""
+RESTORE_READS = 4
+"""How often a restored value is read until it is there."""
 HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
@@ -166,7 +168,9 @@ class _Job:
     since: float | None = None
     """From when on values count as feedback: accepted, or unknown; monotonic [s]."""
     writing: int = 0
-    """Telegrams on their way."""
+    """Whether its telegrams are on their way."""
+    stopping: int = 0
+    """Stop telegrams on their way."""
     last_write: float = float("-inf")
     last_read: float = float("-inf")
     other: "_Job | None" = None
@@ -676,6 +680,8 @@ class Gate:
     # ---- writing --------------------------------------------------------------------------------------
 
     async def _send(self, order: Order, machine: _Machine, prepared: Prepared, plan: _Plan) -> Progress:
+        if prepared.command.stop:
+            self.hold.disarm(order.equipment)
         job = self._begin(order, machine, prepared, plan)
         if self.dry_run:
             self._end(machine, job, State.DRY_RUN, "why.dry_run")
@@ -729,9 +735,8 @@ class Gate:
         new.other = old if old.writing else old.other
         if old.prepared.command.stop and new.prepared.command.stop:
             new.asked = old.asked
-        if old.lease is not None and not old.lease.cause:
-            old.lease.cause = "stop"
-            self.hold.end(old.lease, "stop")
+        if old.lease is not None:
+            self.hold.drop(old.lease, "stop")
         key = "why.superseded"
         self._end(machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person})
 
@@ -740,33 +745,17 @@ class Gate:
         item = machine.item
         job.writing += 1
         try:
-            for point, value in telegrams:
-                if job.progress.over or job.ending is not None:
-                    return
-                await self._writers[item.link].write(item.id, point, value)
-                machine.restore.pop(point, None) if job.lease is None else None
-        except DeviceException as error:
+            broke = await self._transmit(machine, job, telegrams)
+        finally:
             job.writing -= 1
-            self._broke(machine, job, State.FAILED, "why.device_refused", {"code": error.code})
+        if job.ending is not None:
+            # it may have moved the machine after the first stop
+            job.since, job.last_write = None, float("-inf")
+        elif job.progress.over:
             return
-        except Overtaken:
-            job.writing -= 1
-            self._broke(machine, job, State.SUPERSEDED, "why.overtaken", {})
-            return
-        except Refused as refusal:  # the link knows better than we that its device is live
-            job.writing -= 1
-            self._broke(machine, job, State.FAILED, "why.writes_off", refusal.params)
-            return
-        except (LinkError, KeyError) as error:
-            job.writing -= 1
-            kind = error.kind if isinstance(error, LinkError) else "not_connected"
-            self._broke(machine, job, State.UNKNOWN, "why.unknown", {"cause": f"link.error.{kind}"})
-            return
-        except BaseException:
-            job.writing -= 1
-            raise
-        job.writing -= 1
-        if not job.progress.over and job.ending is None:
+        elif broke is not None:
+            self._broke(machine, job, *broke)
+        else:
             job.progress = advance(job.progress, State.ACCEPTED, self._clock.micros())
             job.since = self._clock.monotonic()
             job.echoed = True
@@ -775,10 +764,32 @@ class Gate:
             if job.prepared.feedback is None:
                 self._end(machine, job, State.CONFIRMED)
 
+    async def _transmit(
+        self, machine: _Machine, job: _Job, telegrams: Sequence[tuple[str, float]]
+    ) -> tuple[State, str, Mapping[str, object]] | None:
+        """What became of the telegrams when not every one was echoed."""
+        item = machine.item
+        try:
+            for point, value in telegrams:
+                if job.progress.over or job.ending is not None:
+                    return None
+                await self._writers[item.link].write(item.id, point, value)
+                if job.lease is None:
+                    machine.restore.pop(point, None)
+        except DeviceException as error:
+            return State.FAILED, "why.device_refused", {"code": error.code}
+        except Overtaken:
+            return State.SUPERSEDED, "why.overtaken", {}
+        except Refused as refusal:  # the link knows better than we that its device is live
+            return State.FAILED, "why.writes_off", refusal.params
+        except LinkError as error:
+            return State.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
+        except KeyError:
+            return State.FAILED, "why.no_link", {"link": item.link}
+        return None
+
     def _broke(self, machine: _Machine, job: _Job, state: State, reason: str, params: Mapping[str, object]) -> None:
         """A telegram was refused, never sent, or not answered."""
-        if job.progress.over or job.ending is not None:
-            return
         if job.lease is not None:
             job.progress = advance(job.progress, State.UNKNOWN, self._clock.micros(), reason=reason, params=params)
             self.hold.end(job.lease, "write")
@@ -810,7 +821,7 @@ class Gate:
     ) -> None:
         """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `_follow`."""
         item, now = machine.item, self._clock.monotonic()
-        job.writing += 1
+        job.stopping += 1
         job.last_write = now
         try:
             for point, value in telegrams:
@@ -819,7 +830,7 @@ class Gate:
             log.info("stop not answered equipment=%s error=%s", item.id, error)
             return
         finally:
-            job.writing -= 1
+            job.stopping -= 1
         if job.progress.over:
             return
         job.echoed = True
@@ -891,7 +902,7 @@ class Gate:
             self._end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)})
             machine.restore.clear()
             self._alarm_stop(machine.item.id)
-        elif waited < STOP_LIMIT and not job.writing and now - job.last_write >= STOP_REPEAT:
+        elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:
             if job.other is None and job.since is None and job.last_write > float("-inf"):
                 # the echo is lost, but what is read from here on comes after a telegram that may have arrived
                 job.since = now
@@ -1020,14 +1031,14 @@ class Gate:
         if job.echoed and machine.stop:
             limit = max(STOP_LIMIT, job.progress.limit)
         stands = job.since is not None and self._stands(machine, machine.stop, job.since)
-        if waited >= HOLD_AFTER and stands:
+        if waited >= HOLD_AFTER and stands and not job.writing:
             self._finish_hold(machine, job, job.lease)
         elif waited >= limit:
             machine.restore.clear()
             params = {"seconds": round(limit, 1), "cause": job.lease.cause}
             self._end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", params)
             self._alarm_stop(machine.item.id)
-        elif not job.writing and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
+        elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
             self._spawn(
                 self._write_stop(machine, job, self._release(machine, job), machine.stop), f"release {machine.item.id}"
             )
@@ -1090,10 +1101,14 @@ class Gate:
             writer = self._writers[item.link]
             for point, value in held.items():
                 await writer.write(item.id, point, value)
-            await writer.refresh(item.id, tuple(held))
-            look = self._look(machine)
-            kept = {p: look(p)[0] for p in held}
-            wrong = [p for p, value in held.items() if not _near(kept[p], value, item.points[p].decimals)]
+            wrong = list(held)
+            for attempt in range(RESTORE_READS):
+                await asyncio.sleep(READ_AGAIN if attempt else 0)
+                await writer.refresh(item.id, wrong)
+                look = self._look(machine)
+                wrong = [p for p in wrong if not _near(look(p)[0], held[p], item.points[p].decimals)]
+                if not wrong:
+                    break
         except (LinkError, Refused, KeyError) as error:
             log.warning("former value not restored equipment=%s error=%s", item.id, error)
             wrong = list(held)
@@ -1278,4 +1293,8 @@ def _near(value: Value, wanted: float, decimals: int) -> bool:
 
 def _without_lease(job: _Job | None) -> _Job | None:
     """A hold-to-run that is ending does not keep the next press from starting, once its stop was echoed."""
-    return None if job is not None and job.ending is not None and job.echoed and not job.writing else job
+    return (
+        None
+        if job is not None and job.ending is not None and job.echoed and not job.writing and not job.stopping
+        else job
+    )

@@ -28,6 +28,8 @@ LONGEST = 30.0
 """Longest hold [s]."""
 STALL = 0.3
 """Gap between two ticks that counts as a stalled loop [s]."""
+CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline"})
+"""What a page may say why it let go: button up, page closed, pointer or focus left, page hidden, a dialog, no connection."""
 PAUSE = 0.3
 """Time released before the other direction [s]."""
 
@@ -161,13 +163,13 @@ class HoldToRun:
         return True
 
     def release(self, token: str, session: str, cause: str = "released") -> None:
-        """The button is up, or the page went. A lease that is over already stays over."""
+        """The button is up, or the page went (`cause`, one of `CAUSES`). A lease that is over already stays over."""
         lease = self._leases.get(token)
         if lease is None:
             return
         if lease.person.session != session:
             raise Refused("why.other_session", 403)
-        self.end(lease, cause)
+        self.end(lease, cause if cause in CAUSES else "released")
 
     def release_session(self, session: str, cause: str = "session") -> None:
         """End every lease of a session: signed out, or its sockets are gone."""
@@ -206,6 +208,20 @@ class HoldToRun:
         if moved:
             self._released[lease.equipment] = (lease.command, self._clock.monotonic())
             self._stop(lease)
+
+    def drop(self, lease: Lease, cause: str) -> None:
+        """`lease` is over because a newer command has the machine now; nothing more is written for it."""
+        if lease.cause:
+            return
+        lease.cause = cause
+        self._leases.pop(lease.token, None)
+        if lease.started:
+            self._released[lease.equipment] = (lease.command, self._clock.monotonic())
+
+    def disarm(self, equipment: str) -> None:
+        """Void leases of the machine that do not move it yet: after a Stop only a new press moves it."""
+        for lease in [lease for lease in self._leases.values() if lease.equipment == equipment and not lease.started]:
+            self.drop(lease, "stop")
 
     def _begin(self, lease: Lease, counter: int, now: float) -> bool:
         if now - lease.armed > ARMED:

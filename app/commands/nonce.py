@@ -146,7 +146,8 @@ class Once(Generic[Outcome]):
 
     def _forget(self) -> None:
         oldest = self._clock.monotonic() - MEMORY
-        for id, entry in list(self._entries.items()):
+        while self._entries:
+            id, entry = next(iter(self._entries.items()))
             if entry.at > oldest and len(self._entries) <= MOST:
                 break
             del self._entries[id]

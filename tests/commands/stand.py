@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from app.access.roles import IDLE, Person, permissions_of
@@ -41,9 +42,15 @@ def person(name: str = "ana", *roles: str, session: str = "", idle: bool = False
 ANA, IVO, EVA, VIT = person(), person("ivo"), person("eva", "operator", "engineer"), person("vit", "viewer")
 
 
-def demo_plant(**link: object) -> Plant:
+@cache
+def read_demo() -> Plant:
     plant, problems = read_plant(ROOT / "plants" / "demo")
     assert plant is not None, problems
+    return plant
+
+
+def demo_plant(**link: object) -> Plant:
+    plant = read_demo()
     return replace(plant, links={name: replace(item, **link) for name, item in plant.links.items()})  # type: ignore[arg-type]
 
 

@@ -311,7 +311,7 @@ async def test_why_not_names_every_reason_and_the_first_missing_one_first() -> N
         "permissive.frequency_source",
         "interlock.overheat",
     ]
-    assert [r.key for r in stand.gate.why_not(None, "m1", "forward")][0] == "why.signed_out"
+    assert next(r.key for r in stand.gate.why_not(None, "m1", "forward")) == "why.signed_out"
     stand.gate.control.take(ANA, "m1")
     refused = await refusal(stand, ANA, "forward")
     assert refused.params["label"] == "permissive.no_fault"
@@ -338,8 +338,7 @@ async def test_bad_values_and_old_values_refuse_every_command_but_stop() -> None
 
 async def test_a_value_whose_origin_is_simulated_or_forced_does_not_hinder() -> None:
     stand = Stand()
-    assert list(stand.gate.why_not(person("x"), "m1", "forward"))[0].key == "why.no_token"
-    assert len(stand.gate.why_not(person("x"), "m1", "forward")) == 1
+    assert [reason.key for reason in stand.gate.why_not(person("x"), "m1", "forward")] == ["why.no_token"]
 
 
 async def test_a_live_link_sends_nothing_until_the_plant_file_says_so() -> None:
@@ -617,6 +616,7 @@ async def test_stop_breaks_off_a_command_of_several_telegrams() -> None:
     await start
     await stand.pass_time(1)
     assert ("command", 1.0) not in stand.link.sent()
+    assert stand.state() == "confirmed"
 
 
 # what others see

@@ -270,6 +270,33 @@ async def test_stop_ends_a_hold_at_once_for_good() -> None:
     ]
 
 
+async def test_an_armed_button_does_nothing_after_a_stop() -> None:
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    await stand.gate.ask(IVO, "m1", "stop")
+    await stand.pass_time(0.5)
+    with pytest.raises(Refused) as refused:
+        await pressed.hold(0.15)
+    assert refused.value.reason == "why.lease_over"
+    await stand.pass_time(0.5)
+    assert stand.link.sent() == [("command", 3.0)]
+
+
+async def test_a_start_telegram_that_comes_home_after_the_release_is_stopped_again() -> None:
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    stand.link.door.clear()
+    stand.gate.hold.keep_alive(pressed.lease, 1, ANA.session)
+    await stand.pass_time(0.1)
+    pressed.release()
+    await stand.pass_time(5)
+    stand.drive().update(status=1, frequency=5.0)  # what was on the wire arrived late
+    stand.link.door.set()
+    await stand.pass_time(4)
+    assert not moving(stand)
+    assert ("command", 1.0) not in stand.link.sent()
+
+
 async def test_nothing_else_starts_while_it_is_held_or_ends() -> None:
     stand = Stand()
     pressed = await Pressed(stand).arm()
