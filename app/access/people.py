@@ -2,7 +2,8 @@
 
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -173,6 +174,8 @@ class People:
             if connection.execute(select(func.count()).select_from(person_table)).scalar_one():
                 return None, ()
             account = self._insert(connection, key, label, FIRST_ROLES, kept, None)
+            seen = update(person_table).where(person_table.c.id == account.id)
+            connection.execute(seen.values(last_seen=self._clock.micros()))
             sid, _ = self._sessions.open(
                 connection, account.id, account.roles, address, agent, hash_of(old_sid) if old_sid else None
             )
@@ -275,8 +278,8 @@ class People:
             account = _known(connection, person_id)
             if disabled and account.id == by.id:
                 raise Refused("access.not_yourself", 409)
-            connection.execute(update(person_table).where(person_table.c.id == person_id).values(disabled=disabled))
-            _keep_an_admin(connection)
+            with _keeping_an_admin(connection):
+                connection.execute(update(person_table).where(person_table.c.id == person_id).values(disabled=disabled))
             kind = "person.disabled" if disabled else "person.enabled"
             ended = _end_sessions(connection, person_id) if disabled else []
             return ended, [self._audit.entry(kind, by, account.name)]
@@ -296,8 +299,8 @@ class People:
             if account.id == by.id:
                 raise Refused("access.not_yourself", 409)
             ended = _end_sessions(connection, person_id)
-            connection.execute(delete(person_table).where(person_table.c.id == person_id))
-            _keep_an_admin(connection)
+            with _keeping_an_admin(connection):
+                connection.execute(delete(person_table).where(person_table.c.id == person_id))
             return ended, [self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)]
 
         self._sessions.announce(await self._audit.with_entries(work))
@@ -482,9 +485,9 @@ class People:
         self, connection: Connection, by: Person, person_id: int, roles: Iterable[str]
     ) -> tuple[Account, Sequence[Entry]]:
         account, held = _known(connection, person_id), _usable_roles(roles)
-        connection.execute(delete(role_table).where(role_table.c.person == person_id))
-        connection.execute(insert(role_table), [{"person": person_id, "role": role} for role in sorted(held)])
-        _keep_an_admin(connection)
+        with _keeping_an_admin(connection):
+            connection.execute(delete(role_table).where(role_table.c.person == person_id))
+            connection.execute(insert(role_table), [{"person": person_id, "role": role} for role in sorted(held)])
         return _known(connection, person_id), [self._audit.entry("person.roles", by, account.name, account.roles, held)]
 
     def _password_set(
@@ -590,13 +593,21 @@ def _end_sessions(connection: Connection, person_id: int) -> list[str]:
     return ended
 
 
-def _keep_an_admin(connection: Connection) -> None:
-    admins = (
+def _admins(connection: Connection) -> int:
+    query = (
         select(func.count())
         .select_from(person_table.join(role_table, role_table.c.person == person_table.c.id))
         .where(role_table.c.role == "admin", person_table.c.disabled.is_(False))
     )
-    if not connection.execute(admins).scalar_one():
+    return connection.execute(query).scalar_one()
+
+
+@contextmanager
+def _keeping_an_admin(connection: Connection) -> Iterator[None]:
+    """Refuse what would leave no administrator who can sign in."""
+    before = _admins(connection)
+    yield
+    if before and not _admins(connection):
         raise Refused("access.last_admin", 409)
 
 

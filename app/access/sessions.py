@@ -208,7 +208,7 @@ class Sessions:
             return None
         roles = roles_of(connection, row.id)
         acting = bool(roles & ACTING)
-        quiet = (now - max(row.active, 0)) / 1e6
+        quiet = (now - max(row.active, self._touched.get(id_hash, 0))) / 1e6
         moved = bool(roles & {"engineer", "admin"}) and address != row.address
         idle = acting and (quiet >= IDLE_AFTER or moved)
         allowed = permissions_of(roles)

@@ -1,0 +1,63 @@
+"""Files that only the server may read."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from app.access.access import lock
+from app.access.keys import PRIVATE, check_files, prepare, read_key
+from app.errors import ConfigurationError
+
+
+def test_two_installations_have_different_keys(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.key", tmp_path / "b.key"
+    assert read_key(first) != read_key(second)
+    assert read_key(first) == read_key(first)
+    assert first.stat().st_mode & 0o777 == 0o600
+
+
+def test_the_folder_and_the_database_are_private_whatever_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        prepare(tmp_path / "data")
+        read_key(tmp_path / "data" / "secret.key")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
+    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "data").iterdir()} == {0o600}
+
+
+@pytest.mark.parametrize("name", PRIVATE)
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666])
+def test_a_file_that_others_may_read_is_refused_by_name(tmp_path: Path, name: str, mode: int) -> None:
+    prepare(tmp_path / "data")
+    path = tmp_path / "data" / name
+    path.touch()
+    path.chmod(mode)
+    with pytest.raises(ConfigurationError, match=f"{name}.*{mode:04o}.*chmod 0600"):
+        check_files(tmp_path / "data")
+
+
+def test_a_folder_that_everybody_may_write_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data").chmod(0o777)
+    with pytest.raises(ConfigurationError, match="chmod 0700"):
+        prepare(tmp_path / "data")
+
+
+@pytest.mark.parametrize("text", ["", "zz", "00" * 31, "hello"])
+def test_a_broken_key_is_refused_and_not_replaced(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "secret.key"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=r"secret\.key"):
+        read_key(path)
+    assert path.read_text() == text
+
+
+def test_one_data_folder_has_one_server(tmp_path: Path) -> None:
+    held = lock(tmp_path)
+    with pytest.raises(ConfigurationError, match="another pogon"):
+        lock(tmp_path)
+    os.close(held)
+    os.close(lock(tmp_path))
