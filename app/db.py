@@ -7,7 +7,7 @@ owns the data; they hang on the `MetaData` of their database here.
 import asyncio
 import logging
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -30,6 +30,11 @@ pogon_tables = MetaData(naming_convention=NAMES)
 history_tables = MetaData(naming_convention=NAMES)
 """Tables of `history.db`."""
 
+PRAGMAS = {
+    "pogon": ("synchronous=FULL",),
+    # many points share few pages for long: these reach the file once per 32 MB, not with every second commit
+    "history": ("synchronous=NORMAL", "wal_autocheckpoint=8000", "cache_size=-8000"),
+}
 READERS = 2
 BUSY_TIMEOUT = 5.0
 """How long a statement waits for another process that holds the file [s]."""
@@ -41,7 +46,7 @@ class Database:
     def __init__(self, path: Path, name: Literal["pogon", "history"]) -> None:
         self.path = path
         self.name = name
-        self.engine = _engine(path, "FULL" if name == "pogon" else "NORMAL")
+        self.engine = _engine(path, PRAGMAS[name])
         self._writer = ThreadPoolExecutor(1, thread_name_prefix=f"{name}-writer")
         self._readers = ThreadPoolExecutor(READERS, thread_name_prefix=f"{name}-reader")
 
@@ -104,12 +109,12 @@ def alembic_config(name: str, url: str) -> Config:
     return config
 
 
-def _engine(path: Path, synchronous: str) -> Engine:
+def _engine(path: Path, pragmas: Sequence[str]) -> Engine:
     engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": BUSY_TIMEOUT, "check_same_thread": False})
 
     @event.listens_for(engine, "connect")
     def _connected(connection: Any, _record: Any) -> None:
-        for pragma in ("journal_mode=WAL", f"synchronous={synchronous}", "foreign_keys=ON", "temp_store=MEMORY"):
+        for pragma in ("journal_mode=WAL", "foreign_keys=ON", "temp_store=MEMORY", *pragmas):
             connection.execute(f"PRAGMA {pragma}")
 
     return engine
