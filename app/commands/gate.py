@@ -14,27 +14,26 @@ sent first. Nothing here knows an equipment type.
 import asyncio
 import logging
 import uuid
-from collections import deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from app.access.roles import ROLE_PERMISSION, Person
 from app.clock import Clock
 from app.commands import interlocks
+from app.commands.checks import Checks, is_pulse
 from app.commands.control_token import ControlToken
-from app.commands.entry import parse_number
 from app.commands.hold import HoldToRun, Lease
-from app.commands.interlocks import Age, Prepared, Reason
+from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Facts, Progress, State, advance, judge
 from app.commands.nonce import Nonces, Once, Rate
+from app.commands.orders import Audit, Job, Machine, Order, Task, Writer
+from app.commands.orders import Question as Question
 from app.errors import DeviceException, LinkError, Overtaken, Refused
 from app.plant import expression
-from app.plant.definitions import Alarm, Condition, Equipment, Link, Plant, Scan
+from app.plant.definitions import Condition, Plant, Scan
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
-from app.tags.quality import NO_DATA, is_good, reason
-from app.tags.quality import Reason as Why
+from app.tags.quality import is_good
 
 log = logging.getLogger(__name__)
 
@@ -56,153 +55,8 @@ HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
 """How long they go on at least [s]."""
-PULSE_PAUSE = 5.0
-"""Least time between two resets and other pulses of one kind [s]."""
-RENEW_AFTER = 2.0
-"""Age from which values that are read once or on demand are read again for a command [s]."""
-DEFAULT_LIMIT = 5.0
-"""Time for a feedback whose own time-out is not known [s]."""
-HISTORY = 50
-"""Commands remembered per machine."""
-STOP = "stop"
-"""Permission that a Stop needs."""
 DRIVE_FAULT = "drive"
 """Alarm class of what stops a machine by itself."""
-
-
-class Writer(Protocol):
-    """What the gate needs of a link."""
-
-    @property
-    def simulated(self) -> bool:
-        """Whether nothing real is behind it."""
-        ...
-
-    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
-        """Write `value` [EU]; returns when the echo was checked. Urgent goes before everything that waits.
-
-        Raises:
-            LinkError: no valid answer; DeviceException: the device refused; Overtaken: never sent.
-        """
-        ...
-
-    async def refresh(self, equipment: str, points: Sequence[str]) -> None:
-        """Read `points` now and publish them.
-
-        Raises:
-            LinkError: they could not be read.
-        """
-        ...
-
-
-class Audit(Protocol):
-    """Takes one line of the audit trail."""
-
-    def __call__(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str,
-        old: Value,
-        new: Value,
-        result: str,
-        reason: str,
-        address: str = "",
-        **params: Any,
-    ) -> Any:
-        """Called without waiting; a coroutine is run. `object` is `equipment.command`, `result` a state, `reason` a text key."""
-        ...
-
-
-class Question(Refused):
-    """The gate asks back before it acts: confirm, give a reason, enter the password. Nothing was done, nothing is in the audit trail."""
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What a person asks, as it came."""
-
-    person: Person | None
-    equipment: str
-    key: str
-    """Command or setpoint."""
-    argument: str | float | None
-    id: str
-    nonce: str
-    expected: float | None
-    confirmed: bool
-    proven: bool
-    reason: str
-    address: str
-    language: str
-    asked: int
-    """[µs UTC]"""
-
-
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """An order that passed every check."""
-
-    telegrams: tuple[tuple[str, float], ...]
-    argument: float | None
-    old: Value
-    limit: float
-    level: str
-
-
-@dataclass(slots=True)
-class _Job:
-    """A command at work."""
-
-    order: Order
-    prepared: Prepared
-    progress: Progress
-    before: bool | None
-    """The feedback before the write."""
-    guarded: tuple[Condition, ...]
-    """Interlocks that were met."""
-    quiet: tuple[Alarm, ...]
-    """Drive faults that were not there."""
-    asked: float
-    """Monotonic [s]; of a Stop that follows an unconfirmed Stop, the first one's."""
-    since: float | None = None
-    """From when on values count as feedback: accepted, or unknown; monotonic [s]."""
-    writing: int = 0
-    """Whether its telegrams are on their way."""
-    stopping: int = 0
-    """Stop telegrams on their way."""
-    last_write: float = float("-inf")
-    last_read: float = float("-inf")
-    other: "_Job | None" = None
-    """The superseded command whose telegram may still be on its way."""
-    lease: Lease | None = None
-    ending: float | None = None
-    """When a hold-to-run began to stop, monotonic [s]."""
-    moved: bool = False
-    echoed: bool = False
-
-
-@dataclass(slots=True)
-class _Machine:
-    """What the gate keeps of one machine."""
-
-    item: Equipment
-    link: Link
-    commands: Mapping[str, Prepared]
-    setpoints: Mapping[str, Prepared]
-    stop: Prepared | None
-    job: _Job | None = None
-    last: Progress | None = None
-    history: deque[Progress] = field(default_factory=lambda: deque(maxlen=HISTORY))
-    met: dict[str, tuple[bool | None, int]] = field(default_factory=dict)
-    """Condition → met, since [µs UTC]."""
-    pulses: dict[str, float] = field(default_factory=dict)
-    restore: dict[str, float] = field(default_factory=dict)
-    """Point → what it held before a hold-to-run wrote it."""
-    restoring: bool = False
-    signature: object = None
-    dirty: bool = True
-    told: float = float("-inf")
 
 
 class Gate:
@@ -225,6 +79,7 @@ class Gate:
         self.hold = HoldToRun(
             clock, admit=self._admit_hold, start=self._start_hold, stop=self._stop_hold, lost=self._lost
         )
+        self._checks = Checks(tags, clock, writers, self.control, self.hold)
         self.on_stop_unconfirmed = on_stop_unconfirmed
         self._tags = tags
         self._clock = clock
@@ -233,7 +88,7 @@ class Gate:
         self._once: Once[Progress] = Once(clock)
         self._rate = Rate(clock)
         self._refused_rate: dict[str, tuple[float, int]] = {}
-        self._machines: dict[str, _Machine] = {}
+        self._machines: dict[str, Machine] = {}
         self._subscribers: list[Callable[[str], None]] = []
         self._enders: list[Callable[[Progress], None]] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -247,7 +102,7 @@ class Gate:
         former, self._machines = self._machines, {}
         for item in plant.equipment.values():
             commands = {key: interlocks.prepare(item, command) for key, command in item.type.commands.items()}
-            machine = _Machine(
+            machine = Machine(
                 item,
                 plant.links[item.link],
                 commands,
@@ -335,7 +190,7 @@ class Gate:
             Refused: 404, no such machine or command.
         """
         machine, prepared = self._find(equipment, command)
-        return [found for found, _ in self._reasons(person, machine, prepared)]
+        return [found for found, _ in self._checks.reasons(person, machine, prepared)]
 
     def level(self, equipment: str, command: str) -> str:
         """Confirmation level of `command` now, C0–C4.
@@ -344,7 +199,7 @@ class Gate:
             Refused: 404, no such machine or command.
         """
         machine, prepared = self._find(equipment, command)
-        return interlocks.level(prepared, self._look(machine))[0]
+        return interlocks.level(prepared, self._checks.look(machine))[0]
 
     def permissives(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true to start: (condition, met or None for not known, since [µs UTC])."""
@@ -430,7 +285,7 @@ class Gate:
 
     # ---- the checks -----------------------------------------------------------------------------------
 
-    async def _admit(self, order: Order, choose: Callable[[_Machine], Prepared | None]) -> Progress:
+    async def _admit(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
         machine = self._machines.get(order.equipment)
         prepared = choose(machine) if machine else None
         if machine is None or prepared is None:
@@ -442,7 +297,7 @@ class Gate:
             self._note_refusal(order, prepared, refusal)
             raise refusal
         known = self._once.known(order.id)
-        if prepared.command.stop and not (known and machine.job and machine.job.order.id == order.id):
+        if prepared.command.stop:
             return await asyncio.shield(self._keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
         if not known and not self._within_rate(order, prepared):
             raise Refused("why.rate", 429)
@@ -463,9 +318,11 @@ class Gate:
         try:
             if not prepared.command.stop:
                 self._check_person(order, prepared)
-                await self._renew(order.equipment, prepared)
+                await self._checks.renew(self._machines[order.equipment], prepared)
             machine = self._machines[order.equipment]
-            plan = self._plan(order, machine, prepared)
+            if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
+                return machine.job.progress  # the second click of a double click
+            plan = self._checks.task(order, machine, prepared)
         except Question:
             raise
         except Refused as refusal:
@@ -480,170 +337,11 @@ class Gate:
     def _check_person(self, order: Order, prepared: Prepared) -> None:
         """Role, token, nonce: before anything is asked of the device."""
         machine = self._machines[order.equipment]
-        for found, status in self._standing(order.person, machine, prepared):
+        for found, status in self._checks.standing(order.person, machine, prepared):
             raise Refused(found.key, status, **found.params)
         assert order.person is not None
         self.nonces.use(order.person.session, order.nonce)
         self.control.touch(order.person.session, order.equipment)
-
-    def _standing(self, person: Person | None, machine: _Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
-        """What the person lacks."""
-        command = prepared.command
-        if person is None:
-            return [(Reason("why.signed_out"), 401)]
-        reasons: list[tuple[Reason, int]] = []
-        permission = STOP if command.stop else ROLE_PERMISSION[command.role]
-        if not person.may(permission):
-            key = "why.idle" if person.idle and command.role in person.roles else "why.role"
-            reasons.append((Reason(key, {"role": command.role}), 403))
-        if command.stop:
-            return reasons
-        holder = self.control.holder(machine.item.id)
-        if holder is None:
-            reasons.append((Reason("why.no_token"), 423))
-        elif holder.session != person.session:
-            reasons.append((Reason("why.held", {"display": holder.display, "since": holder.since}), 423))
-        return reasons
-
-    def _reasons(self, person: Person | None, machine: _Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
-        """Everything that stands in the way of a command without its value, in the order of the gate."""
-        reasons = self._standing(person, machine, prepared)
-        writer = self._writers.get(machine.item.link)
-        if writer is None:
-            reasons.append((Reason("why.no_link", {"link": machine.item.link}), 503))
-        elif not _may_write(machine.link, writer):
-            reasons.append((Reason("why.writes_off", {"link": machine.item.link}), 409))
-        if prepared.command.stop:
-            return reasons
-        look, age = self._look(machine), self._age(machine)
-        for found in interlocks.stale(machine.item, machine.link, prepared.used, look, age):
-            silent = reason(look(str(found.params["point"]).partition(".")[2])[1]) is Why.COMM_FAILURE
-            reasons.append((found, 503 if silent else 409))
-        reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
-        reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
-        reasons += [(found, 409) for found in interlocks.missing(prepared.interlocks, look, age=age)]
-        job = machine.job
-        if machine.restoring or (job and job.ending is not None and not prepared.command.hold):
-            reasons.append((Reason("why.hold_ending"), 409))
-        elif job and self._holding(machine.item.id):
-            reasons.append((Reason("why.hold_active", {"display": job.progress.person}), 423))
-        elif job and (job.writing or (job.prepared.command.stop and job.since is None)):
-            reasons.append((Reason("why.busy", {"display": job.progress.person}, job.progress.label), 409))
-        if not prepared.command.moves and not prepared.command.argument and prepared.command.key in machine.pulses:
-            left = PULSE_PAUSE - (self._clock.monotonic() - machine.pulses[prepared.command.key])
-            if left > 0:
-                reasons.append((Reason("why.too_soon", {"seconds": round(left, 1)}), 409))
-        return reasons
-
-    def _plan(self, order: Order, machine: _Machine, prepared: Prepared) -> _Plan:
-        """Every check that reads the plant, and what is to be written."""
-        command, look = prepared.command, self._look(machine)
-        reasons = self._reasons(order.person, machine, prepared)
-        guarding = ("why.condition", "why.condition_unknown")
-        first = next((found for found in reasons if found[0].key not in guarding), None)
-        if first is not None:
-            raise Refused(first[0].key, first[1], label=first[0].label, **first[0].params)
-        argument = self._argument(order, prepared, machine)
-        for found, status in reasons:
-            others = [other.label for other, _ in reasons]
-            raise Refused(found.key, status, label=found.label, missing=others, **found.params)
-        old = look(prepared.point.key)[0] if prepared.point else None
-        level, why = interlocks.level(prepared, look, argument)
-        if not command.stop:
-            self._confirm(order, prepared, level, why, argument, old)
-        limit = expression.number(command.timeout, look)
-        previous = {key: float(value) for key, value in self._previous(machine, prepared).items()}
-        return _Plan(
-            interlocks.telegrams(machine.item, command.writes, argument, previous),
-            argument,
-            old,
-            limit if limit is not None and limit > 0 else DEFAULT_LIMIT,
-            level,
-        )
-
-    def _argument(self, order: Order, prepared: Prepared, machine: _Machine) -> float | None:
-        if prepared.point is None:
-            if order.argument not in (None, ""):
-                raise Refused("why.no_argument", 422)
-            return None
-        if order.argument is None or order.argument == "":
-            raise Refused("why.argument_missing", 422, label=prepared.point.label)
-        try:
-            if isinstance(order.argument, str):
-                value = parse_number(order.argument, order.language, prepared.point.unit)
-            else:
-                value = float(order.argument)
-        except Refused as refusal:
-            if refusal.reason == "why.ambiguous":
-                raise Question(
-                    refusal.reason,
-                    refusal.status,
-                    label=prepared.point.label,
-                    unit=prepared.point.unit,
-                    **refusal.params,
-                ) from refusal
-            raise
-        look = self._look(machine)
-        wrong = interlocks.wrong_value(prepared, value, look)
-        if wrong is not None:
-            raise Refused(wrong.key, 422, label=wrong.label, **wrong.params)
-        current = look(prepared.point.key)[0]
-        if order.expected is not None:
-            step = 0.6 * 10.0**-prepared.point.decimals
-            if not isinstance(current, int | float) or not abs(current - order.expected) < step:
-                raise Refused(
-                    "why.changed", 409, label=prepared.point.label, current=current, expected=order.expected,
-                    unit=prepared.point.unit,
-                )  # fmt: skip
-        return value
-
-    def _confirm(
-        self, order: Order, prepared: Prepared, level: str, why: tuple[str, ...], argument: float | None, old: Value
-    ) -> None:
-        """Ask back when the level wants more than the person gave."""
-        point, setpoint = prepared.point, prepared.setpoint
-        missing = ""
-        if level >= "C2" and not order.confirmed:
-            missing = "why.confirm"
-        elif level >= "C3" and not order.reason.strip():
-            missing = "why.reason_needed"
-        elif level >= "C4" and not order.proven:
-            missing = "why.password_needed"
-        if not missing:
-            return
-        difference = argument - old if argument is not None and isinstance(old, int | float) else None
-        raise Question(
-            missing,
-            409,
-            level=level,
-            equipment=order.equipment,
-            command=prepared.command.key,
-            label=prepared.command.label,
-            why=why,
-            old=old,
-            new=argument,
-            difference=difference,
-            unit=point.unit if point else "",
-            decimals=point.decimals if point else 0,
-            warning=setpoint.warning if setpoint else "",
-        )
-
-    async def _renew(self, equipment: str, prepared: Prepared) -> None:
-        """Read again what is not read in turn and matters: values of open pages, a setpoint before it changes, a device's watchdog."""
-        machine = self._machines[equipment]
-        writer = self._writers.get(machine.item.link)
-        age, points = self._age(machine), machine.item.points
-        scans = {Scan.PAGE, Scan.ONCE} if prepared.command.hold else {Scan.PAGE}
-        keys = [key for key in prepared.used if points[key].scan in scans]
-        if prepared.point is not None and prepared.point.scan in (Scan.PAGE, Scan.ONCE):
-            keys.append(prepared.point.key)
-        keys = [key for key in dict.fromkeys(keys) if points[key].register and age(key) > RENEW_AFTER]
-        if not keys or writer is None or not _may_write(machine.link, writer):
-            return
-        try:
-            await writer.refresh(equipment, keys)
-        except LinkError as error:
-            raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
 
     def _within_rate(self, order: Order, prepared: Prepared) -> bool:
         if order.person is None or self._rate.take(_owner(order.person)):
@@ -679,7 +377,7 @@ class Gate:
 
     # ---- writing --------------------------------------------------------------------------------------
 
-    async def _send(self, order: Order, machine: _Machine, prepared: Prepared, plan: _Plan) -> Progress:
+    async def _send(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
         if prepared.command.stop:
             self.hold.disarm(order.equipment)
         job = self._begin(order, machine, prepared, plan)
@@ -692,11 +390,11 @@ class Gate:
             await self._write(machine, job, plan.telegrams)
         return job.progress
 
-    def _begin(self, order: Order, machine: _Machine, prepared: Prepared, plan: _Plan) -> _Job:
-        look = self._look(machine)
+    def _begin(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Job:
+        look = self._checks.look(machine)
         command, now = prepared.command, self._clock.monotonic()
         assert order.person is not None
-        job = _Job(
+        job = Job(
             order,
             prepared,
             Progress(
@@ -723,12 +421,12 @@ class Gate:
             return job
         self._supersede(machine, job)
         machine.job = job
-        if not command.moves and not command.stop and not command.argument:
+        if is_pulse(machine, prepared):
             machine.pulses[command.key] = now
         self._mark(machine.item.id)
         return job
 
-    def _supersede(self, machine: _Machine, new: _Job) -> None:
+    def _supersede(self, machine: Machine, new: Job) -> None:
         old = machine.job
         if old is None:
             return
@@ -740,7 +438,7 @@ class Gate:
         key = "why.superseded"
         self._end(machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person})
 
-    async def _write(self, machine: _Machine, job: _Job, telegrams: Sequence[tuple[str, float]]) -> None:
+    async def _write(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> None:
         """Send the telegrams in order; a Stop or a newer command in between ends it."""
         item = machine.item
         job.writing += 1
@@ -765,7 +463,7 @@ class Gate:
                 self._end(machine, job, State.CONFIRMED)
 
     async def _transmit(
-        self, machine: _Machine, job: _Job, telegrams: Sequence[tuple[str, float]]
+        self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]
     ) -> tuple[State, str, Mapping[str, object]] | None:
         """What became of the telegrams when not every one was echoed."""
         item = machine.item
@@ -788,7 +486,7 @@ class Gate:
             return State.FAILED, "why.no_link", {"link": item.link}
         return None
 
-    def _broke(self, machine: _Machine, job: _Job, state: State, reason: str, params: Mapping[str, object]) -> None:
+    def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
             job.progress = advance(job.progress, State.UNKNOWN, self._clock.micros(), reason=reason, params=params)
@@ -801,7 +499,7 @@ class Gate:
         else:
             self._end(machine, job, state, reason, params)
 
-    def _read_back(self, machine: _Machine, job: _Job) -> None:
+    def _read_back(self, machine: Machine, job: Job) -> None:
         """Have the feedback read now where no scan brings it."""
         item = machine.item
         job.last_read = self._clock.monotonic()
@@ -810,14 +508,14 @@ class Gate:
         if keys:
             self._spawn(self._refresh(machine, keys), f"read back {item.id}")
 
-    async def _refresh(self, machine: _Machine, keys: Sequence[str]) -> None:
+    async def _refresh(self, machine: Machine, keys: Sequence[str]) -> None:
         try:
             await self._writers[machine.item.link].refresh(machine.item.id, keys)
         except (LinkError, KeyError) as error:
             log.info("read back failed equipment=%s error=%s", machine.item.id, error)
 
     async def _write_stop(
-        self, machine: _Machine, job: _Job, telegrams: Sequence[tuple[str, float]], stop: Prepared | None
+        self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]], stop: Prepared | None
     ) -> None:
         """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `_follow`."""
         item, now = machine.item, self._clock.monotonic()
@@ -846,7 +544,7 @@ class Gate:
 
     # ---- following ------------------------------------------------------------------------------------
 
-    def _follow(self, machine: _Machine, job: _Job, now: float) -> None:
+    def _follow(self, machine: Machine, job: Job, now: float) -> None:
         if job.other is not None and not job.other.writing:
             job.other = None
             if job.prepared.command.stop or job.ending is not None:
@@ -858,7 +556,7 @@ class Gate:
         elif job.progress.state in (State.ACCEPTED, State.UNKNOWN) and job.since is not None:
             self._follow_feedback(machine, job, now, job.since)
 
-    def _follow_feedback(self, machine: _Machine, job: _Job, now: float, since: float) -> None:
+    def _follow_feedback(self, machine: Machine, job: Job, now: float, since: float) -> None:
         fresh = self._read_since(machine, job.prepared.watched, since)
         feedback = self._feedback(machine, job.prepared, job.progress.argument) if fresh else None
         fault = self._fault(machine, job) if fresh and not feedback else ""
@@ -879,18 +577,18 @@ class Gate:
         else:
             self._end(machine, job, verdict, *self._not_confirmed(machine, job))
 
-    def _not_confirmed(self, machine: _Machine, job: _Job) -> tuple[str, Mapping[str, object]]:
+    def _not_confirmed(self, machine: Machine, job: Job) -> tuple[str, Mapping[str, object]]:
         """Why the time is up: what the device holds instead of what was written, or just that."""
         point = job.prepared.point
         seconds: dict[str, object] = {"seconds": round(job.progress.limit, 1)}
         if point is None or job.progress.argument is None:
             return "why.not_confirmed", seconds
-        value, word = self._look(machine)(point.key)
+        value, word = self._checks.look(machine)(point.key)
         if not is_good(word) or not isinstance(value, int | float):
             return "why.not_confirmed", seconds
         return "why.value_differs", {**seconds, "value": value, "unit": point.unit, "asked": job.progress.argument}
 
-    def _follow_stop(self, machine: _Machine, job: _Job, now: float) -> None:
+    def _follow_stop(self, machine: Machine, job: Job, now: float) -> None:
         waited = now - job.asked
         if job.other is None and job.since is not None and self._stands(machine, job.prepared, job.since):
             self._end(machine, job, State.CONFIRMED)
@@ -908,7 +606,7 @@ class Gate:
                 job.since = now
             self._spawn(self._write_stop(machine, job, job.progress.telegrams, job.prepared), f"stop {machine.item.id}")
 
-    def _stands(self, machine: _Machine, stop: Prepared | None, since: float) -> bool:
+    def _stands(self, machine: Machine, stop: Prepared | None, since: float) -> bool:
         """Whether values read after `since` say that the machine stands."""
         if stop is None or stop.feedback is None:
             return True
@@ -920,9 +618,9 @@ class Gate:
         except Exception:
             log.exception("alarm for an unconfirmed stop failed equipment=%s", equipment)
 
-    def _fault(self, machine: _Machine, job: _Job) -> str:
+    def _fault(self, machine: Machine, job: Job) -> str:
         """Label of an interlock that was lost or of a drive fault that came since the command was written; empty = none."""
-        look = self._look(machine)
+        look = self._checks.look(machine)
         for alarm in job.quiet:
             if _holds(alarm.expression, look):
                 return alarm.label
@@ -931,19 +629,19 @@ class Gate:
                 return condition.label
         return ""
 
-    def _feedback(self, machine: _Machine, prepared: Prepared, argument: float | None) -> bool | None:
+    def _feedback(self, machine: Machine, prepared: Prepared, argument: float | None) -> bool | None:
         if prepared.feedback is None:
             return None
-        return prepared.feedback.true(self._look(machine), argument=argument, age=self._age(machine))
+        return prepared.feedback.true(self._checks.look(machine), argument=argument, age=self._checks.age(machine))
 
-    def _read_since(self, machine: _Machine, keys: Sequence[str], since: float) -> bool:
+    def _read_since(self, machine: Machine, keys: Sequence[str], since: float) -> bool:
         """Whether every one of `keys` is good and was read after `since`.
 
         Where a device has several connections an answer that left before the write may arrive after it; its turnaround is added.
         """
         device = machine.item.type.device
         elapsed = self._clock.monotonic() - since - (device.turnaround if device.connections > 1 else 0.0)
-        look, age = self._look(machine), self._age(machine)
+        look, age = self._checks.look(machine), self._checks.age(machine)
         return all(is_good(look(key)[1]) and age(key) < elapsed for key in keys)
 
     # ---- hold-to-run ----------------------------------------------------------------------------------
@@ -963,9 +661,9 @@ class Gate:
             if not self._within_rate(order, prepared):
                 raise Refused("why.rate", 429)
             self._check_person(order, prepared)
-            await self._renew(equipment, prepared)
+            await self._checks.renew(machine, prepared)
             machine = self._machines[equipment]
-            self._plan(order, machine, prepared)
+            self._checks.task(order, machine, prepared)
             if self.dry_run:
                 raise Refused("why.dry_run", 409)
         except Question:
@@ -986,13 +684,13 @@ class Gate:
         try:
             former, machine.job = machine.job, _without_lease(machine.job)
             try:
-                plan = self._plan(order, machine, prepared)
+                plan = self._checks.task(order, machine, prepared)
             finally:
                 machine.job = former
         except Refused as refusal:
             self._note_refusal(order, prepared, refusal)
             raise
-        previous = self._previous(machine, prepared)
+        previous = self._checks.previous(machine, prepared)
         job = self._begin(order, machine, prepared, plan)
         job.lease = lease
         for point, value in previous.items():
@@ -1013,7 +711,7 @@ class Gate:
             self._write_stop(machine, job, self._release(machine, job), machine.stop), f"release {lease.equipment}"
         )
 
-    def _judge_hold(self, machine: _Machine, job: _Job, verdict: State) -> None:
+    def _judge_hold(self, machine: Machine, job: Job, verdict: State) -> None:
         assert job.lease is not None
         if verdict is State.CONFIRMED:
             if not job.moved:
@@ -1023,7 +721,7 @@ class Gate:
             return
         self.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")
 
-    def _follow_ending(self, machine: _Machine, job: _Job, now: float, ending: float) -> None:
+    def _follow_ending(self, machine: Machine, job: Job, now: float, ending: float) -> None:
         """After the release of a hold-to-run. `since` counts from the first echo of the stop."""
         assert job.lease is not None
         waited = now - ending
@@ -1043,7 +741,7 @@ class Gate:
                 self._write_stop(machine, job, self._release(machine, job), machine.stop), f"release {machine.item.id}"
             )
 
-    def _finish_hold(self, machine: _Machine, job: _Job, lease: Lease) -> None:
+    def _finish_hold(self, machine: Machine, job: Job, lease: Lease) -> None:
         params: dict[str, object] = {
             "cause": lease.cause,
             "armed": lease.armed_at,
@@ -1068,31 +766,19 @@ class Gate:
             ROLE_PERMISSION[prepared.command.role]
         ):
             return "token"
-        look, age = self._look(machine), self._age(machine)
+        look, age = self._checks.look(machine), self._checks.age(machine)
         if interlocks.stale(machine.item, machine.link, prepared.used, look, age):
             return "values"
         if interlocks.missing((*prepared.permissives, *prepared.interlocks), look, age=age):
             return "permissive"
         return ""
 
-    def _release(self, machine: _Machine, job: _Job) -> tuple[tuple[str, float], ...]:
+    def _release(self, machine: Machine, job: Job) -> tuple[tuple[str, float], ...]:
         """The telegrams that stop; what restores a former value waits until the machine stands."""
         stop = [write for write in job.prepared.command.release if write.value != "previous"]
         return interlocks.telegrams(machine.item, stop, None, {})
 
-    def _previous(self, machine: _Machine, prepared: Prepared) -> dict[str, float]:
-        look = self._look(machine)
-        command = prepared.command
-        result: dict[str, float] = {}
-        for write in (*command.writes, *command.release):
-            if write.value == "previous":
-                value = machine.restore.get(write.point, look(write.point)[0])
-                if not isinstance(value, int | float):
-                    raise Refused("why.bad_value", 409, label=machine.item.points[write.point].label, point=write.point)
-                result[write.point] = float(value)
-        return result
-
-    async def _restore(self, machine: _Machine) -> None:
+    async def _restore(self, machine: Machine) -> None:
         """Give points back what they held before a hold-to-run, and read it back; what fails is told, not tried again."""
         item, held = machine.item, dict(machine.restore)
         machine.restoring = True
@@ -1105,7 +791,7 @@ class Gate:
             for attempt in range(RESTORE_READS):
                 await asyncio.sleep(READ_AGAIN if attempt else 0)
                 await writer.refresh(item.id, wrong)
-                look = self._look(machine)
+                look = self._checks.look(machine)
                 wrong = [p for p in wrong if not _near(look(p)[0], held[p], item.points[p].decimals)]
                 if not wrong:
                     break
@@ -1134,7 +820,7 @@ class Gate:
     # ---- ends and notices -----------------------------------------------------------------------------
 
     def _end(
-        self, machine: _Machine, job: _Job, state: State, reason: str = "", params: Mapping[str, object] | None = None
+        self, machine: Machine, job: Job, state: State, reason: str = "", params: Mapping[str, object] | None = None
     ) -> None:
         if job.progress.over:
             return
@@ -1197,7 +883,7 @@ class Gate:
         if now - machine.told >= TELL:
             self._tell(machine, now)
 
-    def _tell(self, machine: _Machine, now: float) -> None:
+    def _tell(self, machine: Machine, now: float) -> None:
         machine.dirty, machine.told = False, now
         for callback in tuple(self._subscribers):
             try:
@@ -1205,9 +891,9 @@ class Gate:
             except Exception:
                 log.exception("subscriber of the gate failed equipment=%s", machine.item.id)
 
-    def _look_at(self, machine: _Machine) -> None:
+    def _look_at(self, machine: Machine) -> None:
         """Judge every condition of the machine and notice what changed."""
-        look, age, kind = self._look(machine), self._age(machine), machine.item.type
+        look, age, kind = self._checks.look(machine), self._checks.age(machine), machine.item.type
         for condition in (*kind.permissives, *kind.interlocks):
             value = interlocks.met(condition, look, age=age)
             if condition.key not in machine.met or machine.met[condition.key][0] is not value:
@@ -1222,8 +908,8 @@ class Gate:
             machine.signature = signature
             self._mark(machine.item.id)
 
-    def _line(self, machine: _Machine, condition: Condition) -> tuple[Condition, bool | None, int]:
-        value = interlocks.met(condition, self._look(machine), age=self._age(machine))
+    def _line(self, machine: Machine, condition: Condition) -> tuple[Condition, bool | None, int]:
+        value = interlocks.met(condition, self._checks.look(machine), age=self._checks.age(machine))
         before = machine.met.get(condition.key)
         if before is None or before[0] is not value:
             machine.met[condition.key] = before = (value, self._clock.micros())
@@ -1231,30 +917,12 @@ class Gate:
 
     # ---- small things ---------------------------------------------------------------------------------
 
-    def _find(self, equipment: str, key: str) -> tuple[_Machine, Prepared]:
+    def _find(self, equipment: str, key: str) -> tuple[Machine, Prepared]:
         machine = self._machines.get(equipment)
         prepared = (machine.commands.get(key) or machine.setpoints.get(key)) if machine else None
         if machine is None or prepared is None:
             raise Refused("why.no_such_command", 404, equipment=equipment, command=key)
         return machine, prepared
-
-    def _look(self, machine: _Machine) -> expression.Look:
-        tags, prefix = self._tags, machine.item.id + "."
-
-        def look(key: str) -> expression.Reading:
-            handle = tags.handles.get(prefix + key)
-            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
-
-        return look
-
-    def _age(self, machine: _Machine) -> Age:
-        tags, prefix = self._tags, machine.item.id + "."
-
-        def age(key: str) -> float:
-            handle = tags.handles.get(prefix + key)
-            return float("inf") if handle is None else tags.age(handle)
-
-        return age
 
     def _keep(self, work: Coroutine[Any, Any, Progress], name: str) -> "asyncio.Task[Progress]":
         """A task that goes on when its caller goes away."""
@@ -1282,16 +950,11 @@ def _owner(person: Person) -> str:
     return str(person.id) if person.id else person.session
 
 
-def _may_write(link: Link, writer: Writer) -> bool:
-    """A live link sends commands only when the plant file says so."""
-    return link.writes or link.simulated or writer.simulated
-
-
 def _near(value: Value, wanted: float, decimals: int) -> bool:
     return isinstance(value, int | float) and abs(value - wanted) < 0.6 * 10.0**-decimals
 
 
-def _without_lease(job: _Job | None) -> _Job | None:
+def _without_lease(job: Job | None) -> Job | None:
     """A hold-to-run that is ending does not keep the next press from starting, once its stop was echoed."""
     return (
         None

@@ -120,8 +120,8 @@ class FakeLink:
 class Line:
     """One line of the audit trail."""
 
-    def __init__(self, kind: str, who: Person | None, object: str, old: Value, new: Value, result: str, reason: str):
-        self.kind, self.person, self.object = kind, who.name if who else "", object
+    def __init__(self, kind: str, who: Person | None, what: str, old: Value, new: Value, result: str, reason: str):
+        self.kind, self.person, self.object = kind, who.name if who else "", what
         self.old, self.new, self.result, self.reason = old, new, result, reason
         self.params: dict[str, object] = {}
 

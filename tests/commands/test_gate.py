@@ -559,6 +559,16 @@ async def test_a_stop_that_is_not_read_back_in_ten_seconds_raises_the_alarm_and_
     assert len(stand.commands) == 1
 
 
+async def test_a_double_click_on_stop_is_one_stop() -> None:
+    stand = Stand()
+    stand.set_drive(status=1, frequency=40.0)
+    await asyncio.gather(stand.ask(ANA, "stop", id="s"), stand.ask(ANA, "stop", id="s"))
+    await stand.pass_time(0.2)
+    assert stand.link.sent() == [("command", 3.0)]
+    assert [line.result for line in stand.commands] == ["confirmed"]
+    assert (await stand.ask(ANA, "stop", id="s")).state is State.ACCEPTED  # and it may always be asked again
+
+
 async def test_pressing_stop_again_does_not_put_the_alarm_off() -> None:
     stand = Stand()
     stand.set_drive(status=1, frequency=40.0)
@@ -617,6 +627,14 @@ async def test_stop_breaks_off_a_command_of_several_telegrams() -> None:
     await stand.pass_time(1)
     assert ("command", 1.0) not in stand.link.sent()
     assert stand.state() == "confirmed"
+
+
+async def test_coasting_may_be_asked_again_at_once() -> None:
+    stand = Stand()
+    stand.set_drive(status=1, frequency=40.0)
+    for _ in range(3):
+        assert (await stand.ask(ANA, "coast")).state is State.ACCEPTED
+        await stand.pass_time(0.2)
 
 
 # what others see

@@ -1,0 +1,241 @@
+"""Whether an order can be carried out now: every check that reads the person, the token and the plant, in the order of the gate."""
+
+from collections.abc import Mapping
+
+from app.access.roles import ROLE_PERMISSION, Person
+from app.clock import Clock
+from app.commands import interlocks
+from app.commands.control_token import ControlToken
+from app.commands.entry import parse_number
+from app.commands.hold import HoldToRun
+from app.commands.interlocks import Age, Prepared, Reason
+from app.commands.orders import Machine, Order, Question, Task, Writer, may_write
+from app.errors import LinkError, Refused
+from app.plant import expression
+from app.plant.definitions import Scan
+from app.tags.batch import Value
+from app.tags.database import TagDatabase
+from app.tags.quality import NO_DATA, reason
+from app.tags.quality import Reason as Why
+
+PULSE_PAUSE = 5.0
+"""Least time between two resets and other pulses of one kind [s]."""
+RENEW_AFTER = 2.0
+"""Age from which values that are read once or on demand are read again for a command [s]."""
+DEFAULT_LIMIT = 5.0
+"""Time for a feedback whose own time-out is not known [s]."""
+STOP = "stop"
+"""Permission that a Stop needs."""
+
+
+class Checks:
+    """Judges orders; changes nothing."""
+
+    def __init__(
+        self,
+        tags: TagDatabase,
+        clock: Clock,
+        writers: Mapping[str, Writer],
+        control: ControlToken,
+        hold: HoldToRun,
+    ) -> None:
+        self._tags = tags
+        self._clock = clock
+        self._writers = writers
+        self._control = control
+        self._hold = hold
+
+    def standing(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
+        """What the person lacks."""
+        command = prepared.command
+        if person is None:
+            return [(Reason("why.signed_out"), 401)]
+        reasons: list[tuple[Reason, int]] = []
+        permission = STOP if command.stop else ROLE_PERMISSION[command.role]
+        if not person.may(permission):
+            key = "why.idle" if person.idle and command.role in person.roles else "why.role"
+            reasons.append((Reason(key, {"role": command.role}), 403))
+        if command.stop:
+            return reasons
+        holder = self._control.holder(machine.item.id)
+        if holder is None:
+            reasons.append((Reason("why.no_token"), 423))
+        elif holder.session != person.session:
+            reasons.append((Reason("why.held", {"display": holder.display, "since": holder.since}), 423))
+        return reasons
+
+    def reasons(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
+        """Everything that stands in the way of a command without its value, in the order of the gate."""
+        reasons = self.standing(person, machine, prepared)
+        writer = self._writers.get(machine.item.link)
+        if writer is None:
+            reasons.append((Reason("why.no_link", {"link": machine.item.link}), 503))
+        elif not may_write(machine.link, writer):
+            reasons.append((Reason("why.writes_off", {"link": machine.item.link}), 409))
+        if prepared.command.stop:
+            return reasons
+        look, age = self.look(machine), self.age(machine)
+        for found in interlocks.stale(machine.item, machine.link, prepared.used, look, age):
+            silent = reason(look(str(found.params["point"]).partition(".")[2])[1]) is Why.COMM_FAILURE
+            reasons.append((found, 503 if silent else 409))
+        reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
+        reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
+        reasons += [(found, 409) for found in interlocks.missing(prepared.interlocks, look, age=age)]
+        job = machine.job
+        if machine.restoring or (job and job.ending is not None and not prepared.command.hold):
+            reasons.append((Reason("why.hold_ending"), 409))
+        elif job and self._hold.active(machine.item.id) is not None:
+            reasons.append((Reason("why.hold_active", {"display": job.progress.person}), 423))
+        elif job and (job.writing or (job.prepared.command.stop and job.since is None)):
+            reasons.append((Reason("why.busy", {"display": job.progress.person}, job.progress.label), 409))
+        if is_pulse(machine, prepared) and prepared.command.key in machine.pulses:
+            left = PULSE_PAUSE - (self._clock.monotonic() - machine.pulses[prepared.command.key])
+            if left > 0:
+                reasons.append((Reason("why.too_soon", {"seconds": round(left, 1)}), 409))
+        return reasons
+
+    def task(self, order: Order, machine: Machine, prepared: Prepared) -> Task:
+        """Every check that reads the plant, and what is to be written."""
+        command, look = prepared.command, self.look(machine)
+        reasons = self.reasons(order.person, machine, prepared)
+        guarding = ("why.condition", "why.condition_unknown")
+        first = next((found for found in reasons if found[0].key not in guarding), None)
+        if first is not None:
+            raise Refused(first[0].key, first[1], label=first[0].label, **first[0].params)
+        argument = self._argument(order, prepared, machine)
+        for found, status in reasons:
+            others = [other.label for other, _ in reasons]
+            raise Refused(found.key, status, label=found.label, missing=others, **found.params)
+        old = look(prepared.point.key)[0] if prepared.point else None
+        level, why = interlocks.level(prepared, look, argument)
+        if not command.stop:
+            self._confirm(order, prepared, level, why, argument, old)
+        limit = expression.number(command.timeout, look)
+        previous = {key: float(value) for key, value in self.previous(machine, prepared).items()}
+        return Task(
+            interlocks.telegrams(machine.item, command.writes, argument, previous),
+            argument,
+            old,
+            limit if limit is not None and limit > 0 else DEFAULT_LIMIT,
+            level,
+        )
+
+    def _argument(self, order: Order, prepared: Prepared, machine: Machine) -> float | None:
+        if prepared.point is None:
+            if order.argument not in (None, ""):
+                raise Refused("why.no_argument", 422)
+            return None
+        if order.argument is None or order.argument == "":
+            raise Refused("why.argument_missing", 422, label=prepared.point.label)
+        try:
+            if isinstance(order.argument, str):
+                value = parse_number(order.argument, order.language, prepared.point.unit)
+            else:
+                value = float(order.argument)
+        except Refused as refusal:
+            if refusal.reason == "why.ambiguous":
+                raise Question(
+                    refusal.reason,
+                    refusal.status,
+                    label=prepared.point.label,
+                    unit=prepared.point.unit,
+                    **refusal.params,
+                ) from refusal
+            raise
+        look = self.look(machine)
+        wrong = interlocks.wrong_value(prepared, value, look)
+        if wrong is not None:
+            raise Refused(wrong.key, 422, label=wrong.label, **wrong.params)
+        current = look(prepared.point.key)[0]
+        if order.expected is not None:
+            step = 0.6 * 10.0**-prepared.point.decimals
+            if not isinstance(current, int | float) or not abs(current - order.expected) < step:
+                raise Refused(
+                    "why.changed", 409, label=prepared.point.label, current=current, expected=order.expected,
+                    unit=prepared.point.unit,
+                )  # fmt: skip
+        return value
+
+    def _confirm(
+        self, order: Order, prepared: Prepared, level: str, why: tuple[str, ...], argument: float | None, old: Value
+    ) -> None:
+        """Ask back when the level wants more than the person gave."""
+        point, setpoint = prepared.point, prepared.setpoint
+        missing = ""
+        if level >= "C2" and not order.confirmed:
+            missing = "why.confirm"
+        elif level >= "C3" and not order.reason.strip():
+            missing = "why.reason_needed"
+        elif level >= "C4" and not order.proven:
+            missing = "why.password_needed"
+        if not missing:
+            return
+        difference = argument - old if argument is not None and isinstance(old, int | float) else None
+        raise Question(
+            missing,
+            409,
+            level=level,
+            equipment=order.equipment,
+            command=prepared.command.key,
+            label=prepared.command.label,
+            why=why,
+            old=old,
+            new=argument,
+            difference=difference,
+            unit=point.unit if point else "",
+            decimals=point.decimals if point else 0,
+            warning=setpoint.warning if setpoint else "",
+        )
+
+    async def renew(self, machine: Machine, prepared: Prepared) -> None:
+        """Read again what is not read in turn and matters: values of open pages, a setpoint before it changes, a device's watchdog."""
+        writer = self._writers.get(machine.item.link)
+        age, points = self.age(machine), machine.item.points
+        scans = {Scan.PAGE, Scan.ONCE} if prepared.command.hold else {Scan.PAGE}
+        keys = [key for key in prepared.used if points[key].scan in scans]
+        if prepared.point is not None and prepared.point.scan in (Scan.PAGE, Scan.ONCE):
+            keys.append(prepared.point.key)
+        keys = [key for key in dict.fromkeys(keys) if points[key].register and age(key) > RENEW_AFTER]
+        if not keys or writer is None or not may_write(machine.link, writer):
+            return
+        try:
+            await writer.refresh(machine.item.id, keys)
+        except LinkError as error:
+            raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
+
+    def previous(self, machine: Machine, prepared: Prepared) -> dict[str, float]:
+        look = self.look(machine)
+        command = prepared.command
+        result: dict[str, float] = {}
+        for write in (*command.writes, *command.release):
+            if write.value == "previous":
+                value = machine.restore.get(write.point, look(write.point)[0])
+                if not isinstance(value, int | float):
+                    raise Refused("why.bad_value", 409, label=machine.item.points[write.point].label, point=write.point)
+                result[write.point] = float(value)
+        return result
+
+    def look(self, machine: Machine) -> expression.Look:
+        tags, prefix = self._tags, machine.item.id + "."
+
+        def look(key: str) -> expression.Reading:
+            handle = tags.handles.get(prefix + key)
+            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+        return look
+
+    def age(self, machine: Machine) -> Age:
+        tags, prefix = self._tags, machine.item.id + "."
+
+        def age(key: str) -> float:
+            handle = tags.handles.get(prefix + key)
+            return float("inf") if handle is None else tags.age(handle)
+
+        return age
+
+
+def is_pulse(machine: Machine, prepared: Prepared) -> bool:
+    """Whether the command is a reset or the like: it moves nothing, sets nothing, and is none of the ways to stop."""
+    command = prepared.command
+    stops = command.stop or (machine.stop is not None and command.feedback == machine.stop.command.feedback)
+    return not (command.moves or command.argument or stops)

@@ -1,0 +1,157 @@
+"""What the gate handles: an order as it came, the task it becomes when every check is passed, the job at work, the machine it is for."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from app.access.roles import Person
+from app.commands.hold import Lease
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress
+from app.errors import Refused
+from app.plant.definitions import Alarm, Condition, Equipment, Link
+from app.tags.batch import Value
+
+HISTORY = 50
+"""Commands remembered per machine."""
+
+
+class Writer(Protocol):
+    """What the gate needs of a link."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether nothing real is behind it."""
+        ...
+
+    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
+        """Write `value` [EU]; returns when the echo was checked. Urgent goes before everything that waits.
+
+        Raises:
+            LinkError: no valid answer; DeviceException: the device refused; Overtaken: never sent.
+        """
+        ...
+
+    async def refresh(self, equipment: str, points: Sequence[str]) -> None:
+        """Read `points` now and publish them.
+
+        Raises:
+            LinkError: they could not be read.
+        """
+        ...
+
+
+class Audit(Protocol):
+    """Takes one line of the audit trail."""
+
+    def __call__(
+        self,
+        kind: str,
+        person: Person | None,
+        object: str,
+        old: Value,
+        new: Value,
+        result: str,
+        reason: str,
+        address: str = "",
+        **params: Any,
+    ) -> Any:
+        """Called without waiting; a coroutine is run. `object` is `equipment.command`, `result` a state, `reason` a text key."""
+        ...
+
+
+class Question(Refused):
+    """The gate asks back before it acts: confirm, give a reason, enter the password. Nothing was done, nothing is in the audit trail."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What a person asks, as it came."""
+
+    person: Person | None
+    equipment: str
+    key: str
+    """Command or setpoint."""
+    argument: str | float | None
+    id: str
+    nonce: str
+    expected: float | None
+    confirmed: bool
+    proven: bool
+    reason: str
+    address: str
+    language: str
+    asked: int
+    """[µs UTC]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """An order that passed every check."""
+
+    telegrams: tuple[tuple[str, float], ...]
+    argument: float | None
+    old: Value
+    limit: float
+    level: str
+
+
+@dataclass(slots=True)
+class Job:
+    """A command at work."""
+
+    order: Order
+    prepared: Prepared
+    progress: Progress
+    before: bool | None
+    """The feedback before the write."""
+    guarded: tuple[Condition, ...]
+    """Interlocks that were met."""
+    quiet: tuple[Alarm, ...]
+    """Drive faults that were not there."""
+    asked: float
+    """Monotonic [s]; of a Stop that follows an unconfirmed Stop, the first one's."""
+    since: float | None = None
+    """From when on values count as feedback: accepted, or unknown; monotonic [s]."""
+    writing: int = 0
+    """Whether its telegrams are on their way."""
+    stopping: int = 0
+    """Stop telegrams on their way."""
+    last_write: float = float("-inf")
+    last_read: float = float("-inf")
+    other: "Job | None" = None
+    """The superseded command whose telegram may still be on its way."""
+    lease: Lease | None = None
+    ending: float | None = None
+    """When a hold-to-run began to stop, monotonic [s]."""
+    moved: bool = False
+    echoed: bool = False
+
+
+@dataclass(slots=True)
+class Machine:
+    """What the gate keeps of one machine."""
+
+    item: Equipment
+    link: Link
+    commands: Mapping[str, Prepared]
+    setpoints: Mapping[str, Prepared]
+    stop: Prepared | None
+    job: Job | None = None
+    last: Progress | None = None
+    history: deque[Progress] = field(default_factory=lambda: deque(maxlen=HISTORY))
+    met: dict[str, tuple[bool | None, int]] = field(default_factory=dict)
+    """Condition → met, since [µs UTC]."""
+    pulses: dict[str, float] = field(default_factory=dict)
+    restore: dict[str, float] = field(default_factory=dict)
+    """Point → what it held before a hold-to-run wrote it."""
+    restoring: bool = False
+    signature: object = None
+    dirty: bool = True
+    told: float = float("-inf")
+
+
+def may_write(link: Link, writer: Writer) -> bool:
+    """A live link sends commands only when the plant file says so."""
+    return link.writes or link.simulated or writer.simulated
