@@ -73,7 +73,7 @@ def number(value: float, decimals: int, lang: str) -> str:
     if not math.isfinite(value):
         return NO_VALUE
     rounded = _round(value, decimals)
-    whole, _, rest = f"{abs(rounded):f}".partition(".")
+    whole, _, rest = f"{rounded.copy_abs():f}".partition(".")
     head = len(whole) % 3
     groups = [whole[:head]] if head else []
     groups += [whole[i : i + 3] for i in range(head, len(whole), 3)]

@@ -85,6 +85,11 @@ class PointView:
         ).replace(" ,", ",")
 
     @property
+    def value_now(self) -> str:
+        """The plain number for `aria-valuenow`."""
+        return f"{self.value:.12g}" if isinstance(self.value, int | float) else ""
+
+    @property
     def value_text(self) -> str:
         """Value and unit as drawn, or the quality when there is no value: `aria-valuetext` of a meter."""
         if not self.usable or not isinstance(self.value, int | float):

@@ -2,11 +2,12 @@
 import { age, clockTime } from "./format.js";
 import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.js";
 
-const DELAYED = 2000, OFFLINE = 3000, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
+// Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
+const DELAYED = 2000, OFFLINE = 2900, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 1000, 2000, 4000];
 const body = document.body;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
-let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0;
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
@@ -124,7 +125,7 @@ function watch() {
   if (silent >= OFFLINE) {
     connection("offline");
     for (const element of document.querySelectorAll("[data-offline-age]")) element.textContent = age(silent / 1000);
-    if (socket?.readyState === WebSocket.OPEN && silent >= OFFLINE + 1000) drop();
+    if (socket?.readyState === WebSocket.OPEN && performance.now() - Math.max(heard, opened) >= OFFLINE + 1000) drop();
   } else if (silent >= DELAYED && body.dataset.live === "live") connection("delayed");
 }
 
@@ -142,7 +143,10 @@ function open() {
   clearTimeout(retry);
   const here = new WebSocket(location.origin.replace(/^http/, "ws") + "/live");
   socket = here;
-  here.onopen = () => here.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
+  here.onopen = () => {
+    opened = performance.now();
+    here.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
+  };
   here.onmessage = ({ data }) => receive(JSON.parse(data));
   here.onclose = here.onerror = () => socket === here && drop();
   retry = setTimeout(() => socket === here && here.readyState !== WebSocket.OPEN && drop(), 4000);
@@ -197,7 +201,7 @@ export const current = (name) => tags.get(name);
 
 bind();
 open();
-setInterval(watch, 250);
+setInterval(watch, 100);
 setInterval(tick, 1000);
 document.addEventListener("htmx:after:swap", () => { bind(); subscribeAgain(); });
 document.addEventListener("pogon:drawn", () => { bind(); subscribeAgain(); });

@@ -140,7 +140,7 @@ function drawMeter(item, tag) {
     element.removeAttribute("aria-valuenow");
     set(element, "aria-valuetext", qualityWords(tag.quality));
   } else {
-    set(element, "aria-valuenow", String(tag.value));
+    set(element, "aria-valuenow", String(+tag.value.toPrecision(12)));
     set(element, "aria-valuetext", format.quantity(tag.value, +decimals, unit, lang));
   }
 }
