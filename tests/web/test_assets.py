@@ -1,6 +1,7 @@
 """Static files: fetched once under a name that contains their content, never stale, nothing else of the disk."""
 
 import gzip
+import re
 from pathlib import Path
 
 import pytest
@@ -86,14 +87,14 @@ def test_text_is_packed_for_who_can_unpack_it(client: TestClient) -> None:
         "%00.css",
     ],
 )
-def test_nothing_else_of_the_disk_is_served(client: TestClient, folder: Path, name: str) -> None:
-    client.app.state.view.assets._folder = folder.resolve()  # type: ignore[attr-defined]
+def test_nothing_else_of_the_disk_is_served(
+    client: TestClient, folder: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client.app.state.view, "assets", Assets(folder))  # type: ignore[attr-defined]
     assert client.get(f"/static/{name}").status_code == 404
 
 
 def test_a_cold_page_stays_below_its_weight(client: TestClient) -> None:
-    import re
-
     page = client.get("/equipment/m1").text
     files = set(re.findall(r'(?:href|src)="(/static/[^"#]+)', page))
     assert len(files) > 10
