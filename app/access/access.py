@@ -5,15 +5,12 @@ import secrets
 from hashlib import sha256
 from pathlib import Path
 
-from sqlalchemy import func, select
-
 from app.access.audit import Audit
 from app.access.first_code import FirstCode
 from app.access.keys import check_files, lock, prepare, read_key
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
 from app.access.sessions import Sessions
-from app.access.tables import person_table
 from app.access.throttle import Throttle
 from app.access.tokens import Tokens
 from app.clock import Clock
@@ -40,7 +37,6 @@ class Access:
         self.sessions = Sessions(db, clock, self.audit)
         self.tokens = Tokens(db, clock, self.audit)
         self.people = People(db, clock, self.audit, self.sessions, self.passwords, self.throttle, self.first_code)
-        self._db = db
 
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""
@@ -60,10 +56,11 @@ class Access:
         self.audit.close()
         self.passwords.close()
 
-    def is_commissioned(self) -> bool:
-        """Whether there is an account, on the caller's thread."""
-        query = select(func.count()).select_from(person_table)
-        return bool(self._db.run(lambda connection: connection.execute(query).scalar_one()))
+    async def awaits_first(self) -> bool:
+        """Whether the first account is still to be made; the terminal may have made one beside this server."""
+        if self.first_code.open and await self.people.count():
+            self.first_code.used()
+        return self.first_code.open
 
     # ---- signed form tokens (OWASP: HMAC, bound to the session) ----------------------------------------
 

@@ -230,6 +230,7 @@ class People:
         initial = initial_password()
         kept = await self._passwords.hash(initial)
         account = await self._audit.with_entries(lambda connection: self._added(connection, by, *prepared, kept))
+        self._first_code.used()
         return account, initial
 
     def add_now(self, by: Person, rows: Sequence[tuple[str, str, Iterable[str]]]) -> list[tuple[Account, str]]:

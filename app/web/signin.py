@@ -39,7 +39,7 @@ SHOWN_ID = 16
 @router.get("/signin", dependencies=[allow("open")])
 async def sign_in_page(request: Request, next: str = "/") -> Response:
     """The sheet; to the first account while there is none."""
-    if people_access(request).first_code.open:
+    if await people_access(request).awaits_first():
         return RedirectResponse("/first", 303)
     return sign_in_sheet(request, next)
 
@@ -72,7 +72,7 @@ async def sign_out(request: Request) -> Response:
 @router.get("/first", dependencies=[allow("open")])
 async def first_page(request: Request) -> Response:
     """The sheet for the first account, while there is none."""
-    if not people_access(request).first_code.open:
+    if not await people_access(request).awaits_first():
         return RedirectResponse("/signin", 303)
     return first_sheet(request)
 

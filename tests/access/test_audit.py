@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.access.access import Access
-from app.access.audit import ANCHOR_LINES, Filter, printable
+from app.access.audit import ANCHOR_LINES, Audit, Filter, printable
 from app.clock import ManualClock
 from app.errors import Refused, StorageError
 from tests.access.conftest import OpenAccess, add, boss
@@ -144,9 +144,7 @@ async def test_the_chain_goes_on_over_a_restart_and_from_two_processes_at_once(o
 async def test_two_installations_have_two_chains(access: Access, data: Path) -> None:
     await filled(access, 3)
     (data / "audit.key").write_text("ab" * 32)
-    from app.access.audit import Audit
-
-    assert Audit(access._db, ManualClock(), data).check_now().bad is not None
+    assert Audit(access.audit._db, ManualClock(), data).check_now().bad is not None
 
 
 # ---- what a line holds ------------------------------------------------------------------------------------

@@ -1,0 +1,136 @@
+"""pogon user and pogon audit, as one types them, also beside a running server."""
+
+import csv
+import io
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from app.access.passwords import Passwords
+from app.cli import cli
+from app.main import create_app
+from app.settings import Settings
+from app.web.serve import announcement
+from tests.conftest import PogonServer
+
+Pogon = Callable[..., Result]
+
+
+@pytest.fixture
+def pogon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pogon:
+    """`pogon("user", "add", "ana")` in a data folder of its own."""
+    monkeypatch.setenv("POGON_DATA", str(tmp_path / "data"))
+    return lambda *arguments, input=None: CliRunner().invoke(cli, [*arguments], input=input)
+
+
+def test_a_person_is_added_and_listed(pogon: Pogon) -> None:
+    made = pogon("user", "add", "Ana.Kos", "--role", "engineer", "--role", "operator", "--display", "Ana Kos")
+    assert made.exit_code == 0
+    assert made.output.startswith("ana.kos (engineer, operator) initial password: ")
+    listed = pogon("user", "list").output
+    assert listed.split()[:3] == ["ana.kos", "initial", "password"]
+    assert made.output.split()[-1] not in listed
+
+
+def test_a_class_is_added_from_a_file_all_or_none(pogon: Pogon, tmp_path: Path) -> None:
+    file = tmp_path / "class.csv"
+    file.write_text("name;display;roles\nivo;Ivo Ivić;operator\nmaja;Maja;engineer operator\n", "utf-8")
+    rows = list(csv.DictReader(io.StringIO(pogon("user", "add", "--file", str(file)).stdout)))
+    assert [(row["name"], row["roles"]) for row in rows] == [("ivo", "operator"), ("maja", "engineer operator")]
+    assert all(len(row["initial password"]) == 20 for row in rows)
+    file.write_text("name,roles\nnova,operator\nivo,operator\n")
+    failed = pogon("user", "add", "--file", str(file))
+    assert (failed.exit_code, failed.stderr) == (2, "pogon: There is already an account ivo.\n")
+    assert "nova" not in pogon("user", "list").output
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "heading is empty"),
+        ("nme,roles\nx,operator\n", "expected name"),
+        ("name\n\n", "nobody in it"),
+        ("name,roles\nx1,boss\n", "Unknown role: boss"),
+    ],
+)
+def test_a_wrong_file_is_told_in_one_line(pogon: Pogon, tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "class.csv"
+    file.write_text(text)
+    failed = pogon("user", "add", "--file", str(file))
+    assert failed.exit_code == 2
+    assert said in failed.stderr and failed.stderr.count("\n") == 1
+
+
+def test_a_password_is_set_by_typing_by_pipe_or_anew(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    passwords = Passwords()
+
+    def kept() -> str:
+        db = sqlite3.connect(tmp_path / "data" / "pogon.db")
+        found: str = db.execute("select password from person").fetchone()[0]
+        db.close()
+        return found
+
+    assert pogon("user", "passwd", "ana", input="tri plave ladice\ntri plave ladice\n").exit_code == 0
+    assert passwords._hasher.verify("tri plave ladice", kept())
+    assert pogon("user", "passwd", "ana", "--stdin", input="sedam zelenih bicikala\n").exit_code == 0
+    assert passwords._hasher.verify("sedam zelenih bicikala", kept())
+    initial = pogon("user", "passwd", "ana", "--initial").output.split()[-1]
+    assert passwords._hasher.verify(initial, kept())
+    assert "too short" in pogon("user", "passwd", "ana", "--stdin", input="short\n").stderr.lower()
+    assert pogon("user", "passwd", "nobody", "--initial").exit_code == 2
+    passwords.close()
+
+
+def test_roles_are_a_set(pogon: Pogon) -> None:
+    pogon("user", "add", "ana", "--role", "admin")
+    assert pogon("user", "role", "ana", "admin", "engineer").output == "ana: admin, engineer\n"
+    assert "administrator must remain" in pogon("user", "role", "ana", "viewer").stderr
+    assert "Unknown role: boss" in pogon("user", "role", "ana", "boss").stderr
+
+
+def test_verify_says_ok_with_a_count_or_names_the_first_bad_line(pogon: Pogon, tmp_path: Path) -> None:
+    assert pogon("audit", "verify").exit_code == 2
+    for name in ("ana", "ivo", "maja"):
+        pogon("user", "add", name)
+    good = pogon("audit", "verify")
+    assert (good.exit_code, good.output) == (0, "audit ok: 3 lines\n")
+    db = sqlite3.connect(tmp_path / "data" / "pogon.db")
+    db.execute("update audit set new = 'admin' where seq = 2")
+    db.commit()
+    db.close()
+    bad = pogon("audit", "verify")
+    assert bad.exit_code == 1
+    assert bad.stderr == "audit broken: line 2 was changed; 1 lines before it are in order\n"
+
+
+def test_a_key_that_others_may_read_is_refused(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    (tmp_path / "data" / "secret.key").chmod(0o644)
+    for command in (["user", "list"], ["audit", "verify"], ["run"]):
+        refused = pogon(*command)
+        assert refused.exit_code == 2
+        assert "secret.key may be read or written by others" in refused.stderr
+
+
+def test_beside_a_running_server_people_are_made_and_the_chain_is_verified(
+    pogon: Pogon, pogon_server: Callable[..., PogonServer], tmp_path: Path
+) -> None:
+    server = pogon_server(data=tmp_path / "data")
+    code = (tmp_path / "data" / "first-code").read_text().strip()
+    assert f"    {code}\n" in server.log()
+    assert f":{server.port}/first and type this code" in server.log()
+    assert pogon("user", "add", "ana", "--role", "admin").exit_code == 0
+    verified = pogon("audit", "verify")
+    assert (verified.exit_code, verified.output) == (0, "audit ok: 2 lines\n")
+    second = pogon("run")
+    assert second.exit_code == 2
+    assert "another pogon runs on it" in second.stderr
+
+
+def test_port_0_is_told_as_what_it_became(tmp_path: Path) -> None:
+    settings = Settings(port=0, data=tmp_path)
+    assert "http://localhost:43210/" in announcement(create_app(settings), settings, 43210)

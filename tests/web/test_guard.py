@@ -1,0 +1,419 @@
+"""Who gets in: all routes × all kinds of persons, forms of other sites, forged identities, sockets."""
+
+import re
+from collections.abc import Callable, Iterator
+
+import pytest
+from fastapi import APIRouter, FastAPI
+from fastapi.testclient import TestClient
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocketDisconnect
+
+from app.access.audit import Filter
+from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
+from app.access.sessions import IDLE_AFTER
+from app.clock import ManualClock
+from app.errors import ConfigurationError
+from app.main import create_app
+from app.settings import Settings
+from app.web.guard import allow, check_declared, permissions
+from tests.web.people import BOSS, HOST, PASSWORD, Staff
+
+OPEN = {
+    "GET /favicon.ico",
+    "GET /first",
+    "GET /healthz",
+    "GET /metrics",  # loopback, or a token of its own
+    "GET /readyz",
+    "GET /signin",
+    "GET /static/{name:path}",
+    "HEAD /static/{name:path}",
+    "LIVE /live",  # asks at each subscription
+    "POST /first",
+    "POST /language",
+    "POST /session/active",
+    "POST /signin",
+    "POST /signout",
+    "POST /theme",
+}
+"""Every route that needs no sign-in. A new one is added here by hand, with a reason, or is not open."""
+EXPECTED = {
+    "GET /": "view",
+    "GET /equipment/{key}": "view",
+    "GET /account": "account",
+    "POST /account/password": "account",
+    "GET /users": "administer",
+    "POST /users": "administer",
+    "POST /users/{key}/roles": "administer",
+    "POST /users/{key}/password": "administer",
+    "GET /tokens": "tokens",
+    "POST /tokens": "tokens",
+    "GET /audit": "audit.own",
+    "GET /audit.csv": "audit",
+    "POST /audit/verify": "administer",
+}
+KINDS = [
+    "nobody",
+    "guest",
+    "viewer",
+    "operator",
+    "engineer",
+    "admin",
+    "disabled",
+    "idle operator",
+    "idle engineer",
+    "initial",
+]
+
+
+@pytest.fixture(scope="module")
+def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
+    app = create_app(Settings(data=tmp_path_factory.mktemp("guard") / "data"))
+    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+        yield Staff(client)
+
+
+@pytest.fixture
+def live_plant(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plant has a link that is not simulated."""
+    monkeypatch.setattr(type(staff.client.app.state.runtime), "simulated", property(lambda _: False))  # type: ignore[attr-defined]
+
+
+# ---- every route says who --------------------------------------------------------------------------------
+
+
+def routes() -> dict[str, str]:
+    return permissions(create_app(Settings()))
+
+
+def test_every_route_declares_a_permission_and_the_open_ones_are_these() -> None:
+    table = routes()
+    assert [route for route, permission in table.items() if not permission] == []
+    assert {route for route, permission in table.items() if permission == "open"} == OPEN
+
+
+def test_what_looks_after_people_asks_for_these_rights() -> None:
+    table = routes()
+    assert {route: table[route] for route in EXPECTED} == EXPECTED
+
+
+def silent_route(app: FastAPI) -> None:
+    app.add_api_route("/silent", lambda: {})
+
+
+def silent_router(app: FastAPI) -> None:
+    router = APIRouter()
+    router.add_api_route("/deep/silent", lambda: {}, methods=["POST"])
+    app.include_router(router)
+
+
+def silent_socket(app: FastAPI) -> None:
+    app.add_api_websocket_route("/silent", lambda websocket: None)
+
+
+def silent_mount(app: FastAPI) -> None:
+    app.mount("/silent", StaticFiles(directory="."))
+
+
+@pytest.mark.parametrize("add", [silent_route, silent_router, silent_socket, silent_mount])
+def test_a_route_that_says_nothing_stops_the_start(add: Callable[[FastAPI], None]) -> None:
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app.add_api_route("/said", lambda: {}, dependencies=[allow("view")])
+    check_declared(app)
+    add(app)
+    with pytest.raises(ConfigurationError, match=r"/silent.*no permission declared"):
+        check_declared(app)
+
+
+def test_an_unknown_permission_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r'"fly" is unknown'):
+        allow("fly")
+
+
+# ---- all routes × all kinds of persons --------------------------------------------------------------------
+
+
+def rights(kind: str) -> frozenset[str]:
+    """What the written table gives to this kind of person."""
+    match kind.split():
+        case ["nobody" | "disabled"]:
+            return frozenset()
+        case ["guest"]:
+            return GUEST
+        case ["idle", role]:
+            return permissions_of([role]) & {"view", "account", "stop"}
+        case ["initial"]:
+            return frozenset({"account"})
+        case _:
+            return permissions_of([kind])
+
+
+def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    if kind not in ("guest",):
+        monkeypatch.setattr(type(staff.client.app.state.runtime), "simulated", property(lambda _: False))  # type: ignore[attr-defined]
+    if kind in ("nobody", "guest"):
+        staff.have()
+    elif kind == "disabled":
+        staff.wait(staff.access.people.disable, BOSS, staff.add("gone", "engineer"), False)
+        sid = staff.enter("gone")
+        staff.wait(staff.access.people.disable, BOSS, staff.add("gone"), True)
+        staff.have(sid)
+    elif kind.startswith("idle"):
+        staff.enter(f"idle-{kind[5:]}", kind[5:])
+        access = staff.access
+        later = access.sessions._clock.micros() + round(IDLE_AFTER * 1e6) + 1
+        monkeypatch.setattr(access.sessions, "_clock", ManualClock())
+        monkeypatch.setattr(access.sessions._clock, "_micros", later)
+    elif kind == "initial":
+        name = f"new{staff.wait(staff.access.people.count)}"
+        _, initial = staff.wait(staff.access.people.add, BOSS, name, "", ["engineer"])
+        staff.have(staff.wait(staff.access.people.sign_in, name, initial, "127.0.0.1", "testclient").sid)
+    else:
+        staff.enter(f"the-{kind}", kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_route_lets_in_exactly_whom_the_table_names(
+    staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = []
+    for route, permission in routes().items():
+        method, path = route.split()
+        if method == "LIVE":
+            continue
+        come_as(staff, kind, monkeypatch)
+        address = re.sub(r"\{[^}]*\}", "1", path)
+        if method in ("GET", "HEAD"):
+            answer = staff.client.request(method, address)
+        else:
+            bound = staff.client.cookies.get("sid") or "a" * 22
+            if kind == "disabled" or not staff.client.cookies.get("sid"):
+                staff.client.cookies.set("pre", "a" * 22)
+                bound = "a" * 22
+            headers = {"Origin": HOST, "X-CSRF-Token": staff.access.form_token(bound)}
+            answer = staff.client.request(method, address, headers=headers)
+        turned_away = answer.status_code in (401, 403) or (
+            answer.status_code == 303
+            and re.match(r"/signin\?next=|/account$", answer.headers["location"]) is not None
+            and path not in ("/signin", "/signout")
+        )
+        allowed = permission == "open" or permission in rights(kind)
+        if turned_away == allowed:
+            wrong.append((kind, route, permission, answer.status_code, answer.headers.get("location", "")))
+        if not allowed and answer.status_code == 200:
+            wrong.append((kind, route, "data"))
+    assert wrong == []
+
+
+def test_a_permission_of_the_table_is_asked_for_by_a_route_or_by_the_gate() -> None:
+    asked = set(routes().values()) - {"open"}
+    assert asked <= set(PERMISSIONS)
+
+
+def test_a_page_sends_to_sign_in_and_back_a_fragment_and_the_api_say_401(staff: Staff, live_plant: None) -> None:
+    staff.have()
+    answer = staff.client.get("/equipment/m1?tab=2&x=a b")
+    assert (answer.status_code, answer.headers["location"]) == (
+        303,
+        "/signin?next=/equipment/m1%3Ftab%3D2%26x%3Da%2520b",
+    )
+    fragment = staff.client.get("/equipment/m1", headers={"HX-Request": "true"})
+    assert fragment.status_code == 401
+    assert "<html" not in fragment.text
+
+
+def test_a_denial_is_written_down_once_a_minute(staff: Staff) -> None:
+    staff.enter("curious", "operator")
+    for _ in range(5):
+        assert staff.client.get("/users").status_code == 403
+    lines = staff.wait(staff.access.audit.find, Filter(person="curious", kind="access.denied"))
+    assert [(line.object, line.parameters) for line in lines] == [("/users", {"permission": "administer"})]
+
+
+# ---- forged identities ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Referer": f"{HOST}/users"},
+        {"X-Forwarded-For": "127.0.0.1"},
+        {"X-Forwarded-User": "ana"},
+        {"X-Remote-User": "admin"},
+        {"X-Original-URL": "/healthz"},
+        {"X-Rewrite-URL": "/healthz"},
+        {"Authorization": "Basic YWRtaW46YWRtaW4="},
+        {"Authorization": "Bearer eyJhbGciOiJub25lIn0.eyJzdWIiOiJhZG1pbiJ9."},
+        {"Cookie": "sid=admin; user=admin; role=admin"},
+        {"Cookie": "sid=" + "A" * 43},
+        {"Cookie": "__Host-sid=" + "A" * 43},
+    ],
+)
+def test_no_header_makes_somebody_of_nobody(staff: Staff, live_plant: None, headers: dict[str, str]) -> None:
+    staff.have()
+    answer = staff.client.get("/users", headers=headers)
+    assert (answer.status_code, answer.headers.get("location")) == (303, "/signin?next=/users")
+
+
+def test_an_unknown_host_is_refused(staff: Staff) -> None:
+    assert staff.client.get("/", headers={"Host": "evil.example"}).status_code == 400
+
+
+def test_a_token_of_a_program_is_only_good_for_the_api(staff: Staff, live_plant: None) -> None:
+    key = staff.add("maker", "engineer")
+    maker = Person(key, "maker", "", frozenset({"engineer"}), permissions_of({"engineer"}), "")
+    _, secret = staff.wait(staff.access.tokens.create, maker, "MES", ["view", "configure"], 7)
+    staff.have()
+    assert staff.client.get("/tokens", headers={"Authorization": f"Bearer {secret}"}).status_code == 303
+
+
+# ---- forms of other sites ---------------------------------------------------------------------------------
+
+
+def signed(staff: Staff) -> dict[str, str]:
+    return {"csrf": staff.access.form_token(staff.client.cookies["sid"]), "session": "0" * 16}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": HOST}, 404),
+        ({"Sec-Fetch-Site": "same-origin"}, 404),
+        ({"Referer": f"{HOST}/account"}, 404),
+        ({}, 403),
+        ({"Origin": "https://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": HOST, "Sec-Fetch-Site": "cross-site"}, 403),
+        ({"Origin": HOST, "Sec-Fetch-Site": "same-site"}, 403),
+        ({"Origin": HOST, "Sec-Fetch-Site": "none"}, 403),
+        ({"Origin": "http://127.0.0.1:8001"}, 403),
+        ({"Referer": "http://evil.example/127.0.0.1:8000"}, 403),
+    ],
+)
+def test_a_change_comes_from_a_page_of_ours_or_not_at_all(staff: Staff, headers: dict[str, str], status: int) -> None:
+    staff.enter("ana")
+    answer = staff.client.post("/account/sessions/end", data=signed(staff), headers=headers)
+    assert answer.status_code == status
+
+
+@pytest.mark.parametrize(
+    "which", ["none", "empty", "other session", "changed", "of the pre-session", "twice", "salt only"]
+)
+def test_a_change_needs_the_token_of_this_very_session(staff: Staff, which: str) -> None:
+    old = staff.enter("ana")
+    foreign = staff.access.form_token(old)
+    staff.enter("ana")
+    own = signed(staff)["csrf"]
+    token: str | list[str] = {
+        "none": [],
+        "empty": "",
+        "other session": foreign,
+        "changed": own[:-1] + ("a" if own[-1] != "a" else "b"),
+        "of the pre-session": staff.access.form_token("a" * 22),
+        "twice": [own, own],
+        "salt only": "." + own.partition(".")[2],
+    }[which]
+    answer = staff.client.post(
+        "/account/sessions/end", data={"csrf": token, "session": "0" * 16}, headers={"Origin": HOST}
+    )
+    assert answer.status_code == 403
+
+
+def test_the_token_may_come_in_a_header_and_every_page_has_a_fresh_one(staff: Staff) -> None:
+    sid = staff.enter("ana")
+    headers = {"Origin": HOST, "X-CSRF-Token": staff.access.form_token(sid)}
+    assert staff.client.post("/session/active", headers=headers).status_code == 200
+    first, second = (re.search(r'name="csrf" value="([^"]+)"', staff.client.get("/account").text) for _ in range(2))
+    assert first and second and first[1] != second[1]
+    assert staff.access.is_form_token(first[1], sid)
+
+
+def test_nothing_changes_with_get(staff: Staff) -> None:
+    staff.enter("boss1", "admin")
+    for route in routes():
+        method, path = route.split()
+        if method == "POST" and f"GET {path}" not in routes():
+            assert staff.client.get(re.sub(r"\{[^}]*\}", "1", path)).status_code in (404, 405), route
+
+
+@pytest.mark.parametrize("method", ["TRACE", "PUT", "DELETE", "PATCH"])
+def test_other_methods_are_not_there(staff: Staff, method: str) -> None:
+    staff.enter("ana")
+    assert staff.client.request(method, "/account").status_code in (404, 405)
+
+
+# ---- sockets ----------------------------------------------------------------------------------------------
+
+
+def hello(staff: Staff, kind: str) -> object:
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_json({"subscribe": kind, "rev": 0})
+        answer = socket.receive_json()
+        return answer.get("error") or "hello" in answer
+
+
+def test_a_socket_gives_each_person_the_pages_that_the_person_may_see(staff: Staff, live_plant: None) -> None:
+    staff.have()
+    assert hello(staff, "overview") == "not_allowed"
+    staff.enter("the-viewer", "viewer")
+    assert hello(staff, "overview") is True
+    assert hello(staff, "parameters/m1") == "not_allowed"
+    staff.enter("the-engineer", "engineer")
+    assert hello(staff, "parameters/m1") is True
+
+
+def test_a_guest_has_a_socket_only_while_all_is_simulated(staff: Staff) -> None:
+    staff.have()
+    assert hello(staff, "overview") is True
+    assert hello(staff, "parameters/m1") == "not_allowed"
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Origin": "https://evil.example"}, {"Origin": HOST, "Sec-Fetch-Site": "cross-site"}]
+)
+def test_a_socket_of_another_site_is_refused(staff: Staff, headers: dict[str, str]) -> None:
+    staff.enter("ana")
+    with (
+        pytest.raises(WebSocketDisconnect),
+        staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers=headers),
+    ):
+        pass
+
+
+def test_a_socket_closes_when_its_session_ends(staff: Staff) -> None:
+    staff.enter("marko", "viewer")
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_json({"subscribe": "overview", "rev": 0})
+        assert "hello" in socket.receive_json()
+        staff.wait(staff.access.people.disable, BOSS, staff.add("marko"), True)
+        with pytest.raises(WebSocketDisconnect):
+            for _ in range(100):
+                socket.receive_json()
+
+
+# ---- while the audit cannot be written --------------------------------------------------------------------
+
+
+def test_without_audit_changes_are_refused_and_pages_go_on(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    staff.enter("boss2", "admin", "engineer", "operator")
+    monkeypatch.setattr(type(staff.access.audit), "healthy", property(lambda _: False))
+    answer = staff.post("/users", {"name": "eve", "own_password": PASSWORD, "roles": "admin"})
+    assert answer.status_code == 503
+    assert staff.client.get("/users").status_code == 200
+    assert staff.post("/session/active").status_code == 200
+
+
+# ---- cookies ----------------------------------------------------------------------------------------------
+
+
+def test_a_browser_without_session_gets_a_pre_session_that_no_script_and_no_site_reads(staff: Staff) -> None:
+    staff.have()
+    cookie = staff.client.get("/signin").headers["set-cookie"]
+    assert re.fullmatch(r"pre=[\w-]{22}; Path=/; HttpOnly; SameSite=Strict", cookie)
+
+
+def test_static_files_and_programs_get_no_cookie(staff: Staff) -> None:
+    staff.have()
+    assert "set-cookie" not in staff.client.get("/favicon.ico").headers
+    assert "set-cookie" not in staff.client.get("/healthz").headers
