@@ -37,6 +37,7 @@ class Settings(BaseSettings):
     metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
     history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")
     history_quota_mb: float = Field(4096, ge=8, description="Size at which the oldest history is cut [MB].")
+    export_rows: int = Field(1_000_000, ge=1, description="Most rows of one CSV export from a page.")
     push_period: float = Field(0.05, ge=0.02, le=1, description="Shortest time between two pushes to a browser [s].")
 
     @model_validator(mode="after")

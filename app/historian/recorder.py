@@ -135,7 +135,7 @@ class Track:
 
 
 class Recorder:
-    """Follows the tag database and writes history, for ever."""
+    """Follows the tag database and writes history, for ever. A database that cannot be opened or written is told, and tried again."""
 
     def __init__(self, tags: TagDatabase, database: Database, clock: Clock, *, keep_days: float, quota: int) -> None:
         """`quota` [bytes] is where the oldest is cut; `keep_days` the age."""
@@ -162,6 +162,7 @@ class Recorder:
         self._seen: dict[tuple[str, int], int] = {}
         self._rows: list[Row] = []
         self._start = clock.micros()
+        self._opened = False
         self._begun = False
         self._used: int | None = None
         self._warned = False
@@ -176,6 +177,7 @@ class Recorder:
         """
         wanted = [point for point in points if point.history]
         try:
+            await self._open()
             numbers = await self._database.write(lambda connection: store.register(connection, wanted))
         except StorageError as error:
             self._say(error)
@@ -349,7 +351,13 @@ class Recorder:
         start = self._start
         await self._database.write(lambda connection: store.append(connection, rows, start, now))
 
+    async def _open(self) -> None:
+        if not self._opened:
+            await asyncio.to_thread(self._database.migrate)
+            self._opened = True
+
     async def _begin(self) -> None:
+        await self._open()
         if not self._begun:
             start = self._start
             await self._database.write(lambda connection: store.begin_run(connection, start))

@@ -1,0 +1,255 @@
+"""History for pages: decimated series as JSON, CSV as a stream."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+import orjson
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.responses import Response, StreamingResponse
+from sqlalchemy import Connection
+from starlette.types import Receive, Scope, Send
+
+from app.errors import ConfigurationError, Refused
+from app.historian import query
+from app.historian.export import FORMATS, Export, Wish, moment
+from app.plant.definitions import Kind, Point
+from app.web.guard import address_of, allow, person_of
+from app.web.language import language_of
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+router = APIRouter(prefix="/history")
+
+MOST_SERIES = 8
+"""Series in one answer."""
+MOST_EXPORTS = 2
+"""Exports at a time; a third is asked to come later."""
+DEFAULT_WIDTH = 1000
+HOUR = "-1h"
+
+
+@router.get("/series", dependencies=[allow("view")])
+async def series(request: Request) -> Response:
+    """`tags` (comma separated, at most 8) from `from` to `to` (µs UTC, ISO 8601 or `-8h`; the last hour) as `width` columns.
+
+    The answer: `now`, `alive` (how far the recorder has come), `from`, `to`, `width`, and `series`, each with `tag`, `unit`, `kind`,
+    `decimals`, `stepped` (a value holds until the next; else a line), `source`, `step` (width of a column), and columns of equal length:
+    `time`, `first`, `low`, `high`, `last`, `quality` (worst level 0 to 2), `count` (0: an edge or a break). All times are µs UTC. Draw
+    first, low, high, last of each column and lift the pen at every null. A text has `time` and `texts` instead, its changes.
+    """
+    runtime = runtime_of(request)
+    tags = _tags(request, MOST_SERIES)
+    begin, end = _range(request, runtime)
+    width = _number(request, "width", DEFAULT_WIDTH, 1, query.MAX_WIDTH)
+
+    def work(connection: Connection) -> dict[str, Any]:
+        known = query.recorded(connection)
+        missing = next((tag for tag in tags if tag not in known and tag not in runtime.points), None)
+        if missing is not None:
+            raise Refused("history.unknown_tag", 404, tag=missing)
+        return {
+            "now": runtime.clock.micros(),
+            "alive": query.alive(connection),
+            "from": begin,
+            "to": end,
+            "width": width,
+            "series": [
+                _series(connection, tag, known.get(tag), runtime.points.get(tag), begin, end, width) for tag in tags
+            ],
+        }
+
+    return Response(
+        orjson.dumps(await runtime.history.read(work)),
+        media_type="application/json",
+        headers={"Cache-Control": "no-store"},
+    )
+
+
+@router.get("/export.csv", dependencies=[allow("export")])
+async def export(request: Request) -> Response:
+    """`tags` from `from` to `to` as a CSV file: `interval` seconds (0: raw), `locale` (hr, en, de, cs, machine), `bom` (1).
+
+    It is streamed: nothing of it is kept here, and a browser that gives up ends it.
+    """
+    runtime, person = runtime_of(request), person_of(request)
+    made = Export(_wish(request, runtime))
+    try:
+        await runtime.history.read(made.open)
+    except ConfigurationError as error:
+        raise Refused("history.not_recorded", 404, tags=", ".join(made.wish.tags)) from error
+    exports = exports_of(request.app)
+    if len(exports) >= MOST_EXPORTS:
+        raise Refused("history.busy", 503, n=MOST_EXPORTS)
+    exports[made] = person.id
+    wish = made.wish
+    await runtime.access.audit.record(
+        "history.exported",
+        person,
+        " ".join(wish.tags)[:120],
+        address=address_of(request.scope),
+        begin=wish.begin,
+        end=wish.end,
+        interval=wish.interval,
+    )
+    return _Download(made, runtime, lambda: exports.pop(made, None))
+
+
+@router.get("/export/size", dependencies=[allow("export")])
+async def size(request: Request) -> Response:
+    """How many rows an export would have, and the limit: for the dialog that asks for it."""
+    runtime = runtime_of(request)
+    wish = _wish(request, runtime)
+
+    def work(connection: Connection) -> int:
+        found = [query.find(connection, tag) for tag in wish.tags]
+        if wish.interval:
+            return len(found) * -(-(wish.end - wish.begin) // (wish.interval * 1_000_000))
+        return sum(query.count(connection, one.number, wish.begin, wish.end) for one in found if one)
+
+    rows = await runtime.history.read(work)
+    return Response(orjson.dumps({"rows": rows, "limit": wish.most_rows}), media_type="application/json")
+
+
+@router.get("/export/progress", dependencies=[allow("export")])
+async def progress(request: Request) -> Response:
+    """The exports of this person that are under way: `file`, `rows` so far, `part` 0 to 1."""
+    person = person_of(request)
+    mine = [
+        {"file": one.file_name, "rows": one.rows, "part": round(one.progress, 4)}
+        for one, owner in exports_of(request.app).items()
+        if owner == person.id
+    ]
+    return Response(orjson.dumps(mine), media_type="application/json", headers={"Cache-Control": "no-store"})
+
+
+def exports_of(app: FastAPI) -> dict[Export, int]:
+    """Exports under way, and whose they are."""
+    state = app.state
+    if not hasattr(state, "exports"):
+        state.exports = {}
+    found: dict[Export, int] = state.exports
+    return found
+
+
+def runtime_of(request: Request) -> "Runtime":
+    """The running plant."""
+    runtime: Runtime = request.app.state.runtime
+    return runtime
+
+
+class _Download(StreamingResponse):
+    """A stream that says when it is over, also when its reader went away before the first byte."""
+
+    def __init__(self, made: Export, runtime: "Runtime", over: Callable[[], object]) -> None:
+        super().__init__(
+            made.stream(runtime.history),
+            media_type="text/csv; charset=utf-8",
+            headers={
+                "Content-Disposition": f'attachment; filename="{made.file_name}"',
+                "Cache-Control": "no-store",
+                "X-Accel-Buffering": "no",
+            },
+        )
+        self._over = over
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._over()
+
+
+def _series(
+    connection: Connection,
+    tag: str,
+    known: query.Recorded | None,
+    point: Point | None,
+    begin: int,
+    end: int,
+    width: int,
+) -> dict[str, Any]:
+    kind = point.kind.value if point else known.kind if known else Kind.ANALOG.value
+    head: dict[str, Any] = {
+        "tag": tag,
+        "unit": point.unit if point else known.unit if known else "",
+        "kind": kind,
+        "decimals": point.decimals if point else 3,
+        "stepped": kind != Kind.ANALOG,
+    }
+    if known is None:
+        return head | _columns(query.Columns())
+    if kind == Kind.TEXT:
+        changes = query.texts(connection, known.number, begin, end, width)
+        return head | {"time": [time for time, _ in changes], "texts": [text for _, text in changes]}
+    return head | _columns(query.columns(connection, known.number, begin, end, width))
+
+
+def _columns(columns: query.Columns) -> dict[str, Any]:
+    names = ("source", "step", "time", "first", "low", "high", "last", "quality", "count")
+    return {name: getattr(columns, name) for name in names}
+
+
+def _wish(request: Request, runtime: "Runtime") -> Wish:
+    begin, end = _range(request, runtime)
+    locale = request.query_params.get("locale", "") or language_of(request)
+    if locale not in FORMATS:
+        raise Refused("history.locale", 422, value=locale, expected=", ".join(FORMATS))
+    plant, lang = runtime.plant, language_of(request)
+    wish = Wish(
+        tags=_tags(request, 100),
+        begin=begin,
+        end=end,
+        zone=_zone(runtime),
+        interval=_number(request, "interval", 0, 0, 366 * 86_400),
+        locale=locale,
+        bom=request.query_params.get("bom", "") in ("1", "on"),
+        most_rows=runtime.settings.export_rows,
+        plant=runtime.texts.label(lang, plant.name) if plant else "",
+        person=person_of(request).name,
+        created=runtime.clock.micros(),
+        simulated=runtime.simulated,
+    )
+    try:
+        wish.check()
+    except ConfigurationError as error:
+        raise Refused("history.request", 422, problem=str(error)) from error
+    return wish
+
+
+def _tags(request: Request, most: int) -> list[str]:
+    named = [tag.strip() for text in request.query_params.getlist("tags") for tag in text.split(",")]
+    tags = list(dict.fromkeys(tag for tag in named if tag))
+    if not 1 <= len(tags) <= most:
+        raise Refused("history.tag_count", 422, n=most)
+    return tags
+
+
+def _range(request: Request, runtime: "Runtime") -> tuple[int, int]:
+    zone, now = _zone(runtime), runtime.clock.micros()
+    out = []
+    for name, default in (("from", HOUR), ("to", "now")):
+        text = request.query_params.get(name, "").strip() or default
+        try:
+            out.append(moment(text, zone, now))
+        except ConfigurationError as error:
+            raise Refused("history.time", 422, value=text[:40]) from error
+    if out[1] <= out[0]:
+        raise Refused("history.range", 422)
+    return out[0], out[1]
+
+
+def _number(request: Request, name: str, default: int, low: int, high: int) -> int:
+    text = request.query_params.get(name, "").strip()
+    value: int | None = default if not text else None
+    with suppress(ValueError):
+        value = int(text) if text and len(text) < 12 else value
+    if value is None or not low <= value <= high:
+        raise Refused("history.number", 422, name=name, low=low, high=high)
+    return value
+
+
+def _zone(runtime: "Runtime") -> ZoneInfo:
+    return ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
