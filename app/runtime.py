@@ -2,12 +2,21 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
+from contextlib import suppress
 
 from app import __version__
 from app.access.access import Access, prepare
+from app.access.keys import read_key
+from app.alarms.definitions import alarm_points, frame_names
+from app.alarms.engine import AlarmEngine
 from app.clock import Clock, SystemClock
+from app.commands.gate import Gate
+from app.commands.lifecycle import Progress
+from app.commands.lifecycle import State as Progressed
 from app.db import Database
+from app.errors import StorageError
+from app.historian.recorder import Recorder
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
@@ -15,7 +24,8 @@ from app.live.frames import Live
 from app.plant.definitions import Equipment, Link, Plant, Point, Problem
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
-from app.plant.system import FRAME, SYSTEM, system_points
+from app.plant.retained import RetainedStates
+from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_points
 from app.plant.texts import Texts
 from app.settings import Settings
 from app.sim.plant import SimPlant, exchange
@@ -27,6 +37,10 @@ log = logging.getLogger(__name__)
 
 DERIVED = "derived"
 """Source of the points that are computed from others."""
+RETAIN_PERIOD = 10.0
+"""How often running hours and the like are kept [s]."""
+SIMULATION_LATE = 1.0
+"""The virtual plant is behind by more than this [s]: an alarm."""
 SWEEP_PERIOD = 0.25
 """How often overdue values are looked for and the loop lag is measured [s]."""
 
@@ -44,16 +58,26 @@ class Runtime:
         self.plant: Plant | None = None
         self.db: Database
         """`pogon.db`, from `start` on."""
+        self.history: Database
+        """`history.db`, from `start` on; one that cannot be opened is told by the recorder and does not stop the plant."""
+        self.recorder: Recorder
+        """What writes it, from `start` on."""
         self.access: Access
         """People, sessions and the audit, from `start` on."""
+        self.alarms: AlarmEngine
+        """All alarms, from `start` on."""
         self.problems: list[Problem] = []
         self.points: dict[str, Point] = {}
         self.links: dict[str, RegisterLink] = {}
+        self.gate: Gate | None = None
+        """The road of every command, while there is a plant."""
         self.sim: SimPlant | None = None
         self.loop_lag = 0.0
         self._derivation: Derivation | None = None
         self._derivation_inputs: frozenset[int] = frozenset()
+        self._retained: RetainedStates
         self._modbus: object | None = None
+        self._command_revisions: dict[str, int] = {}
 
     # ---- start and stop -------------------------------------------------------------------------------
 
@@ -66,7 +90,20 @@ class Runtime:
         """
         await asyncio.to_thread(self._open_storage)
         await self.access.start(__version__)
+        self.alarms = AlarmEngine(
+            self.tags, self.clock, self.db, self.texts, read_key(self.settings.data / "audit.key")
+        )
+        await self.alarms.load()
+        self.recorder = Recorder(
+            self.tags,
+            self.history,
+            self.clock,
+            keep_days=self.settings.history_keep_days,
+            quota=int(self.settings.history_quota_mb * 1e6),
+        )
         self.keeper.keep("audit", self.access.audit.watch)
+        self.keeper.keep("alarms", self.alarms.run)
+        self.keeper.keep("alarm journal", self.alarms.keep_journal)
         self.plant, self.problems = read_plant(self.settings.plant)
         for problem in self.problems:
             log.error("plant problem %s", problem)
@@ -76,13 +113,22 @@ class Runtime:
             await self._start_plant(self.plant)
         else:
             self._configure()
+        await self.recorder.configure(self.points.values())
+        self.keeper.keep("recorder", self.recorder.run)
 
     async def stop(self) -> None:
-        """End all tasks and close what is open."""
+        """Stop what is held to run, end all tasks and close what is open."""
+        if self.gate is not None:
+            await self.gate.close()
         await self.keeper.close()
         if self._modbus is not None:
             await self._modbus.close()  # type: ignore[attr-defined]
         self.live.close()
+        await self.alarms.close()
+        with suppress(StorageError):
+            await self._retain_now()
+        await self.recorder.close()
+        await asyncio.to_thread(self.history.close)
         await self.access.stop()
         await asyncio.to_thread(self.db.close)
 
@@ -90,7 +136,9 @@ class Runtime:
         prepare(self.settings.data)
         self.db = Database(self.settings.data / "pogon.db", "pogon")
         self.db.migrate()
+        self.history = Database(self.settings.data / "history.db", "history")
         self.access = Access(self.db, self.clock, self.settings.data)
+        self._retained = RetainedStates(self.db)
 
     async def _start_plant(self, plant: Plant) -> None:
         self.texts = Texts.read(plant)
@@ -100,16 +148,58 @@ class Runtime:
             self.sim = SimPlant(plant, self.clock, links=memory)
             self.keeper.keep("simulation", self.sim.run)
         self._derivation = Derivation(plant)
+        self._derivation.restore(await self._retained.read())
+        self.keeper.keep("retained", self._retain)
         for name, link in plant.links.items():
             self.links[name] = RegisterLink(
                 link, self.on_link(name), self.tags, self.clock, exchange=self._exchange(link)
             )
         self._configure()
         self.tags.subscribe(self._derive)
+        self.gate = self._make_gate(plant)
+        self.keeper.keep("commands", self.gate.run)
         for name, register_link in self.links.items():
             self.keeper.keep(f"link.{name}", register_link.run)
         if self.settings.serve_modbus and self.sim:
             await self._serve_modbus(self.sim)
+
+    def _make_gate(self, plant: Plant) -> Gate:
+        gate = Gate(
+            self.tags,
+            self.clock,
+            writers=self.links,
+            audit=self.access.audit.record,
+            dry_run=self.settings.dry_run,
+        )
+        gate.configure(plant)
+        gate.subscribe(self._operation_changed)
+        gate.subscribe_ends(self._command_ended)
+        gate.on_stop_unconfirmed = self.alarms.stop_unconfirmed
+        self.access.sessions.subscribe(self._sessions_ended)
+        return gate
+
+    def _command_ended(self, progress: Progress) -> None:
+        """A command that was sent and not seen to work is an alarm; a Stop has its own."""
+        if progress.state in (Progressed.UNCONFIRMED, Progressed.UNKNOWN) and self.plant:
+            command = self.plant.equipment[progress.equipment].type.commands.get(progress.command)
+            if command is None or not command.stop:
+                self.alarms.raise_system(
+                    "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
+                )
+
+    def _sessions_ended(self, sessions: Collection[str]) -> None:
+        for session in sessions:
+            if self.gate is not None:
+                self.gate.session_ended(session)
+
+    def _operation_changed(self, equipment: str) -> None:
+        """Something about the commands of a machine changed: whoever looks at it fetches its command column again."""
+        name = f"{SYSTEM}.{COMMANDS}.{equipment}"
+        if name not in self.tags:
+            return
+        count = self._command_revisions[equipment] = self._command_revisions.get(equipment, 0) + 1
+        now = self.clock.micros()
+        self.tags.publish(Batch(SYSTEM, 1, now, now, [self.tags.handle(name)], [count]))
 
     def _configure(self) -> None:
         statistics = [
@@ -119,8 +209,10 @@ class Runtime:
         ]
         points = [point for point in (self.plant.points.values() if self.plant else ()) if _has_value(point)]
         points += system_points(self.plant, statistics)
+        points += alarm_points(self.plant.equipment if self.plant else ())
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
+        self.alarms.configure(self.plant, self.texts)
         if self._derivation:
             self._derivation_inputs = frozenset(self.tags.handle(name) for name in self._derivation.inputs)
         self.live.renew()
@@ -180,7 +272,7 @@ class Runtime:
             KeyError: no page is of this kind.
         """
         head, _, rest = kind.partition("/")
-        frame = [f"{SYSTEM}.{key}" for key, *_ in FRAME]
+        frame = [*(f"{SYSTEM}.{key}" for key, *_ in FRAME), *frame_names()]
         if self.plant is None:
             return frame
         match head:
@@ -191,14 +283,20 @@ class Runtime:
                     for point in item.points.values()
                     if point.scan != "once"
                 ]
+                names += [f"{SYSTEM}.{COMMANDS}.{key}" for key in self.plant.equipment]
             case "equipment" | "faceplate" | "parameters":
                 names = [point.name for point in self.plant.equipment[rest].points.values()]
+                names.append(f"{SYSTEM}.{COMMANDS}.{rest}")
+                item = self.plant.equipment[rest]
+                names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")
             case "tags":
                 names = [name for name in rest.split(",") if name in self.points][:200]
             case "frame":
                 names = []
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
+            case "storage":
+                names = [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
             case _:
                 raise KeyError(kind)
         return list(dict.fromkeys(names + frame))
@@ -228,6 +326,16 @@ class Runtime:
             )
         )
 
+    async def _retain(self) -> None:
+        """Keep what derived points remember, for ever; a killed server forgets the last seconds."""
+        while True:
+            await asyncio.sleep(RETAIN_PERIOD)
+            await self._retain_now()
+
+    async def _retain_now(self) -> None:
+        if self._derivation:
+            await self._retained.write(self._derivation.retained())
+
     async def _sweep(self) -> None:
         """Look for overdue values and publish what the system knows of itself, for ever."""
         loop = asyncio.get_running_loop()
@@ -253,12 +361,26 @@ class Runtime:
             "sim_overruns": self.sim.overruns if self.sim else 0,
             "watchers": self.live.watchers,
         }
+        values |= {f"history.{key}": value for key, value in self.recorder.statistics().items()}
         handles = {key: self.tags.handle(f"{SYSTEM}.{key}") for key in values}
         changed = {handles[key]: value for key, value in values.items() if self.tags.value(handles[key]) != value}
         now = self.clock.micros()
         self.tags.publish(Batch(SYSTEM, 0, now, now, list(changed), list(changed.values())))
+        self._tell_alarms()
+
+    def _tell_alarms(self) -> None:
+        """What the server itself has to say: links, clock of the simulation, audit."""
+        tell = self.alarms.raise_system
+        for name, link in self.links.items():
+            tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
+        tell("simulation_late", active=self.sim is not None and self.sim.lag > SIMULATION_LATE)
+        audit = self.access.audit
+        tell("audit_waiting", active=not audit.healthy)
+        tell("audit_broken", active=not audit.intact)
 
     def _task_changed(self, kept: Kept) -> None:
+        if hasattr(self, "alarms"):
+            self.alarms.raise_system("task_down", active=not kept.alive, params={"task": kept.name})
         if not kept.alive:
             log.warning("task down task=%s error=%s", kept.name, kept.error)
 

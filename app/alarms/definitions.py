@@ -14,12 +14,13 @@ COUNTS: Sequence[str] = (
     "new",
     "sound",
     "total",
+    "unack",
     "flood",
     *(f"unack_{priority}" for priority in PRIORITIES),
     *(f"active_{priority}" for priority in PRIORITIES),
 )
-"""Points `sys.alarms.…` that every page has: number of the last change, of the newest annunciation, priority that sounds (0 = none),
-alarms in the list, whether there is a flood, alarms by priority that wait for an acknowledgement, and all of them."""
+"""Points `sys.alarms.…` that every page has: number of the last change, of the newest annunciation, priority that sounds (0 = none), alarms
+in the list, those that wait for an acknowledgement, whether there is a flood, and by priority what waits and what is in the list."""
 
 
 def frame_names() -> list[str]:

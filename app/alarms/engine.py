@@ -22,7 +22,19 @@ from app.alarms.conditions import Delay, Told, Truth, condition, inputs, needs_t
 from app.alarms.definitions import PREFIX, PRIORITIES, SYSTEM_ALARMS
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import ANNUNCIATED, AUDIBLE, HIDDEN, Event, Life, State, Step, step
-from app.alarms.watch import CHATTER_WINDOW, Answer, Standing, Watch, carry, number, record, standing, stored, written
+from app.alarms.watch import (
+    CHATTER_WINDOW,
+    Answer,
+    Standing,
+    Watch,
+    carry,
+    number,
+    record,
+    spoken,
+    standing,
+    stored,
+    written,
+)
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused, StorageError
@@ -37,6 +49,8 @@ from app.tags.quality import NO_DATA
 
 log = logging.getLogger(__name__)
 
+BLOCK = 2
+"""Number of the block of our points within those of the system."""
 PUBLISH_PERIOD = 0.25
 """Least time between two changes of the counts [s]."""
 IDLE = 0.5
@@ -428,7 +442,9 @@ class AlarmEngine:
             self._told.append(at)
             self._flood_times.append(now)
             self._judge_flood(now)
-        text = self._texts.of_type(self._texts.default, watch.type, watch.alarm.label, **written(watch))
+        lang = self._texts.default
+        params = spoken(self._texts, lang, watch.type, written(watch))
+        text = self._texts.of_type(lang, watch.type, watch.alarm.label, **params)
         self._records.append(record(watch, result, at, person, comment, detail, text, self.config))
         self._mark(watch)
         self._arm(watch)
@@ -513,7 +529,7 @@ class AlarmEngine:
             index=0,
             equipment=equipment,
             area=item.area if item else SYSTEM,
-            type="",
+            type=item.type.name if item else "",
             alarm=row,
             condition=Told(),
             delay=Delay(row.on_delay, row.off_delay),
@@ -649,6 +665,7 @@ class AlarmEngine:
             "new": self._news,
             "sound": sound,
             "total": sum(active.values()),
+            "unack": sum(unack.values()),
             "flood": int(self.flood),
         }
         for priority in PRIORITIES:
@@ -667,7 +684,7 @@ class AlarmEngine:
             if handle is not None and (tags.value(handle) != value or quality.is_bad(tags.quality(handle))):
                 handles.append(handle)
                 values.append(value)
-        tags.publish(Batch(SYSTEM, 1, now, now, handles, values))
+        tags.publish(Batch(SYSTEM, BLOCK, now, now, handles, values))
 
     # ---- what runs ------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from app.alarms.conditions import Condition, Delay
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import UNACKED, Life, State, Step, Traits
 from app.plant.definitions import Alarm
+from app.plant.texts import Texts
 from app.tags import quality
 from app.tags.batch import Value
 
@@ -283,3 +284,11 @@ def written(watch: Watch) -> dict[str, object]:
     """Parameters with value and limit for the text as it is written down; screens format them for their reader."""
     pairs = (("value", watch.value), ("limit", watch.limit))
     return {**watch.params, **{name: f"{one:.{watch.decimals}f}" for name, one in pairs if one is not None}}
+
+
+def spoken(texts: Texts, lang: str, type: str, params: Mapping[str, object]) -> dict[str, object]:
+    """Parameters in `lang`: one that begins with @ is the key of a text."""
+    return {
+        name: texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
+        for name, value in params.items()
+    }

@@ -3,14 +3,15 @@
 A transport knows addresses and bytes; it does not know quality, priorities, retries, alarms or people. One object is one connection (one
 socket, one serial line) and gets one call at a time; what waits is ordered by the link. Everything it raises is a `LinkError`.
 
-A late answer never becomes the answer to a later request: TCP tells them apart by transaction; a serial transport waits out the silence
-before its next request and throws away what came meanwhile. That wait belongs to the next call and counts as its time on the wire.
+A late answer never becomes the answer to a later request: TCP tells them apart by transaction, a serial transport (rtu.py) sends nothing
+whose answer an older one could be taken for. What it waits for before a telegram belongs to the call and counts as its time on the wire.
 """
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
+from app.errors import NoAnswer
 from app.plant.definitions import Link
 
 Exchange = Callable[[int, bytes], Awaitable[bytes | None]]
@@ -27,6 +28,8 @@ class Block:
     """1 to 125."""
     function: int = 3
     """03 holding, 04 input registers."""
+    cuts: tuple[int, ...] = field(default=(), compare=False)
+    """Counts of registers after which it may be read in two telegrams without tearing a value."""
 
     @property
     def last(self) -> int:
@@ -34,11 +37,34 @@ class Block:
         return self.address + self.count - 1
 
 
+@dataclass(slots=True)
+class Counts:
+    """What only the wire knows; all connections of a link share one object."""
+
+    damaged: int = 0
+    """Telegrams with a wrong check sum, and noise."""
+    late: int = 0
+    """Answers to requests that had been given up."""
+
+
+class StillOwed(NoAnswer):
+    """Not sent: the device may still answer an earlier request, and that answer could be taken for this one's.
+
+    `wait`: until then [s].
+    """
+
+    def __init__(self, what: str, wait: float) -> None:
+        super().__init__(f"{what}: an earlier answer may still come, asked again in {wait:.1f} s")
+        self.wait = wait
+
+
 class Transport(Protocol):
     """One connection to devices. `patience` is the device's own time for an answer [s]; time on the wire comes on top."""
 
     parallel: ClassVar[bool]
     """Whether a link may open several of them to the same device (`device.connections`)."""
+    counts: Counts
+    """Counted by the transport; the link puts its own object here."""
 
     @property
     def connected(self) -> bool:
@@ -58,6 +84,7 @@ class Transport(Protocol):
 
         Raises:
             NoAnswer: silence until the time-out.
+            StillOwed: nothing was sent, for the sake of an earlier answer.
             NotConnected: the connection is not there, or went while waiting.
             BadAnswer: an answer came that is not one to this request.
             DeviceException: the device refused.

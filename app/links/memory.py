@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Sequence
 
 from app.errors import BadAnswer, ConfigurationError, NoAnswer, NotConnected
-from app.links.contract import Block, Exchange
+from app.links.contract import Block, Counts, Exchange
 from app.plant.definitions import Link
 from app.registers.pdu import WRITE_MULTIPLE, Request, build_request, parse_answer
 
@@ -21,6 +21,7 @@ class MemoryTransport:
         """
         if exchange is None:
             raise ConfigurationError(f"link {link.name}: transport memory needs a simulated line, there is none")
+        self.counts = Counts()
         self._exchange = exchange
         self._open = False
 

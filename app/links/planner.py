@@ -155,5 +155,7 @@ def _cut(points: Sequence[Point], limit: int, walls: Collection[Span], cost: flo
 
 def _around(points: Sequence[Point], function: int) -> Block:
     spans = [span_of(point.register) for point in points if point.register]
-    first = min(span[0] for span in spans)
-    return Block(first, max(span[1] for span in spans) - first + 1, function)
+    first, last = min(span[0] for span in spans), max(span[1] for span in spans)
+    torn = {at for begin, end in spans for at in range(begin + 1, end + 1)}
+    cuts = tuple(at - first for at in range(first + 1, last + 1) if at not in torn)
+    return Block(first, last - first + 1, function, cuts)

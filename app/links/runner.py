@@ -15,12 +15,13 @@ from typing import Any
 
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
-from app.links.contract import Block, Transport
+from app.links.contract import Block, StillOwed, Transport
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority, Schedule
 from app.links.station import Finding, Station, spans_of
 from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link, Scan
+from app.registers.rtu import read_time, write_time
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
 
@@ -101,9 +102,6 @@ class LinkRunner:
         self._heard = False
         """Whether anybody answered since the connection was opened, or since all were silent."""
         self._line_silent = False
-        if not self._heard:
-            self._heard = True
-            self._settle()
         self._probe_free = 0.0
         self._reopened = 0.0
         self._reopen: set[int] = set()
@@ -195,8 +193,10 @@ class LinkRunner:
 
     async def _lane(self, number: int) -> None:
         pause = 0.0
+        transport = self._build()
+        transport.counts = self.statistics.wire
         while True:
-            lane = _Lane(number, self._build())
+            lane = _Lane(number, transport)
             try:
                 await lane.transport.connect()
                 self._opened(number)
@@ -306,14 +306,15 @@ class LinkRunner:
             if isinstance(error, DeviceException):
                 lane.answers += 1
                 self._answered(station, started, job.liveness and error.code not in GATEWAY)
-            self.statistics.failed(job.unit, error)
+            if not isinstance(error, StillOwed):
+                self.statistics.failed(job.unit, error)
             _fail(job, error)
             if isinstance(error, NotConnected):
                 raise
             return
         lane.answers += 1
         self.statistics.busy += self._now() - started
-        self._answered(station, started, job.liveness)
+        self._answered(station, started, job.liveness, self._wire(job.read, len(job.words), job.function))
         if job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
             self._publish(station, job.scan, words, started)
         if not job.done.done():
@@ -330,6 +331,10 @@ class LinkRunner:
             if ticket == block.ticket:
                 self._schedule.at(block, block.due)  # another connection may do it
             raise
+        except StillOwed as error:
+            if ticket == block.ticket:
+                self._schedule.at(block, self._now() + error.wait)
+            return
         except LinkError as error:
             self.statistics.busy += self._now() - started
             self.statistics.failed(block.unit, error)
@@ -341,7 +346,7 @@ class LinkRunner:
         lane.answers += 1
         ended = self._now()
         self.statistics.busy += ended - started
-        self._answered(station, started, True)
+        self._answered(station, started, True, self._wire(block.block))
         station.proven = max(station.proven, block.block.count)
         block.attempts = block.failures = 0
         if block.scan is Scan.FAST:
@@ -382,11 +387,12 @@ class LinkRunner:
         if batch is not None:
             self._tags.publish(batch)
 
-    def _answered(self, station: Station | None, started: float, alive: bool) -> None:
+    def _answered(self, station: Station | None, started: float, alive: bool, wire: float | None = None) -> None:
+        """`wire`: what the telegram takes on the line by itself [s]; None when it was not answered in full."""
         self.statistics.telegrams += 1
         if station is None or not alive:
             return
-        self.statistics.units[station.number].answered(self._now() - started)
+        self.statistics.units[station.number].answered(self._now() - started, wire)
         self._line_silent = False
         if not self._heard:
             self._heard = True
@@ -644,7 +650,18 @@ class LinkRunner:
     # small things
 
     async def _read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
-        return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
+        """One read for a task that can wait, also for the line to forget an earlier request."""
+        while True:
+            try:
+                return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
+            except StillOwed as error:
+                await asyncio.sleep(error.wait)
+
+    def _wire(self, read: Block | None, words: int = 0, function: int = 6) -> float:
+        """Time of a telegram on a serial line with both silences [s]; 0 elsewhere."""
+        if self.link.transport != "rtu":
+            return 0.0
+        return read_time(self.link.baud, read.count) if read else write_time(self.link.baud, words, function)
 
     def _replan(self, station: Station) -> None:
         before = set(map(id, station.blocks))

@@ -8,6 +8,8 @@
 | bus_share | time with a telegram on its way, of all time and connections [%] |
 | timeouts, exceptions, retries, late_scans | counted since the start |
 | last_error | index in `ERROR_KINDS`, 0 = none yet |
+| damaged | telegrams with a wrong check sum, and noise, counted since the start |
+| late_answers | answers that came when nobody waited for them any more |
 | connections | open now |
 | simulated | 1 when every unit says that it is simulated |
 
@@ -21,6 +23,7 @@ from zlib import crc32
 
 from app.clock import Clock
 from app.errors import DeviceException, LinkError, NoAnswer
+from app.links.contract import Counts
 from app.plant.definitions import Link
 from app.tags.batch import Batch, Value
 from app.tags.database import TagDatabase
@@ -36,6 +39,8 @@ LINK_KEYS: Sequence[str] = (
     "exceptions",
     "retries",
     "late_scans",
+    "damaged",
+    "late_answers",
     "last_error",
     "connections",
     "simulated",
@@ -75,12 +80,20 @@ class UnitStatistics:
     state: State = State.CONNECTING
     answer_time: float = 0.0
     """Smoothed [s]; 0 = never answered."""
+    turnaround: float = 0.0
+    """Of the answer time, what is not telegrams and silences on the wire: the device, its adapter, this computer; smoothed [s]."""
     timeouts: int = 0
     exceptions: int = 0
+    by_code: dict[int, int] = field(default_factory=dict)
+    """Exceptions by code."""
 
-    def answered(self, seconds: float) -> None:
-        """An answer took `seconds`."""
-        self.answer_time += (seconds - self.answer_time) * (SMOOTHING if self.answer_time else 1.0)
+    def answered(self, seconds: float, wire: float | None = None) -> None:
+        """An answer took `seconds`, of which `wire` on the line itself (None: not known)."""
+        share = SMOOTHING if self.answer_time else 1.0
+        self.answer_time += (seconds - self.answer_time) * share
+        if wire is not None:
+            share = SMOOTHING if self.turnaround else 1.0
+            self.turnaround += (max(0.0, seconds - wire) - self.turnaround) * share
 
 
 @dataclass(slots=True)
@@ -96,6 +109,8 @@ class LinkStatistics:
     exceptions: int = 0
     retries: int = 0
     late_scans: int = 0
+    wire: Counts = field(default_factory=Counts)
+    """Counted by the connections themselves."""
     last_error: str = ""
     """Kind of the last error."""
     last_error_text: str = ""
@@ -121,6 +136,7 @@ class LinkStatistics:
             self.exceptions += 1
             if of_unit:
                 of_unit.exceptions += 1
+                of_unit.by_code[error.code] = of_unit.by_code.get(error.code, 0) + 1
         elif isinstance(error, NoAnswer):
             self.timeouts += 1
             if of_unit:
@@ -190,6 +206,8 @@ class StatisticsPublisher:
             "exceptions": s.exceptions,
             "retries": s.retries,
             "late_scans": s.late_scans,
+            "damaged": s.wire.damaged,
+            "late_answers": s.wire.late,
             "last_error": ERROR_KINDS.index(s.last_error) if s.last_error in ERROR_KINDS else 1,
             "connections": s.connections,
             "simulated": int(s.simulated),

@@ -15,7 +15,7 @@ from pymodbus.framer.socket import FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from app.errors import BadAnswer, NoAnswer, NotConnected
-from app.links.contract import Block, Exchange
+from app.links.contract import Block, Counts, Exchange
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_request, parse_answer
 
@@ -35,6 +35,7 @@ class TcpTransport:
 
     def __init__(self, link: Link, exchange: Exchange | None = None) -> None:
         """`exchange` is of the memory transport; not used here."""
+        self.counts = Counts()
         self._where = f"{link.host}:{link.tcp_port}"
         self._host, self._port = link.host, link.tcp_port
         self._client: AsyncModbusTcpClient | None = None

@@ -6,7 +6,7 @@ Arithmetic and limits: Modbus over serial line 1.02, reference/modbus.md section
 from dataclasses import dataclass, field
 
 from app.registers.crc import crc_holds, with_crc
-from app.registers.pdu import READ_HOLDING, READ_INPUT, READ_WRITE, WRITE_MULTIPLE, WRITE_SINGLE
+from app.registers.pdu import READ_HOLDING, READ_INPUT, READ_WRITE, READS, WRITE_MULTIPLE, WRITE_SINGLE
 
 BITS_PER_CHARACTER = 11
 """Start, 8 data, parity or a second stop, stop."""
@@ -87,3 +87,101 @@ class Framer:
         frame = bytes(self._heard)
         self._heard.clear()
         return parse_frame(frame)
+
+
+def write_time(baud: int, count: int = 1, function: int = WRITE_SINGLE) -> float:
+    """Wire time of one write of `count` registers and its echo with both silences, without the slave's turnaround [s]."""
+    request = 8 if function == WRITE_SINGLE else 9 + 2 * count
+    return character_time(baud) * (request + 8) + 2 * silence(baud)
+
+
+def answer_length(frame: bytes | bytearray) -> int | None:
+    """Length of the answer frame that begins with `frame`; None while it cannot be told, 0 when no answer begins so."""
+    if len(frame) < 2:
+        return None
+    function = frame[1]
+    if function & 0x80:
+        return 5
+    if function in (READ_HOLDING, READ_INPUT, READ_WRITE):
+        if len(frame) < 3:
+            return None
+        return 5 + frame[2] if frame[2] and frame[2] % 2 == 0 and 5 + frame[2] <= MAX_FRAME else 0
+    return 8 if function in (WRITE_SINGLE, WRITE_MULTIPLE) else 0
+
+
+@dataclass(slots=True)
+class AnswerFramer:
+    """Cuts what a master hears into answers, by length and check sum: two answers may come in one piece, one in several.
+
+    Silence alone would not do: a late answer can be followed by the next one without any, as far as this computer can tell.
+    """
+
+    damaged: int = 0
+    """Runs of bytes that were no frame: noise, wrong check sums."""
+    skipped: int = 0
+    """Bytes thrown away since the last good frame or silence."""
+    echo: bool = False
+    """Whether the adapter hears what it sends. A read shows it: no slave ever sends one. The echo of a write would pass for its answer."""
+    _request: bytes = b""
+    _heard: bytearray = field(default_factory=bytearray)
+
+    @property
+    def pending(self) -> bool:
+        """Whether something was heard whose end is not known yet."""
+        return bool(self._heard) or self.skipped > 0
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Units and PDUs of the answers that `data` completes."""
+        self._heard += data
+        frames = []
+        while (frame := self._cut()) is not None:
+            frames.append(frame)
+        return frames
+
+    def silent(self) -> tuple[list[tuple[int, bytes]], int]:
+        """The line is silent: answers behind a wrong beginning, and the number of bytes that were none."""
+        frames = []
+        self._request = b""
+        while self._heard:
+            self._skip()
+            while (frame := self._cut()) is not None:
+                frames.append(frame)
+        skipped = self.skipped
+        self._forget()
+        return frames, skipped
+
+    def asked(self, request: bytes) -> None:
+        """The frame `request` is being sent; what an adapter hears of it itself comes before the answer."""
+        self._request = request if self.echo or (len(request) > 1 and request[1] in READS) else b""
+
+    def _cut(self) -> tuple[int, bytes] | None:
+        """The answer that begins now, or None while it is not complete."""
+        heard = self._heard
+        while heard:
+            if self._request:
+                if len(heard) < len(self._request) and self._request.startswith(heard):
+                    return None
+                if heard.startswith(self._request):
+                    self.echo = True
+                    del heard[: len(self._request)]
+                self._request = b""
+                continue
+            length = answer_length(heard)
+            if length is None or len(heard) < length:
+                return None
+            frame = parse_frame(bytes(heard[:length])) if length else None
+            if frame is not None:
+                del heard[:length]
+                self._forget()
+                return frame
+            self._skip()
+        return None
+
+    def _skip(self) -> None:
+        del self._heard[0]
+        self.skipped += 1
+
+    def _forget(self) -> None:
+        if self.skipped:
+            self.damaged += 1
+        self.skipped = 0

@@ -129,14 +129,14 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
         person=typed["person"] if person.may("audit") else person.name,
         object=typed["object"],
         kind=typed["kind"],
-        since=_time(request, typed["since"], "since"),
-        until=_time(request, typed["until"], "until"),
+        since=read_time(request, typed["since"], "since"),
+        until=read_time(request, typed["until"], "until"),
         before=int(before) if before else None,
     )
     return wanted, typed
 
 
-def _time(request: Request, text: str, field: str) -> int | None:
+def read_time(request: Request, text: str, field: str) -> int | None:
     """What a `datetime-local` field sends, in the plant's zone."""
     if not text:
         return None

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
-from fastapi import Request
+from starlette.requests import HTTPConnection
 
 COOKIE = "pogon_lang"
 YEAR = 365 * 86400
@@ -15,7 +15,7 @@ HTML = {"en": "en-GB"}
 """For `<html lang>`, where the code alone would mean another country's dates."""
 
 
-def language_of(request: Request) -> str:
+def language_of(request: HTTPConnection) -> str:
     """The language of this request's answer, among those of the plant."""
     languages: Sequence[str] = request.app.state.view.languages(request)
     return choose(request.cookies.get(COOKIE, ""), request.headers.get("accept-language", ""), languages)

@@ -3,6 +3,9 @@
     browser → {"subscribe": kind, "rev": n}          first, and again after a new revision
     server  → {"hello": {"kind", "rev", "handles": {name: handle}, "build"}}, then frames (live/frames.py), the first one full
     browser → {"snapshot": true}                     after a gap in `n`: the next frame is full
+    browser → {"hold": {"equipment", "lease", "counter"}}   every 150 ms while a hold-to-run button is held; the first one starts the motion
+    browser → {"hold": {"equipment", "lease", "release": cause}}
+    server  → {"hold": {"lease", "counter"}}, with "over": words when the motion ended or never began
     server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large
 
 The route asks for host, origin, number of sockets and the right to the page at opening, and for the right again every 30 s.
@@ -20,8 +23,11 @@ import orjson
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from app.commands.gate import Gate
+from app.errors import Refused
 from app.live.frames import Live, Watcher
 from app.web.guard import allow
+from app.web.operation import RELEASE_CAUSES, Operation
 
 log = logging.getLogger(__name__)
 
@@ -164,8 +170,21 @@ class _Conversation:
         self.watcher: Watcher | None = None
         self.kind = ""
         self.speaker: asyncio.Task[None] | None = None
+        person = getattr(websocket.state, "person", None)
+        self.session: str = person.session if person is not None else ""
+        self.leases: set[str] = set()
+        """Leases of hold-to-run that were kept alive here: they end with the socket."""
+
+    @property
+    def gate(self) -> Gate | None:
+        """The gate of the plant as it runs now."""
+        gate: Gate | None = getattr(self.runtime, "gate", None)
+        return gate
 
     async def run(self) -> None:
+        entered = self.gate if self.session else None
+        if entered is not None:
+            entered.control.socket_opened(self.session)
         try:
             async with asyncio.timeout(FIRST_WORD):
                 await self.hear()
@@ -178,6 +197,9 @@ class _Conversation:
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
+            self.let_go()
+            if entered is not None:
+                entered.control.socket_closed(self.session)
             await self.fall_silent()
             if self.watcher:
                 self.live.leave(self.watcher)
@@ -200,10 +222,45 @@ class _Conversation:
             case {"snapshot": True}:
                 if self.watcher:
                     self.watcher.fall_behind()
+            case {"hold": {"equipment": str(equipment), "lease": str(lease), "counter": int(counter)}}:
+                await self.keep_alive(equipment, lease, counter)
+            case {"hold": {"lease": str(lease), "release": str(cause)}}:
+                self.release(lease, cause)
             case {"pong": _}:
                 pass
             case _:
                 raise _Refuse("bad_message")
+
+    async def keep_alive(self, equipment: str, lease: str, counter: int) -> None:
+        """A hold-to-run button is held down."""
+        gate, answer = self.gate, {"lease": lease, "counter": counter}
+        if gate is None or not self.session:
+            raise _Refuse("not_allowed")
+        try:
+            gate.hold.keep_alive(lease, counter, self.session)
+            self.leases.add(lease)
+        except Refused as refusal:
+            self.leases.discard(lease)
+            answer["over"] = self.words(equipment, refusal)
+        await self.send(orjson.dumps({"hold": answer}))
+
+    def release(self, lease: str, cause: str) -> None:
+        """The button is up."""
+        self.leases.discard(lease)
+        if self.gate is not None:
+            with contextlib.suppress(Refused):
+                self.gate.hold.release(lease, self.session, cause if cause in RELEASE_CAUSES else "released")
+
+    def let_go(self) -> None:
+        """The page is gone: what it held stops."""
+        for lease in tuple(self.leases):
+            self.release(lease, "closed")
+
+    def words(self, equipment: str, refusal: Refused) -> str:
+        """`refusal` in the language of the page."""
+        plant = self.runtime.plant
+        item = plant.equipment.get(equipment) if plant else None
+        return Operation(self.websocket, item).refusal(refusal) if item else refusal.reason
 
     async def subscribe(self, kind: str) -> None:
         try:

@@ -16,12 +16,15 @@ from babel import Locale
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from starlette.requests import HTTPConnection
 
 from app import bundled
+from app.access.roles import Person, permitted
 from app.clock import to_datetime
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.texts import Texts
 from app.web import format as fmt
+from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.language import HTML, NAMES, language_of
 from app.web.points import EquipmentView, live_texts
@@ -45,7 +48,7 @@ HTMX = {
 """htmx 4: requests to this server only, no cache of pages, no style of its own, errors are never swapped in (app.js shows them in the
 message line), no extension but ours, which turns evaluation, `hx-on` and scripts in fragments off."""
 
-PAGES: tuple[tuple[str, str], ...] = ()
+PAGES: tuple[tuple[str, str], ...] = (("nav.alarms", "/alarms"),)
 """Tabs after the areas: text key, address. A page that does not exist has no tab."""
 
 COUNTS: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
@@ -61,6 +64,8 @@ class Tab:
     label: str
     url: str
     current: bool = False
+    area: str = ""
+    """Area whose alarms it shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,25 +95,25 @@ class View:
         """`template` alone, for htmx."""
         return self._render(request, template, status, context, frame=False)
 
-    def text(self, request: Request, key: str, /, **params: object) -> str:
+    def text(self, request: HTTPConnection, key: str, /, **params: object) -> str:
         """The product's text `key` in the language of `request`."""
         return self._texts(request).text(language_of(request), key, **params)
 
-    def languages(self, request: Request) -> Sequence[str]:
+    def languages(self, request: HTTPConnection) -> Sequence[str]:
         """Languages that a person may choose here."""
         return self._texts(request).languages
 
-    def runtime(self, request: Request) -> "Runtime":
+    def runtime(self, request: HTTPConnection) -> "Runtime":
         """The running plant."""
         runtime: Runtime = request.app.state.runtime
         return runtime
 
-    def machine(self, request: Request, equipment: Equipment) -> EquipmentView:
+    def machine(self, request: HTTPConnection, equipment: Equipment) -> EquipmentView:
         """`equipment` as templates see it."""
         lang = language_of(request)
         return EquipmentView(equipment, self.runtime(request), lang, partial(self._texts(request).text, lang))
 
-    def _texts(self, request: Request) -> Texts:
+    def _texts(self, request: HTTPConnection) -> Texts:
         runtime = self.runtime(request)
         return runtime.texts if runtime.plant else self._product
 
@@ -146,6 +151,7 @@ class View:
             "label": partial(texts.label, lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
+            "marks_json": marks_json,
         }
         self._environments[lang] = (texts, environment)
         return environment
@@ -161,6 +167,12 @@ class View:
         profile = request.cookies.get(PROFILE_COOKIE, "")
         area = given.get("area", "")
         path = request.url.path
+        person: Person | None = getattr(request.state, "person", None)
+        drawing = Drawing(runtime, texts, lang)
+        alarms = drawing.banner(
+            may_view=permitted(person, "view", simulated=runtime.simulated),
+            may_acknowledge=person is not None and person.may("acknowledge"),
+        )
         return {
             "kind": "frame",
             "chip": "",
@@ -174,6 +186,8 @@ class View:
             "languages": [(code, NAMES.get(code, code), HTML.get(code, code)) for code in texts.languages],
             "html_lang": HTML.get(lang, lang),
             "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",
+            "alarms": alarms,
+            "summary": drawing.summary() if given.get("kind") == "overview" else None,
             "plant_label": texts.label(lang, plant.name) if plant else "Pogon",
             "nav": self._tabs(texts, plant, lang, path, area),
             "simulated": runtime.simulated,
@@ -192,7 +206,7 @@ class View:
         tabs = [Tab(texts.text(lang, "nav.overview"), "/", path == "/")]
         for key, machines in areas(plant).items():
             url = address_of_area(key, machines)
-            tabs.append(Tab(area_label(texts, plant, lang, key), url, key == area))
+            tabs.append(Tab(area_label(texts, plant, lang, key), url, key == area, key))
         tabs += [Tab(texts.text(lang, key), url, path.split("/")[1] == url.split("/")[1]) for key, url in PAGES]
         return tabs
 

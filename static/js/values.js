@@ -3,6 +3,7 @@
 //   data-as           number | enum | time | hex | text; data-decimals, data-texts (value → text), data-pattern, data-bad
 //   data-map          "value:place …": with data-move (x | y), data-turn (centre), data-fill (x | y) on an SVG group
 //   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
+//   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
 //   data-meter        role=meter: data-q and aria-value…; data-line "x0 x1": the curve of the last ten minutes
 import * as format from "./format.js";
 
@@ -165,11 +166,20 @@ function drawLine(item, tag) {
   }
 }
 
+/** Nothing is drawn: whoever listens hears that the value is another one than the page was made with. */
+function drawSignal(item, tag) {
+  const { element } = item, now = String(tag.value);
+  if (tag.state !== "good" || element.dataset.signal === now) return;
+  element.dataset.signal = now;
+  element.dispatchEvent(new CustomEvent("signal", { detail: tag.value }));
+}
+
 /** The ways of drawing that the attributes of `element` ask for: {draw, moves} or {draw, curve}. */
 export function ways(element) {
   const data = element.dataset, found = [];
   const map = data.map?.split(" ").map((knot) => knot.split(":").map(Number));
   const item = { element, map, decimals: +(data.decimals ?? 0), texts: data.texts ? JSON.parse(data.texts) : {}, settles: "settles" in data };
+  if (data.signal !== undefined) found.push({ ...item, draw: drawSignal, moves: true });
   if (data.line !== undefined) found.push({ ...item, draw: drawLine, curve: true, ends: data.line.split(" ").map(Number) });
   else if (map) found.push({ ...item, draw: drawMoved, moves: true });
   if (data.meter !== undefined) found.push({ ...item, draw: drawMeter });

@@ -12,7 +12,7 @@ from app.links.contract import Block, Transport
 from app.links.transports import TRANSPORTS
 from app.plant.definitions import Link
 from app.sim.bus import Bus, LineFaultMode
-from app.sim.server import TcpServer
+from app.sim.server import TcpServer, serve_pty
 from tests.links.devices import RegisterDevice, on_bus
 
 
@@ -23,17 +23,28 @@ class Bench:
     other: RegisterDevice
 
 
-@pytest.fixture(params=[name for name in TRANSPORTS if name != "rtu"])  # rtu: test_rtu.py, over a pty
+@pytest.fixture(params=list(TRANSPORTS))
 async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
     device, other = RegisterDevice({n: n * 3 for n in range(200)}), RegisterDevice({n: 7 for n in range(200)})
     bus = Bus({1: device, 2: other})
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
-    link = Link("hall", request.param, host="127.0.0.1", tcp_port=server.address[1])
+    line = await serve_pty(bus, 115200)
+    link = Link(
+        "hall",
+        request.param,
+        host="127.0.0.1",
+        tcp_port=server.address[1],
+        port=line.path,
+        baud=115200,
+        parity="none",
+        stop_bits=2,
+    )
     transport: Transport = TRANSPORTS[request.param](link, on_bus(bus))
     await transport.connect()
     yield Bench(transport, device, other)
     await transport.close()
+    await line.close()
     await server.close()
 
 

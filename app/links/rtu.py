@@ -1,0 +1,388 @@
+"""Modbus RTU on a serial line: our own telegrams over a port that pyserial opens.
+
+pymodbus' serial client sends without the silence between frames, takes an answer that comes late for the answer to the next request, does
+not look at its length (reference/modbus.md section 5), and what it gave up it has forgotten: nothing could be put right around it. So the
+bytes go through the loop's own reader here, answers are cut by length and check sum (`registers.rtu.AnswerFramer`), and `owed.Owed`
+remembers what may still be answered.
+
+One telegram at a time. Before each the line has been silent for 3.5 characters, and what was heard meanwhile is not an answer to anything.
+Unit 0 (broadcast) is refused: nobody confirms one.
+"""
+
+import asyncio
+import contextlib
+import errno
+import fcntl
+import logging
+import os
+import termios
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import serial  # type: ignore[import-untyped]
+
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
+from app.links.contract import Block, Counts, Exchange, StillOwed
+from app.links.owed import Mark, Owed, Piece, mark_of_answer, mark_of_request
+from app.plant.definitions import Link
+from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
+from app.registers.rtu import AnswerFramer, build_frame, character_time, silence
+
+log = logging.getLogger(__name__)
+
+GAP = 0.02
+"""Longest pause within one answer [s]: a USB adapter hands it over in pieces up to its latency timer (FTDI 16 ms) apart."""
+RESTLESS = 1.0
+"""A line that is not silent for so long cannot be used [s]."""
+NOISE = 5
+"""Fewer bytes that are no frame are the click of a driver that switches; from here on it was an answer, damaged."""
+TEMPORARY = (4, 5, 6)
+"""Refusals from which nothing lasting is learnt: harmless also when meant for an earlier request."""
+UNITS = range(1, 248)
+PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
+
+
+@dataclass(slots=True)
+class _Telegram:
+    """The request that is on its way."""
+
+    unit: int
+    request: Request
+    mark: Mark
+    answer: asyncio.Future[bytes]
+    deadline: float = 0.0
+    timer: asyncio.TimerHandle | None = None
+
+
+class RtuTransport:
+    """One serial line with its slaves."""
+
+    parallel = False
+
+    def __init__(self, link: Link, exchange: Exchange | None = None) -> None:
+        """`exchange` is of the memory transport; not used here."""
+        self.counts = Counts()
+        self._link = link
+        self._path = link.port
+        self._character = character_time(link.baud)
+        self._silence = silence(link.baud)
+        self._owed = Owed()
+        self._framer = AnswerFramer()
+        self._port: serial.Serial | None = None
+        self._telegram: _Telegram | None = None
+        self._turn = asyncio.Lock()
+        self._lost: str = ""
+        self._heard = 0.0
+        """When the last byte was heard, or the last one sent will have left [s]."""
+        self._quiet: asyncio.TimerHandle | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open, as far as anybody knows."""
+        return self._port is not None
+
+    async def connect(self) -> None:
+        """Open the port for us alone.
+
+        Raises:
+            NotConnected: names the port and why.
+        """
+        await self.close()
+        self._port = open_port(self._link)
+        loop = asyncio.get_running_loop()
+        self._lost, self._heard = "", loop.time()
+        self._framer = AnswerFramer(echo=self._framer.echo)
+        loop.add_reader(self._port.fileno(), self._readable)
+
+    async def read(self, unit: int, block: Block, patience: float) -> list[int]:
+        """Exactly `block.count` words. While an earlier answer may still come, perhaps by another telegram or by two.
+
+        Raises:
+            StillOwed: no telegram could be told apart from an earlier one.
+        """
+        self._check(unit)
+        async with self._turn:
+            pieces, wait = self._owed.pieces(unit, block, asyncio.get_running_loop().time())
+            if not pieces:
+                raise StillOwed(f"{self._path} unit {unit}", wait)
+            words: list[int] = []
+            for piece in pieces:
+                words += await self._read(unit, piece, patience)
+            return words
+
+    async def write(self, unit: int, address: int, words: Sequence[int], patience: float, function: int = 6) -> None:
+        """Write `words`; returns when the echo equals the request, and is not the echo of an earlier one like it."""
+        self._check(unit)
+        async with self._turn:
+            await self._ask(unit, Request(function, write_address=address, words=tuple(words)), patience)
+
+    async def close(self) -> None:
+        """Give the port back."""
+        self._drop("closed")
+
+    # one telegram
+
+    async def _read(self, unit: int, piece: Piece, patience: float) -> list[int]:
+        block = piece.block
+        try:
+            words = await self._ask(unit, Request(block.function, block.address, block.count), patience)
+        except DeviceException:
+            self._owed.refused(unit, block)
+            raise
+        self._owed.proven(unit, block)
+        return words[piece.skip : piece.skip + piece.count]
+
+    async def _ask(self, unit: int, request: Request, patience: float) -> list[int]:
+        try:
+            frame = build_frame(unit, build_request(request))
+        except ValueError as error:
+            raise BadAnswer(f"unit {unit}: {error}") from error
+        await self._wait_for_silence()
+        loop = asyncio.get_running_loop()
+        telegram = _Telegram(unit, request, mark_of_request(unit, request), loop.create_future())
+        self._telegram = telegram
+        answered = False
+        try:
+            self._send(frame)
+            sent = loop.time() + len(frame) * self._character
+            self._heard = sent
+            answer = len(build_answer(request, [0] * request.count)) + 3
+            telegram.deadline = sent + self._silence + patience + answer * self._character
+            telegram.timer = loop.call_at(telegram.deadline, self._time_is_up, telegram, patience)
+            pdu = await telegram.answer
+            words = parse_answer(request, pdu)
+            answered = True
+            return words
+        except DeviceException:
+            answered = True
+            raise
+        finally:
+            self._telegram = None
+            if telegram.timer is not None:
+                telegram.timer.cancel()
+            if not telegram.answer.done():
+                telegram.answer.cancel()
+            elif not telegram.answer.cancelled():
+                telegram.answer.exception()  # nobody waits for it when the task was ended at that moment
+            if not answered:
+                self._owed.unanswered(telegram.mark, loop.time())
+
+    async def _wait_for_silence(self) -> None:
+        """Until nothing has been heard for 3.5 characters, and for longer behind half a frame."""
+        loop = asyncio.get_running_loop()
+        limit = loop.time() + RESTLESS
+        while True:
+            if self._port is None:
+                raise NotConnected(f"{self._path}: {self._lost or 'not connected'}")
+            now = loop.time()
+            due = self._heard + self._silence
+            if self._framer.pending:
+                due = max(due, self._heard + GAP)
+            if now >= due:
+                if self._framer.pending:
+                    self._fell_silent()
+                return
+            if now > limit:
+                raise NoAnswer(
+                    f"{self._path}: never silent for {1000 * self._silence:.1f} ms, somebody talks all the time"
+                )
+            await asyncio.sleep(due - now)
+
+    def _send(self, frame: bytes) -> None:
+        port = self._port
+        if port is None:
+            raise NotConnected(f"{self._path}: {self._lost or 'not connected'}")
+        self._framer.asked(frame)
+        try:
+            sent = os.write(port.fileno(), frame)
+        except BlockingIOError:
+            sent = 0
+        except OSError as error:
+            self._drop(_reason(error))
+            raise NotConnected(f"{self._path}: {self._lost}") from error
+        if sent != len(frame):
+            # the rest would go out in the middle of something else: away with all of it
+            with contextlib.suppress(OSError, termios.error):
+                termios.tcflush(port.fileno(), termios.TCOFLUSH)
+            raise NoAnswer(f"{self._path}: took {sent} of {len(frame)} bytes, the other end does not listen")
+
+    def _time_is_up(self, telegram: _Telegram, patience: float) -> None:
+        loop = asyncio.get_running_loop()
+        if self._framer.pending and loop.time() < self._heard + GAP:
+            telegram.timer = loop.call_at(self._heard + GAP, self._time_is_up, telegram, patience)
+        else:
+            self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s"))
+
+    # what is heard
+
+    def _readable(self) -> None:
+        loop = asyncio.get_running_loop()
+        port = self._port
+        if port is None:
+            return
+        try:
+            data = os.read(port.fileno(), 4096)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._drop(_reason(error))
+            return
+        if not data:
+            self._drop("the device is gone")
+            return
+        self._heard = max(self._heard, loop.time())
+        damaged = self._framer.damaged
+        for unit, pdu in self._framer.feed(data):
+            self._take(unit, pdu)
+        self.counts.damaged += self._framer.damaged - damaged
+        if self._quiet is not None:
+            self._quiet.cancel()
+        self._quiet = loop.call_later(max(GAP, self._silence), self._fell_silent) if self._framer.pending else None
+
+    def _fell_silent(self) -> None:
+        """What was begun is not going to be finished."""
+        if self._quiet is not None:
+            self._quiet.cancel()
+            self._quiet = None
+        damaged = self._framer.damaged
+        frames, skipped = self._framer.silent()
+        for unit, pdu in frames:
+            self._take(unit, pdu)
+        self.counts.damaged += self._framer.damaged - damaged
+        if skipped >= NOISE and self._telegram is not None:
+            self._fail(
+                self._telegram,
+                BadAnswer(f"{self._path} unit {self._telegram.unit}: {skipped} bytes that are no telegram (check sum)"),
+            )
+
+    def _take(self, unit: int, pdu: bytes) -> None:
+        """An answer with a good check sum: to what is on its way, or to something given up."""
+        telegram, now = self._telegram, asyncio.get_running_loop().time()
+        if telegram is None or unit != telegram.unit or telegram.answer.done():
+            self._late(unit, pdu)
+            return
+        function = telegram.request.function
+        if pdu[0] == function | 0x80:
+            if self._owed.owes(unit, function, now) and (function not in READS or pdu[1] not in TEMPORARY):
+                self._fail(
+                    telegram,
+                    BadAnswer(f"{self._path} unit {unit}: refused this request or an earlier one ({pdu[1]:02d})"),
+                )
+            else:
+                telegram.answer.set_result(pdu)
+        elif mark_of_answer(unit, pdu) == telegram.mark:
+            if self._owed.settle(telegram.mark, now):
+                self.counts.late += 1  # one echo for each write like this one: ours is the last
+            else:
+                telegram.answer.set_result(pdu)
+        elif self._owed.settle(mark_of_answer(unit, pdu), now):
+            self.counts.late += 1
+        elif pdu[0] == function:
+            self._fail(telegram, _wrong(f"{self._path} unit {unit}", telegram.request, pdu))
+
+    def _late(self, unit: int, pdu: bytes) -> None:
+        if not pdu[0] & 0x80 and self._owed.settle(mark_of_answer(unit, pdu), asyncio.get_running_loop().time()):
+            self.counts.late += 1
+
+    def _fail(self, telegram: _Telegram, error: LinkError) -> None:
+        if not telegram.answer.done():
+            telegram.answer.set_exception(error)
+
+    def _drop(self, reason: str) -> None:
+        """The port is gone, or not wanted any more."""
+        port, self._port = self._port, None
+        if self._quiet is not None:
+            self._quiet.cancel()
+            self._quiet = None
+        if port is None:
+            return
+        self._lost = reason
+        with contextlib.suppress(RuntimeError):  # the loop may be gone
+            asyncio.get_running_loop().remove_reader(port.fileno())
+        close_port(port)
+        if self._telegram is not None:
+            self._fail(self._telegram, NotConnected(f"{self._path}: {reason}"))
+
+    def _check(self, unit: int) -> None:
+        if unit not in UNITS:
+            raise BadAnswer(f"{self._path} unit {unit}: expected 1 to 247; nobody answers a broadcast")
+
+
+def open_port(link: Link) -> serial.Serial:
+    """The serial device of `link`, for us alone: a lock that other programs of this kind heed, and TIOCEXCL for all the others.
+
+    Raises:
+        NotConnected: names the port, what is wrong and what helps.
+    """
+    if link.parity not in PARITIES:
+        raise NotConnected(f"{link.port}: parity {link.parity}, expected one of {', '.join(PARITIES)}")
+    try:
+        port = serial.Serial(
+            link.port,
+            link.baud,
+            parity=PARITIES[link.parity],
+            stopbits=link.stop_bits,
+            timeout=0,
+            exclusive=True,
+        )
+    except termios.error as error:
+        raise NotConnected(
+            f"{link.port}: does not take {link.baud} baud, parity {link.parity} ({error.args[-1]})"
+        ) from error
+    except (OSError, ValueError) as error:  # SerialException is an OSError
+        raise NotConnected(f"{link.port}: {_reason(error)}") from error
+    with contextlib.suppress(OSError, termios.error, ValueError, AttributeError, NotImplementedError):
+        port.set_low_latency_mode(True)
+    with contextlib.suppress(OSError, termios.error):
+        if not _is_pseudo_terminal(link.port):  # there the mark would stay when we are killed
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+        port.reset_input_buffer()
+    return port
+
+
+def close_port(port: serial.Serial) -> None:
+    """Give it back without waiting for what could not be sent."""
+    with contextlib.suppress(OSError, termios.error):
+        port.reset_output_buffer()
+        fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
+    with contextlib.suppress(OSError, termios.error):
+        port.close()
+
+
+REASONS: dict[int, str] = {
+    errno.ENOENT: "no such device; is the adapter plugged in?",
+    errno.ENODEV: "no such device; is the adapter plugged in?",
+    errno.ENXIO: "no such device; is the adapter plugged in?",
+    errno.EACCES: "permission denied; the user of this program has to be in the group dialout",
+    errno.EPERM: "permission denied; the user of this program has to be in the group dialout",
+    errno.EBUSY: "in use by another program",
+    errno.EAGAIN: "in use by another program",
+    errno.ENOTTY: "is not a serial device",
+    errno.EIO: "the device is gone",
+}
+"""What helps, by error number of the system."""
+
+
+def _reason(error: BaseException) -> str:
+    """What is wrong and what helps; pyserial keeps the number of the system's error in different places."""
+    number = getattr(error, "errno", None)
+    cause = error.__context__
+    if number is None and cause is not None:
+        number = cause.args[0] if cause.args and isinstance(cause.args[0], int) else getattr(cause, "errno", None)
+    if number is None:
+        return str(error)
+    text = REASONS.get(number) or os.strerror(number)
+    return f"{text} ({errno.errorcode.get(number, number)})"
+
+
+def _wrong(where: str, request: Request, pdu: bytes) -> BadAnswer:
+    try:
+        parse_answer(request, pdu)
+    except LinkError as error:
+        return BadAnswer(f"{where}: {error}")
+    return BadAnswer(f"{where}: {pdu.hex(' ')} is no answer to {request}")
+
+
+def _is_pseudo_terminal(path: str) -> bool:
+    return str(Path(path).resolve()).startswith("/dev/pts/")

@@ -1,0 +1,316 @@
+"""How alarms are drawn: rows of the list, the banner, marks on tabs, tiles and pointers, all in the language of whoever looks."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+from zoneinfo import ZoneInfo
+
+from app.alarms.definitions import PRIORITIES
+from app.alarms.engine import AlarmEngine
+from app.alarms.journal import HOUR, Record
+from app.alarms.lifecycle import State
+from app.alarms.watch import SYMBOLS, Standing, spoken
+from app.clock import Clock
+from app.plant.definitions import Kind, Plant, Point
+from app.plant.system import SYSTEM
+from app.plant.texts import Texts
+from app.web import format as fmt
+
+PRIORITY_NAMES = {1: "critical", 2: "high", 3: "medium", 4: "low"}
+STATE_NAMES: Mapping[State, str] = {
+    State.NORMAL: "normal",
+    State.UNACKNOWLEDGED: "unack",
+    State.ACKNOWLEDGED: "ack",
+    State.RETURNED: "rtn",
+    State.LATCHED_UNACKNOWLEDGED: "latched_unack",
+    State.LATCHED: "latched",
+    State.SHELVED: "shelved",
+    State.SUPPRESSED: "suppressed",
+    State.OUT_OF_SERVICE: "oos",
+}
+"""State → `alarm.state.<name>`."""
+MOST_MACHINES = 8
+"""Rows of the summary; a plant with more machines is counted by area."""
+
+
+class Surroundings(Protocol):
+    """What drawing alarms needs of the runtime."""
+
+    @property
+    def alarms(self) -> AlarmEngine: ...
+    @property
+    def plant(self) -> Plant | None: ...
+    @property
+    def clock(self) -> Clock: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One alarm as a line."""
+
+    occurrence: int
+    id: str
+    equipment: str
+    """Empty for the system."""
+    source: str
+    """What stands on its chip."""
+    url: str
+    """Screen of its machine; empty for the system."""
+    text: str
+    priority: int
+    priority_text: str
+    symbol: str
+    """`data-state` of the symbol."""
+    state_text: str
+    locked: bool
+    unacked: bool
+    came: str
+    iso: str
+    since: int
+    """When it came [µs UTC]."""
+    lasted: str
+    """How long it has stood, or stood."""
+    counting: bool
+    """Whether the duration goes on."""
+    value: str
+    """Value and limit when it came: `71 > 70 °C`."""
+    count: int
+    chattering: bool
+    ordinal: int
+    uncertain: bool
+    known: bool
+    acked_by: str
+    acked_at: str
+    resettable: bool
+
+
+class Drawing:
+    """Alarms in one language."""
+
+    def __init__(self, runtime: Surroundings, texts: Texts, lang: str) -> None:
+        self.runtime = runtime
+        self.texts = texts
+        self.lang = lang
+        self.now = runtime.clock.micros()
+        self.zone = ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
+
+    def row(self, one: Standing) -> Row:
+        """`one` as a line of the list."""
+        active = one.life.active
+        seconds = ((self.now if active else one.returned or self.now) - one.first_true) / 1e6
+        return Row(
+            occurrence=one.occurrence,
+            id=one.id,
+            equipment=one.equipment,
+            source=one.equipment or SYSTEM,
+            url=f"/equipment/{one.equipment}" if one.equipment else "",
+            text=self.text(one),
+            priority=one.priority,
+            priority_text=self._("alarm.priority." + PRIORITY_NAMES[one.priority]),
+            symbol=one.symbol,
+            state_text=self._("alarm.state." + STATE_NAMES[one.state]),
+            locked=one.life.latched and not active,
+            unacked=one.unacked,
+            came=self.moment(one.first_true),
+            iso=fmt.iso(one.first_true, self.zone),
+            since=one.first_true,
+            lasted=lasting(seconds),
+            counting=active,
+            value=self.value(one.equipment, one.point, one.value, one.limit),
+            count=one.count,
+            chattering=one.chattering,
+            ordinal=one.ordinal,
+            uncertain=one.uncertain,
+            known=one.known,
+            acked_by=one.acked_by,
+            acked_at=self.moment(one.acked_at) if one.acked_at else "",
+            resettable=one.state is State.LATCHED,
+        )
+
+    def text(self, one: Standing, key: str = "") -> str:
+        """Its text (or another one of its texts) with its parameters as this reader writes them."""
+        return self.filled(
+            one.type,
+            key or one.label,
+            self._params(one.equipment, one.point, one.value, one.limit, one.type, one.params),
+        )
+
+    def optional(self, one: Standing, key: str) -> str:
+        """As `text`, empty where nobody has written one."""
+        found = self.text(one, key)
+        return "" if found in (f"[{key}]", "–") or found.endswith("] –") else found
+
+    def recorded(self, record: Record) -> str:
+        """The text of a journal record in this language; the one that was written down when its key is gone."""
+        alarm = self.runtime.alarms.definition(record.alarm)
+        point = alarm.value if alarm else ""
+        params = self._params(record.equipment, point, record.value, record.limit, record.type, record.parameters)
+        found = self.filled(record.type, record.text_id, params)
+        return record.text if found == f"[{record.text_id}]" else found
+
+    def filled(self, type: str, key: str, params: Mapping[str, object]) -> str:
+        """A text of an equipment type or of the product."""
+        return self.texts.of_type(self.lang, type, key, **params)
+
+    def _params(
+        self,
+        equipment: str,
+        point: str,
+        value: float | None,
+        limit: float | None,
+        type: str,
+        params: Mapping[str, object],
+    ) -> dict[str, object]:
+        found = self._point(equipment, point)
+        decimals = found.decimals if found else 0
+        shown = {
+            name: fmt.number(one, fmt.shortest(one, decimals) if name == "limit" else decimals, self.lang)
+            for name, one in (("value", value), ("limit", limit))
+            if one is not None
+        }
+        unit = fmt.unit_symbol(found.unit, self._) if found and found.unit else ""
+        plain = {
+            name: fmt.number(one, fmt.shortest(one, 3), self.lang) if isinstance(one, float) else one
+            for name, one in spoken(self.texts, self.lang, type, params).items()
+        }
+        return {"unit": unit, **plain, **shown}
+
+    def value(self, equipment: str, point: str, value: float | None, limit: float | None) -> str:
+        """Value against limit with unit, or `–`: an enumeration says nothing as a number."""
+        found = self._point(equipment, point)
+        if found is None or value is None or found.texts or found.kind is Kind.ENUM:
+            return "–"
+        shown = fmt.number(value, found.decimals, self.lang)
+        if limit is not None:
+            sign = "=" if value == limit else ">" if value > limit else "<"
+            shown += f" {sign} {fmt.number(limit, fmt.shortest(limit, found.decimals), self.lang)}"
+        unit = fmt.unit_symbol(found.unit, self._)
+        return f"{shown}{fmt.SPACE}{unit}" if unit else shown
+
+    def moment(self, micros: int) -> str:
+        """Time of day to the millisecond when it is of today, else date and time."""
+        if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
+            return fmt.clock_time(micros, self.zone, milliseconds=True)
+        return fmt.date_time(micros, self.zone, self.lang, self.now)
+
+    def label_of(self, equipment: str) -> str:
+        """Name of a machine, or of the system."""
+        item = self.runtime.plant.equipment.get(equipment) if self.runtime.plant and equipment else None
+        return self.texts.label(self.lang, item.label) if item else self._("alarm.system.name")
+
+    def steps(self, text: str) -> list[str]:
+        """A response as its steps: one sentence each."""
+        parts: list[str] = []
+        rest = text
+        while rest:
+            end = next(
+                (
+                    i + 1
+                    for i, sign in enumerate(rest)
+                    if sign == "." and rest[i + 1 : i + 2] == " " and rest[i + 2 : i + 3].isupper()
+                ),
+                len(rest),
+            )
+            parts.append(rest[:end].strip())
+            rest = rest[end:].strip()
+        return parts
+
+    def _point(self, equipment: str, key: str) -> Point | None:
+        item = self.runtime.plant.equipment.get(equipment) if self.runtime.plant else None
+        return item.points.get(key) if item and key else None
+
+    def _(self, key: str, /, **params: object) -> str:
+        return self.texts.text(self.lang, key, **params)
+
+    # ---- on every page --------------------------------------------------------------------------------
+
+    def banner(self, *, may_view: bool, may_acknowledge: bool) -> dict[str, object]:
+        """What the banner shows: the most important alarm that waits, counts, marks; without the right to view only the counts."""
+        engine = self.runtime.alarms
+        counts = engine.counts()
+        first = engine.latest() if may_view else None
+        unacked = int(str(counts["unack"]))
+        return {
+            "row": self.row(first) if first else None,
+            "more": max(0, unacked - 1),
+            "counts": [(one, counts[f"active_{one}"], counts[f"unack_{one}"]) for one in PRIORITIES],
+            "total": counts["total"],
+            "unack": unacked,
+            "flood": len([at for at in engine.told if self.now - at <= 600_000_000]) if engine.flood else 0,
+            "may_view": may_view,
+            "may_acknowledge": may_acknowledge,
+            "news": engine.news,
+            "sound": counts["sound"],
+            "revision": engine.revision,
+            "marks": marks(engine.standing()) if may_view else {"of": {}, "area": {}, "point": {}},
+        }
+
+    def summary(self) -> dict[str, object]:
+        """Alarms by machine or area, the last three, the last 24 hours."""
+        standing = self.runtime.alarms.standing()
+        plant = self.runtime.plant
+        machines = list(plant.equipment.values()) if plant else []
+        by_machine = len(machines) <= MOST_MACHINES
+        rows: dict[str, tuple[str, dict[int, int]]] = {}
+        for item in machines:
+            key = item.id if by_machine else item.area
+            label = self.texts.label(self.lang, item.label) if by_machine else key
+            if plant and not by_machine and item.area in plant.areas:
+                label = self.texts.label(self.lang, plant.areas[item.area]) or key
+            rows.setdefault(key, (label, dict.fromkeys(PRIORITIES, 0)))
+        rows[SYSTEM] = (self._("alarm.system.name"), dict.fromkeys(PRIORITIES, 0))
+        for one in standing:
+            rows[(one.equipment if by_machine else one.area) if one.equipment else SYSTEM][1][one.priority] += 1
+        newest = sorted(standing, key=lambda one: -one.first_true)[:3]
+        told = self.runtime.alarms.told
+        return {
+            "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
+            "newest": [(self.row(one), fmt.clock_time(one.first_true, self.zone, seconds=False)) for one in newest],
+            "told": len(told),
+            "bars": bars(told, self.now, HOUR, 24),
+            "axis": [fmt.clock_time(self.now - back * HOUR, self.zone, seconds=False) for back in (24, 12, 0)],
+        }
+
+
+def marks(standing: Iterable[Standing]) -> dict[str, dict[str, list[object]]]:
+    """What is marked: machine, area and point → [priority, `data-state`] of its most important alarm."""
+    found: dict[str, dict[str, list[object]]] = {"of": {}, "area": {}, "point": {}}
+    for one in sorted(standing, key=lambda one: (one.priority, not one.unacked)):
+        mark: list[object] = [one.priority, one.symbol]
+        if one.equipment:
+            found["of"].setdefault(one.equipment, mark)
+            found["area"].setdefault(one.area, mark)
+            if one.point:
+                found["point"].setdefault(f"{one.equipment}.{one.point}", mark)
+    return found
+
+
+def bars(times: Sequence[int], now: int, width: int, count: int) -> list[int]:
+    """How many of `times` fall into each of the last `count` spans of `width` [µs], oldest first."""
+    found = [0] * count
+    for at in times:
+        index = count - 1 - (now - at) // width
+        if 0 <= index < count:
+            found[index] += 1
+    return found
+
+
+def lasting(seconds: float) -> str:
+    """A duration as a clock: `00:06`, `1:02:03`, `3 d 04:05`; static/js/alarms.js counts on."""
+    whole = max(0, int(seconds))
+    days, rest = divmod(whole, 86400)
+    hours, rest = divmod(rest, 3600)
+    minutes, left = divmod(rest, 60)
+    if days:
+        return f"{days}{fmt.SPACE}d {hours:02d}:{minutes:02d}"
+    return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes:02d}:{left:02d}"
+
+
+def marks_json(found: Mapping[str, object]) -> str:
+    """`marks` for an attribute."""
+    return json.dumps(found, ensure_ascii=False, separators=(",", ":"))
+
+
+SYMBOL_OF: Mapping[str, str] = {str(state): symbol for state, symbol in SYMBOLS.items()}
+"""Letter of a state → `data-state` of its symbol, for the journal."""

@@ -1,0 +1,474 @@
+"""The alarm list, its journal, acknowledging, and the fragments that every page fetches when the alarms change."""
+
+import asyncio
+import csv
+import io
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import Any
+from urllib.parse import urlencode
+from zoneinfo import ZoneInfo
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response, StreamingResponse
+from sqlalchemy import Connection
+from starlette.exceptions import HTTPException
+
+from app.access.roles import Person
+from app.alarms import journal
+from app.alarms.engine import AlarmEngine
+from app.alarms.journal import DAY, Filter, Record
+from app.alarms.lifecycle import Entry
+from app.alarms.watch import Answer, Standing
+from app.errors import Refused
+from app.plant.system import SYSTEM
+from app.web import format as fmt
+from app.web import language
+from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
+from app.web.audit import defused, read_time
+from app.web.guard import allow, field_list, fields, person_of
+from app.web.view import View, area_label
+
+router = APIRouter()
+
+PAGE = 500
+"""Rows that a list draws; more ask for a narrower filter, or for the next page."""
+JOURNAL_PAGE = 100
+CSV_PAGE = 1000
+LONGEST_COMMENT = 200
+TABS = ("active", "unack", "journal")
+MOST_AT_ONCE = 500
+"""Acknowledgements in one request: no more can be on a screen."""
+_UTC = ZoneInfo("UTC")
+CSV_LIST = (
+    "came_utc", "came_local", "state", "priority", "source", "area", "text", "value", "limit", "duration_s", "count", "acked_by",
+    "acked_at",
+)  # fmt: skip
+CSV_JOURNAL = (
+    "seq", "time", "local_time", "event", "detail", "alarm", "occurrence", "source", "area", "class", "priority", "before",
+    "after", "text", "value", "limit", "unit", "quality", "person", "address", "comment",
+)  # fmt: skip
+
+
+def _view(request: Request) -> View:
+    view: View = request.app.state.view
+    return view
+
+
+def _engine(request: Request) -> AlarmEngine:
+    return _view(request).runtime(request).alarms
+
+
+def drawing(request: Request) -> Drawing:
+    """Alarms in the language of `request`."""
+    runtime = _view(request).runtime(request)
+    return Drawing(runtime, runtime.texts, language.language_of(request))
+
+
+def _may(request: Request, permission: str) -> bool:
+    person: Person | None = request.state.person
+    return person is not None and person.may(permission)
+
+
+# ---- the list ---------------------------------------------------------------------------------------------
+
+
+@router.get("/alarms", dependencies=[allow("view")])
+async def alarms(request: Request) -> Response:
+    """The active list, what waits for an acknowledgement, or the journal."""
+    wanted = _wanted(request)
+    context = await _journal(request, wanted) if wanted["tab"] == "journal" else _list(request, wanted)
+    view = _view(request)
+    return view.page(
+        request,
+        "pages/alarms.html",
+        title=view.text(request, "alarm.list"),
+        kind="frame",
+        **_tools(request, wanted),
+        **context,
+    )
+
+
+@router.get("/alarms/list", dependencies=[allow("view")])
+async def rows(request: Request) -> Response:
+    """The rows alone, after a change."""
+    wanted = _wanted(request)
+    return _view(request).fragment(
+        request, "fragments/alarm_rows.html", **_tools(request, wanted), **_list(request, wanted)
+    )
+
+
+@router.get("/alarms/detail/{occurrence}", dependencies=[allow("view")])
+async def detail(request: Request, occurrence: int) -> Response:
+    """Cause, consequence, response and earlier occurrences of one alarm that stands.
+
+    Raises:
+        HTTPException: 404, it is over.
+    """
+    one = _engine(request).find(occurrence)
+    if one is None:
+        raise HTTPException(404)
+    return _view(request).fragment(
+        request,
+        "fragments/alarm_detail.html",
+        detail=await _detail(request, one),
+        may_acknowledge=_may(request, "acknowledge"),
+    )
+
+
+def _wanted(request: Request) -> dict[str, str]:
+    """What the address asks for.
+
+    Raises:
+        Refused: 422, a field is there twice or is none of its choices.
+    """
+    query = request.query_params
+    names = ("tab", "area", "priority", "q", "page", "event", "source", "since", "until", "before")
+    for name in names:
+        if len(query.getlist(name)) > 1:
+            raise Refused("access.form_field", 422, field=name)
+    found = {name: query.get(name, "").strip()[:120] for name in names}
+    found["tab"] = found["tab"] or "active"
+    for name, choices in (
+        ("tab", TABS),
+        ("priority", ("", "1", "2", "3", "4")),
+        ("event", ("", *(str(entry) for entry in Entry))),
+    ):
+        if found[name] not in choices:
+            raise Refused("access.form_field", 422, field=name)
+    for name in ("page", "before"):
+        if found[name] and (not found[name].isascii() or not found[name].isdecimal() or len(found[name]) > 15):
+            raise Refused("access.form_field", 422, field=name)
+    return found
+
+
+def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
+    view = _view(request)
+    plant, texts, lang = view.runtime(request).plant, view.runtime(request).texts, language.language_of(request)
+    keys = list(dict.fromkeys(item.area for item in plant.equipment.values())) if plant else []
+    text = view.text
+    counts = _engine(request).counts()
+    narrowed = {name: wanted[name] for name in ("area", "priority", "q") if wanted[name]}
+    asked = {name: value for name, value in wanted.items() if value and name not in ("page", "before")}
+    return {
+        "wanted": wanted,
+        "tabs": [
+            ("active", text(request, "alarm.tab.active"), "total", counts["total"]),
+            ("unack", text(request, "alarm.tab.unack"), "unack", counts["unack"]),
+            ("journal", text(request, "alarm.tab.journal"), "", ""),
+        ],
+        "tab_url": {tab: "/alarms?" + urlencode({"tab": tab} | narrowed) for tab in TABS},
+        "area_choices": [*((key, area_label(texts, plant, lang, key)) for key in keys), (SYSTEM, text(request, "alarm.system.name"))],
+        "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
+        "export_url": f"/alarms.csv?{urlencode(asked)}" if _may(request, "export") else "",
+        "may_acknowledge": _may(request, "acknowledge"),
+    }  # fmt: skip
+
+
+def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[Standing, Row]], list[Standing]]:
+    """What the filter lets through, and what it hides."""
+    draw = drawing(request)
+    shown: list[tuple[Standing, Row]] = []
+    hidden: list[Standing] = []
+    words = wanted["q"].casefold().split()
+    for one in _engine(request).standing():
+        if wanted["tab"] == "unack" and not one.unacked:
+            continue
+        fits = (not wanted["area"] or (one.area if one.equipment else SYSTEM) == wanted["area"]) and (
+            not wanted["priority"] or one.priority <= int(wanted["priority"])
+        )
+        row = draw.row(one) if fits else None
+        if row is None:
+            hidden.append(one)
+            continue
+        written = f"{row.text} {row.source} {draw.label_of(one.equipment)} {row.id}".casefold()
+        if all(word in written for word in words):
+            shown.append((one, row))
+        else:
+            hidden.append(one)
+    return shown, hidden
+
+
+def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
+    shown, hidden = _chosen(request, wanted)
+    page = int(wanted["page"] or 0)
+    query = {name: value for name, value in wanted.items() if value and name != "page"}
+    engine = _engine(request)
+    return {
+        "rows": [row for _, row in shown[page * PAGE : (page + 1) * PAGE]],
+        "found": len(shown),
+        "page": page,
+        "page_size": PAGE,
+        "next_page": "/alarms?" + urlencode(query | {"page": page + 1}) if len(shown) > (page + 1) * PAGE else "",
+        "previous_page": "/alarms?" + urlencode(query | {"page": page - 1}) if page else "",
+        "filtered": bool(wanted["area"] or wanted["priority"] or wanted["q"]),
+        "hidden": len(hidden),
+        "hidden_unack": sum(one.unacked for one in hidden),
+        "all_url": "/alarms?" + urlencode({"tab": wanted["tab"]}),
+        "list_url": "/alarms/list?" + urlencode(query | {"page": page}),
+        "list_revision": engine.revision,
+        "list_news": engine.news,
+        "list_now": _view(request).runtime(request).clock.micros(),
+        "suppressed": len(engine.hidden()),
+    }
+
+
+async def _detail(request: Request, one: Standing) -> dict[str, Any]:
+    draw = drawing(request)
+    runtime = _view(request).runtime(request)
+
+    def work(connection: Connection) -> tuple[list[journal.Past], list[int]]:
+        since = draw.now - 30 * DAY
+        return journal.occurrences(connection, one.id), journal.annunciations(connection, since, one.id)
+
+    past, times = await runtime.db.read(work)
+    response = draw.optional(one, one.response)
+    return {
+        "row": draw.row(one),
+        "label": draw.label_of(one.equipment),
+        "cause": draw.optional(one, one.cause),
+        "consequence": draw.optional(one, one.consequence),
+        "steps": draw.steps(response),
+        "rule": one.rule,
+        "month": bars(times, draw.now, DAY, 30),
+        "month_count": len(times),
+        "first_day": fmt.date(draw.now - 29 * DAY, draw.zone, draw.lang, year=False),
+        "past": [
+            (draw.moment(old.raised), lasting((old.returned - old.raised) / 1e6) if old.returned else "–", old.acked_by)
+            for old in past
+            if old.occurrence != one.occurrence
+        ][:9],
+    }
+
+
+# ---- acknowledging ----------------------------------------------------------------------------------------
+
+
+@router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
+async def acknowledge(request: Request) -> Response:
+    """Acknowledge exactly the occurrences that are named: what somebody has seen."""
+    typed = await fields(request, [], ["comment"], lists=["occurrence"])
+    numbers = await field_list(request, "occurrence")
+    if (
+        not numbers
+        or len(numbers) > MOST_AT_ONCE
+        or not all(one.isascii() and one.isdecimal() and len(one) < 16 for one in numbers)
+    ):
+        raise Refused("access.form_field", 422, field="occurrence")
+    person = person_of(request)
+    answers = await _engine(request).acknowledge(
+        [int(one) for one in numbers], person, typed["comment"][:LONGEST_COMMENT]
+    )
+    access = _view(request).runtime(request).access
+    for answer in answers:
+        if answer.outcome == "done":
+            await access.audit.record(
+                "alarm.acknowledged",
+                person,
+                object=answer.alarm,
+                new=answer.occurrence,
+                comment=typed["comment"][:LONGEST_COMMENT],
+            )
+    return _answered(
+        request,
+        _told(request, answers),
+        "done" if any(one.outcome == "done" for one in answers) else "info",
+        typed["next"],
+    )
+
+
+@router.post("/alarms/reset", dependencies=[allow("acknowledge")])
+async def reset(request: Request) -> Response:
+    """Release a latched alarm."""
+    typed = await fields(request, ["occurrence"])
+    if not typed["occurrence"].isdecimal() or len(typed["occurrence"]) > 15:
+        raise Refused("access.form_field", 422, field="occurrence")
+    person, engine = person_of(request), _engine(request)
+    one = engine.find(int(typed["occurrence"]))
+    await engine.reset(int(typed["occurrence"]), person)
+    access = _view(request).runtime(request).access
+    await access.audit.record("alarm.reset", person, object=one.id if one else "", new=typed["occurrence"])
+    return _answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"])
+
+
+def _told(request: Request, answers: list[Answer]) -> str:
+    """What became of it, in one line."""
+    view = _view(request)
+    done = [one for one in answers if one.outcome == "done"]
+    if done and len(done) == len(answers):
+        return view.text(request, "alarm.answer.done", n=len(done))
+    if len(answers) == 1:
+        (one,) = answers
+        draw = drawing(request)
+        return view.text(request, f"alarm.answer.{one.outcome}", by=one.by, time=draw.moment(one.at) if one.at else "")
+    return view.text(request, "alarm.answer.some", done=len(done), others=len(answers) - len(done))
+
+
+def _answered(request: Request, text: str, kind: str, next: str) -> Response:
+    if request.headers.get("hx-request") == "true":
+        return _view(request).fragment(request, "fragments/alarm_answer.html", text=text, kind=kind)
+    return RedirectResponse(language.local_path(next or "/alarms"), 303)
+
+
+# ---- on every page ----------------------------------------------------------------------------------------
+
+
+@router.get("/alarms/banner", dependencies=[allow("view")])
+async def banner(request: Request) -> Response:
+    """The inside of the banner; the same for all who may do the same, so it is drawn once."""
+    view, engine = _view(request), _engine(request)
+    may = _may(request, "acknowledge")
+    lang = language.language_of(request)
+    cache: dict[tuple[str, bool], tuple[int, Any, bytes]] = request.app.state.__dict__.setdefault("_alarm_banners", {})
+    known = cache.get((lang, may))
+    runtime = view.runtime(request)
+    if known is None or known[0] != engine.revision or known[1] is not runtime.texts:
+        content = drawing(request).banner(may_view=True, may_acknowledge=may)
+        body = view.fragment(request, "fragments/banner_inside.html", alarms=content).body
+        known = cache[(lang, may)] = (engine.revision, runtime.texts, bytes(body))
+    return Response(known[2], media_type="text/html; charset=utf-8")
+
+
+@router.get("/alarms/summary", dependencies=[allow("view")])
+async def summary(request: Request) -> Response:
+    """Alarms by area, the last three, the last 24 hours."""
+    return _view(request).fragment(request, "fragments/alarm_summary.html", summary=drawing(request).summary())
+
+
+# ---- the journal ------------------------------------------------------------------------------------------
+
+
+async def _journal(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
+    runtime = _view(request).runtime(request)
+    filter = _filter(request, wanted)
+    found = await runtime.db.read(lambda connection: journal.find(connection, filter, JOURNAL_PAGE + 1))
+    count = await runtime.db.read(lambda connection: journal.count(connection, replace(filter, before=None)))
+    query = {name: value for name, value in wanted.items() if value and name not in ("before", "page")}
+    draw, text = drawing(request), _view(request).text
+    plant = runtime.plant
+    return {
+        "records": [_line(request, draw, record) for record in found[:JOURNAL_PAGE]],
+        "found": count,
+        "older": "/alarms?" + urlencode(query | {"before": found[JOURNAL_PAGE - 1].seq})
+        if len(found) > JOURNAL_PAGE
+        else "",
+        "newest": "/alarms?" + urlencode(query) if wanted["before"] else "",
+        "event_choices": [(str(entry), text(request, f"alarm.event.{entry}")) for entry in Entry],
+        "source_choices": [
+            *((item.id, draw.label_of(item.id)) for item in (plant.equipment.values() if plant else ())),
+            (SYSTEM, text(request, "alarm.system.name")),
+        ],
+        "filtered": any(wanted[name] for name in ("area", "priority", "q", "event", "source", "since", "until")),
+        "all_url": "/alarms?tab=journal",
+    }
+
+
+def _filter(request: Request, wanted: dict[str, str]) -> Filter:
+    draw = drawing(request)
+    words = wanted["q"].casefold()
+    fitting = (
+        [
+            id
+            for id, type, key, params in _engine(request).labels()
+            if words in draw.filled(type, key, params).casefold()
+        ]
+        if words
+        else None
+    )
+    return Filter(
+        equipment=wanted["source"],
+        area=wanted["area"],
+        event=wanted["event"],
+        priority=int(wanted["priority"] or 0),
+        text=wanted["q"],
+        since=read_time(request, wanted["since"], "since"),
+        until=read_time(request, wanted["until"], "until"),
+        before=int(wanted["before"]) if wanted["before"] else None,
+        alarms=fitting[:1000] if fitting else None,
+    )
+
+
+def _line(request: Request, draw: Drawing, record: Record) -> dict[str, Any]:
+    text = _view(request).text
+    alarm = draw.runtime.alarms.definition(record.alarm)
+    names = {str(state): name for state, name in STATE_NAMES.items()}
+    return {
+        "seq": record.seq,
+        "time": fmt.date_time(record.time, draw.zone, draw.lang, draw.now, milliseconds=True),
+        "iso": fmt.iso(record.time, draw.zone),
+        "event": text(request, f"alarm.event.{record.event}"),
+        "detail": record.detail if record.event in ("LIMIT_CHANGED", "PRIO_CHANGED") else "",
+        "source": record.equipment or SYSTEM,
+        "priority": record.priority,
+        "priority_text": text(request, "alarm.priority." + PRIORITY_NAMES[record.priority]),
+        "symbol": SYMBOL_OF[record.after],
+        "text": draw.recorded(record),
+        "before": text(request, f"alarm.state.{names[record.before]}"),
+        "after": text(request, f"alarm.state.{names[record.after]}"),
+        "value": draw.value(record.equipment, alarm.value if alarm else "", record.value, record.limit),
+        "person": record.person,
+        "comment": record.comment,
+        "silent": record.silent,
+    }
+
+
+@router.get("/alarms.csv", dependencies=[allow("export")])
+async def export(request: Request) -> Response:
+    """The list or the journal as the filter shows it, with the filter in the first line."""
+    wanted = _wanted(request)
+    person = person_of(request)
+    shown = "; ".join(f"{name}={value}" for name, value in wanted.items() if value and name not in ("page", "before"))
+    await _view(request).runtime(request).access.audit.record("alarm.exported", person, filters=shown)
+    pieces = _csv_journal(request, wanted, shown) if wanted["tab"] == "journal" else _csv_list(request, wanted, shown)
+    return StreamingResponse(
+        pieces,
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="alarms-{wanted["tab"]}.csv"'},
+    )
+
+
+async def _csv_list(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
+    draw = drawing(request)
+    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_LIST)
+    rows, _ = _chosen(request, wanted)
+    for index, (one, row) in enumerate(rows):
+        end = draw.now if one.life.active else one.returned or draw.now
+        yield _cells(
+            [
+                fmt.iso(one.first_true, _UTC), row.iso, STATE_NAMES[one.state], one.priority, row.source, one.area,
+                row.text, _plain(one.value), _plain(one.limit), round((end - one.first_true) / 1e6, 3), one.count,
+                one.acked_by, fmt.iso(one.acked_at, _UTC) if one.acked_at else "",
+            ]
+        )  # fmt: skip
+        if index % 200 == 0:
+            await asyncio.sleep(0)
+
+
+async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
+    draw, runtime = drawing(request), _view(request).runtime(request)
+    filter = _filter(request, wanted | {"before": ""})
+    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_JOURNAL)
+
+    def read(filter: Filter) -> list[Record]:
+        return runtime.db.run(lambda connection: journal.find(connection, filter, CSV_PAGE))
+
+    while found := await asyncio.to_thread(read, filter):
+        for r in found:
+            yield _cells(
+                [
+                    r.seq, fmt.iso(r.time, _UTC), fmt.iso(r.time, draw.zone), r.event, r.detail, r.alarm, r.occurrence,
+                    r.equipment or SYSTEM, r.area, r.alarm_class, r.priority, r.before, r.after, draw.recorded(r),
+                    _plain(r.value), _plain(r.limit), r.unit, r.quality, r.person, r.address, r.comment,
+                ]
+            )  # fmt: skip
+        filter = replace(filter, before=found[-1].seq)
+
+
+def _plain(value: float | None) -> float | str:
+    return "" if value is None else value
+
+
+def _cells(cells: Any) -> bytes:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\r\n").writerow([defused(one) if isinstance(one, str) else one for one in cells])
+    return out.getvalue().encode()

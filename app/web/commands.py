@@ -1,0 +1,280 @@
+"""Commands in the browser: what buttons post to, what is asked back, who holds the machine, hold-to-run.
+
+Everything is decided by the gate (app/commands); here its answers become words in the person's language. A button posts, and gets back the
+line for the operator with the whole column, so that every part that changed is drawn anew. The column is fetched again by everybody who
+looks at the machine when its revision tag `sys.commands.<equipment>` changes. Stop needs neither script nor nonce: it is a form.
+"""
+
+from collections.abc import Mapping
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from app.commands.gate import Gate, Question
+from app.commands.lifecycle import Progress, State
+from app.errors import Refused
+from app.web.errors import answer as error_answer
+from app.web.guard import address_of, allow, fields, person_of
+from app.web.language import language_of, local_path
+from app.web.operation import RELEASE_CAUSES, Operation
+from app.web.pages import plant_of, view_of
+
+router = APIRouter()
+
+STATUS: Mapping[State, int] = {
+    State.REQUESTED: 202,
+    State.ACCEPTED: 202,
+    State.CONFIRMED: 200,
+    State.DRY_RUN: 200,
+    State.UNKNOWN: 503,
+    State.FAILED: 409,
+    State.UNCONFIRMED: 409,
+    State.SUPERSEDED: 409,
+    State.REFUSED: 409,
+}
+"""HTTP status of an answer by where the command stands (hmi-design.md section 11)."""
+
+
+def operation_of(request: Request, key: str) -> Operation:
+    """The machine `key` for whoever asks.
+
+    Raises:
+        HTTPException: 404, there is no such machine.
+    """
+    item = plant_of(request).equipment.get(key)
+    if item is None:
+        raise HTTPException(404)
+    return Operation(request, item)
+
+
+def gate_of(operation: Operation) -> Gate:
+    """The gate of the running plant.
+
+    Raises:
+        Refused: 503 while there is none.
+    """
+    if operation.gate is None:
+        raise Refused("operate.not_ready", 503)
+    return operation.gate
+
+
+# ---- routes -------------------------------------------------------------------------------------------------
+
+
+@router.get("/nonce", dependencies=[allow("operate")])
+async def nonce(request: Request) -> JSONResponse:
+    """A one-time number for the next command; fetched when a button goes down, so that none is ever old."""
+    person = person_of(request)
+    gate: Gate | None = getattr(view_of(request).runtime(request), "gate", None)
+    if gate is None:
+        raise Refused("operate.not_ready", 503)
+    return JSONResponse({"nonce": gate.nonces.issue(person.session)})
+
+
+@router.get("/equipment/{key}/commands", dependencies=[allow("view")])
+async def commands(request: Request, key: str) -> HTMLResponse:
+    """The command column of one machine as it stands for whoever asks."""
+    operation = operation_of(request, key)
+    return view_of(request).fragment(
+        request, "fragments/commands.html", operation=operation, equipment=operation.equipment
+    )
+
+
+@router.post("/equipment/{key}/command/{command}", dependencies=[allow("operate")])
+async def command(request: Request, key: str, command: str) -> Response:
+    """Give a command."""
+    return await _ask(request, operation_of(request, key), command)
+
+
+@router.post("/equipment/{key}/stop", dependencies=[allow("stop")])
+async def stop(request: Request, key: str) -> Response:
+    """Stop the machine: no token, no nonce, no question, and without any script."""
+    operation = operation_of(request, key)
+    kinds = operation.equipment.equipment.type.commands
+    found = next((name for name, command in kinds.items() if command.stop), None)
+    if found is None:
+        raise HTTPException(404)
+    return await _ask(request, operation, found)
+
+
+@router.post("/equipment/{key}/setpoint/{setpoint}", dependencies=[allow("operate")])
+async def setpoint(request: Request, key: str, setpoint: str) -> Response:
+    """Write one parameter or setpoint and read it back."""
+    return await _ask(request, operation_of(request, key), setpoint, value=True)
+
+
+@router.post("/equipment/{key}/token/{action}", dependencies=[allow("operate")])
+async def token(request: Request, key: str, action: str) -> Response:
+    """Take the machine, ask for it, hand it over, keep it, let it go."""
+    operation = operation_of(request, key)
+    form = await fields(request, ())
+    control, person = gate_of(operation).control, person_of(request)
+    actions = {
+        "take": control.take,
+        "request": control.request,
+        "refuse": control.refuse,
+        "give": control.give,
+        "release": control.release,
+    }
+    if action not in actions:
+        raise HTTPException(404)
+    try:
+        actions[action](person, operation.id)
+    except Refused as error:
+        return _answered(request, operation, form, operation.refusal(error), "error", error.status)
+    return _answered(request, operation, form, operation.equipment.text(f"operate.did.{action}"), "done", 200)
+
+
+@router.post("/equipment/{key}/hold/{command}", dependencies=[allow("operate")])
+async def arm(request: Request, key: str, command: str) -> Response:
+    """A lease for one press of a hold-to-run button; nothing moves before its first keep-alive on the socket of the page."""
+    operation = operation_of(request, key)
+    form = await fields(request, (), ("id", "nonce", "confirmed", "argument", "expected", "reason"))
+    try:
+        lease = await gate_of(operation).hold.arm(
+            person_of(request),
+            operation.id,
+            command,
+            id=form["id"],
+            nonce=form["nonce"],
+            confirmed=form["confirmed"] == "1",
+            address=address_of(request.scope),
+        )
+    except Question as question:
+        return _question(request, operation, form, command, question)
+    except Refused as error:
+        return _answered(request, operation, form, operation.refusal(error), "error", error.status)
+    return JSONResponse({"lease": lease})
+
+
+@router.post("/equipment/{key}/release", dependencies=[allow("stop")])
+async def release(request: Request, key: str) -> Response:
+    """End a hold-to-run: the second road beside the socket. A lease that is over stays over."""
+    operation = operation_of(request, key)
+    form = await fields(request, ("lease",), ("cause",))
+    cause = form["cause"] if form["cause"] in RELEASE_CAUSES else "released"
+    gate_of(operation).hold.release(form["lease"], person_of(request).session, cause)
+    return Response(status_code=204)
+
+
+async def _ask(request: Request, operation: Operation, key: str, *, value: bool = False) -> Response:
+    form = await fields(request, (), ("argument", "id", "nonce", "expected", "confirmed", "reason", "password"))
+    gate, person = gate_of(operation), person_of(request)
+    given = {
+        "id": form["id"][:64],
+        "nonce": form["nonce"],
+        "expected": number_or_none(form["expected"]),
+        "confirmed": form["confirmed"] == "1",
+        "reason": form["reason"][:500],
+        "address": address_of(request.scope),
+        "language": language_of(request),
+    }
+    try:
+        if value:
+            progress = await gate.set_value(person, operation.id, key, form["argument"], **given)  # type: ignore[arg-type]
+        else:
+            argument = form["argument"] or None
+            progress = await gate.ask(person, operation.id, key, argument=argument, **given)  # type: ignore[arg-type]
+    except Question as question:
+        return _question(request, operation, form, key, question)
+    except Refused as error:
+        return _answered(
+            request,
+            operation,
+            form,
+            operation.refusal(error),
+            "error",
+            error.status,
+            key,
+            field=error.status == 422 or error.reason == "why.changed",
+        )
+    story = operation.tell(progress)
+    return _answered(request, operation, form, story.text, story.kind, STATUS[progress.state], key, progress)
+
+
+def number_or_none(text: str) -> float | None:
+    """A number as scripts write it, or None."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def wants_fragment(request: Request) -> bool:
+    """Whether a script asks, as against a form without one."""
+    return request.headers.get("hx-request") == "true"
+
+
+def _answered(
+    request: Request,
+    operation: Operation,
+    form: Mapping[str, str],
+    text: str,
+    kind: str,
+    status: int,
+    key: str = "",
+    progress: Progress | None = None,
+    *,
+    field: bool = False,
+) -> Response:
+    """The line for the operator with the column anew; a form without script goes back to its page, or reads why not."""
+    view = view_of(request)
+    if not wants_fragment(request):
+        if status >= 400:
+            return error_answer(request, status, "operate.said", text=text)
+        return RedirectResponse(local_path(form.get("next") or operation.url), 303)
+    fresh = operation.fresh()
+    response = view.fragment(
+        request,
+        "fragments/commands_answer.html",
+        status=status,
+        operation=fresh,
+        equipment=fresh.equipment,
+        text=text,
+        kind=kind,
+        at=fresh.time(operation.runtime.clock.micros()),
+        key=key,
+        field=field,
+    )
+    if progress is not None:
+        response.headers["X-Command"] = progress.id
+    return response
+
+
+def _question(
+    request: Request, operation: Operation, form: Mapping[str, str], key: str, question: Question
+) -> Response:
+    """What the gate asks back: a dialog, or for a value the card with now and new."""
+    params = question.params
+    machine = operation.equipment
+    commands = machine.equipment.type.commands
+    command = commands.get(key)
+    point_key = command.argument if command else key
+    point = machine.point(point_key) if point_key and machine.has(point_key) else None
+    why = params.get("why")
+    warning = params.get("warning")
+    old, new = params.get("old"), params.get("new")
+    context = {
+        "operation": operation,
+        "equipment": machine,
+        "key": key,
+        "url": request.url.path,
+        "form": form,
+        "level": str(params.get("level", "C2")),
+        "label": machine.t(str(params.get("label", ""))),
+        "question": question.reason,
+        "why": [machine.text(str(line)) for line in why] if isinstance(why, tuple) else [],
+        "warning": machine.t(str(warning)) if warning else "",
+        "point": point,
+        "old": old if isinstance(old, int | float) else None,
+        "new": new if isinstance(new, int | float) else None,
+        "choices": [
+            (value, operation.words("operate.number", {"value": value, "unit": params.get("unit", "")}))
+            for value in (params.get("a"), params.get("b"))
+        ]
+        if question.reason == "why.ambiguous"
+        else [],
+        "text": operation.refusal(question),
+    }
+    return view_of(request).fragment(request, "fragments/confirm.html", status=question.status, **context)

@@ -1,0 +1,366 @@
+"""What templates know of operating one machine: its buttons for this person, who holds it, what is missing, what became of it.
+
+The gate (app/commands) decides; here its answers become words in the person's language.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+from zoneinfo import ZoneInfo
+
+from starlette.requests import HTTPConnection
+
+from app.commands.gate import Gate
+from app.commands.interlocks import Reason
+from app.commands.lifecycle import Progress, State
+from app.errors import Refused
+from app.plant.definitions import Condition, Equipment
+from app.web import format as fmt
+from app.web.points import CommandView, EquipmentView
+
+if TYPE_CHECKING:
+    from app.access.roles import Person
+    from app.web.view import View
+
+DRAWN: Mapping[State, str] = {
+    State.REQUESTED: "requested",
+    State.ACCEPTED: "accepted",
+    State.UNKNOWN: "accepted",
+    State.CONFIRMED: "done",
+    State.DRY_RUN: "done",
+}
+"""`data-state` of a button; every other state is drawn as failed."""
+RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
+"""What a browser may say of why it let go."""
+NUMBERS = frozenset({"value", "current", "expected", "min", "max", "asked", "a", "b", "old", "new"})
+"""Parameters of a reason that are values with the reason's unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """A command as it stands for this person."""
+
+    view: CommandView
+    url: str
+    state: str = "idle"
+    """data-state: idle, requested, accepted, done, failed."""
+    line: str = ""
+    """Second line: the object, the progress, or why not."""
+    reason: str = ""
+    """Why it cannot be pressed; empty = it can."""
+    look: str = ""
+    """`danger` for what asks first."""
+    since: int = 0
+    """When it was accepted [µs UTC], while its feedback is awaited."""
+    limit: float = 0.0
+    """Time for the feedback [s]."""
+    waiting: str = ""
+    """Pattern of the second line meanwhile, with {elapsed} and {limit}."""
+
+    moves: bool = True
+    """False for what does not make the machine move."""
+
+    @property
+    def part(self) -> str:
+        """Key of this part of a page."""
+        return self.view.name
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """Who holds the machine, as this person sees it."""
+
+    state: str
+    """guest, free, mine, other."""
+    text: str
+    action: str = ""
+    """take, release or request; empty = none possible."""
+    asks: str = ""
+    """Somebody asks the holder for it."""
+    left: float = 0.0
+    """Time left for the holder to refuse [s]."""
+    asked: bool = False
+    """It is this person who asks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """One line about the latest command, for the message line."""
+
+    id: str
+    text: str
+    kind: str
+    """info, done or error."""
+    time: str
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionLine:
+    """A permissive or an interlock in words."""
+
+    label: str
+    met: bool | None
+    """None = not known, which counts as not met."""
+    since: str
+    first: bool
+
+
+class Operation:
+    """Everything about operating one machine that a template draws, for one person in one language."""
+
+    def __init__(self, request: HTTPConnection, item: Equipment) -> None:
+        view: View = request.app.state.view
+        self._request = request
+        self.equipment: EquipmentView = view.machine(request, item)
+        self.person: Person | None = getattr(request.state, "person", None)
+        self.csrf: str = getattr(request.state, "csrf", "")
+        self.runtime = view.runtime(request)
+        self.gate: Gate | None = getattr(self.runtime, "gate", None)
+        plant = self.runtime.plant
+        self.zone = ZoneInfo(plant.timezone) if plant else ZoneInfo("UTC")
+
+    def fresh(self) -> "Operation":
+        """The same, drawn anew."""
+        return Operation(self._request, self.equipment.equipment)
+
+    @property
+    def id(self) -> str:
+        """The machine."""
+        return self.equipment.id
+
+    @property
+    def url(self) -> str:
+        """Address of the machine."""
+        return f"/equipment/{quote(self.id)}"
+
+    @property
+    def revision_tag(self) -> str:
+        """The tag that changes with anything drawn here."""
+        return revision_tag(self.id)
+
+    @cached_property
+    def progress(self) -> Progress | None:
+        """The command at work, else the last one."""
+        return self.gate.progress(self.id) if self.gate else None
+
+    def time(self, micros: int) -> str:
+        """Time of day in the plant's zone."""
+        return fmt.clock_time(micros, self.zone) if micros else ""
+
+    # ---- buttons --------------------------------------------------------------------------------------
+
+    @cached_property
+    def buttons(self) -> Mapping[str, Button]:
+        """Every command by key."""
+        commands = self.equipment.equipment.type.commands
+        return {
+            key: replace(self._button(view), moves=commands[key].moves) for key, view in self.equipment.commands.items()
+        }
+
+    @property
+    def holds(self) -> list[Button]:
+        """The hold-to-run commands."""
+        return [button for button in self.buttons.values() if button.view.hold]
+
+    def _button(self, view: CommandView) -> Button:
+        command = self.equipment.equipment.type.commands[view.key]
+        url = f"{self.url}/stop" if view.stop else f"{self.url}/{'hold' if view.hold else 'command'}/{view.key}"
+        reason = self.why_not(view.key)
+        asks = not reason and not command.stop and self.gate is not None and self.gate.level(self.id, view.key) >= "C2"
+        idle = self.equipment.text("operate.asks_first") if asks else f"{self.id.upper()} · {self.equipment.label}"
+        look = "danger" if asks else ""
+        progress = self.progress
+        if progress is None or progress.command != view.key or (reason and progress.over):
+            return Button(view, url, line=reason or idle, reason=reason, look=look)
+        state = DRAWN.get(progress.state, "failed")
+        if progress.over and progress.state is State.UNKNOWN:
+            state = "failed"
+        if not progress.over:
+            waits = progress.accepted if progress.state is State.ACCEPTED and not view.hold else 0
+            line = f"{self.equipment.text(progress.text)} {self.time(progress.accepted or progress.requested)}"
+            pattern = self.equipment.text("fb.waiting") if waits else ""
+            return Button(view, url, state, line, reason, look, waits, progress.limit, pattern)
+        text = self.equipment.text(progress.text)
+        line = f"{text} {self.time(progress.ended)}" if state == "done" else self.because(progress) or text
+        return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, look)
+
+    def why_not(self, key: str) -> str:
+        """Why this person cannot give the command (or write the setpoint) now, in words; empty = possible."""
+        text = self.equipment.text
+        command = self.equipment.equipment.type.commands.get(key)
+        permission = "stop" if command and command.stop else "operate"
+        if self.gate is None:
+            return text("operate.not_ready")
+        if self.person is None:
+            return text("operate.sign_in")
+        if not self.person.may(permission):
+            return text("why.idle" if self.person.idle else "why.role")
+        if permission == "stop":
+            return ""  # whoever may stop may always try
+        return self.explain_first(self.gate.why_not(self.person, self.id, key))
+
+    def explain_first(self, reasons: Sequence[Reason]) -> str:
+        """The first of `reasons` in words, with how many conditions are missing besides."""
+        found = list(reasons)
+        if not found:
+            return ""
+        guarding = ("why.condition", "why.condition_unknown")
+        first = found[0]
+        more = sum(reason.key in guarding for reason in found) - 1
+        if first.key in guarding and more > 0:
+            return self.words("why.condition_more", {**first.params, "n": more}, first.label)
+        return self.words(first.key, first.params, first.label)
+
+    # ---- words ----------------------------------------------------------------------------------------
+
+    def words(self, key: str, params: Mapping[str, object], label: str = "") -> str:
+        """The text `key` with its parameters written for people: numbers, times, labels, causes."""
+        filled = self.filled(params, label)
+        own = self.equipment.equipment.type.texts.get(self.equipment.lang, {})
+        if key in own:
+            return own[key]
+        return self.equipment.text(key, **filled)
+
+    def filled(self, params: Mapping[str, object], label: str = "") -> dict[str, object]:
+        """`params` of a reason as they are written in this language."""
+        text, lang = self.equipment.text, self.equipment.lang
+        result: dict[str, object] = dict(params)
+        unit = params.get("unit")
+        for name, value in params.items():
+            if name in NUMBERS and isinstance(value, int | float):
+                result[name] = fmt.number(value, fmt.shortest(value, 4), lang)
+            elif name in ("seconds", "limit") and isinstance(value, int | float):
+                result[name] = fmt.number(float(value), fmt.shortest(float(value), 1), lang)
+            elif name == "age" and isinstance(value, int | float):
+                result[name] = fmt.age(float(value))
+            elif name == "since" and isinstance(value, int):
+                result[name] = self.time(value)
+        if isinstance(unit, str):
+            result["unit"] = fmt.unit_symbol(unit, text)
+        wanted = label or params.get("label")
+        result["label"] = self.equipment.t(str(wanted)) if wanted else self.equipment.label
+        return result
+
+    def because(self, progress: Progress) -> str:
+        """Why a command came to another end than it should; empty when it did not."""
+        return self.words(progress.reason, progress.params) if progress.reason else ""
+
+    def refusal(self, error: Refused) -> str:
+        """`error` in words; a missing condition by its name, with how many more are missing."""
+        missing = error.params.get("missing")
+        more = len(missing) - 1 if isinstance(missing, list) else 0
+        key = error.reason
+        if key in ("why.condition", "why.condition_unknown") and more > 0:
+            return self.words("why.condition_more", {**error.params, "n": more})
+        return self.words(key, error.params)
+
+    @cached_property
+    def story(self) -> Story | None:
+        """The latest command as the message line tells it to everybody who looks at the machine."""
+        return self.tell(self.progress) if self.progress else None
+
+    def tell(self, progress: Progress) -> Story:
+        """`progress` in one line: accepted 07:02:08 → confirmed 07:02:11 · Ana Kos."""
+        text = self.equipment.text
+        steps = []
+        if progress.accepted:
+            steps.append(f"{text('fb.accepted')} {self.time(progress.accepted)}")
+        else:
+            steps.append(f"{text('fb.requested')} {self.time(progress.requested)}")
+        if progress.over or progress.state is State.UNKNOWN:
+            steps.append(f"{text(progress.text)} {self.time(progress.ended)}".rstrip())
+        because = self.because(progress) if progress.state is not State.CONFIRMED else ""
+        argument = ""
+        if progress.argument is not None:
+            command = self.equipment.equipment.type.commands.get(progress.command)
+            key = command.argument if command else progress.command
+            point = self.equipment.point(key) if self.equipment.has(key) else None
+            argument = f" {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
+        who = f" · {progress.person}" if progress.person else ""
+        what = f"{self.id.upper()} {self.equipment.t(progress.label)}{argument}"
+        line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"
+        kind = "done" if progress.state in (State.CONFIRMED, State.DRY_RUN) else "info"
+        if progress.state not in (State.CONFIRMED, State.DRY_RUN, State.REQUESTED, State.ACCEPTED):
+            kind = "info" if progress.state is State.SUPERSEDED else "error"
+        return Story(
+            f"{progress.id}.{progress.state}.{progress.over}",
+            line,
+            kind,
+            self.time(progress.ended or progress.requested),
+        )
+
+    # ---- who holds it, what is missing ------------------------------------------------------------------
+
+    @cached_property
+    def holding(self) -> Holding:
+        """Who holds the machine."""
+        text = self.equipment.text
+        if self.gate is None:
+            return Holding("guest", text("operate.not_ready"))
+        control, person = self.gate.control, self.person
+        holder, request = control.holder(self.id), control.request_for(self.id)
+        may = person is not None and person.may("operate")
+        left = max(0.0, request.until - self.runtime.clock.monotonic()) if request else 0.0
+        if holder is None:
+            return (
+                Holding("free", text("control.free"), "take" if may else "")
+                if may
+                else Holding("guest", text("control.free"))
+            )
+        if person is not None and holder.session == person.session:
+            asks = text("operate.asks", display=request.display) if request else ""
+            return Holding("mine", text("control.yours"), "release", asks, left)
+        mine = request is not None and person is not None and request.session == person.session
+        held = text("control.holder", display=holder.display, time=self.time(holder.since))
+        return Holding("other" if may else "guest", held, "request" if may and not mine else "", "", left, mine)
+
+    @cached_property
+    def permissives(self) -> list[ConditionLine]:
+        """What must be true to start, missing ones first."""
+        return self._lines(line for line in self._permissives if not self._only_for_hold(line[0]))
+
+    @cached_property
+    def hold_permissives(self) -> list[ConditionLine]:
+        """What must be true besides for hold-to-run, missing ones first."""
+        return self._lines(line for line in self._permissives if self._only_for_hold(line[0]))
+
+    @property
+    def _permissives(self) -> Sequence[tuple[Condition, bool | None, int]]:
+        return self.gate.permissives(self.id) if self.gate else ()
+
+    def _only_for_hold(self, condition: Condition) -> bool:
+        commands = self.equipment.equipment.type.commands
+        return bool(condition.commands) and all(key in commands and commands[key].hold for key in condition.commands)
+
+    @cached_property
+    def interlocks(self) -> list[ConditionLine]:
+        """What must be true at any time, missing ones first."""
+        return self._lines(self.gate.interlocks(self.id)) if self.gate else []
+
+    @property
+    def met(self) -> int:
+        """How many permissives are met."""
+        return sum(line.met is True for line in self.permissives)
+
+    def _lines(self, conditions: Iterable[tuple[Condition, bool | None, int]]) -> list[ConditionLine]:
+        found = sorted(conditions, key=lambda line: line[1] is True)
+        return [
+            ConditionLine(self.equipment.t(condition.label), met, self.time(since), met is not True and number == 0)
+            for number, (condition, met, since) in enumerate(found)
+        ]
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """What the scripts say by themselves."""
+        text = self.equipment.text
+        return {name: text(f"operate.{name}") for name in ("not_delivered", "cancelled", "discarded", "moving")} | {
+            "no_answer": text("fb.lost"),
+            "sending": text("fb.requested"),
+        }
+
+
+def revision_tag(equipment: str) -> str:
+    """Name of the tag that counts changes of what commands of a machine look like."""
+    return f"sys.commands.{equipment}"

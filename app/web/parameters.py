@@ -1,0 +1,360 @@
+"""The parameters of a drive: read by operators, changed by engineers; the faceplate of a machine as a page and as a dialog.
+
+Parameters are edited locally, reviewed as a list of old and new, and written by one request: one after the other through the gate, each
+read back before the next, with a result per row. What fails does not stop the others.
+"""
+
+import asyncio
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from app import bundled
+from app.commands.gate import Gate
+from app.commands.lifecycle import Progress, State
+from app.errors import LinkError, Refused
+from app.plant import expression
+from app.plant.definitions import Setpoint
+from app.tags.quality import NO_DATA
+from app.web.commands import gate_of, number_or_none, operation_of, wants_fragment
+from app.web.guard import address_of, allow, field_list, fields, person_of
+from app.web.language import language_of
+from app.web.operation import Operation
+from app.web.pages import view_of
+from app.web.points import PointView
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+log = logging.getLogger(__name__)
+router = APIRouter()
+
+MOST = 40
+"""Parameters written by one request."""
+SLACK = 3.0
+"""Beyond a parameter's own time limit, after which its result is not waited for any more [s]."""
+PAUSE = 0.22
+"""Between two rows: the gate takes five commands a second of one person [s]."""
+OLD = 30.0
+"""Age of the oldest parameter from which an opened page has them read again [s]."""
+CONFIRMED = frozenset("MTCX")
+"""Marks of the reference sheet that stand for a source; G alone, or a question mark, is unconfirmed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter as a row."""
+
+    key: str
+    code: str
+    point: PointView
+    low: float | None
+    """Least value now [EU]; None = not known."""
+    high: float | None
+    default: str
+    options: Mapping[str, str]
+    """Value → text; empty when it is a number."""
+    confirmed: bool
+    marks: str
+    warning: str
+    stopped_only: bool
+    reason: str
+    """Why this person cannot write it at all; empty = they can."""
+
+    @property
+    def permitted(self) -> str:
+        """The permitted range as drawn."""
+        if self.low is None or self.high is None:
+            return "– –"
+        return f"{self.point.number(self.low)} … {self.point.number(self.high)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Parameters that belong together."""
+
+    key: str
+    label: str
+    rows: Sequence[Parameter]
+
+    @property
+    def codes(self) -> str:
+        """First and last code: `F900 – F905`."""
+        codes = sorted(row.code for row in self.rows)
+        return codes[0] if len(codes) == 1 else f"{codes[0]} – {codes[-1]}"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What became of one parameter that was written."""
+
+    code: str
+    label: str
+    done: bool
+    text: str
+    value: str
+    """Read back, with its unit."""
+
+
+def groups_of(operation: Operation) -> list[Group]:
+    """The setpoints of the machine by group, in the order of the type's file."""
+    item, machine = operation.equipment.equipment, operation.equipment
+    found: dict[str, list[Parameter]] = {}
+    for key, setpoint in item.type.setpoints.items():
+        if key in item.points:
+            found.setdefault(setpoint.group, []).append(_parameter(operation, key, setpoint))
+    return [
+        Group(key or "other", machine.t(key) if key else machine.text("par.other"), rows) for key, rows in found.items()
+    ]
+
+
+def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
+    machine, person = operation.equipment, operation.person
+    point = machine.point(key)
+    look = _look(operation)
+    marks = setpoint.certainty
+    low, high = expression.number(setpoint.low, look), expression.number(setpoint.high, look)
+    reason = ""
+    if person is None or not person.may("configure") or setpoint.role not in person.roles:
+        reason = machine.text("par.engineers_write")
+    return Parameter(
+        key,
+        setpoint.code or key.upper(),
+        point,
+        low,
+        high,
+        "" if setpoint.default is None else _default(machine.t, setpoint, point),
+        {f"{value:g}": machine.t(text) for value, text in setpoint.options.items()},
+        bool(CONFIRMED & set(marks)) and "?" not in marks,
+        marks,
+        machine.t(setpoint.warning) if setpoint.warning else "",
+        setpoint.stopped_only,
+        reason,
+    )
+
+
+def _default(t: "object", setpoint: Setpoint, point: PointView) -> str:
+    assert setpoint.default is not None
+    key = setpoint.options.get(int(setpoint.default)) if setpoint.options else None
+    return str(t(key)) if key and callable(t) else point.number(setpoint.default)
+
+
+def _look(operation: Operation) -> expression.Look:
+    tags, prefix = operation.runtime.tags, operation.id + "."
+
+    def look(key: str) -> expression.Reading:
+        handle = tags.handles.get(prefix + key)
+        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+    return look
+
+
+# ---- faceplate ----------------------------------------------------------------------------------------------
+
+
+@router.get("/equipment/{key}/faceplate", dependencies=[allow("view")])
+async def faceplate(request: Request, key: str) -> HTMLResponse:
+    """The faceplate: a dialog over any page, or a page of its own."""
+    operation = operation_of(request, key)
+    machine = operation.equipment
+    template = f"screens/{machine.type}/faceplate.html"
+    if not (bundled("templates") / template).is_file():
+        raise HTTPException(404)
+    view = view_of(request)
+    context: dict[str, Any] = {"operation": operation, "equipment": machine, "body": template}
+    if wants_fragment(request):
+        return view.fragment(request, "fragments/faceplate.html", **context)
+    return view.page(
+        request,
+        "pages/faceplate.html",
+        title=machine.label,
+        kind=f"faceplate/{machine.id}",
+        area=machine.area,
+        chip=machine.id,
+        up=operation.url,
+        message=operation.story,
+        **context,
+    )
+
+
+# ---- parameters ---------------------------------------------------------------------------------------------
+
+
+@router.get("/equipment/{key}/parameters", dependencies=[allow("diagnose")])
+async def parameters(request: Request, key: str) -> HTMLResponse:
+    """All parameters of a drive; older ones are being read again while the page is drawn."""
+    operation = operation_of(request, key)
+    machine = operation.equipment
+    if not machine.equipment.type.setpoints:
+        raise HTTPException(404)
+    view = view_of(request)
+    runtime = view.runtime(request)
+    tags = runtime.tags
+    names = [f"{machine.id}.{name}" for name in machine.equipment.type.setpoints]
+    if max((tags.age(tags.handle(name)) for name in names if name in tags), default=0.0) > OLD:
+        _read_later(request, operation)
+    return view.page(
+        request,
+        f"screens/{machine.type}/parameters.html",
+        title=machine.text("par.title"),
+        kind=f"parameters/{machine.id}",
+        area=machine.area,
+        chip=machine.id,
+        up=operation.url,
+        equipment=machine,
+        operation=operation,
+        groups=groups_of(operation),
+        message=operation.story,
+    )
+
+
+@router.post("/equipment/{key}/parameters/read", dependencies=[allow("diagnose")])
+async def read_again(request: Request, key: str) -> Response:
+    """Read all parameters from the drive now; their values come over the socket of the page."""
+    operation = operation_of(request, key)
+    form = await fields(request, ())
+    runtime = view_of(request).runtime(request)
+    try:
+        count = await _read(runtime, operation)
+        text, kind, status = operation.equipment.text("par.read", n=count), "done", 200
+    except LinkError as error:
+        text, kind, status = operation.words("why.no_answer", {"cause": f"link.error.{error.kind}"}), "error", 503
+    if not wants_fragment(request):
+        return RedirectResponse(form.get("next") or f"/equipment/{quote(key)}/parameters", 303)
+    return view_of(request).fragment(
+        request, "fragments/line.html", status=status, text=text, kind=kind, at=operation.time(runtime.clock.micros())
+    )
+
+
+@router.post("/equipment/{key}/parameters", dependencies=[allow("configure")])
+async def write(request: Request, key: str) -> Response:
+    """Write the reviewed changes one after the other and say for each what the drive holds now."""
+    operation = operation_of(request, key)
+    form = await fields(request, (), ("id", "nonce", "reason"), lists=("key", "value", "expected"))
+    keys, values, expected = [await field_list(request, name) for name in ("key", "value", "expected")]
+    if not keys or len(keys) > MOST or not len(keys) == len(values) == len(expected) or len(set(keys)) != len(keys):
+        raise Refused("par.form", 422)
+    gate, person = gate_of(operation), person_of(request)
+    rows: list[Row] = []
+    ends = _Ends(gate)
+    try:
+        for number, (name, value, seen) in enumerate(zip(keys, values, expected, strict=True)):
+            if number:
+                await asyncio.sleep(PAUSE)
+            nonce = form["nonce"] if number == 0 else gate.nonces.issue(person.session)
+            try:
+                progress = await gate.set_value(
+                    person,
+                    operation.id,
+                    name,
+                    value,
+                    id=f"{form['id'][:60]}.{number}" if form["id"] else "",
+                    nonce=nonce,
+                    expected=number_or_none(seen),
+                    confirmed=True,
+                    reason=form["reason"][:500],
+                    address=address_of(request.scope),
+                    language=language_of(request),
+                )
+                progress = await ends.wait(progress)
+                rows.append(_row(operation, name, progress))
+            except Refused as refusal:
+                rows.append(_refused_row(operation, name, refusal))
+    finally:
+        ends.close()
+    done = sum(row.done for row in rows)
+    text = operation.equipment.text("par.written", ok=done, total=len(rows))
+    view = view_of(request)
+    return view.fragment(
+        request,
+        "fragments/parameters_answer.html",
+        operation=operation.fresh(),
+        equipment=operation.equipment,
+        rows=rows,
+        text=text,
+        kind="done" if done == len(rows) else "error",
+        at=operation.time(view.runtime(request).clock.micros()),
+    )
+
+
+class _Ends:
+    """Waits for commands to come to their end."""
+
+    def __init__(self, gate: Gate) -> None:
+        self._over: dict[str, Progress] = {}
+        self._event = asyncio.Event()
+        self.close = gate.subscribe_ends(self._ended)
+
+    def _ended(self, progress: Progress) -> None:
+        self._over[progress.id] = progress
+        self._event.set()
+
+    async def wait(self, progress: Progress) -> Progress:
+        """`progress` when it is over, or as it stood when the time was up."""
+        if progress.over:
+            return progress
+        try:
+            async with asyncio.timeout(progress.limit + SLACK):
+                while progress.id not in self._over:
+                    self._event.clear()
+                    await self._event.wait()
+        except TimeoutError:
+            return progress
+        return self._over.pop(progress.id)
+
+
+def _row(operation: Operation, key: str, progress: Progress) -> Row:
+    machine = operation.equipment
+    setpoint = machine.equipment.type.setpoints[key]
+    point = operation.fresh().equipment.point(key)
+    done = progress.state in (State.CONFIRMED, State.DRY_RUN)
+    text = machine.text(progress.text)
+    because = operation.because(progress)
+    words = f"{text}: {because}" if because and progress.state is not State.CONFIRMED else text
+    value = (
+        machine.t(setpoint.options[int(point.value)])
+        if setpoint.options and isinstance(point.value, int | float) and int(point.value) in setpoint.options
+        else point.value_text
+    )
+    return Row(
+        setpoint.code or key, machine.t(progress.label), done and progress.state is State.CONFIRMED, words, value
+    )
+
+
+def _refused_row(operation: Operation, key: str, refusal: Refused) -> Row:
+    machine = operation.equipment
+    setpoint = machine.equipment.type.setpoints.get(key)
+    label = machine.point(key).label if setpoint and machine.has(key) else ""
+    return Row(setpoint.code if setpoint else key[:20], label, False, operation.refusal(refusal), "")
+
+
+async def _read(runtime: "Runtime", operation: Operation) -> int:
+    item = operation.equipment.equipment
+    link = runtime.links.get(item.link)
+    if link is None:
+        raise Refused("why.no_link", 503, link=item.link)
+    keys = [key for key in item.type.setpoints if key in item.points and item.points[key].register]
+    await link.refresh(item.id, keys)
+    return len(keys)
+
+
+def _read_later(request: Request, operation: Operation) -> None:
+    runtime = view_of(request).runtime(request)
+    tasks: set[asyncio.Task[None]] = request.app.state.__dict__.setdefault("readings", set())
+
+    async def reading() -> None:
+        try:
+            await _read(runtime, operation)
+        except (LinkError, Refused) as error:
+            log.info("parameters not read equipment=%s error=%s", operation.id, error)
+
+    if runtime.links:
+        task = asyncio.create_task(reading(), name=f"parameters {operation.id}")
+        tasks.add(task)
+        task.add_done_callback(tasks.discard)

@@ -1,0 +1,228 @@
+// Alarms on every page: banner, sound, silence, announcements, marks on tabs, tiles and pointers. The list is alarm_list.js.
+//   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
+//   data-mark-of | data-mark-area | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a point
+import { post } from "./alarm_post.js";
+
+const banner = document.getElementById("alarms");
+const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
+const sprite = document.querySelector("svg use[href*='#']")?.getAttribute("href").split("#")[0] ?? "";
+let drawn = performance.now(); // when the banner's alarm last changed
+
+// ---- marks ----------------------------------------------------------------------------------------------------
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function symbol(priority, state, look = "") {
+  const svg = document.createElementNS(SVG, "svg");
+  svg.setAttribute("class", `alm alm-${priority} ${look}`.trim());
+  svg.setAttribute("data-state", state);
+  svg.setAttribute("aria-hidden", "true");
+  for (const [name, kind] of [["halo", "halo"], ["", "alm"]]) {
+    const use = document.createElementNS(SVG, "use");
+    if (name) use.setAttribute("class", name);
+    use.setAttribute("href", `${sprite}#${kind}-${priority}`);
+    svg.append(use);
+  }
+  return svg;
+}
+
+/** Draw the marks that the banner brought; a sign that did not change stays as it is, so that nothing starts to flash anew. */
+export function mark() {
+  const now = banner.querySelector("[data-marks]");
+  if (!now) return;
+  const marks = JSON.parse(now.dataset.marks);
+  for (const [name, still] of [["of", false], ["area", true], ["point", true]])
+    for (const place of document.querySelectorAll(`[data-mark-${name}]`)) {
+      const found = marks[name][place.getAttribute(`data-mark-${name}`)];
+      const state = found && (still && found[1] === "unack" ? "ack" : found[1]), is = found ? `${found[0]}${state}` : "";
+      if (place.dataset.mark === is) continue;
+      place.dataset.mark = is;
+      place.replaceChildren(...(found ? [symbol(found[0], state, place.dataset.look)] : []));
+    }
+  for (const pointer of document.querySelectorAll(".mai-ptr[data-tag]")) {
+    const found = marks.point[pointer.dataset.tag], is = found ? `${found[0]}${found[1]}` : "";
+    if ((pointer.dataset.mark ?? "") === is) continue;
+    pointer.dataset.mark = is;
+    pointer.querySelector(".alm")?.remove();
+    pointer.querySelector("path").toggleAttribute("hidden", Boolean(found));
+    pointer.querySelector("path").setAttribute("display", found ? "none" : "inline");
+    if (found) {
+      const sign = symbol(found[0], found[1]);
+      for (const [name, value] of [["x", -8.5], ["y", -9], ["width", 17], ["height", 17]]) sign.setAttribute(name, value);
+      pointer.append(sign);
+    }
+  }
+}
+
+// ---- the banner -----------------------------------------------------------------------------------------------
+
+const inside = document.getElementById("banner");
+const shown = () => inside?.querySelector("[data-marks]")?.dataset ?? {};
+let busy = false, again = false;
+
+/** Fetch the banner again; while one fetch runs, one more waits. */
+async function refresh() {
+  if (!banner.dataset.src) return;
+  if (busy) { again = true; return; }
+  busy = true;
+  try {
+    const answer = await fetch(banner.dataset.src, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(8000) });
+    if (answer.ok && !answer.redirected) draw(await answer.text());
+  } catch { /* the page says by itself that nobody answers */ }
+  busy = false;
+  if (again) { again = false; refresh(); }
+}
+
+function draw(html) {
+  const before = shown().occurrence;
+  const fresh = new DOMParser().parseFromString(html, "text/html").body;
+  const focused = inside.contains(document.activeElement) && document.activeElement.id;
+  inside.replaceChildren(...fresh.childNodes);
+  if (focused) document.getElementById(focused)?.focus();
+  if (shown().occurrence !== before) drawn = performance.now();
+  mark();
+  announce();
+}
+
+banner.querySelector("form")?.addEventListener("submit", (event) => {
+  event.preventDefault();
+  acknowledgeShown(event.submitter);
+});
+
+/** Acknowledge the very alarm that the banner shows; a press right after it changed was meant for another one. */
+function acknowledgeShown(button = document.getElementById("banner-ack")) {
+  if (!button || performance.now() - drawn < GUARD) return;
+  post("/alarms/acknowledge", [["occurrence", button.value]]);
+}
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
+  if (event.key === "F4") {
+    event.preventDefault();
+    location.assign("/alarms");
+  } else if (event.key === "F8") {
+    event.preventDefault();
+    const selected = document.getElementById("ack-selected");
+    if (selected && selected.getAttribute("aria-disabled") !== "true") selected.click();
+    else acknowledgeShown();
+  }
+});
+
+// ---- announcements ----------------------------------------------------------------------------------------------
+
+const news = document.getElementById("alarm-news");
+let announced = news?.dataset.signal, politeAt = -POLITE, politeTimer = 0;
+
+function announce() {
+  const { text, priority } = shown();
+  if (!text || news.dataset.signal === announced) return;
+  announced = news.dataset.signal;
+  const line = banner.dataset.announce.replace("{prio}", priority).replace("{text}", text);
+  if (priority <= 2) document.getElementById("alarm-alert").textContent = line;
+  else {
+    clearTimeout(politeTimer);
+    politeTimer = setTimeout(() => {
+      politeAt = performance.now();
+      document.getElementById("alarm-status").textContent = line;
+    }, Math.max(0, politeAt + POLITE - performance.now()));
+  }
+}
+
+// ---- sound: one tone per priority, as long as something waits ------------------------------------------------------
+
+const TONES = { // beeps [Hz, start s, length s] and how often they come [s]
+  1: { every: 1, beeps: [[1000, 0, 0.22], [760, 0.24, 0.22], [1000, 0.48, 0.22]] },
+  2: { every: 2, beeps: [[820, 0, 0.2], [820, 0.3, 0.2]] },
+  3: { every: 4, beeps: [[620, 0, 0.25]] },
+  4: { every: 8, beeps: [[440, 0, 0.2]] },
+};
+const button = document.getElementById("silence"), level = document.getElementById("alarm-sound");
+let context = null, sounding = 0, loop = 0, mine = !navigator.locks;
+navigator.locks?.request("pogon.sound", () => { // of several tabs one sounds
+  mine = true;
+  listen();
+  return new Promise(() => {});
+});
+
+function silence() {
+  try {
+    const kept = JSON.parse(localStorage.getItem(KEY) ?? "null");
+    return kept && kept.until > Date.now() && kept.news === news.dataset.signal ? kept : null;
+  } catch {
+    return null;
+  }
+}
+
+function beep() {
+  if (context?.state !== "running") return;
+  for (const [pitch, start, length] of TONES[sounding].beeps) {
+    const tone = context.createOscillator(), volume = context.createGain(), at = context.currentTime + start;
+    tone.frequency.value = pitch;
+    tone.type = "triangle";
+    volume.gain.setValueAtTime(0, at);
+    volume.gain.linearRampToValueAtTime(0.25, at + 0.02);
+    volume.gain.setValueAtTime(0.25, at + length - 0.03);
+    volume.gain.linearRampToValueAtTime(0, at + length);
+    tone.connect(volume).connect(context.destination);
+    tone.start(at);
+    tone.stop(at + length);
+  }
+}
+
+/** Bring sound, button and its words to what is true now. */
+function listen() {
+  const wanted = Number(level.dataset.signal) || 0, quiet = silence();
+  if (wanted && "sound" in banner.dataset) {
+    try { context ??= new AudioContext(); } catch { /* no audio here */ }
+  }
+  const blocked = Boolean(wanted) && !quiet && context !== null && context.state !== "running";
+  const next = wanted && !quiet && mine && "sound" in banner.dataset ? wanted : 0;
+  if (next !== sounding) {
+    clearInterval(loop);
+    sounding = next;
+    if (next) {
+      beep();
+      loop = setInterval(beep, TONES[next].every * 1000);
+    }
+  }
+  button.toggleAttribute("data-idle", !wanted);
+  button.toggleAttribute("data-blocked", blocked);
+  button.setAttribute("aria-pressed", String(Boolean(quiet && wanted)));
+  const words = blocked ? banner.dataset.blocked : quiet && wanted ? banner.dataset.silent : "";
+  const spoken = button.querySelector("[data-sound-state]");
+  if (spoken.textContent !== words) spoken.textContent = words;
+  button.title = words || button.getAttribute("aria-label");
+}
+
+button?.addEventListener("click", () => {
+  if (context && context.state !== "running") return; // the press itself lets the browser sound
+  const quiet = silence();
+  try {
+    if (quiet) localStorage.removeItem(KEY);
+    else localStorage.setItem(KEY, JSON.stringify({ until: Date.now() + SILENCE, news: news.dataset.signal }));
+  } catch { /* private window: this page only */ }
+  listen();
+});
+for (const gesture of ["pointerdown", "keydown"])
+  document.addEventListener(gesture, () => {
+    if (context && context.state !== "running") context.resume().then(() => { if (sounding) beep(); listen(); });
+  }, { capture: true });
+addEventListener("storage", ({ key }) => key === KEY && listen());
+setInterval(listen, 1000); // silence ends by itself
+
+// ---- what the tags say --------------------------------------------------------------------------------------------
+
+document.getElementById("alarm-changes")?.addEventListener("signal", refresh);
+level?.addEventListener("signal", listen);
+news?.addEventListener("signal", listen);
+document.addEventListener("pogon:drawn", mark);
+document.addEventListener("htmx:after:swap", mark);
+const summary = document.getElementById("alarm-summary");
+async function renewSummary() {
+  const answer = await fetch("/alarms/summary", { headers: { "HX-Request": "true" } }).catch(() => null);
+  if (answer?.ok && !answer.redirected) summary.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
+}
+if (summary) document.getElementById("alarm-changes")?.addEventListener("signal", renewSummary);
+mark();
+listen();
+

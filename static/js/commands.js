@@ -1,0 +1,453 @@
+// Commands: a press fetches a fresh nonce, posts, and draws what became of it. Whatever has a data-part is drawn anew in place, so that
+// focus, what is being typed and what is being held survive; everybody's column is fetched again when the revision tag of its machine changes.
+import { number } from "./format.js";
+
+const body = document.body, lang = body.dataset.lang;
+const ANSWER = 12000, STOP_ANSWER = 3000, LOCK = 500, EDIT = 60000, ASK = 30000;
+const offline = () => body.dataset.live === "offline";
+const say = (text, kind) => window.pogon.say(text, kind);
+const roots = () => [...document.querySelectorAll("[data-operation]")];
+const rootOf = (element) => element.closest("[data-operation]") ?? document.querySelector(`[data-operation="${machineOf(element)}"]`) ?? document.querySelector("[data-operation]");
+const textsOf = (element) => JSON.parse(rootOf(element)?.dataset.texts ?? "{}");
+const named = (element) => element.dataset.command ?? element.dataset.hold ?? element.dataset.setpoint ?? element.dataset.ask ?? "";
+function machineOf(element) { return named(element).split(".")[0]; }
+const csrf = () => document.querySelector("[name=csrf]")?.value ?? ""; // any token of this session is good
+const HEADERS = { "HX-Request": "true" };
+const identity = () => crypto.randomUUID?.() ?? Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
+
+// ---- nonces: one is fetched when a button goes down, so that no command ever fails for an old one ----------------------------------
+
+let waiting = null;
+
+/** Have a nonce ready for the click that follows. */
+export function prepare() {
+  waiting ??= { at: performance.now(), nonce: fetchNonce() };
+}
+
+async function fetchNonce() {
+  try {
+    const answer = await fetch("/nonce", { headers: HEADERS, signal: AbortSignal.timeout(3000) });
+    return answer.ok ? (await answer.json()).nonce : "";
+  } catch {
+    return "";
+  }
+}
+
+/** A nonce that is good now; each is used once. */
+export async function nonce() {
+  const held = waiting;
+  waiting = null;
+  return held && performance.now() - held.at < 4000 ? (await held.nonce) || fetchNonce() : fetchNonce();
+}
+
+// ---- posting ------------------------------------------------------------------------------------------------------------------------
+
+/** Post `fields` to `url`; the answer, or null when nobody answered. */
+export async function post(url, fields, limit = ANSWER, keepalive = false) {
+  const data = new URLSearchParams({ csrf: csrf(), ...fields });
+  try {
+    return await fetch(url, { method: "POST", body: data, headers: HEADERS, keepalive, signal: AbortSignal.timeout(limit) });
+  } catch {
+    return null;
+  }
+}
+
+/** Draw an answer: its parts, its line, what it asks back. Returns the element it asks with, or nothing. */
+export async function take(answer, near) {
+  const html = await answer.text();
+  const inside = new DOMParser().parseFromString(html, "text/html");
+  patch(inside);
+  const line = inside.querySelector("[data-message]");
+  if (line) {
+    const kind = line.dataset.kind ?? (answer.ok ? "info" : "error");
+    if (line.dataset.time) told(line.textContent.trim(), kind, line.dataset.time);
+    else say(line.textContent.trim(), kind);
+    if (kind === "error" && near) hint(near, line.textContent.trim());
+  }
+  const asks = inside.querySelector("[data-ask]");
+  if (asks) ask(document.importNode(asks, true), near);
+  return asks;
+}
+
+function told(text, kind, time) {
+  const place = document.getElementById("message");
+  place.setAttribute("role", kind === "error" ? "alert" : "status");
+  say(text, kind);
+  if (time) place.querySelector("time").textContent = time;
+}
+
+function hint(near, text) {
+  const place = near.querySelector?.("[data-hint]");
+  if (place) place.textContent = text;
+  near.querySelector?.("input")?.closest(".in")?.classList.toggle("bad", Boolean(text));
+}
+
+// ---- drawing anew ---------------------------------------------------------------------------------------------------------------------
+
+/** Take over every data-part of `inside` wherever the page shows it. */
+export function patch(inside) {
+  let drawn = false;
+  for (const fresh of inside.querySelectorAll("[data-part]")) {
+    if (fresh.dataset.part.endsWith(".message")) { story(fresh); continue; }
+    for (const old of document.querySelectorAll(`[data-part="${CSS.escape(fresh.dataset.part)}"]`)) {
+      if (old.dataset.dirty !== undefined || old.dataset.held !== undefined) { alongside(old, fresh); continue; }
+      drawn = renew(old, fresh) || drawn;
+    }
+  }
+  if (drawn) document.dispatchEvent(new Event("pogon:drawn"));
+  bars();
+}
+
+const SYNCED = ["data-state", "aria-disabled", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url"];
+
+function renew(old, fresh) {
+  if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;
+  const focused = old.contains(document.activeElement) ? document.activeElement : null;
+  for (const name of SYNCED) {
+    const value = fresh.getAttribute(name);
+    if (value === old.getAttribute(name)) continue;
+    value === null ? old.removeAttribute(name) : old.setAttribute(name, value);
+  }
+  if (old.classList.contains("cmd")) old.classList.toggle("danger", fresh.classList.contains("danger"));
+  delete old.kept;
+  if (old.innerHTML === fresh.innerHTML) return false;
+  const key = focused && focused !== old ? [focused.id, focused.dataset.token, focused.name].find(Boolean) : "";
+  const all = focused?.matches?.("input") ? [focused.selectionStart, focused.selectionEnd] : null;
+  old.innerHTML = fresh.innerHTML;
+  if (focused && focused !== old) {
+    const again = [...old.querySelectorAll("button, input, a")].find((e) => key && [e.id, e.dataset.token, e.name].includes(key)) ?? old.querySelector("button, input");
+    again?.focus();
+    if (all && again?.matches("input") && again.type === "text") again.setSelectionRange(...all);
+  }
+  return true;
+}
+
+/** While somebody types into `old`, only the value that is compared with stays as it was seen; the rest waits. */
+function alongside(old, fresh) {
+  old.fresh = fresh;
+}
+
+let spoken = document.querySelector("[data-part$='.message']")?.dataset.id ?? "";
+
+function story(fresh) {
+  const { id, kind, time } = fresh.dataset;
+  if (!id || id === spoken) return;
+  spoken = id;
+  told(fresh.textContent.trim(), kind, time);
+}
+
+// ---- the time of a feedback ------------------------------------------------------------------------------------------------------------
+
+let ahead = 0;
+document.addEventListener("pogon:time", ({ detail }) => { ahead = detail / 1000 - Date.now(); });
+
+function bars() {
+  for (const button of document.querySelectorAll("[data-since]")) {
+    const limit = Number(button.dataset.limit), passed = Math.max(0, Math.min(limit, (Date.now() + ahead) / 1000 - button.dataset.since / 1e6));
+    const bar = button.querySelector(".bar"), line = button.querySelector("small");
+    bar?.style.setProperty("--done", (passed / limit).toFixed(3));
+    const written = (seconds) => number(seconds, seconds < 10 ? 1 : 0, lang);
+    if (line && !offline()) line.textContent = button.dataset.waiting.replace("{elapsed}", written(passed)).replace("{limit}", written(limit));
+  }
+}
+setInterval(bars, 100);
+setInterval(() => {
+  for (const element of document.querySelectorAll("[data-left]")) {
+    const left = Math.max(0, Number(element.dataset.left) - 0.25);
+    element.dataset.left = left.toFixed(2);
+    element.textContent = `${Math.ceil(left)}\u00a0s`;
+  }
+}, 250);
+
+// ---- fetching again when something changed ---------------------------------------------------------------------------------------------
+
+const fetching = new Map();
+
+/** Fetch what `root` shows anew; while one is on its way, once more after it. */
+async function refresh(root) {
+  const url = root.dataset.url;
+  if (fetching.has(url)) { fetching.set(url, true); return; }
+  fetching.set(url, false);
+  try {
+    const answer = await fetch(url, { headers: HEADERS, signal: AbortSignal.timeout(5000) });
+    if (answer.ok) patch(new DOMParser().parseFromString(await answer.text(), "text/html"));
+  } catch { /* the page says by itself when the server is gone */ }
+  const again = fetching.get(url);
+  fetching.delete(url);
+  if (again && root.isConnected) setTimeout(() => refresh(root), 100);
+}
+
+const observed = new WeakSet();
+
+function observe() {
+  for (const element of document.querySelectorAll("[data-revision]")) {
+    if (observed.has(element)) continue;
+    observed.add(element);
+    new MutationObserver(() => { const root = element.closest("[data-operation]"); if (root) refresh(root); })
+      .observe(element, { childList: true, characterData: true, subtree: true });
+  }
+}
+observe();
+document.addEventListener("pogon:drawn", observe);
+
+document.addEventListener("pogon:live", ({ detail }) => {
+  for (const button of document.querySelectorAll("[data-set], [data-token], [data-offline-off]")) {
+    if (detail === "offline") {
+      button.before_ = button.getAttribute("aria-disabled");
+      button.setAttribute("aria-disabled", "true");
+    } else if (button.before_ !== undefined) {
+      button.before_ === null ? button.removeAttribute("aria-disabled") : button.setAttribute("aria-disabled", button.before_);
+      delete button.before_;
+    }
+  }
+  if (detail === "live") for (const root of roots()) refresh(root);
+});
+
+// ---- buttons ------------------------------------------------------------------------------------------------------------------------------
+
+let repeated = false;
+document.addEventListener("keydown", (event) => {
+  repeated = event.repeat;
+  if (event.repeat && (event.key === "Enter" || event.key === " ") && event.target.closest?.("[data-command], [data-set], [data-token]")) event.preventDefault();
+}, true);
+document.addEventListener("keyup", () => { repeated = false; }, true);
+document.addEventListener("pointerdown", ({ target }) => {
+  if (!offline() && target.closest?.("[data-command]:not(.stop), [data-set], .dlg [type=submit], .review-form button, .ask button")) prepare();
+});
+
+document.addEventListener("click", (event) => {
+  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel]");
+  if (!button || event.ctrlKey || event.metaKey) return;
+  if (button.matches("[data-cancel]")) return button.closest("[data-ask]")?.cancel?.();
+  if (button.matches("[data-faceplate]")) return offline() ? undefined : faceplate(event, button);
+  event.preventDefault();
+  if (button.getAttribute("aria-disabled") === "true") {
+    const text = button.querySelector("small")?.textContent;
+    if (text) told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
+    return;
+  }
+  if (repeated) return;
+  button.matches("[data-token]") ? token(button) : press(button);
+});
+
+const pressing = new Set();
+
+/** One press is one command: a second one while the first is on its way, or within half a second, is the same press. */
+async function press(button, answer = {}) {
+  const name = named(button), stop = button.classList.contains("stop");
+  if (pressing.has(name)) return;
+  pressing.add(name);
+  const began = performance.now(), url = button.getAttribute("formaction"), line = button.querySelector("small");
+  const texts = textsOf(button);
+  const same = document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`);
+  const before = { state: button.dataset.state, line: line?.textContent };
+  for (const one of same) { one.dataset.locked = ""; one.dataset.state = "requested"; }
+  if (line && !button.kept) line.textContent = texts.sending;
+  const fields = { id: identity(), ...answer };
+  if (!stop) fields.nonce = await nonce();
+  const got = await post(url, fields, stop ? STOP_ANSWER : ANSWER);
+  for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
+  if (got) {
+    if (await take(got, null)) { // a question: nothing was done yet
+      for (const one of same) one.dataset.state = before.state;
+      if (line) line.textContent = before.line;
+    }
+  } else {
+    const text = stop ? texts.not_delivered : texts.no_answer;
+    for (const one of same) one.dataset.state = "failed";
+    if (line) line.textContent = text;
+    told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
+  }
+  setTimeout(() => pressing.delete(name), Math.max(0, (got ? LOCK : 0) - (performance.now() - began)));
+}
+
+async function token(button) {
+  if (pressing.has("token")) return;
+  pressing.add("token");
+  const got = await post(button.dataset.url, {});
+  if (got) await take(got, null);
+  else told(textsOf(button).no_answer, "error");
+  pressing.delete("token");
+}
+
+// ---- setpoints ----------------------------------------------------------------------------------------------------------------------------
+
+const timers = new WeakMap();
+
+document.addEventListener("input", ({ target }) => {
+  const field = target.closest?.("[data-setpoint]");
+  if (!field) return;
+  field.dataset.dirty = "";
+  field.querySelector(".in").classList.remove("bad");
+  hint(field, "");
+  clearTimeout(timers.get(field));
+  timers.set(field, setTimeout(() => {
+    clean(field);
+    hint(field, textsOf(field).discarded);
+  }, EDIT));
+});
+
+/** What was typed is over: the field shows what the machine has. */
+function clean(field) {
+  clearTimeout(timers.get(field));
+  delete field.dataset.dirty;
+  review(field)?.replaceChildren();
+  if (field.fresh) renew(field, field.fresh);
+  else for (const input of field.querySelectorAll("input")) input.value = input.defaultValue;
+  delete field.fresh;
+  const root = rootOf(field);
+  if (root) refresh(root);
+}
+
+const review = (field) => document.querySelector(`[data-review="${CSS.escape(named(field))}"]`);
+
+document.addEventListener("keydown", (event) => {
+  const field = event.target.closest?.("[data-setpoint]");
+  if (field && event.key === "Escape" && field.dataset.dirty !== undefined) clean(field);
+  else if (event.target.closest?.("[data-setpoint] input") && event.key === "Enter") prepare();
+});
+
+document.addEventListener("submit", (event) => {
+  const form = event.target;
+  if (form.matches("[data-setpoint]")) {
+    event.preventDefault();
+    submit(form);
+  } else if (form.matches(".review-form, .ask form")) {
+    event.preventDefault();
+    confirm(form, event.submitter);
+  }
+});
+
+async function submit(form) {
+  const name = named(form), button = form.querySelector("[data-set]");
+  if (button.getAttribute("aria-disabled") === "true") return told(form.querySelector("[data-hint]").textContent || textsOf(form).no_answer, "error");
+  if (pressing.has(name)) return;
+  pressing.add(name);
+  const { argument, expected } = form.elements;
+  hint(form, textsOf(form).sending);
+  review(form)?.replaceChildren();
+  const seen = form.dataset.dirty === undefined ? expected.value : expected.value;
+  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: argument.value, expected: seen });
+  await settle(form, got);
+  setTimeout(() => pressing.delete(name), LOCK);
+}
+
+/** The answer to a value: accepted, asked back, or why not; then what was typed stays for another try. */
+async function settle(form, got) {
+  if (!got) {
+    hint(form, textsOf(form).no_answer);
+    return told(textsOf(form).no_answer, "error");
+  }
+  if (got.ok) {
+    hint(form, "");
+    delete form.dataset.dirty;
+    clearTimeout(timers.get(form));
+    delete form.fresh;
+    await take(got, null);
+    return;
+  }
+  hint(form, "");
+  const typed = form.elements.argument.value;
+  const asked = await take(got, form);
+  const fresh = form.fresh ?? form;
+  if (!asked) form.elements.expected.value = fresh.querySelector("[name=expected]").value;
+  form.elements.argument.value = typed;
+}
+
+// ---- what the gate asks back ----------------------------------------------------------------------------------------------------------------
+
+/** Show `element`: the card of a value at its field, everything else as a dialog. Both close by themselves, as cancelled. */
+function ask(element, near) {
+  document.dispatchEvent(new Event("pogon:dialog"));
+  const field = element.matches("[data-card]") ? document.querySelector(`[data-setpoint="${CSS.escape(named(element))}"]`) : null;
+  const place = field && review(field);
+  const texts = textsOf(element);
+  const began = performance.now(), closes = element.querySelector("[data-closes]");
+  const timer = setInterval(() => {
+    const left = ASK - (performance.now() - began);
+    if (closes) closes.textContent = closes.dataset.closes.replace("{n}", Math.max(0, Math.ceil(left / 1000)));
+    if (left > 0) return;
+    element.cancel();
+    told(texts.cancelled, "info");
+  }, 250);
+  let close = () => place?.replaceChildren();
+  element.cancel = () => {
+    clearInterval(timer);
+    close();
+    if (field) field.elements.argument.focus();
+  };
+  if (place) {
+    place.replaceChildren(element);
+    element.querySelector("[autofocus], button")?.focus();
+  } else close = open(element, near);
+}
+
+async function confirm(form, submitter) {
+  const asked = form.closest("[data-ask]"), name = named(asked);
+  const fields = Object.fromEntries(new FormData(form, submitter));
+  delete fields.csrf;
+  const field = asked.matches("[data-card]") ? document.querySelector(`[data-setpoint="${CSS.escape(name)}"]`) : null;
+  asked.cancel();
+  fields.nonce = await nonce();
+  const got = await post(form.getAttribute("action"), fields);
+  if (field) return settle(field, got);
+  if (got) await take(got, null);
+  else told(textsOf(asked).no_answer, "error");
+}
+
+document.addEventListener("keydown", (event) => {
+  const asked = event.target.closest?.("[data-ask][data-level]") ?? document.querySelector("#overlay [data-ask]");
+  if (!asked) return;
+  if (event.key === "Escape") { event.preventDefault(); event.stopPropagation(); asked.cancel(); }
+  if (event.key === "Enter" && event.target.matches("input") && asked.dataset.level >= "C3") event.preventDefault();
+}, true);
+
+// ---- dialogs: below the alarm banner, which stays in reach ------------------------------------------------------------------------------------
+
+/** Open a dialog over the page; returns what closes it. */
+function open(dialog) {
+  const overlay = document.getElementById("overlay"), back = document.activeElement;
+  const scrim = document.createElement("div");
+  scrim.className = "scrim";
+  scrim.append(dialog);
+  const stop = dialog.matches(".ask") && document.querySelector(`.stop[data-command^="${CSS.escape(machineOf(dialog))}."]`);
+  if (stop) {
+    const also = stop.cloneNode(true); // Stop is never behind a dialog
+    also.classList.add("scrim-stop");
+    scrim.append(also);
+  }
+  overlay.append(scrim);
+  dialog.show();
+  dialog.setAttribute("aria-modal", "true");
+  still();
+  dialog.querySelector("[autofocus]")?.focus();
+  document.dispatchEvent(new Event("pogon:dialog"));
+  document.dispatchEvent(new Event("pogon:drawn"));
+  return () => {
+    scrim.remove();
+    still();
+    if (back?.isConnected) back.focus();
+  };
+}
+
+/** What lies behind a dialog is out of reach, but for the alarm banner. */
+function still() {
+  const overlay = document.getElementById("overlay"), scrims = [...overlay.children], covered = scrims.length > 0;
+  for (const part of document.querySelectorAll(".head, .tabs, .app-main, .foot, .skip")) part.inert = covered;
+  scrims.forEach((scrim, index) => { scrim.inert = index < scrims.length - 1; });
+}
+
+async function faceplate(event, link) {
+  event.preventDefault();
+  let answer = null;
+  try {
+    answer = await fetch(link.getAttribute("href"), { headers: HEADERS, signal: AbortSignal.timeout(5000) });
+  } catch { /* told below */ }
+  if (!answer?.ok) return told(document.getElementById("message").dataset.network, "error");
+  const dialog = document.importNode(new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("dialog"), true);
+  const close = open(dialog);
+  dialog.addEventListener("click", (inside) => { if (inside.target.closest("[data-close]")) close(); });
+  dialog.addEventListener("keydown", (inside) => { if (inside.key === "Escape" && !document.querySelector("#overlay [data-ask]") && dialog.querySelector("[data-dirty]") === null) close(); });
+}
+
+window.pogon.commands = { prepare, nonce, post, take, patch, told, identity, textsOf, open };

@@ -1,0 +1,167 @@
+// The parameter page: what is typed stays here until it is reviewed and written; then one request, and a result per row.
+import { number } from "./format.js";
+
+const { commands } = window.pogon;
+const lang = document.body.dataset.lang, mark = lang === "en" ? "." : ",";
+const form = document.querySelector("[data-write]"), list = document.querySelector("[data-changes]");
+const results = document.querySelector("[data-results]"), rows = [...document.querySelectorAll("tr[data-key]")];
+const $ = (name) => document.querySelector(`[data-${name}]`);
+let group = "";
+
+/** What was typed as a number, for showing a difference; the server reads it for good. */
+function typed(text) {
+  const plain = text.replace(/[\s\u202f\u00a0]/g, "").replace("\u2212", "-").replace(mark, ".");
+  return /^[+-]?\d*\.?\d+$|^[+-]?\d+\.$/.test(plain) ? Number(plain) : NaN;
+}
+
+const raw = (row) => {
+  const text = row.querySelector("[data-raw]").textContent.trim();
+  return text !== "" && Number.isFinite(Number(text)) ? Number(text) : null;
+};
+
+function changes() {
+  return rows.map((row) => ({ row, field: row.querySelector("[data-new]") }))
+    .filter(({ field }) => field && field.value.trim() !== "")
+    .map(({ row, field }) => {
+      const choice = field.tagName === "SELECT", value = choice ? Number(field.value) : typed(field.value);
+      const low = Number(row.dataset.low ?? -Infinity), high = Number(row.dataset.high ?? Infinity);
+      return { row, field, value, choice, out: !choice && !(value >= low && value <= high) };
+    });
+}
+
+function element(name, look, text) {
+  const made = document.createElement(name);
+  if (look) made.className = look;
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+function arrow() {
+  const icon = document.querySelector("[data-write] ~ .hint svg").cloneNode(true), use = icon.querySelector("use");
+  use.setAttribute("href", use.getAttribute("href").replace(/#.*/, "#i-right"));
+  return icon;
+}
+
+function review() {
+  const found = changes();
+  list.replaceChildren(...found.map(({ row, field, value, choice, out }) => {
+    const data = row.dataset, item = element("li", `rv ${out ? "rv-bad" : "rv-ok"}`);
+    const head = element("div", "row"), line = element("div", "rv-v num"), old = raw(row);
+    head.append(element("span", "mono", data.code), element("b", "", data.name));
+    const was = choice ? row.querySelector(".val b").textContent : old === null ? "–" : number(old, +data.decimals, lang);
+    const now = choice ? field.selectedOptions[0].textContent : field.value.trim();
+    line.append(element("span", "sp-c", was), arrow(), element("b", "sp-c", now), element("span", "unit", data.unit));
+    if (!choice && old && Number.isFinite(value)) line.append(element("span", "cap push", `${value > old ? "+" : ""}${number((100 * (value - old)) / Math.abs(old), 0, lang)}\u00a0%`));
+    item.append(head, line);
+    if (out) item.append(element("p", "cap row", form.dataset.out.replace("{permitted}", `${data.permitted} ${data.unit}`)));
+    if (data.warning) item.append(element("p", "cap warn", data.warning));
+    return item;
+  }));
+  for (const row of rows) row.classList.remove("chg");
+  for (const { row, field, out } of found) {
+    row.classList.add("chg");
+    field.classList.toggle("bad", out);
+    field.setAttribute("aria-invalid", String(out));
+  }
+  for (const field of document.querySelectorAll("[data-new]")) if (field.value.trim() === "") { field.classList.remove("bad"); field.removeAttribute("aria-invalid"); }
+  const count = found.length;
+  $("count").textContent = count;
+  $("n").textContent = count || "";
+  $("nothing").hidden = count > 0 || results.childElementCount > 0;
+  $("submit").disabled = !count || found.some(({ out }) => out);
+  $("discard").disabled = !count;
+  count ? (form.dataset.dirty = "") : delete form.dataset.dirty;
+}
+
+document.addEventListener("input", ({ target }) => {
+  if (target.matches("[data-new]")) {
+    const row = target.closest("tr");
+    row.dataset.seen ??= raw(row) ?? ""; // what the person saw when the edit began
+    if (target.value.trim() === "") delete row.dataset.seen;
+    results.replaceChildren();
+    review();
+  }
+  if (target.matches("[data-filter]")) filter();
+});
+
+$("discard").addEventListener("click", () => {
+  for (const { row, field } of changes()) { field.value = ""; delete row.dataset.seen; }
+  review();
+});
+
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const found = changes();
+  if (!found.length || form.dataset.busy !== undefined) return;
+  form.dataset.busy = "";
+  $("submit").disabled = $("discard").disabled = true;
+  commands.told(form.dataset.writing, "info");
+  const fields = new URLSearchParams({ csrf: form.elements.csrf.value, id: commands.identity(), nonce: await commands.nonce(), reason: form.elements.reason.value });
+  for (const { row, field } of found) {
+    fields.append("key", row.dataset.key);
+    fields.append("value", field.tagName === "SELECT" ? field.value : field.value.trim());
+    fields.append("expected", row.dataset.seen ?? "");
+  }
+  let got = null;
+  try {
+    got = await fetch(form.action, { method: "POST", body: fields, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(300000) });
+  } catch { /* told below */ }
+  delete form.dataset.busy;
+  if (!got) return void (commands.told(document.getElementById("message").dataset.network, "error"), review());
+  const copy = got.clone(), answer = new DOMParser().parseFromString(await copy.text(), "text/html").querySelector("[data-answer]");
+  await commands.take(got, null);
+  if (answer) {
+    results.replaceChildren(document.importNode(answer, true));
+    for (const { row, field } of found) {
+      if (results.querySelector(`[data-row="${CSS.escape(row.dataset.code)}"][data-done="yes"]`)) field.value = "";
+      delete row.dataset.seen;
+      if (field.value.trim() !== "") row.dataset.seen = raw(row) ?? "";
+    }
+    form.elements.reason.value = "";
+  }
+  review();
+});
+
+$("read").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const button = event.target.querySelector("button");
+  if (button.getAttribute("aria-disabled") === "true") return;
+  button.disabled = true;
+  const got = await commands.post(event.target.getAttribute("action"), {}, 30000);
+  if (got) await commands.take(got, null);
+  else commands.told(document.getElementById("message").dataset.network, "error");
+  button.disabled = false;
+});
+
+// ---- groups and filter --------------------------------------------------------------------------------------------------------------
+
+function filter() {
+  const words = $("filter").value.toLocaleLowerCase(lang).split(/\s+/).filter(Boolean);
+  let shown = 0;
+  for (const part of document.querySelectorAll("tbody[data-group]")) {
+    let inside = 0;
+    for (const row of part.querySelectorAll("tr[data-key]")) {
+      const text = `${row.dataset.code} ${row.dataset.name} ${row.querySelector(".val b").textContent}`.toLocaleLowerCase(lang);
+      row.hidden = (group !== "" && part.dataset.group !== group) || !words.every((word) => text.includes(word));
+      inside += !row.hidden;
+    }
+    part.hidden = !inside;
+    shown += inside;
+  }
+  $("none").hidden = shown > 0;
+}
+
+document.addEventListener("click", (event) => {
+  const link = event.target.closest?.(".p-nav [data-group]");
+  if (!link) return;
+  event.preventDefault();
+  group = link.dataset.group;
+  for (const other of document.querySelectorAll(".p-nav a")) other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current");
+  history.replaceState(null, "", link.getAttribute("href"));
+  filter();
+});
+const named = document.querySelector(`.p-nav [data-group="${CSS.escape(decodeURIComponent(location.hash.slice(1)))}"]`);
+if (named && location.hash) named.click();
+
+window.addEventListener("beforeunload", (event) => { if (form.dataset.dirty !== undefined) event.preventDefault(); });
+review();
