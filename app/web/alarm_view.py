@@ -1,6 +1,7 @@
 """How alarms are drawn: rows of the list, the banner, marks on tabs, tiles and pointers, all in the language of whoever looks."""
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -78,6 +79,7 @@ class Row:
     count: int
     chattering: bool
     ordinal: int
+    """Place in its first-out group; 0 while no other one of it stands."""
     uncertain: bool
     known: bool
     acked_by: str
@@ -93,6 +95,7 @@ class Drawing:
         self.texts = texts
         self.lang = lang
         self.now = runtime.clock.micros()
+        self._groups = Counter(one.equipment for one in runtime.alarms.standing() if one.ordinal)
         self.zone = ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
 
     def row(self, one: Standing) -> Row:
@@ -120,7 +123,7 @@ class Drawing:
             value=self.value(one.equipment, one.point, one.value, one.limit),
             count=one.count,
             chattering=one.chattering,
-            ordinal=one.ordinal,
+            ordinal=one.ordinal if self._groups[one.equipment] > 1 else 0,
             uncertain=one.uncertain,
             known=one.known,
             acked_by=one.acked_by,
