@@ -10,7 +10,22 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from app import __version__, bundled
 from app.runtime import Runtime
 from app.settings import Settings
-from app.web import alarms, audit, commands, errors, guard, health, history, pages, parameters, signin, socket, storage, users
+from app.web import (
+    alarms,
+    api,
+    audit,
+    commands,
+    errors,
+    guard,
+    health,
+    history,
+    pages,
+    parameters,
+    signin,
+    socket,
+    storage,
+    users,
+)
 from app.web.assets import Assets
 from app.web.guard import check_declared
 from app.web.security import Shield
@@ -51,6 +66,8 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.include_router(socket.router)
     for part in (alarms, commands, parameters, health, signin, users, audit, history, storage):
         app.include_router(part.router)
+    for router in api.ROUTERS:
+        app.include_router(router)
     app.state.sockets = socket.Sockets(guard.may_watch_live)
     errors.install(app)
     guard.install(app)

@@ -23,6 +23,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
         server_header=False,
         proxy_headers=False,  # create_app trusts the proxies of POGON_BEHIND_PROXY, and nobody else
         ws_max_size=65536,
+        ws_per_message_deflate=False,  # a frame is small, and every browser would cost a compressor
     )
     Server(config, app, settings).run()
 

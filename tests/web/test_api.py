@@ -1,0 +1,169 @@
+"""The interface for other programs: the same gate, the same roles, JSON."""
+
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.main import create_app
+from app.settings import Settings
+from tests.web.people import AGENT, HOST, Staff
+
+NUMBERS = count()
+
+
+class Program:
+    """A program with an API token."""
+
+    def __init__(self, staff: Staff, *permissions: str) -> None:
+        self.client = staff.client
+        sid = staff.enter("maker", "operator", "engineer")
+        maker = staff.wait(staff.access.sessions.find, sid, "127.0.0.1", AGENT)
+        _, secret = staff.wait(staff.access.tokens.create, maker, f"{next(NUMBERS)} {permissions}", permissions, 1.0)
+        self.headers = {"Authorization": f"Bearer {secret}"}
+
+    def get(self, path: str, **params: Any) -> Any:
+        self.client.cookies.clear()
+        return self.client.get("/api/v1" + path, params=params or None, headers=self.headers)
+
+    def post(self, path: str, body: Any = None) -> Any:
+        self.client.cookies.clear()
+        return self.client.post("/api/v1" + path, json=body if body is not None else {}, headers=self.headers)
+
+    def order(self, path: str, id: str, **body: Any) -> Any:
+        nonce = self.post("/nonce").json()["nonce"]
+        return self.post(path, {"id": id, "nonce": nonce, **body})
+
+
+def until(wanted: Callable[[], bool], limit: float = 15.0) -> bool:
+    end = time.monotonic() + limit
+    while time.monotonic() < end:
+        if wanted():
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.fixture(scope="module")
+def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
+    settings = Settings(data=Path(tmp_path_factory.mktemp("api")) / "data")
+    with TestClient(create_app(settings), base_url=HOST, client=("127.0.0.1", 5)) as client:
+        found = Staff(client)
+        reader = Program(found, "view")
+        assert until(lambda: reader.get("/tags/m2.status").json().get("quality") == "good")
+        yield found
+
+
+def test_tags_come_with_value_quality_unit_and_age(staff: Staff) -> None:
+    program = Program(staff, "view")
+    tag = program.get("/tags/m1.speed").json()
+    assert tag["value"] > 1000
+    assert (tag["quality"], tag["origin"], tag["unit"]) == ("good", ["simulated"], "rpm")
+    assert tag["age"] < 2
+    assert datetime.fromisoformat(tag["time"]).tzinfo is not None
+    status = program.get("/tags/m1.status").json()
+    assert status["text"]
+
+
+def test_tags_are_paged_by_name(staff: Staff) -> None:
+    program = Program(staff, "view")
+    first = program.get("/tags", prefix="m1.", limit=10).json()
+    second = program.get("/tags", prefix="m1.", limit=10, after=first[-1]["name"]).json()
+    names = [tag["name"] for tag in first + second]
+    assert names == sorted(set(names))
+    assert len(names) == 20
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [("/tags/m1.nothing", 404), ("/equipment/m9", 404), ("/tags?limit=100000", 422), ("/history?tags=m1.speed", 422)],
+)
+def test_what_is_not_there_or_not_sound_is_said_in_json(staff: Staff, path: str, status: int) -> None:
+    answer = Program(staff, "view").get(path)
+    assert answer.status_code == status
+    assert answer.json()["error"]
+
+
+def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> None:
+    reader, exporter = Program(staff, "view"), Program(staff, "view", "export")
+    begin = (datetime.now(UTC) - timedelta(minutes=5)).isoformat()
+    end = (datetime.now(UTC) + timedelta(minutes=5)).isoformat()
+
+    def stored() -> list[Any]:
+        samples: list[Any] = exporter.get("/history/m1.current/raw", **{"from": begin, "to": end}).json()["samples"]
+        return samples
+
+    assert until(lambda: len(stored()) > 5)
+    end = datetime.now(UTC).isoformat()
+    whole = stored()
+    paged, start = [], begin
+    while start:
+        page = exporter.get("/history/m1.current/raw", **{"from": start, "to": end, "limit": 2}).json()
+        paged += page["samples"]
+        start = page["next"]
+    assert paged == whole
+    series = reader.get("/history", tags="m1.current,m1.speed", **{"from": begin, "to": end}, width=50).json()
+    assert [one["tag"] for one in series] == ["m1.current", "m1.speed"]
+    assert max(h for h in series[0]["high"] if h is not None) == max(
+        s["value"] for s in whole if s["value"] is not None
+    )
+    assert reader.get("/history/m1.current/raw", **{"from": begin, "to": end}).status_code == 403
+
+
+def test_a_program_takes_control_sets_starts_and_reads_confirmed(staff: Staff) -> None:
+    program = Program(staff, "view", "operate", "stop")
+    refused = program.order("/equipment/m2/commands/forward", "api-forward-0")
+    assert refused.status_code == 423
+    assert program.post("/equipment/m2/control/take").status_code == 204
+    assert program.get("/equipment/m2/commands/forward/reasons").json() == []
+    path = "/equipment/m2/setpoints/frequency_setpoint"
+    asked = program.order(path, "api-set-1", value=30.0)
+    assert (asked.status_code, asked.json()["error"]) == (409, "why.confirm")
+    assert program.order(path, "api-set-1", value=30.0, confirmed=True).status_code == 202
+    started = program.order("/equipment/m2/commands/forward", "api-forward-1")
+    assert started.status_code == 202
+    assert started.json()["state"] in ("accepted", "confirmed")
+
+    def state(id: str) -> str:
+        return next((c["state"] for c in program.get("/equipment/m2/commands").json() if c["id"] == id), "")
+
+    assert until(lambda: state("api-forward-1") == "confirmed")
+    assert until(lambda: program.get("/tags/m2.speed").json()["value"] > 300)
+    again = program.order("/equipment/m2/commands/forward", "api-forward-1")
+    assert again.json()["requested"] == started.json()["requested"]
+    assert program.post("/equipment/m2/stop", {"id": "api-stop-1"}).status_code == 200
+    assert until(lambda: program.get("/tags/m2.status").json()["value"] == 0, 30)
+    program.post("/equipment/m2/control/release")
+
+
+def test_a_token_that_may_only_look_commands_nothing(staff: Staff) -> None:
+    program = Program(staff, "view")
+    for path in ("/nonce", "/equipment/m1/commands/forward", "/equipment/m1/stop", "/equipment/m1/control/take"):
+        assert program.post(path, {"id": "no-right-1"}).status_code == 403
+    assert program.get("/tags/m1.status").json()["value"] == 1
+
+
+def test_an_unknown_field_is_refused_and_names_itself(staff: Staff) -> None:
+    answer = Program(staff, "view", "operate").post(
+        "/equipment/m1/commands/forward", {"id": "12345678", "role": "admin"}
+    )
+    assert answer.status_code == 422
+    assert "role" in str(answer.json())
+
+
+def test_the_description_is_for_engineers_and_loads_nothing_from_elsewhere(staff: Staff) -> None:
+    staff.have()
+    assert staff.client.get("/docs", follow_redirects=False).status_code == 303
+    staff.enter("olga", "operator")
+    assert staff.client.get("/docs").status_code == 403
+    staff.enter("ivan", "engineer")
+    page = staff.client.get("/docs")
+    assert page.status_code == 200
+    assert "http" not in page.text.replace("https://www.w3.org", "")
+    schema = staff.client.get("/api/v1/openapi.json").json()
+    assert "/api/v1/equipment/{key}/commands/{command}" in schema["paths"]

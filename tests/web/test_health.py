@@ -1,0 +1,53 @@
+"""Health, readiness, metrics."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.main import create_app
+from app.settings import Settings
+from tests.web.people import HOST
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[TestClient]:
+    settings = Settings(data=tmp_path / "data", metrics_token="a-long-token")
+    with TestClient(create_app(settings), base_url=HOST, client=("127.0.0.1", 5)) as client:
+        yield client
+
+
+def test_healthy_while_all_tasks_run_and_ill_when_one_is_down(client: TestClient) -> None:
+    assert client.get("/healthz").json()["status"] == "ok"
+    keeper = client.app.state.runtime.keeper  # type: ignore[attr-defined]
+    keeper.kept["live"].alive = False
+    answer = client.get("/healthz")
+    assert answer.status_code == 503
+    assert answer.json()["tasks_down"] == ["live"]
+
+
+def test_a_late_loop_is_not_healthy(client: TestClient) -> None:
+    client.app.state.runtime.__class__.loop_lag = property(lambda self: 1.5, lambda self, value: None)  # type: ignore[attr-defined]
+    try:
+        assert client.get("/healthz").status_code == 503
+    finally:
+        del client.app.state.runtime.__class__.loop_lag  # type: ignore[attr-defined]
+
+
+def test_a_pulled_cable_is_not_ready_but_healthy(client: TestClient) -> None:
+    runtime = client.app.state.runtime  # type: ignore[attr-defined]
+    runtime.links["hall"].statistics.state = 3
+    assert client.get("/readyz").status_code in (200, 503)
+    assert client.get("/healthz").status_code == 200
+
+
+def test_metrics_are_for_this_machine_or_a_token(tmp_path: Path) -> None:
+    settings = Settings(data=tmp_path / "data", metrics_token="a-long-token")
+    with TestClient(create_app(settings), base_url=HOST, client=("192.0.2.7", 5)) as stranger:
+        assert stranger.get("/metrics").status_code == 403
+        assert stranger.get("/metrics", headers={"Authorization": "Bearer wrong"}).status_code == 403
+        answer = stranger.get("/metrics", headers={"Authorization": "Bearer a-long-token"})
+        assert answer.status_code == 200
+        assert 'pogon_link_up{link="hall"}' in answer.text
+        assert "pogon_loop_lag_seconds" in answer.text
