@@ -1,0 +1,245 @@
+"""What differs between two readings of a plant, and what that means for what runs. Pure: two plants in, a list of changes out.
+
+Machines are told apart by their id. One whose points kept the lasting ids of a machine that is gone was renamed (`was = "…"`).
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from hashlib import sha256
+from typing import Any
+
+from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
+
+MOST_SHOWN = 12
+"""Names that one line lists; the rest is a number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A consequence: the product text `plant.effect.<key>` with its placeholders."""
+
+    key: str
+    params: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One thing that is there, gone or other than before."""
+
+    what: str
+    """plant, type, link, equipment."""
+    kind: str
+    """added, removed, changed, renamed."""
+    name: str
+    details: tuple[str, ...] = ()
+    """`unit: 1 → 2`: the keys of the plant file in the words of the plant file."""
+    effects: tuple[Effect, ...] = ()
+
+
+def compare(old: Plant, new: Plant) -> list[Change]:
+    """Everything that differs, links before the machines on them; an empty list = nothing."""
+    changes = _plant(old, new)
+    changes += _types(old, new)
+    changes += _links(old, new)
+    former = renamed(old, new)
+    for id, item in new.equipment.items():
+        if id in old.equipment:
+            changes += _machine(old.equipment[id], item)
+        elif id in former:
+            changes += _renamed(old.equipment[former[id]], item)
+        else:
+            numbers = {"points": str(len(item.points)), "alarms": str(len(item.alarms)), "link": item.link}
+            kept = _lent(old, item)
+            changes.append(_change("equipment", "added", id, (), [("added", numbers), *kept]))
+    for id, item in old.equipment.items():
+        if id not in new.equipment and id not in former.values():
+            changes.append(
+                _change(
+                    "equipment",
+                    "removed",
+                    id,
+                    (),
+                    [("history_kept", {"id": _stem(item)}), ("alarms_closed", {"count": str(len(item.alarms))})],
+                )
+            )
+    return changes
+
+
+def digest(changes: Sequence[Change]) -> str:
+    """A short name of exactly these changes: what a person confirms is what they have read."""
+    return sha256(repr(list(changes)).encode()).hexdigest()[:16]
+
+
+def renamed(old: Plant, new: Plant) -> dict[str, str]:
+    """New id → former id of every machine that took over the lasting ids of one that is gone."""
+    owners = {point.id: id for id, item in old.equipment.items() for point in item.points.values()}
+    found: dict[str, str] = {}
+    for id, item in new.equipment.items():
+        if id in old.equipment:
+            continue
+        votes = Counter(owners[point.id] for point in item.points.values() if point.id in owners)
+        former = votes.most_common(1)[0][0] if votes else ""
+        if former and former not in new.equipment and former not in found.values():
+            found[id] = former
+    return found
+
+
+def same_line(one: Link, other: Link) -> bool:
+    """Whether two definitions of a link differ in nothing that the line itself notices."""
+    return replace(one, label={}) == replace(other, label={})
+
+
+def _plant(old: Plant, new: Plant) -> list[Change]:
+    keys = ("name", "timezone", "languages", "areas", "texts")
+    details = [_detail(key, getattr(old, key), getattr(new, key)) for key in keys if _differs(old, new, key)]
+    effects: list[tuple[str, Mapping[str, str]]] = [("texts", {})]
+    if old.timezone != new.timezone:
+        effects.append(("timezone", {}))
+    return [_change("plant", "changed", "plant", details, effects)] if details else []
+
+
+def _types(old: Plant, new: Plant) -> list[Change]:
+    changes = []
+    for name in sorted(set(old.types) & set(new.types)):
+        before, after = old.types[name], new.types[name]
+        parts = [field.name for field in fields(EquipmentType) if _differs(before, after, field.name)]
+        if parts:
+            changes.append(_change("type", "changed", name, parts, [("type", {})]))
+    return changes
+
+
+def _links(old: Plant, new: Plant) -> list[Change]:
+    changes = []
+    for name, link in new.links.items():
+        before = old.links.get(name)
+        if before is None:
+            changes.append(_change("link", "added", name, (f"transport: {link.transport}",), [("link_added", {})]))
+            continue
+        details = [
+            _detail(field.name, getattr(before, field.name), getattr(link, field.name))
+            for field in fields(Link)
+            if _differs(before, link, field.name)
+        ]
+        if details:
+            effect = "texts" if same_line(before, link) else "link_restarts"
+            changes.append(_change("link", "changed", name, details, [(effect, {"link": name})]))
+    changes += [
+        _change("link", "removed", name, (), [("link_removed", {})]) for name in old.links if name not in new.links
+    ]
+    return changes
+
+
+def _machine(old: Equipment, new: Equipment) -> list[Change]:
+    details, effects = _differences(old, new)
+    return [_change("equipment", "changed", new.id, details, effects)] if details else []
+
+
+def _renamed(old: Equipment, new: Equipment) -> list[Change]:
+    details, effects = _differences(old, new)
+    first: list[tuple[str, Mapping[str, str]]] = [
+        ("renamed", {"old": old.id, "id": _stem(new)}),
+        ("alarms_closed", {"count": str(len(old.alarms))}),
+    ]
+    return [_change("equipment", "renamed", new.id, [f"id: {old.id} → {new.id}", *details], [*first, *effects])]
+
+
+def _differences(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
+    details = [
+        _detail(key, getattr(old, key), getattr(new, key))
+        for key in ("link", "unit", "label", "area")
+        if _differs(old, new, key)
+    ]
+    effects: list[tuple[str, Mapping[str, str]]] = []
+    if (old.link, old.unit) != (new.link, new.unit):
+        effects.append(("elsewhere", {"link": new.link, "unit": str(new.unit)}))
+    elif details:
+        effects.append(("texts", {}))
+    if old.type.name != new.type.name:
+        details.append(f"type: {old.type.name} → {new.type.name}")
+    options = sorted(key for key in {*old.options, *new.options} if old.options.get(key) != new.options.get(key))
+    details += [_detail(key, old.options.get(key), new.options.get(key)) for key in options]
+    if options:
+        effects.append(("options", {}))
+    points, told = _points(old.points, new.points)
+    alarms, closed = _alarms(old.alarms, new.alarms)
+    return details + points + alarms, effects + told + closed
+
+
+def _points(
+    old: Mapping[str, Point], new: Mapping[str, Point]
+) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
+    details: list[str] = []
+    effects: list[tuple[str, Mapping[str, str]]] = []
+    added, removed = [key for key in new if key not in old], [key for key in old if key not in new]
+    changed = [key for key in new if key in old and _plain(old[key]) != _plain(new[key])]
+    for sign, keys in (("+", added), ("−", removed), ("≠", changed)):
+        if keys:
+            details.append(f"points {sign} {_listed(keys)}")
+    if removed:
+        effects.append(("history_kept", {"id": _listed(sorted(old[key].id for key in removed))}))
+    anew = [new[key].id for key in new if key in old and old[key].id != new[key].id]
+    if anew:
+        details.append(f"id ≠ {_listed(sorted(anew))}")
+        effects.append(("history_anew", {"id": _listed(sorted(anew))}))
+    return details, effects
+
+
+def _alarms(old: Iterable[Alarm], new: Iterable[Alarm]) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
+    before, after = {alarm.key: alarm for alarm in old}, {alarm.key: alarm for alarm in new}
+    added, removed = [key for key in after if key not in before], [key for key in before if key not in after]
+    changed = [key for key in after if key in before and before[key] != after[key]]
+    details = [
+        f"alarms {sign} {_listed(keys)}" for sign, keys in (("+", added), ("−", removed), ("≠", changed)) if keys
+    ]
+    return details, [("alarms_closed", {"count": str(len(removed))})] if removed else []
+
+
+def _lent(old: Plant, item: Equipment) -> list[tuple[str, Mapping[str, str]]]:
+    """Lasting ids that were taken over from machines that stay."""
+    owners = {point.id for other in old.equipment.values() for point in other.points.values()}
+    taken = sorted(point.id for point in item.points.values() if point.id in owners)
+    return [("history_taken", {"id": _listed(taken)})] if taken else []
+
+
+def _stem(item: Equipment) -> str:
+    """First part of the lasting ids of its points: `m1`."""
+    return ", ".join(sorted({point.id.partition(".")[0] for point in item.points.values()}))
+
+
+def _plain(point: Point) -> Point:
+    """`point` without what a rename of its machine changes by itself."""
+    return replace(point, name="", id="", equipment="")
+
+
+def _differs(one: object, other: object, key: str) -> bool:
+    return bool(getattr(one, key) != getattr(other, key))
+
+
+def _detail(key: str, old: object, new: object) -> str:
+    return f"{key}: {_short(old)} → {_short(new)}"
+
+
+def _short(value: object) -> str:
+    if isinstance(value, Mapping):
+        text = ", ".join(f"{key} = {_short(item)}" for key, item in value.items())
+        return f"{{ {text} }}" if len(text) <= 80 else f"{{ … {len(value)} }}"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(_short(item) for item in value) + "]"
+    return "–" if value is None else str(value)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - MOST_SHOWN
+    return ", ".join(names[:MOST_SHOWN]) + (f" … +{more}" if more > 0 else "")
+
+
+def _change(
+    what: str, kind: str, name: str, details: Iterable[str], effects: Iterable[tuple[str, Mapping[str, Any]]]
+) -> Change:
+    unique = {repr(effect): Effect(*effect) for effect in effects}
+    return Change(what, kind, name, tuple(details), tuple(unique.values()))
