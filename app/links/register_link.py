@@ -57,17 +57,10 @@ class RegisterLink:
         self.name = link.name
         self._equipment = {item.id: item for item in equipment}
         self._demands: dict[object, frozenset[str]] = {}
-        by_unit: dict[int, list[Equipment]] = {}
-        for item in equipment:
-            by_unit.setdefault(item.unit, []).append(item)
-        numbers = count()
-        stations = {
-            unit: Station(link, unit, items, f"link.{link.name}", lambda: next(numbers))
-            for unit, items in sorted(by_unit.items())
-        }
-        lanes = min((item.type.device.connections for item in equipment), default=1) if transport.parallel else 1
+        self._numbers = count()
+        stations = {unit: self._station(unit, items) for unit, items in _by_unit(equipment).items()}
         self._runner = LinkRunner(
-            link, stations, tags, clock, lambda: cast(Transport, transport(link, exchange)), max(1, lanes)
+            link, stations, tags, clock, lambda: cast(Transport, transport(link, exchange)), _lanes(link, equipment)
         )
 
     @property
@@ -93,6 +86,26 @@ class RegisterLink:
     async def run(self) -> None:
         """Connect, scan, publish, back off, for ever."""
         await self._runner.run()
+
+    def fits(self, equipment: Sequence[Equipment]) -> bool:
+        """Whether `renew` could take these machines; else the link is to be built anew."""
+        return _lanes(self.link, equipment) == _lanes(self.link, list(self._equipment.values()))
+
+    def renew(self, equipment: Sequence[Equipment]) -> None:
+        """Read these machines from now on. A unit whose registers stay as they are is read on without a pause.
+
+        Call it after the tag database was configured for them. Their units were checked by the plant file.
+        """
+        stations: dict[int, Station] = {}
+        for unit, items in _by_unit(equipment).items():
+            before = self._runner.stations.get(unit)
+            if before is not None and _wiring(before.equipment) == _wiring(items):
+                before.equipment = items
+                stations[unit] = before
+            else:
+                stations[unit] = self._station(unit, items)
+        self._equipment = {item.id: item for item in equipment}
+        self._runner.change(stations)
 
     async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
         """Write `value` [EU] to the point with key `point`; returns when the device has echoed it (accepted, not confirmed).
@@ -189,6 +202,9 @@ class RegisterLink:
 
     # details
 
+    def _station(self, unit: int, items: Sequence[Equipment]) -> Station:
+        return Station(self.link, unit, items, f"link.{self.name}", lambda: next(self._numbers))
+
     async def _refresh(self, station: Station, block: ScanBlock) -> None:
         try:
             await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
@@ -257,3 +273,22 @@ class RegisterLink:
             return item.points[key]
         except KeyError:
             raise LinkError(f"{item.id} has no point {key}") from None
+
+
+def _by_unit(equipment: Iterable[Equipment]) -> dict[int, list[Equipment]]:
+    found: dict[int, list[Equipment]] = {}
+    for item in sorted(equipment, key=lambda item: item.unit):
+        found.setdefault(item.unit, []).append(item)
+    return found
+
+
+def _lanes(link: Link, equipment: Sequence[Equipment]) -> int:
+    """Connections that the machines on a link allow."""
+    if not TRANSPORTS[link.transport].parallel:
+        return 1
+    return max(1, min((item.type.device.connections for item in equipment), default=1))
+
+
+def _wiring(equipment: Iterable[Equipment]) -> list[object]:
+    """All of these machines that matters to who reads them."""
+    return [(item.id, item.type.name, item.type.device, dict(item.points)) for item in equipment]

@@ -178,6 +178,26 @@ class LinkRunner:
                     self._schedule.at(block, self._now() + SETTLE)
         self._wake()
 
+    def change(self, stations: Mapping[int, Station]) -> None:
+        """Read these units from now on; one whose station is the same object goes on as if nothing were."""
+        gone = [station for number, station in self.stations.items() if stations.get(number) is not station]
+        fresh = [station for number, station in stations.items() if self.stations.get(number) is not station]
+        self.stations = stations
+        for station in gone:
+            station.end_tasks()
+            for block in station.blocks:
+                block.alive = False
+                self._schedule.drop(block)
+        for station in fresh:
+            self.statistics.units.setdefault(station.number, UnitStatistics())
+            station.plan()
+            if self._open:
+                self._attend(station, self._bring_up(station))
+            else:
+                station.state = State.DOWN if self._told_up is not None else State.CONNECTING
+        self._settle()
+        self._wake()
+
     def demand(self, names: frozenset[str]) -> None:
         """Points of class PAGE that somebody looks at."""
         fresh = names - self.demanded
@@ -436,7 +456,7 @@ class LinkRunner:
 
     def _silent(self, station: Station, error: LinkError) -> None:
         """A unit in quarantine: bad at once, and from now on only probes."""
-        if station.state is State.DOWN:
+        if station.state is State.DOWN or self.stations.get(station.number) is not station:
             return
         station.end_tasks()
         for block in station.blocks:

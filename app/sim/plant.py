@@ -5,7 +5,7 @@ machine shows a slower plant, never a jumping one.
 """
 
 import asyncio
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from zlib import crc32
 
 from app.clock import Clock
@@ -13,7 +13,7 @@ from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant
 from app.sim.bus import Bus, damaged
 from app.sim.device import DT, VirtualDevice
-from app.sim.e800 import VirtualE800
+from app.sim.e800 import FAULTS, VirtualE800
 
 CATCH_UP = 20
 """Most steps in one go."""
@@ -41,6 +41,8 @@ def _eura_e800(item: Equipment, seed: int) -> VirtualDevice:
 
 VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800}
 """Equipment type → what builds its virtual device."""
+MACHINE_FAULTS: Mapping[str, Sequence[int]] = {"eura_e800": tuple(FAULTS)}
+"""Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
 
 
 class SimPlant:
@@ -86,6 +88,8 @@ class SimPlant:
         }
         """By link."""
         self._clock = clock
+        self._seed = seed
+        self._factories = factories
         self._turnaround = turnaround
         self._due = clock.monotonic() + DT
         self.steps = 0
@@ -98,6 +102,34 @@ class SimPlant:
         self.step_last = 0.0
         """Computing time of the last step of the whole plant [s]."""
         self.step_max = 0.0
+
+    def renewed(
+        self, plant: Plant, links: Iterable[str], former: Mapping[str, str]
+    ) -> tuple[dict[str, Equipment], dict[str, VirtualDevice], dict[str, Bus]]:
+        """What `take` would take: the devices of `plant` on `links`, those of machines that stay as they are among them.
+
+        `former`: new id → id before. A machine keeps its device unless its type or its options differ; a link keeps its bus.
+
+        Raises:
+            ConfigurationError: a type without a virtual device, or an option that it does not take.
+        """
+        wanted = frozenset(links)
+        equipment = {id: item for id, item in plant.equipment.items() if item.link in wanted}
+        devices: dict[str, VirtualDevice] = {}
+        for id, item in equipment.items():
+            before = self.equipment.get(former.get(id, id))
+            stays = before is not None and (before.type.name, before.options) == (item.type.name, item.options)
+            devices[id] = self.devices[before.id] if before and stays else _build(item, self._seed, self._factories)
+        buses = {name: self.buses.get(name) or Bus({}, turnaround=self._turnaround) for name in wanted}
+        return equipment, devices, buses
+
+    def take(
+        self, equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice], buses: Mapping[str, Bus]
+    ) -> None:
+        """Go on with what `renewed` gave; devices that are not among it stand still from now on."""
+        for name, bus in buses.items():
+            bus.devices = {item.unit: devices[id] for id, item in equipment.items() if item.link == name}
+        self.equipment, self.devices, self.buses = equipment, devices, buses
 
     def step(self) -> None:
         """Advance every device by one step."""
@@ -137,17 +169,26 @@ class SimPlant:
         Raises:
             ConfigurationError: two devices have the same unit; all of them are named.
         """
-        owners: dict[int, list[Equipment]] = {}
-        for item in self.equipment.values():
-            owners.setdefault(item.unit, []).append(item)
-        clashes = [
-            f"unit {unit} is {' and '.join(f'{item.id} on link {item.link}' for item in items)}"
-            for unit, items in sorted(owners.items())
-            if len(items) > 1
-        ]
-        if clashes:
-            raise ConfigurationError(f"{'; '.join(clashes)}: expected different units on one port, or one link of them")
-        return Bus({unit: self.devices[items[0].id] for unit, items in owners.items()}, turnaround=self._turnaround)
+        return Bus(units(self.equipment, self.devices), turnaround=self._turnaround)
+
+
+def units(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]) -> dict[int, VirtualDevice]:
+    """The devices by unit, of all links.
+
+    Raises:
+        ConfigurationError: two devices have the same unit; all of them are named.
+    """
+    owners: dict[int, list[Equipment]] = {}
+    for item in equipment.values():
+        owners.setdefault(item.unit, []).append(item)
+    clashes = [
+        f"unit {unit} is {' and '.join(f'{item.id} on link {item.link}' for item in items)}"
+        for unit, items in sorted(owners.items())
+        if len(items) > 1
+    ]
+    if clashes:
+        raise ConfigurationError(f"{'; '.join(clashes)}: expected different units on one port, or one link of them")
+    return {unit: devices[items[0].id] for unit, items in owners.items()}
 
 
 def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> VirtualDevice:
