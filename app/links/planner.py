@@ -123,7 +123,9 @@ def _ride(points: Sequence[Point], readings: list[Reading], function: int, limit
         for index, reading in enumerate(readings):
             block = reading.block
             if block.function == function and block.count <= limit and block.address <= first and last <= block.last:
-                readings[index] = Reading(block, reading.scan, (*reading.points, point))
+                cuts = tuple(at for at in block.cuts if not first < block.address + at <= last)
+                whole = Block(block.address, block.count, block.function, cuts)
+                readings[index] = Reading(whole, reading.scan, (*reading.points, point))
                 break
         else:
             rest.append(point)

@@ -1,4 +1,4 @@
-"""The demo plant: the same link reads the virtual drives in memory and over a socket, and drives them."""
+"""The demo plant: the same link reads the virtual drives in memory, over a socket and over a serial line."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -11,7 +11,7 @@ from app.clock import SystemClock
 from app.plant.loader import read_plant
 from app.settings import bundled
 from app.sim.plant import SimPlant
-from app.sim.server import TcpServer
+from app.sim.server import TcpServer, serve_pty
 from app.tags.quality import Origin, is_bad, is_good, origin
 from tests.links.devices import Line, on_bus, running, until
 
@@ -27,8 +27,11 @@ async def demo(transport: str) -> AsyncIterator[Line]:
     moving = asyncio.create_task(sim.run())
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
+    serial = await serve_pty(bus, 57600)
     if transport == "tcp":
         link = replace(link, transport="tcp", host="127.0.0.1", tcp_port=server.address[1], writes=False)
+    elif transport == "rtu":
+        link = replace(link, transport="rtu", port=serial.path, baud=57600, parity="none", stop_bits=2, writes=False)
     try:
         async with running(equipment, exchange=on_bus(bus), link=link) as line:
             yield line
@@ -36,9 +39,10 @@ async def demo(transport: str) -> AsyncIterator[Line]:
         moving.cancel()
         await asyncio.gather(moving, return_exceptions=True)
         await server.close()
+        await serial.close()
 
 
-@pytest.mark.parametrize("transport", ["memory", "tcp"])
+@pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
 async def test_every_point_of_the_virtual_drives_is_good_and_simulated(transport: str) -> None:
     async with demo(transport) as line:
         stations = line.link.stations.values()
@@ -56,7 +60,7 @@ async def test_every_point_of_the_virtual_drives_is_good_and_simulated(transport
             assert max(b.block.count for b in station.blocks if b.block.address < 0x1000) <= 6
 
 
-@pytest.mark.parametrize("transport", ["memory", "tcp"])
+@pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
 async def test_the_instructor_pulls_a_cable_and_plugs_it_in_again(transport: str) -> None:
     async with demo(transport) as line:
         await until(lambda: is_good(line.quality("m1.frequency")) and is_good(line.quality("m2.frequency")))

@@ -133,3 +133,10 @@ def test_no_other_cut_is_cheaper(addresses: set[int], limit: int, cost: float) -
             least = min(least, sum(cost + part[-1] - part[0] + 1 for part in parts))
     found = blocks([(address, 1) for address in addresses], Device(max_read=limit), cost)
     assert sum(cost + count for _, count in found) == least
+
+
+def test_a_block_may_be_read_in_two_telegrams_only_where_no_value_is_torn() -> None:
+    points = [point("m", "a", 0), point("m", "wide", 1, type="f32", words=2), point("m", "b", 5)]
+    points.append(point("m", "slow", 3, Scan.SLOW, type="u32", words=2))
+    (reading,) = plan(points, Device(), NETWORK_OVERHEAD).readings
+    assert (reading.block.address, reading.block.count, reading.block.cuts) == (0, 6, (1, 3, 5))

@@ -1,0 +1,78 @@
+"""How a read is asked for while older answers may still come."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.links.contract import Block
+from app.links.owed import LATEST, Owed, mark_of_answer, mark_of_request
+from app.registers.pdu import Request, build_answer
+
+SIZES = st.lists(st.integers(1, 125), max_size=30)
+
+
+@st.composite
+def blocks(draw: st.DrawFn) -> Block:
+    count = draw(st.integers(1, 125))
+    cuts = draw(st.sets(st.integers(1, count - 1))) if count > 1 else set()
+    return Block(draw(st.integers(0, 60_000)), count, cuts=tuple(sorted(cuts)))
+
+
+def owing(sizes: list[int], now: float) -> Owed:
+    owed = Owed()
+    for size in sizes:
+        owed.unanswered(mark_of_request(1, Request(3, 0, size)), now)
+    return owed
+
+
+@given(blocks(), SIZES, st.lists(st.tuples(st.integers(0, 60_000), st.integers(1, 125)), max_size=4))
+def test_the_telegrams_bring_all_words_in_lengths_that_nobody_owes_and_tear_no_value(
+    block: Block, sizes: list[int], spans: list[tuple[int, int]]
+) -> None:
+    owed = owing(sizes, 0.0)
+    for address, count in spans:
+        owed.proven(1, Block(address, count))
+    pieces, wait = owed.pieces(1, block, 1.0)
+    if not pieces:
+        assert block.count in sizes and wait == LATEST - 1.0
+        return
+    assert wait == 0.0
+    got = [p.block.address + p.skip + at for p in pieces for at in range(p.count)]
+    assert got == list(range(block.address, block.address + block.count))
+    assert not {p.block.count for p in pieces} & set(sizes)
+    assert all(p.skip + p.count <= p.block.count <= 125 for p in pieces)
+    begins = [p.block.address - block.address for p in pieces[1:]]
+    assert set(begins) <= set(block.cuts)
+    if block.count not in sizes:
+        assert [p.block for p in pieces] == [block]
+
+
+@given(blocks(), SIZES)
+def test_what_is_owed_is_forgotten_in_the_end_and_never_concerns_others(block: Block, sizes: list[int]) -> None:
+    owed = owing(sizes, 0.0)
+    whole = [block]
+    assert [p.block for p in owed.pieces(2, block, 1.0)[0]] == whole
+    inputs = Block(block.address, block.count, 4)
+    assert [p.block for p in owed.pieces(1, inputs, 1.0)[0]] == [inputs]
+    assert [p.block for p in owed.pieces(1, block, LATEST + 0.1)[0]] == whole
+
+
+def test_an_answer_that_comes_after_all_pays_for_one_request() -> None:
+    owed = owing([25, 25], 0.0)
+    mark = mark_of_answer(1, build_answer(Request(3, 0, 25), [0] * 25))
+    assert [owed.settle(mark, 1.0) for _ in range(3)] == [True, True, False]
+
+
+def test_echoes_of_writes_differ_by_register_and_value() -> None:
+    owed = Owed()
+    owed.unanswered(mark_of_request(1, Request(6, write_address=0x2000, words=(3,))), 0.0)
+    other = mark_of_request(1, Request(6, write_address=0x2000, words=(1,)))
+    assert not owed.settle(other, 1.0)
+    assert owed.owes(1, 6, 1.0) and not owed.owes(1, 3, 1.0)
+
+
+def test_a_span_that_is_refused_later_is_not_grown_into_any_more() -> None:
+    owed = owing([1], 0.0)
+    owed.proven(1, Block(100, 10))
+    assert owed.pieces(1, Block(105, 1), 1.0)[0][0].block.count == 2
+    owed.refused(1, Block(108, 1))
+    assert owed.pieces(1, Block(105, 1), 1.0) == ([], LATEST - 1.0)
