@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from app import __version__
 from app.access.access import lock, prepare
 from app.cli_access import audit_cli, user_cli
+from app.cli_history import backup, export, restore
 from app.clock import SystemClock
 from app.errors import ConfigurationError
 from app.main import create_app
@@ -24,6 +25,8 @@ from app.web.serve import serve
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
 cli.add_typer(audit_cli, name="audit")
+for command in (export, backup, restore):
+    cli.command()(command)
 
 
 def main() -> None:

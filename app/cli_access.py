@@ -48,10 +48,10 @@ def add(
 ) -> None:
     """Make accounts and print their initial passwords, which are good for one sign-in within 24 hours."""
     if bool(name) == bool(file):
-        _fail("give a NAME, or --file FILE")
+        fail("give a NAME, or --file FILE")
     rows = _rows(file) if file else [(name, display, tuple(role or ("operator",)))]
-    with _access(data) as access:
-        made = access.people.add_now(_terminal(), rows)
+    with opened(data) as access:
+        made = access.people.add_now(terminal(), rows)
         out = csv.writer(sys.stdout, lineterminator="\n")
         if file:
             out.writerow(["name", "display", "roles", "initial password"])
@@ -70,12 +70,12 @@ def passwd(
     data: Data = None,
 ) -> None:
     """Set a password; all sessions of the person end."""
-    with _access(data) as access:
+    with opened(data) as access:
         if initial:
-            typer.echo(f"{name} initial password: {access.people.set_password_now(_terminal(), name, None)}")
+            typer.echo(f"{name} initial password: {access.people.set_password_now(terminal(), name, None)}")
             return
         password = sys.stdin.readline().rstrip("\n") if stdin else _asked()
-        access.people.set_password_now(_terminal(), name, password)
+        access.people.set_password_now(terminal(), name, password)
         typer.echo(f"{name}: the password is changed, all sessions have ended")
 
 
@@ -86,15 +86,15 @@ def role_(
     data: Data = None,
 ) -> None:
     """Give a person another set of roles; it counts from the next request on."""
-    with _access(data) as access:
-        account = access.people.set_roles_now(_terminal(), name, roles)
+    with opened(data) as access:
+        account = access.people.set_roles_now(terminal(), name, roles)
         typer.echo(f"{account.name}: {', '.join(sorted(account.roles))}")
 
 
 @user_cli.command("list")
 def list_(data: Data = None) -> None:
     """Print all accounts."""
-    with _access(data) as access:
+    with opened(data) as access:
         accounts = access.people.now()
         width = max((len(account.name) for account in accounts), default=4)
         for account in accounts:
@@ -108,7 +108,7 @@ def list_(data: Data = None) -> None:
 @audit_cli.command()
 def verify(data: Data = None) -> None:
     """Check the chain of the audit: exit code 0 and the number of lines, or 1 and the first line that is not in order."""
-    with _access(data, existing=True) as access:
+    with opened(data, existing=True) as access:
         verdict = access.audit.check_now()
         if verdict.ok:
             typer.echo(f"audit ok: {verdict.count} lines")
@@ -134,7 +134,7 @@ def _state(account: Account) -> str:
 
 
 @contextmanager
-def _access(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
+def opened(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
     """People and audit of a data folder; every error of ours is one line and exit code 2."""
     db: Database | None = None
     access: Access | None = None
@@ -148,9 +148,9 @@ def _access(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
         access = Access(db, SystemClock(), folder)
         yield access
     except Refused as refused:
-        _fail(Texts.read().text("en", refused.reason, **refused.params))
+        fail(Texts.read().text("en", refused.reason, **refused.params))
     except (PogonError, ValidationError) as error:
-        _fail(str(error).splitlines()[0])
+        fail(str(error).splitlines()[0])
     finally:
         if access:
             access.close()
@@ -158,12 +158,12 @@ def _access(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
             db.close()
 
 
-def _fail(text: str) -> NoReturn:
+def fail(text: str) -> NoReturn:
     typer.echo(f"pogon: {text}", err=True)
     raise typer.Exit(2)
 
 
-def _terminal() -> Person:
+def terminal() -> Person:
     """Who is named in the audit: the user of the operating system."""
     try:
         name = getpass.getuser()
@@ -176,7 +176,7 @@ def _terminal() -> Person:
 def _asked() -> str:
     first = typer.prompt("New password", hide_input=True)
     if first != typer.prompt("Again", hide_input=True):
-        _fail("the two passwords differ")
+        fail("the two passwords differ")
     return str(first)
 
 
@@ -185,18 +185,18 @@ def _rows(file: Path) -> list[tuple[str, str, tuple[str, ...]]]:
     try:
         text = file.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        _fail(f"{file}: {error}, expected a CSV file in UTF-8")
+        fail(f"{file}: {error}, expected a CSV file in UTF-8")
     first = text.partition("\n")[0]
     reader = csv.DictReader(text.splitlines(), delimiter=";" if first.count(";") > first.count(",") else ",")
     heading = [name.strip().lower() for name in reader.fieldnames or ()]
     reader.fieldnames = heading
     if "name" not in heading or set(heading) - set(COLUMNS):
-        _fail(f"{file}:1: heading {', '.join(heading) or 'is empty'}, expected {', '.join(COLUMNS)}")
+        fail(f"{file}:1: heading {', '.join(heading) or 'is empty'}, expected {', '.join(COLUMNS)}")
     rows = []
     for row in reader:
         roles = tuple((row.get("roles") or "operator").replace(",", " ").split())
         if (row.get("name") or "").strip():
             rows.append((row["name"].strip(), (row.get("display") or "").strip(), roles))
     if not rows:
-        _fail(f"{file}: nobody in it")
+        fail(f"{file}: nobody in it")
     return rows

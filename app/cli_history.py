@@ -1,0 +1,194 @@
+"""pogon export, backup, restore: take history home, and everything else, and bring it back."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+from zoneinfo import ZoneInfo, available_timezones
+
+import typer
+
+from app import backup as archive
+from app.cli_access import fail, opened, terminal
+from app.clock import SystemClock
+from app.db import Database
+from app.errors import ConfigurationError, StorageError
+from app.historian.export import FORMATS, Export, Wish, moment, verify_export
+from app.plant.definitions import Plant
+from app.plant.loader import read_plant
+from app.settings import Settings
+
+Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
+PlantFolder = Annotated[Path | None, typer.Option("--plant", help="Plant folder; else POGON_PLANT.")]
+
+SHOWN_EVERY = 20_000
+"""Rows between two lines of progress."""
+
+
+def export(
+    tags: Annotated[str, typer.Option(help="Tags, comma separated: m1.speed,m1.current")],
+    begin: Annotated[
+        str, typer.Option("--from", help="2026-03-09T06:00 (time of the plant), with offset, or -8h")
+    ] = "-1h",
+    end: Annotated[str, typer.Option("--to", help="As --from; or now.")] = "now",
+    aggregate: Annotated[
+        int, typer.Option(min=0, help="Seconds per row: min, max, first, last, mean, good %; 0: every sample.")
+    ] = 0,
+    locale: Annotated[str, typer.Option(help=f"Separator and decimal sign: {', '.join(FORMATS)}.")] = "machine",
+    bom: Annotated[bool, typer.Option("--bom", help="Mark the file as UTF-8 for spreadsheet programs.")] = False,
+    rows: Annotated[int, typer.Option(min=0, help="Stop after so many rows; 0: never.")] = 0,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="File; else standard output.")] = None,
+    timezone: Annotated[str, typer.Option(help="Zone of the local times; else the plant's.")] = "",
+    data: Data = None,
+    plant: PlantFolder = None,
+) -> None:
+    """History as CSV, also beside a running server: it only reads. The file ends with its number of rows and its SHA-256."""
+    database: Database | None = None
+    try:
+        settings = Settings()
+        path = (data or settings.data) / "history.db"
+        if not path.is_file():
+            raise ConfigurationError(f"{path} is not there: nothing was recorded, or POGON_DATA is another folder")
+        if out is not None and out.exists():
+            raise ConfigurationError(f"{out} exists already: an export replaces no file")
+        found, _ = read_plant(plant or settings.plant)
+        zone, now = _zone(timezone, found), SystemClock().micros()
+        made = Export(
+            Wish(
+                tags=[tag.strip() for tag in tags.split(",") if tag.strip()],
+                begin=moment(begin, zone, now),
+                end=moment(end, zone, now),
+                zone=zone,
+                interval=aggregate,
+                locale=locale,
+                bom=bom,
+                most_rows=rows,
+                plant=found.name.get("en", next(iter(found.name.values()))) if found else "",
+                person=terminal().name,
+                created=now,
+                simulated=found is not None and all(link.simulated for link in found.links.values()),
+            )
+        )
+        database = Database(path, "history")
+        database.run(made.open)
+        _write(made, database, out)
+    except (ConfigurationError, StorageError) as error:
+        fail(str(error))
+    except BrokenPipeError:
+        sys.stderr.close()
+        raise typer.Exit(1) from None
+    finally:
+        if database:
+            database.close()
+
+
+def backup(
+    file: Annotated[Path, typer.Argument(metavar="FILE.tar", help="New file; .tar.gz is compressed.")],
+    with_keys: Annotated[
+        bool,
+        typer.Option("--with-keys", help="Also audit.key and secret.key: whoever has them can write the audit anew."),
+    ] = False,
+    history: Annotated[bool, typer.Option("--history/--no-history", help="With or without history.db.")] = True,
+    data: Data = None,
+    plant: PlantFolder = None,
+) -> None:
+    """Databases and plant folder in one file, verified by restoring it; also beside a running server."""
+    try:
+        settings = Settings()
+        folder = data or settings.data
+        manifest = archive.back_up(
+            file,
+            folder,
+            plant or settings.plant,
+            keys=with_keys,
+            history=history,
+            tell=lambda text: typer.echo(text, err=True),
+        )
+    except ConfigurationError as error:
+        fail(str(error))
+    with opened(folder, existing=True) as access:
+        entry = access.audit.entry("backup.made", terminal(), file.name, keys=with_keys, history=history)
+        access.audit.run(lambda _connection: (None, [entry]))
+    typer.echo(f"{file}: {len(manifest.files)} files, verified. {_said(manifest)}")
+    if not with_keys:
+        typer.echo("Without the keys: on another machine its audit cannot be verified (--with-keys takes them along).")
+
+
+def restore(
+    file: Annotated[Path, typer.Argument(metavar="FILE.tar", help="A file that pogon backup made.")],
+    check: Annotated[bool, typer.Option("--check", help="Only verify the file, change nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    data: Data = None,
+    plant: Annotated[
+        Path | None, typer.Option("--plant", help="New folder for the plant; else POGON_DATA/plant.")
+    ] = None,
+) -> None:
+    """Bring a backup back. Not beside a running server: it says so.
+
+    Nobody stays signed in, and no link writes until its plant file says so.
+    """
+    try:
+        folder = data or Settings().data
+        if not file.is_file():
+            raise ConfigurationError(f"{file} is not there")
+        if check:
+            manifest = archive.verify_backup(file)
+            typer.echo(f"{file}: whole. {_said(manifest)}")
+            return
+        if (folder / "pogon.db").exists() and not yes:
+            typer.confirm(f"{folder} has data; it is moved aside. Restore {file}?", abort=True)
+        manifest, place = archive.restore(file, folder, plant, tell=lambda text: typer.echo(text, err=True))
+    except ConfigurationError as error:
+        fail(str(error))
+    with opened(folder, existing=True) as access:
+        entry = access.audit.entry("backup.restored", terminal(), file.name, made=manifest.created)
+        access.audit.run(lambda _connection: (None, [entry]))
+    typer.echo(f"restored into {folder}. {_said(manifest)}")
+    typer.echo(
+        f"plant: {place}; start with POGON_PLANT={place}. Links do not write: set writes = true where they shall."
+    )
+
+
+def _write(made: Export, database: Database, out: Path | None) -> None:
+    """Write all portions, and check the file as it lies on the disk."""
+    shown = 0
+    part = out.with_name(out.name + ".part") if out else None
+    sink = part.open("xb") if part else sys.stdout.buffer
+    try:
+        while not made.done:
+            sink.write(database.run(made.read))
+            if made.rows - shown >= SHOWN_EVERY or (made.done and out):
+                shown = made.rows
+                typer.echo(f"\r{made.rows} rows, {made.progress:.0%}", err=True, nl=made.done)
+        sink.flush()
+        if part and out:
+            sink.close()
+            found = verify_export(part)
+            if not found.ok:
+                raise StorageError(f"{part}: {found.why}")
+            part.rename(out)
+            typer.echo(f"{out}: {made.rows} rows, checksum verified", err=True)
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise StorageError(f"{out or 'standard output'}: {error.strerror or error}") from error
+    finally:
+        if part:
+            sink.close()
+            part.unlink(missing_ok=True)
+    if not made.complete:
+        typer.echo(f"stopped at the limit of {made.rows} rows", err=True)
+
+
+def _zone(name: str, plant: Plant | None) -> ZoneInfo:
+    if name and name not in available_timezones():
+        raise ConfigurationError(f"--timezone {name}: expected a name like Europe/Zagreb")
+    if not name and plant is None:
+        typer.echo("pogon: the plant cannot be read, local times are UTC (--timezone names a zone)", err=True)
+    return ZoneInfo(name or (plant.timezone if plant else "UTC"))
+
+
+def _said(manifest: archive.Manifest) -> str:
+    history = manifest.counts.get("history.db", {}).get("sample")
+    people = manifest.counts.get("pogon.db", {}).get("person", 0)
+    samples = "no history" if history is None else f"{history} samples"
+    return f"Made {manifest.created} by {manifest.version}: {people} people, {samples}, keys {'in it' if manifest.keys else 'not in it'}."

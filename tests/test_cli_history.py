@@ -1,0 +1,85 @@
+"""pogon export, backup and restore as a person types them, beside a running server."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from app.backup import table_counts
+from app.historian.export import verify_export
+from tests.conftest import ROOT, PogonServer
+
+
+def pogon(data: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("POGON_")}
+    return subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        cwd=ROOT,
+        env=clean | {"POGON_DATA": str(data)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., PogonServer], tmp_path: Path) -> None:
+    server = pogon_server()
+    data = server.data
+    until = time.monotonic() + 20
+    while not (data / "history.db").exists() or table_counts(data / "history.db").get("sample", 0) < 50:
+        assert time.monotonic() < until, server.log()
+        time.sleep(0.2)
+
+    file = tmp_path / "speed.csv"
+    done = pogon(data, "export", "--tags", "m1.speed,m1.current", "--from", "-1h", "--locale", "hr", "-o", str(file))
+    assert done.returncode == 0, done.stderr
+    assert "100%" in done.stderr
+    assert "checksum verified" in done.stderr
+    assert verify_export(file).rows > 2
+    assert ";m1.speed;" in file.read_text()
+    again = pogon(data, "export", "--tags", "m1.speed", "-o", str(file))
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+    piped = pogon(data, "export", "--tags", "m1.speed", "--aggregate", "60")
+    assert piped.returncode == 0
+    assert piped.stdout.splitlines()[-1].startswith("# sha256: ")
+    for arguments, named in (
+        (("--tags", "m9.speed"), "m9.speed"),
+        (("--tags", "m1.speed", "--from", "monday"), "monday"),
+        (("--tags", "m1.speed", "--locale", "fr"), "fr"),
+        (("--tags", "m1.speed", "--timezone", "Mars"), "Mars"),
+    ):
+        wrong = pogon(data, "export", *arguments)
+        assert wrong.returncode == 2
+        assert named in wrong.stderr
+        assert "Traceback" not in wrong.stderr
+
+    archive = tmp_path / "b.tar"
+    done = pogon(data, "backup", str(archive))
+    assert done.returncode == 0, done.stderr
+    assert "verified" in done.stdout
+    refused = pogon(data, "restore", str(archive), "--yes")
+    assert refused.returncode == 2
+    assert "in use: another pogon runs on it" in refused.stderr
+    assert pogon(data, "restore", str(archive), "--check").returncode == 0
+    assert server.process.poll() is None
+
+    other = tmp_path / "other"
+    done = pogon(other, "restore", str(archive))
+    assert done.returncode == 0, done.stderr
+    assert (other / "plant" / "plant.toml").is_file()
+    assert "do not write" in done.stdout
+    server.stop()
+    assert pogon(data, "restore", str(archive), "--yes").returncode == 0
+    assert "audit ok" in pogon(data, "audit", "verify").stdout
+    pogon_server(data=data)
+
+
+def test_without_history_there_is_one_clear_line(tmp_path: Path) -> None:
+    done = pogon(tmp_path / "data", "export", "--tags", "m1.speed")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "nothing was recorded" in done.stderr
