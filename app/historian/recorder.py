@@ -175,13 +175,22 @@ class Recorder:
 
         Never raises for a database that does not take it: then points that it does not know yet wait until it does.
         """
+        wanted = list(points)
+        self.follow(wanted, await self.register(wanted))
+
+    async def register(self, points: Iterable[Point]) -> Mapping[str, int]:
+        """Make `points` known to the database before the tag database knows them; their numbers by lasting id, for `follow`."""
         wanted = [point for point in points if point.history]
         try:
             await self._open()
-            numbers = await self._database.write(lambda connection: store.register(connection, wanted))
+            return await self._database.write(lambda connection: store.register(connection, wanted))
         except StorageError as error:
             self._say(error)
-            numbers = await self._known()
+            return await self._known()
+
+    def follow(self, points: Iterable[Point], numbers: Mapping[str, int]) -> None:
+        """As `configure`, at once: no batch falls between the handles of two revisions. `numbers` come from `register`."""
+        wanted = [point for point in points if point.history]
         self._unregistered = [point for point in wanted if point.id not in numbers]
         before = {track.number: track for track in self._tracks.values()}
         tracks: dict[int, Track] = {}
