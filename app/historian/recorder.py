@@ -40,6 +40,8 @@ CARE_PERIOD = 60.0
 """How often is rolled up, measured and cut [s]."""
 WARN_AT = 0.8
 """Part of the quota at which a warning is due."""
+LOW_DISK = 500_000_000
+"""Free bytes below which a warning is due."""
 CUT_TO = 0.95
 """Part of the quota that is left when it was reached."""
 
@@ -158,6 +160,8 @@ class Recorder:
         self._database = database
         self._clock = clock
         self._tracks: dict[int, Track] = {}
+        self._by_id: dict[str, Track] = {}
+        self._revision = -1
         self._unregistered: list[Point] = []
         self._seen: dict[tuple[str, int], int] = {}
         self._rows: list[Row] = []
@@ -192,27 +196,31 @@ class Recorder:
         """As `configure`, at once: no batch falls between the handles of two revisions. `numbers` come from `register`."""
         wanted = [point for point in points if point.history]
         self._unregistered = [point for point in wanted if point.id not in numbers]
-        before = {track.number: track for track in self._tracks.values()}
-        tracks: dict[int, Track] = {}
+        before, self._by_id = self._by_id, {}
         for point in wanted:
-            if point.id in numbers and point.name in self._tags:
+            if point.id in numbers:
                 linear = point.kind is Kind.ANALOG
-                track = before.pop(numbers[point.id], None)
+                track = before.pop(point.id, None)
                 if track is None or track.linear != linear:
                     track = Track(numbers[point.id], 0.0, linear)
                 track.dead_band = point.dead_band if linear else 0.0
-                tracks[self._tags.handle(point.name)] = track
+                self._by_id[point.id] = track
         now = self._clock.micros()
         for track in before.values():
             track.end(self._rows)
             self._rows.append((track.number, max(now, track.time + 1), None, None, NO_DATA))
-        self._tracks = tracks
+        self._map()
         self._take_as_it_stands()
 
     @property
     def fill(self) -> float:
         """Part of the quota that is used, 0 to 1 and above."""
         return self.size.used / self.quota if self.size else 0.0
+
+    @property
+    def disk_low(self) -> bool:
+        """Whether the disk itself is nearly full."""
+        return self.size is not None and self.size.free < LOW_DISK
 
     @property
     def growth(self) -> float | None:
@@ -247,6 +255,8 @@ class Recorder:
 
     def take(self, batch: Batch) -> None:
         """Take a batch from the tag database."""
+        if self._tags.revision != self._revision:
+            self._map()
         tracks, rows, time = self._tracks, self._rows, batch.time
         block = (batch.source, batch.block)
         seen = self._seen.get(block, 0)
@@ -379,11 +389,17 @@ class Recorder:
             self._unregistered = points
             return
         for point in points:
-            if point.name in self._tags:
-                linear = point.kind is Kind.ANALOG
-                track = Track(numbers[point.id], point.dead_band if linear else 0.0, linear)
-                self._tracks[self._tags.handle(point.name)] = track
+            linear = point.kind is Kind.ANALOG
+            self._by_id[point.id] = Track(numbers[point.id], point.dead_band if linear else 0.0, linear)
+        self._map()
         self._take_as_it_stands()
+
+    def _map(self) -> None:
+        """Find the handles of this revision of the plant: a handle may be another point's now."""
+        self._revision = self._tags.revision
+        self._tracks = {
+            handle: self._by_id[tag.id] for handle, tag in enumerate(self._tags.tags) if tag.id in self._by_id
+        }
 
     async def _known(self) -> dict[str, int]:
         def look(connection: Connection) -> dict[str, int]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from zoneinfo import ZoneInfo
 
 import orjson
@@ -11,7 +11,7 @@ from fastapi.responses import Response, StreamingResponse
 from sqlalchemy import Connection
 from starlette.types import Receive, Scope, Send
 
-from app.errors import ConfigurationError, Refused
+from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
 from app.historian.export import FORMATS, Export, Wish, moment
 from app.plant.definitions import Kind, Point
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from app.runtime import Runtime
 
 router = APIRouter(prefix="/history")
+
+T = TypeVar("T")
 
 MOST_SERIES = 8
 """Series in one answer."""
@@ -62,7 +64,7 @@ async def series(request: Request) -> Response:
         }
 
     return Response(
-        orjson.dumps(await runtime.history.read(work)),
+        orjson.dumps(await read(runtime, work)),
         media_type="application/json",
         headers={"Cache-Control": "no-store"},
     )
@@ -77,7 +79,7 @@ async def export(request: Request) -> Response:
     runtime, person = runtime_of(request), person_of(request)
     made = Export(_wish(request, runtime))
     try:
-        await runtime.history.read(made.open)
+        await read(runtime, made.open)
     except ConfigurationError as error:
         raise Refused("history.not_recorded", 404, tags=", ".join(made.wish.tags)) from error
     exports = exports_of(request.app)
@@ -109,7 +111,7 @@ async def size(request: Request) -> Response:
             return len(found) * -(-(wish.end - wish.begin) // (wish.interval * 1_000_000))
         return sum(query.count(connection, one.number, wish.begin, wish.end) for one in found if one)
 
-    rows = await runtime.history.read(work)
+    rows = await read(runtime, work)
     return Response(orjson.dumps({"rows": rows, "limit": wish.most_rows}), media_type="application/json")
 
 
@@ -123,6 +125,18 @@ async def progress(request: Request) -> Response:
         if owner == person.id
     ]
     return Response(orjson.dumps(mine), media_type="application/json", headers={"Cache-Control": "no-store"})
+
+
+async def read(runtime: "Runtime", work: Callable[[Connection], T]) -> T:
+    """Ask the history.
+
+    Raises:
+        Refused: 503, it cannot be read now.
+    """
+    try:
+        return await runtime.history.read(work)
+    except StorageError as error:
+        raise Refused("history.unavailable", 503) from error
 
 
 def exports_of(app: FastAPI) -> dict[Export, int]:

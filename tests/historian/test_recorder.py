@@ -200,6 +200,18 @@ async def test_a_renamed_point_goes_on_in_its_own_history(history: Database) -> 
     assert [v for _, v, _ in rows_of(history, "m1.rpm")] == [1, 2]
 
 
+async def test_a_handle_that_is_another_points_after_a_reload_never_mixes_two_histories(history: Database) -> None:
+    source, made = await recording(history, point("m1.speed"), point("m2.speed"))
+    source.publish(m1_speed=1, m2_speed=2)
+    source.clock.advance(1)
+    source.tags.configure([Tag("m2.speed", "m2.speed", "link.a"), Tag("m1.speed", "m1.speed", "link.a")])
+    source.publish(m1_speed=10, m2_speed=20)
+    await made.configure([point("m2.speed"), point("m1.speed")])
+    await made.close()
+    assert [v for _, v, _ in rows_of(history, "m1.speed")] == [1, 10]
+    assert [v for _, v, _ in rows_of(history, "m2.speed")] == [2, 20]
+
+
 async def test_a_removed_point_ends_with_no_data(history: Database) -> None:
     source, made = await recording(history, point("m1.speed"), point("m1.current"))
     source.publish(m1_speed=1, m1_current=2)
@@ -351,7 +363,8 @@ async def test_points_that_a_full_disk_does_not_take_are_recorded_when_there_is_
 
 
 async def test_a_failing_recorder_never_raises_into_the_tag_database(history: Database, tmp_path: Path) -> None:
-    broken = Database(tmp_path / "nowhere" / "history.db", "history")
+    (tmp_path / "file").write_text("no folder")
+    broken = Database(tmp_path / "file" / "history.db", "history")
     source = Source(point())
     made = Recorder(source.tags, broken, source.clock, keep_days=1, quota=QUOTA)
     await made.configure([point()])

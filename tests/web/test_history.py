@@ -1,7 +1,7 @@
 """Series and exports as a browser asks for them, and the page Storage."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -185,6 +185,21 @@ def test_the_recorder_speaks_as_tags(staff: Staff) -> None:
     tags = runtime.tags
     assert tags.sample("sys.history.full").value == 0
     assert isinstance(tags.sample("sys.history.fill").value, float)
+
+
+def test_a_history_that_cannot_be_opened_does_not_stop_the_plant(
+    start: Callable[..., TestClient], tmp_path: Path
+) -> None:
+    (tmp_path / "data").mkdir(mode=0o700)
+    (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)
+    client = start()
+    runtime = runtime_of(client)
+    runtime._publish_system()
+    assert runtime.tags.sample("sys.history.full").value == 1
+    assert runtime.recorder.error
+    assert client.get("/healthz").json()["tasks_down"] == []
+    assert client.get("/equipment/m1").status_code == 200
+    assert client.get("/history/series?tags=m1.speed").status_code == 503
 
 
 def _exports() -> Any:
