@@ -658,7 +658,7 @@ class AlarmEngine:
             active[one.priority] += 1
             unack[one.priority] += one.unacked
             by[one.equipment or SYSTEM][one.priority] += 1
-            if one.state in AUDIBLE and (not sound or one.priority < sound) and self._watches[one.id].alarm.audible:
+            if one.state in AUDIBLE and (not sound or one.priority < sound) and one.audible:
                 sound = one.priority
         values: dict[str, Value] = {
             "revision": self.revision,

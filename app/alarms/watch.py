@@ -63,7 +63,7 @@ class Standing:
     """Another one of the group came in the same scan: the order is not known."""
     rule: str
     """What suppresses it."""
-    realarm: float
+    audible: bool
 
     @property
     def unacked(self) -> bool:
@@ -187,7 +187,7 @@ def standing(watch: Watch, chattering: bool, rule: str) -> Standing:
         ordinal=watch.ordinal,
         uncertain=watch.uncertain,
         rule=rule,
-        realarm=alarm.realarm,
+        audible=alarm.audible,
     )
 
 

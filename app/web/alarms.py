@@ -202,7 +202,7 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "next_page": "/alarms?" + urlencode(query | {"page": page + 1}) if len(shown) > (page + 1) * PAGE else "",
         "previous_page": "/alarms?" + urlencode(query | {"page": page - 1}) if page else "",
         "filtered": bool(wanted["area"] or wanted["priority"] or wanted["q"]),
-        "hidden": len(hidden),
+        "hidden_count": len(hidden),
         "hidden_unack": sum(one.unacked for one in hidden),
         "all_url": "/alarms?" + urlencode({"tab": wanted["tab"]}),
         "list_url": "/alarms/list?" + urlencode(query | {"page": page}),
