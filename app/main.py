@@ -24,6 +24,7 @@ from app.web import (
     signin,
     socket,
     storage,
+    trends,
     users,
 )
 from app.web.assets import Assets
@@ -66,6 +67,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.include_router(socket.router)
     for part in (alarms, commands, parameters, health, signin, users, audit, history, storage):
         app.include_router(part.router)
+    app.include_router(trends.router)
     for router in api.ROUTERS:
         app.include_router(router)
     app.state.sockets = socket.Sockets(guard.may_watch_live)

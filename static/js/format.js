@@ -72,7 +72,7 @@ function wall(micros, zone) {
 }
 
 /** What the wall clock shows, minus UTC [min]. */
-function offset(micros, zone) {
+export function offset(micros, zone) {
   const w = wall(micros, zone);
   return Math.round((Date.UTC(w.year, w.month - 1, w.day, w.hour, w.minute, w.second) - Math.floor(micros / 1e6) * 1000) / 6e4);
 }

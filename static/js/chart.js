@@ -1,0 +1,524 @@
+// Curves over time, drawn by uPlot: each pen as the history gives it (first, low, high, last of every column), then what arrives live.
+// A pen is lifted where nothing good is known; nothing is ever drawn across a gap. Times are µs UTC, on the axis of uPlot seconds.
+import * as format from "./format.js";
+import * as time from "./time_axis.js";
+
+/** Dash of each pen [px]; colours are --pen-1 to --pen-6, 7 and 8 take the first two again with other dashes and markers. */
+const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3], [12, 4], [4, 2], [14, 3, 2, 3, 2, 3], [3, 7]];
+/** How far an extreme must stand out of the line to be drawn as line, not only as part of the band: pixels, and usual heights of the band. */
+const STANDS_OUT = [6, 2];
+const MARKER_EVERY = 170;
+const SYMBOLS = {
+  1: (c, x, y, r) => c.rect(x - r, y - r, 2 * r, 2 * r),
+  2: (c, x, y, r) => { c.moveTo(x, y - r); c.lineTo(x + r, y + r); c.lineTo(x - r, y + r); c.closePath(); },
+  3: (c, x, y, r) => { c.moveTo(x, y + r); c.lineTo(x + r, y - r); c.lineTo(x - r, y - r); c.closePath(); },
+  4: (c, x, y, r) => c.arc(x, y, r, 0, 7),
+};
+
+export class Chart {
+  /** Draw `pens` into `element`. options: zone, lang, mini, texts, letters (mini: names at the right end). */
+  constructor(element, pens, options) {
+    Object.assign(this, { element, options, pens, zone: options.zone, lang: options.lang, mini: !!options.mini });
+    for (const pen of pens) Object.assign(pen, { series: null, fresh: [], items: [] });
+    Object.assign(this, { from: 0, to: 1, now: 0, axis: "auto", selected: pens[0]?.tag, rulers: {}, marks: [], plot: null, shape: "" });
+    element.chart = this;
+    new ResizeObserver(() => this.draw()).observe(element);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
+  }
+
+  // ---- data ---------------------------------------------------------------------------------------------------
+
+  pen(tag) { return this.pens.find((pen) => pen.tag === tag); }
+
+  /** An answer of /history/series; what arrived live before its end is in it. */
+  take(answer) {
+    for (const series of answer.series) {
+      const pen = this.pen(series.tag);
+      if (!pen) continue;
+      pen.series = series;
+      const last = series.time?.at(-1) ?? 0;
+      const held = pen.fresh.findLast(([at]) => at <= last);
+      pen.fresh = pen.fresh.filter(([at]) => at > last);
+      if (held && !pen.fresh.length && held[1] === null) pen.fresh.push([last + 1, null, held[2]]);
+      this.weave(pen);
+    }
+  }
+
+  /** A value that has just arrived, null when it is not usable; level 0 good, 1 uncertain, 2 bad. */
+  append(tag, at, value, level) {
+    const pen = this.pen(tag);
+    if (!pen) return;
+    const before = pen.fresh.at(-1) ?? null, last = pen.series?.time?.at(-1) ?? 0;
+    if (at <= last || (before && at < before[0])) return;
+    pen.fresh.push([at, value, level]);
+    this.weave(pen);
+  }
+
+  /** Columns and fresh values as one list of {at, first, low, high, last, level, count}. */
+  weave(pen) {
+    const items = [], s = pen.series;
+    for (let i = 0; i < (s?.time?.length ?? 0); i++)
+      items.push({ at: s.time[i], first: s.first[i], low: s.low[i], high: s.high[i], last: s.last[i], level: s.quality[i], count: s.count[i] });
+    for (const [at, value, level] of pen.fresh) items.push({ at, first: value, low: value, high: value, last: value, level, count: 1 });
+    pen.items = items;
+  }
+
+  /** What holds now is drawn up to now, while values arrive. */
+  drawn(pen) {
+    const { items } = pen, last = items.at(-1);
+    if (!this.holds || !last || last.last === null || this.now <= last.at || this.now - last.at > 630e6) return items;
+    return [...items, { at: this.now, first: last.last, low: last.last, high: last.last, last: last.last, level: last.level, count: 0 }];
+  }
+
+  /** The points of a pen as uPlot gets them: seconds and values, null where the pen is lifted. */
+  points(pen) {
+    const xs = [], ys = [];
+    let before = null;
+    for (const item of this.drawn(pen)) {
+      const x = item.at / 1e6;
+      if (item.first === null && item.low === null) { xs.push(x); ys.push(null); before = null; continue; }
+      if (item.first === null) { xs.push(x); ys.push(null); before = null; }
+      if (pen.stepped && before !== null && item.first !== null && item.first !== before) { xs.push(x); ys.push(before); }
+      for (const y of item.count > 1 ? [item.first, item.low, item.high, item.last] : [item.first]) {
+        if (y === null) continue;
+        xs.push(x);
+        ys.push(y);
+      }
+      if (item.last === null) { xs.push(x); ys.push(null); }
+      before = item.last;
+    }
+    return [xs, ys];
+  }
+
+  /** What the pen shows at a time: value and level, or null in a gap. */
+  at(pen, at) {
+    const items = this.drawn(pen);
+    let low = 0, high = items.length;
+    while (low < high) { const middle = (low + high) >> 1; if (items[middle].at <= at) low = middle + 1; else high = middle; }
+    const before = items[low - 1], after = items[low];
+    if (!before || before.last === null) return null;
+    if (!after) return before.at === at ? before.last : null;
+    if (pen.stepped || after.first === null) return before.last;
+    return before.last + ((after.first - before.last) * (at - before.at)) / (after.at - before.at || 1);
+  }
+
+  /** Times without a good or uncertain value of a pen within the view, [from, to]. */
+  gaps(pen) {
+    const out = [], items = this.drawn(pen), end = Math.min(this.to, this.now || this.to);
+    let open = this.from;
+    for (const item of items) {
+      if (item.first !== null || item.low !== null) {
+        if (open !== null && item.at > open && item.at > this.from) out.push([Math.max(open, this.from), Math.min(item.at, this.to)]);
+        open = null;
+      }
+      if (item.last === null && open === null) open = item.at;
+    }
+    const last = items.at(-1);
+    if (open === null && last && end - last.at > 630e6) open = last.at;
+    if (open !== null && end > open) out.push([Math.max(open, this.from), end]);
+    return out.filter(([a, b]) => b > a && a < this.to && b > this.from);
+  }
+
+  // ---- scales -------------------------------------------------------------------------------------------------
+
+  shown() { return this.pens.filter((pen) => pen.on); }
+  scaleOf(pen) { return "y" + pen.scale; }
+
+  /** Scales in use, that of the selected pen first. */
+  scales() {
+    const pens = this.shown(), chosen = pens.find((pen) => pen.tag === this.selected);
+    return [...new Set([...(chosen ? [chosen] : []), ...pens].map((pen) => this.scaleOf(pen)))];
+  }
+
+  range(scale) {
+    const pens = this.shown().filter((pen) => this.scaleOf(pen) === scale);
+    let low = Infinity, high = -Infinity;
+    const note = (...values) => { for (const y of values) if (y !== null && y !== undefined) { low = Math.min(low, y); high = Math.max(high, y); } };
+    let decimals = 0, least = 0;
+    for (const pen of pens) {
+      let before = null;
+      for (const item of this.drawn(pen)) {
+        if (item.at >= this.from && item.at <= this.to) note(item.low, item.high, before);
+        before = item.at < this.from ? item.last : null;
+      }
+      decimals = Math.max(decimals, pen.decimals);
+      if (pen.low !== null && pen.high !== null) least = Math.max(least, (pen.high - pen.low) / 50);
+    }
+    if (pens.some((pen) => Object.keys(pen.texts ?? {}).length)) return Number.isFinite(low) ? [Math.min(0, low) - 0.3, Math.max(1, high) + 0.3] : [-0.3, 1.3];
+    const known = pens.filter((pen) => pen.low !== null && pen.high !== null);
+    if (this.axis === "scale" || !Number.isFinite(low)) for (const pen of known) note(pen.low, pen.high);
+    if (!Number.isFinite(low)) return [0, 1];
+    if (this.axis === "auto") {
+      note(0);
+      for (const pen of known) if (!this.mini || pen === this.pens[0]) note(pen.normal ? Math.min(pen.high, pen.normal[1]) : null);
+    }
+    least = Math.max(least, 2 * 10 ** -decimals);
+    if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
+    if (this.axis !== "scale") { const air = (high - low) * 0.04; low -= low < 0 || this.axis === "fit" ? air : 0; high += air; }
+    const step = time.nice((high - low) / 6);
+    return [Math.floor(low / step + 1e-9) * step, Math.ceil(high / step - 1e-9) * step];
+  }
+
+  // ---- drawing ------------------------------------------------------------------------------------------------
+
+  colour(name) { return getComputedStyle(this.element).getPropertyValue(name).trim(); }
+
+  rebuild() { this.shape = ""; this.draw(); }
+
+  /** Draw everything as it stands. */
+  draw() {
+    const width = Math.floor(this.element.clientWidth), height = Math.floor(this.element.clientHeight);
+    if (width < 60 || height < 60 || !this.pens.length) return;
+    const pens = this.shown(), scales = this.scales();
+    const room = this.mini ? 1 : width >= 860 ? 4 : width >= 560 ? 3 : 2;
+    const shape = JSON.stringify([pens.map((pen) => pen.tag), scales, room]);
+    if (shape !== this.shape) {
+      this.plot?.destroy();
+      this.shape = shape;
+      this.plot = new uPlot(this.layout(width, height, pens, scales, room), [null, ...(pens.length ? pens : this.pens.slice(0, 1)).map(() => [[], []])], this.element);
+      this.plot.over.dataset.over = "";
+    } else if (this.plot.width !== width || this.plot.height !== height) this.plot.setSize({ width, height });
+    const data = [null, ...pens.map((pen) => this.points(pen))];
+    if (!pens.length) data.push([[], []]);
+    this.plot.batch(() => {
+      this.plot.setData(data, false);
+      this.plot.setScale("x", { min: this.from / 1e6, max: this.to / 1e6 });
+      for (const scale of scales) { const [min, max] = this.range(scale); this.plot.setScale(scale, { min, max }); }
+    });
+    this.element.dispatchEvent(new CustomEvent("drawn"));
+  }
+
+  layout(width, height, pens, scales, room) {
+    const style = getComputedStyle(this.element), font = `12px ${style.fontFamily}`;
+    const text = this.colour("--text-2"), grid = this.colour("--grid") + "47";
+    const none = { show: false };
+    const hidden = pens.length ? pens : this.pens.slice(0, 1);
+    return {
+      width, height, mode: 2, pxAlign: false, legend: none, cursor: none,
+      padding: this.mini ? [10, 26, 0, 0] : [26, scales.length > 1 ? 8 : 18, 0, 0],
+      series: [{}, ...hidden.map((pen) => {
+        const ink = this.colour(`--pen-${((pen.number - 1) % 6) + 1}`);
+        return {
+          label: pen.label, show: pen.on, points: none,
+          facets: [{ scale: "x", auto: false }, { scale: this.scaleOf(pen), auto: false }],
+          stroke: ink, fill: ink + "38", width: 2, dash: DASHES[pen.number - 1], paths: (plot) => this.paths(plot, pen),
+        };
+      })],
+      scales: {
+        x: { time: false, auto: false, range: (plot, min, max) => [min, max] },
+        ...Object.fromEntries((scales.length ? scales : [this.scaleOf(this.pens[0])]).map((scale) => [scale, { auto: false, range: (plot, min, max) => [min ?? 0, max ?? 1] }])),
+      },
+      axes: [
+        {
+          scale: "x", font, stroke: text, size: this.mini ? 22 : 66, gap: this.mini ? 2 : 4, ticks: none, grid: { stroke: grid, width: 1 }, space: 20,
+          splits: (plot) => time.ticks(this.from, this.to, Math.max(2, Math.floor(plot.bbox.width / uPlot.pxRatio / (this.mini ? 120 : 84))), this.zone).map((at) => at / 1e6),
+          values: (plot, splits) => time.labels(splits.map((at) => at * 1e6), this.zone, this.lang),
+        },
+        ...scales.slice(0, room).map((scale, index) => ({
+          scale, font, stroke: text, side: index % 2 ? 1 : 3, ticks: none, gap: 6, space: this.mini ? 30 : 44,
+          grid: { show: index === 0, stroke: grid, width: 1 },
+          ...(scale.startsWith("yenum:") ? { incrs: [1, 2, 5, 10, 20, 50] } : {}),
+          size: (plot, values) => Math.max(34, 14 + Math.max(0, ...(values ?? []).map((one) => one.length)) * 7),
+          values: (plot, splits, axis, space, step) => splits.map((y) => format.number(y, time.decimals(step), this.lang)),
+        })),
+      ],
+      hooks: { drawClear: [(plot) => this.ground(plot)], draw: [(plot) => this.above(plot)] },
+    };
+  }
+
+  /** Line and band of a pen as paths, in pixels of the canvas. */
+  paths(plot, pen) {
+    const scale = this.scaleOf(pen), ratio = uPlot.pxRatio, stroke = new Path2D(), fill = new Path2D();
+    const X = (at) => plot.valToPos(at / 1e6, "x", true), Y = (value) => plot.valToPos(value, scale, true);
+    const items = this.drawn(pen), heights = items.filter((item) => item.count > 1 && item.at >= this.from).map((item) => Y(item.low) - Y(item.high)).sort((a, b) => a - b);
+    const out = Math.max(STANDS_OUT[0] * ratio, STANDS_OUT[1] * (heights[heights.length >> 1] ?? 0));
+    let down = false, y0 = 0, run = [];
+    const band = () => {
+      if (run.some(([, a, b]) => a !== b)) {
+        run.forEach(([x, high], i) => (i ? fill.lineTo(x, high) : fill.moveTo(x, high)));
+        for (const [x, , low] of run.reverse()) fill.lineTo(x, low);
+        fill.closePath();
+      }
+      run = [];
+    };
+    pen.places = [];
+    for (const item of items) {
+      if (item.first === null && item.low === null) { down = false; band(); continue; }
+      const x = X(item.at), start = item.first ?? item.low, end = item.last ?? item.high;
+      const y = Y(start), z = Y(end);
+      if (item.first === null) down = false;
+      if (!down) { band(); stroke.moveTo(x, y); if (item.count === 1 && item.last !== null) stroke.lineTo(x + 0.01, y); }
+      else if (pen.stepped) { stroke.lineTo(x, y0); stroke.lineTo(x, y); }
+      else stroke.lineTo(x, y);
+      if (item.count > 1) {
+        const top = Y(item.high), bottom = Y(item.low);
+        if (pen.stepped || Math.min(y, z) - top > out) { stroke.lineTo(x, top); }
+        if (pen.stepped || bottom - Math.max(y, z) > out) { stroke.lineTo(x, bottom); }
+        stroke.lineTo(x, z);
+        if (!pen.stepped) run.push([x, top, bottom]);
+      } else if (!pen.stepped) run.push([x, y, y]);
+      pen.places.push([x, z]);
+      y0 = z;
+      down = item.last !== null;
+      if (!down) band();
+    }
+    band();
+    return { stroke, fill, clip: null, band: null, gaps: null, flags: 0 };
+  }
+
+  /** What lies under the curves: ground, normal band and limits of the selected pen, its gaps. */
+  ground(plot) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio, pen = this.pen(this.selected);
+    ctx.save();
+    ctx.fillStyle = this.colour("--inset");
+    ctx.fillRect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    if (pen?.on && plot.scales[this.scaleOf(pen)]?.min != null) {
+      const Y = (value) => plot.valToPos(value, this.scaleOf(pen), true);
+      if (pen.normal) {
+        ctx.globalAlpha = 0.45;
+        ctx.fillStyle = this.colour("--norm");
+        ctx.fillRect(bbox.left, Y(pen.normal[1]), bbox.width, Y(pen.normal[0]) - Y(pen.normal[1]));
+        ctx.globalAlpha = 1;
+      }
+      ctx.strokeStyle = this.colour("--outline");
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([2 * ratio, 4 * ratio]);
+      for (const limit of this.mini ? [] : pen.limits ?? []) {
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, Y(limit));
+        ctx.lineTo(bbox.left + bbox.width, Y(limit));
+        ctx.stroke();
+      }
+      ctx.setLineDash([]);
+      for (const [a, b] of this.gaps(pen)) this.hatch(plot, a, b);
+    }
+    ctx.restore();
+  }
+
+  hatch(plot, a, b) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+    const x = plot.valToPos(a / 1e6, "x", true), end = plot.valToPos(b / 1e6, "x", true);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(x, bbox.top, end - x, bbox.height);
+    ctx.clip();
+    ctx.strokeStyle = this.colour("--grid") + "80";
+    ctx.lineWidth = ratio;
+    for (let at = x - bbox.height; at < end; at += 7 * ratio) {
+      ctx.beginPath();
+      ctx.moveTo(at, bbox.top + bbox.height);
+      ctx.lineTo(at + bbox.height, bbox.top);
+      ctx.stroke();
+    }
+    ctx.restore();
+    ctx.strokeStyle = this.colour("--line");
+    ctx.lineWidth = ratio;
+    for (const edge of [x, end]) { ctx.beginPath(); ctx.moveTo(edge, bbox.top); ctx.lineTo(edge, bbox.top + bbox.height); ctx.stroke(); }
+  }
+
+  above(plot) {
+    const { ctx } = plot;
+    ctx.save();
+    ctx.setLineDash([]);
+    this.changes(plot);
+    if (this.mini) this.letters(plot);
+    else {
+      this.gapLabels(plot);
+      this.markers(plot);
+      this.names(plot);
+      this.strip(plot);
+      this.alarms(plot);
+      this.units(plot);
+      this.dots(plot);
+    }
+    ctx.restore();
+  }
+
+  text(plot, text, x, y, { align = "left", colour = "--text-2", strong = false, halo = false } = {}) {
+    const { ctx } = plot, ratio = uPlot.pxRatio, family = getComputedStyle(this.element).fontFamily;
+    ctx.font = `${strong ? 600 : 400} ${(strong ? 13 : 12) * ratio}px ${family}`;
+    ctx.textAlign = align;
+    ctx.textBaseline = "middle";
+    if (halo) {
+      ctx.strokeStyle = this.colour("--inset");
+      ctx.lineWidth = 4 * ratio;
+      ctx.lineJoin = "round";
+      ctx.strokeText(text, x, y);
+    }
+    ctx.fillStyle = this.colour(colour);
+    ctx.fillText(text, x, y);
+    return ctx.measureText(text).width;
+  }
+
+  /** A vertical rule where the clock was put forward or back. */
+  changes(plot) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+    for (const { at, before, after } of time.changes(this.from, this.to, this.zone)) {
+      const x = plot.valToPos(at / 1e6, "x", true);
+      ctx.strokeStyle = this.colour("--outline");
+      ctx.lineWidth = 1.5 * ratio;
+      ctx.setLineDash([6 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      ctx.setLineDash([]);
+      if (!this.mini) this.text(plot, `${this.options.texts.clock_change} ${before} → ${after}`, x + 5 * ratio, bbox.top + 10 * ratio, { halo: true });
+    }
+  }
+
+  gapLabels(plot) {
+    const pen = this.pen(this.selected), { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+    for (const [a, b] of pen?.on ? this.gaps(pen) : []) {
+      const x = plot.valToPos(a / 1e6, "x", true), end = plot.valToPos(b / 1e6, "x", true);
+      if (end - x < 14 * ratio) continue;
+      const text = `${this.options.texts.no_data} ${format.duration((b - a) / 1e6, this.lang)}`;
+      ctx.font = `${12 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
+      const width = ctx.measureText(text).width + 14 * ratio, y = bbox.top + bbox.height - 26 * ratio;
+      const middle = Math.min(Math.max((x + end) / 2, bbox.left + width / 2), bbox.left + bbox.width - width / 2);
+      ctx.fillStyle = this.colour("--inset");
+      ctx.strokeStyle = this.colour("--line");
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([]);
+      ctx.beginPath();
+      ctx.roundRect(middle - width / 2, y - 10 * ratio, width, 20 * ratio, 3 * ratio);
+      ctx.fill();
+      ctx.stroke();
+      this.text(plot, text, middle, y, { align: "center" });
+    }
+  }
+
+  marker(plot, number, x, y, size = 4) {
+    const { ctx } = plot, r = size * uPlot.pxRatio, line = [5, 6].includes(number);
+    ctx.beginPath();
+    if (number === 1 || number === 8) ctx.arc(x, y, number === 8 ? r / 2 : r, 0, 7);
+    else if (number === 2) SYMBOLS[1](ctx, x, y, r * 0.9);
+    else if (number === 3) SYMBOLS[2](ctx, x, y, r);
+    else if (number === 7) SYMBOLS[3](ctx, x, y, r);
+    else if (number === 4) { ctx.moveTo(x, y - r * 1.2); ctx.lineTo(x + r * 1.2, y); ctx.lineTo(x, y + r * 1.2); ctx.lineTo(x - r * 1.2, y); ctx.closePath(); }
+    else if (number === 5) { ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x + r, y - r); ctx.lineTo(x - r, y + r); }
+    else { ctx.moveTo(x - r, y); ctx.lineTo(x + r, y); ctx.moveTo(x, y - r); ctx.lineTo(x, y + r); }
+    ctx.setLineDash([]);
+    ctx.lineWidth = 1.75 * uPlot.pxRatio;
+    ctx.strokeStyle = this.colour(`--pen-${((number - 1) % 6) + 1}`);
+    ctx.fillStyle = this.colour("--inset");
+    if (!line) ctx.fill();
+    ctx.stroke();
+  }
+
+  markers(plot) {
+    const { bbox } = plot, every = MARKER_EVERY * uPlot.pxRatio;
+    for (const pen of this.shown()) {
+      let next = bbox.left + every * (0.25 + pen.number / 10);
+      for (const [x, y] of pen.places ?? []) {
+        if (x < next || x > bbox.left + bbox.width) continue;
+        this.marker(plot, pen.number, x, y, 3.5);
+        while (next <= x) next += every;
+      }
+    }
+  }
+
+  /** Each curve's name at its right end, none on top of another. */
+  names(plot) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio, right = bbox.left + bbox.width - 8 * ratio, labels = [];
+    for (const pen of this.shown()) {
+      const place = (pen.places ?? []).findLast(([x]) => x <= bbox.left + bbox.width && x >= bbox.left);
+      if (!place) continue;
+      labels.push({ pen, y: Math.min(Math.max(place[1] - 13 * ratio, bbox.top + 10 * ratio), bbox.top + bbox.height - 10 * ratio) });
+    }
+    labels.sort((a, b) => a.y - b.y);
+    const least = 17 * ratio;
+    for (let i = 1; i < labels.length; i++) labels[i].y = Math.max(labels[i].y, labels[i - 1].y + least);
+    const over = (labels.at(-1)?.y ?? 0) - (bbox.top + bbox.height - 10 * ratio);
+    if (over > 0) for (let i = labels.length - 1, edge = bbox.top + bbox.height - 10 * ratio; i >= 0; i--, edge -= least) labels[i].y = Math.min(labels[i].y, edge);
+    for (const { pen, y } of labels) {
+      const width = this.text(plot, pen.name, right, y, { align: "right", colour: "--text", strong: true, halo: true });
+      ctx.strokeStyle = this.colour(`--pen-${((pen.number - 1) % 6) + 1}`);
+      ctx.lineWidth = 2 * ratio;
+      ctx.setLineDash(DASHES[pen.number - 1].map((one) => one * ratio));
+      ctx.beginPath();
+      ctx.moveTo(right - width - 28 * ratio, y);
+      ctx.lineTo(right - width - 6 * ratio, y);
+      ctx.stroke();
+      ctx.setLineDash([]);
+    }
+  }
+
+  letters(plot) {
+    const { bbox } = plot, ratio = uPlot.pxRatio, labels = [];
+    for (const pen of this.shown()) {
+      const place = (pen.places ?? []).at(-1);
+      if (place) labels.push({ text: pen.letter, y: place[1] });
+    }
+    labels.sort((a, b) => a.y - b.y);
+    for (let i = 1; i < labels.length; i++) labels[i].y = Math.max(labels[i].y, labels[i - 1].y + 14 * ratio);
+    const bottom = bbox.top + bbox.height;
+    for (let i = labels.length - 1, edge = bottom; i >= 0; i--, edge -= 14 * ratio) labels[i].y = Math.min(labels[i].y, edge);
+    for (const { text, y } of labels) this.text(plot, text, bbox.left + bbox.width + 6 * ratio, y, { colour: "--text", strong: true });
+  }
+
+  /** Quality of the selected pen below the axis: full = good, hatched = uncertain, nothing = bad or not recorded. */
+  strip(plot) {
+    const pen = this.pen(this.selected), { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+    const y = bbox.top + bbox.height + 27 * ratio;
+    this.text(plot, this.options.texts.quality, bbox.left - 6 * ratio, y + 2.5 * ratio, { align: "right" });
+    if (!pen?.on) return;
+    const X = (at) => Math.min(Math.max(plot.valToPos(at / 1e6, "x", true), bbox.left), bbox.left + bbox.width);
+    const items = this.drawn(pen);
+    items.forEach((item, i) => {
+      if (item.last === null && item.low === null) return;
+      const a = X(item.at), b = items[i + 1] ? X(items[i + 1].at) : a;
+      const level = item.level === 2 && item.last !== null ? items[i + 1]?.level ?? 0 : item.level;
+      if (item.last === null || b <= a) return;
+      ctx.fillStyle = this.colour("--line");
+      if (level === 1) for (let x = a; x < b; x += 4 * ratio) ctx.fillRect(x, y, Math.min(2 * ratio, b - x), 5 * ratio);
+      else ctx.fillRect(a, y, b - a + 0.5, 5 * ratio);
+    });
+  }
+
+  /** Alarms on the axis of time, in the shape and colour of their priority. */
+  alarms(plot) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio, y = bbox.top + bbox.height + 48 * ratio;
+    for (const { time: at, priority } of this.marks) {
+      if (at < this.from || at > this.to) continue;
+      const x = plot.valToPos(at / 1e6, "x", true);
+      ctx.beginPath();
+      SYMBOLS[priority](ctx, x, y, 6 * ratio);
+      ctx.fillStyle = this.colour(`--alm-${priority}`);
+      ctx.fill();
+      ctx.strokeStyle = this.colour("--outline");
+      ctx.lineWidth = 1.25 * ratio;
+      ctx.stroke();
+      ctx.font = `600 ${8 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
+      ctx.textAlign = "center";
+      ctx.textBaseline = "middle";
+      ctx.fillStyle = this.colour(`--alm-${priority}-on`);
+      ctx.fillText(String(priority), x, y + (priority === 2 ? 1.5 : priority === 3 ? -1 : 0.5) * ratio);
+    }
+  }
+
+  /** Units over their axes. */
+  units(plot) {
+    const ratio = uPlot.pxRatio, { bbox } = plot;
+    for (const axis of plot.axes.slice(1)) {
+      const pens = this.shown().filter((pen) => this.scaleOf(pen) === axis.scale);
+      const text = pens[0]?.unit || (pens.length === 1 ? pens[0].label : "");
+      const left = axis.side === 3, x = (left ? axis._pos - 6 : axis._pos + 6) * ratio;
+      this.text(plot, text, x, bbox.top - 14 * ratio, { align: left ? "right" : "left" });
+    }
+  }
+
+  /** Where the rulers cut the curves. */
+  dots(plot) {
+    for (const at of Object.values(this.rulers)) {
+      if (at === null || at < this.from || at > this.to) continue;
+      for (const pen of this.shown()) {
+        const value = this.at(pen, at);
+        if (value !== null) this.marker(plot, pen.number, plot.valToPos(at / 1e6, "x", true), plot.valToPos(value, this.scaleOf(pen), true), 4.5);
+      }
+    }
+  }
+}

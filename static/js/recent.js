@@ -1,0 +1,64 @@
+// The last ten minutes of a page: what sparklines show before the page was opened, and the small trend of a machine. One request for all.
+import { Chart } from "./chart.js";
+import { page } from "./values.js";
+
+const SPAN = 600e6, AGAIN = 60000;
+const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
+const { lang, zone } = page;
+let heard = [0, 0];
+const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
+
+async function ask(path) {
+  const answer = await fetch(path, { headers: { "HX-Request": "true" } });
+  if (!answer.ok) throw new Error(path);
+  return answer.json();
+}
+
+/** Give the sparklines on the page their past. */
+export async function sparklines(root = document) {
+  const names = [...new Set([...root.querySelectorAll("[data-line]")].map((line) => line.dataset.tag))].slice(0, 200);
+  if (!names.length) return;
+  try {
+    document.dispatchEvent(new CustomEvent("pogon:past", { detail: await ask(`/trends/recent?tags=${names.join(",")}`) }));
+  } catch { /* the history is down: the curves grow from what arrives */ }
+}
+
+function panel(element) {
+  const pens = JSON.parse(element.dataset.panel);
+  const chart = new Chart(element, pens, { zone, lang, mini: true, texts: {} });
+  const load = async () => {
+    const width = Math.max(100, element.clientWidth - 60), to = Math.ceil(now());
+    try {
+      chart.take(await ask(`/history/series?tags=${pens.map((pen) => pen.tag).join(",")}&from=${to - SPAN}&to=${to}&width=${width}`));
+      element.dataset.state = "ready";
+    } catch {
+      element.dataset.state = "error";
+    }
+    draw();
+  };
+  const draw = () => {
+    Object.assign(chart, { from: now() - SPAN, to: now(), now: now(), holds: document.body.dataset.live !== "offline" });
+    chart.draw();
+  };
+  document.addEventListener("pogon:frame", ({ detail }) => {
+    for (const tag of detail.changed)
+      chart.append(tag.name, detail.time, LEVEL[tag.state] < 2 && typeof tag.value === "number" ? tag.value : null, LEVEL[tag.state]);
+  });
+  document.addEventListener("pogon:live", ({ detail }) => {
+    if (detail === "offline") for (const pen of pens) chart.append(pen.tag, now(), null, 2);
+  });
+  setInterval(() => { if (!document.hidden && document.body.dataset.live !== "offline") draw(); }, 500);
+  return load;
+}
+
+let panels = [];
+const loadAll = () => { sparklines(); for (const load of panels) load(); };
+let since = 0;
+document.addEventListener("pogon:frame", ({ detail }) => {
+  const first = !heard[0], back = performance.now() - heard[1] > 3000;
+  heard = [detail.time, performance.now()];
+  if (first) panels = [...document.querySelectorAll("[data-panel]")].map(panel);
+  if (first || back || performance.now() - since > AGAIN) { since = performance.now(); loadAll(); }
+});
+document.addEventListener("pogon:drawn", () => sparklines());
+document.addEventListener("visibilitychange", () => { if (!document.hidden && heard[0]) loadAll(); });

@@ -1,0 +1,448 @@
+// The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
+import { Chart } from "./chart.js";
+import * as format from "./format.js";
+import { page } from "./values.js";
+import * as time from "./time_axis.js";
+
+const holder = document.querySelector("[data-trend]");
+const begun = JSON.parse(holder.dataset.trend);
+const { texts } = begun;
+const canvas = holder.querySelector("[data-canvas]"), say = holder.querySelector("[data-say]");
+const one = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
+const { lang, zone } = page;
+const LEAST = 1e6, MOST = 3660 * 86400e6, SETTLED = 150;
+const UNITS = { s: 1e6, m: 60e6, h: 3600e6, d: 86400e6 };
+const several = new Set(begun.pens.map((pen) => pen.machine)).size > 1;
+for (const pen of begun.pens) pen.name = several && pen.machine ? `${pen.machine} · ${pen.label}` : pen.label;
+
+const state = {
+  live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
+  from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0,
+};
+let heard = [begun.now, performance.now()], connected = false;
+/** The server's clock [µs UTC]. */
+const now = () => Math.round(heard[0] + (performance.now() - heard[1]) * 1000);
+const chart = canvas && new Chart(canvas, begun.pens, { zone, lang, texts });
+
+// ---- the address ----------------------------------------------------------------------------------------------
+
+function span() {
+  const [unit, size] = Object.entries(UNITS).reverse().find(([, each]) => state.span % each === 0) ?? ["s", 1e6];
+  return state.span === 86400e6 ? "24h" : `${Math.max(1, Math.round(state.span / size))}${unit}`;
+}
+const iso = (at) => new Date(at / 1000).toISOString().replace(".000Z", "Z");
+
+function address(tags = begun.pens.map((pen) => pen.tag)) {
+  const parts = [["tags", tags.join(",")]];
+  if (state.live) parts.push(["span", span()]);
+  else parts.push(["from", iso(state.from)], ["to", iso(state.to)]);
+  const off = begun.pens.filter((pen) => !pen.on && tags.includes(pen.tag)).map((pen) => pen.tag).join(",");
+  if (off) parts.push(["off", off]);
+  if (state.selected && state.selected !== tags[0] && tags.includes(state.selected)) parts.push(["pen", state.selected]);
+  if (state.axis !== "auto") parts.push(["axis", state.axis]);
+  for (const ruler of ["a", "b"]) if (state[ruler] !== null) parts.push([ruler, iso(state[ruler])]);
+  return "/trends?" + parts.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%3A", ":")}`).join("&");
+}
+
+let written = 0;
+function remember() {
+  clearTimeout(written);
+  written = setTimeout(() => history.replaceState(null, "", address()), 100);
+  const link = one("[data-export]");
+  if (link) link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
+}
+
+// ---- fetching -------------------------------------------------------------------------------------------------
+
+async function fetched(path, signal) {
+  const answer = await fetch(path, { signal, headers: { "HX-Request": "true" } });
+  if (answer.ok) return answer.json();
+  const words = new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("[data-message]")?.textContent.trim();
+  throw new Error(words || texts.unavailable, { cause: answer.status });
+}
+
+let asking = null, asked = 0, settle = 0;
+const tags = begun.pens.map((pen) => pen.tag).join(",");
+
+async function load() {
+  asking?.abort();
+  const mine = (asking = new AbortController());
+  asked = performance.now();
+  const [from, to] = view(), width = Math.min(4000, Math.max(100, Math.round(chart.plot?.over.clientWidth || canvas.clientWidth - 80)));
+  const range = `tags=${tags}&from=${Math.floor(from)}&to=${Math.ceil(to)}`;
+  try {
+    const answer = await fetched(`/history/series?${range}&width=${width}`, mine.signal);
+    chart.take(answer);
+    const known = answer.series.some((series) => series.first?.some((value) => value !== null));
+    const silent = answer.now - answer.alive > 15e6 && state.live;
+    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.length) ? "ready" : "empty",
+      silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
+    one("[data-points]").textContent = texts.points.replace("{n}", format.number(Math.max(...answer.series.map((series) => series.time.length)), 0, lang));
+    holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
+    draw();
+    const [first, last] = ruled();
+    const [table, marks] = await Promise.all([
+      fetched(`/trends/table?tags=${tags}&from=${Math.floor(first)}&to=${Math.ceil(last)}`, mine.signal),
+      fetched(`/trends/marks?${range}`, mine.signal),
+    ]);
+    fill(table);
+    chart.marks = marks.marks;
+    one("[data-marks]").replaceChildren(...marks.marks.map((mark) => {
+      const item = document.createElement("li");
+      item.textContent = `${format.dateTime(mark.time, zone, lang, now())} ${mark.source}: ${mark.text} (${mark.priority})`;
+      return item;
+    }));
+    draw();
+  } catch (error) {
+    if (error.name !== "AbortError") tell("error", error.cause ? error.message : texts.unavailable);
+  }
+}
+
+function tell(how, words) {
+  holder.dataset.state = how;
+  if (how !== "ready") say.textContent = words;
+}
+
+function changed() {
+  clearTimeout(settle);
+  settle = setTimeout(load, SETTLED);
+  draw();
+}
+
+// ---- the view -------------------------------------------------------------------------------------------------
+
+const view = () => (state.live ? [now() - state.span, now()] : [state.from, state.to]);
+
+function draw() {
+  const [from, to] = view();
+  Object.assign(chart, { from, to, now: now(), holds: connected, axis: state.axis, selected: state.selected, rulers: { a: state.a, b: state.b } });
+  chart.draw();
+  one("[data-period]").textContent = time.period(from, to, zone, lang);
+  const day = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: zone, weekday: "short" }).format(to / 1000).replace(".", "");
+  one("[data-day]").textContent = `${day} ${format.date(to, zone, lang)}`;
+  const edge = one("[data-live-edge]");
+  edge.setAttribute("aria-pressed", String(state.live));
+  if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((performance.now() - state.paused) / 1000));
+  for (const button of all("[data-span]")) button.setAttribute("aria-pressed", String(state.live && button.dataset.span === span()));
+  placeRulers();
+  remember();
+}
+
+/** Look at another range; `live` follows the present. */
+function look(from, to, live = false) {
+  const length = Math.min(Math.max(to - from, LEAST), MOST), middle = (from + to) / 2, present = now();
+  if (to - from !== length) [from, to] = [middle - length / 2, middle + length / 2];
+  if (!live && from > present - length * 0.05) [from, to] = [present - length, present];
+  if (live) Object.assign(state, { live: true, span: Math.round(length / 1e6) * 1e6 || LEAST, paused: 0 });
+  else Object.assign(state, { live: false, span: length, from: Math.round(from / 1000) * 1000, to: Math.round(to / 1000) * 1000, paused: state.live ? performance.now() : state.paused || performance.now() });
+  changed();
+}
+
+function pan(part) {
+  const [from, to] = view(), by = (to - from) * part;
+  if (part > 0 && to + by >= now()) look(now() - (to - from), now(), true);
+  else look(from + by, to + by);
+}
+
+/** Zoom by a factor around a time; the live edge stays when nothing else is asked for. */
+function zoom(factor, around = null) {
+  const [from, to] = view();
+  if (around === null && state.live) return look(to - (to - from) * factor, to, true);
+  const at = around ?? (from + to) / 2;
+  look(at - (at - from) * factor, at + (to - at) * factor);
+}
+
+function goLive() {
+  const length = state.span;
+  look(now() - length, now(), true);
+}
+
+// ---- rulers and numbers ---------------------------------------------------------------------------------------
+
+const ruled = () => {
+  const [from, to] = view(), set = [state.a, state.b].filter((at) => at !== null).sort((x, y) => x - y);
+  return set.length === 2 && set[1] > set[0] ? set : [from, to];
+};
+const handles = {};
+
+function handle(name) {
+  if (handles[name]) return handles[name];
+  const button = document.createElement("button");
+  Object.assign(button, { type: "button", className: "t-ruler", textContent: name.toUpperCase() });
+  button.setAttribute("role", "slider");
+  button.setAttribute("aria-label", `${texts.ruler} ${name.toUpperCase()}`);
+  canvas.append(button);
+  button.addEventListener("pointerdown", (event) => {
+    event.stopPropagation();
+    button.setPointerCapture(event.pointerId);
+    button.dataset.held = "";
+  });
+  button.addEventListener("pointermove", (event) => { if ("held" in button.dataset) moveRuler(name, timeAt(event)); });
+  for (const end of ["pointerup", "pointercancel"]) button.addEventListener(end, () => { delete button.dataset.held; });
+  button.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1, PageDown: -10, PageUp: 10 }[event.key];
+    if (event.key === "Delete" || event.key === "Backspace") moveRuler(name, null);
+    else if (step) moveRuler(name, state[name] + ((chart.to - chart.from) / (chart.plot?.over.clientWidth || 800)) * step * (event.shiftKey ? 10 : 1));
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  });
+  return (handles[name] = button);
+}
+
+function moveRuler(name, at) {
+  if (state.live && at !== null) { const [from, to] = view(); look(from, to); }
+  state[name] = at === null ? null : Math.round(Math.min(Math.max(at, chart.from), chart.to) / 1000) * 1000;
+  changed();
+}
+
+/** The nearest sample of the selected pen within 6 px, else the time itself. */
+function snapped(at) {
+  const pen = chart.pen(state.selected), reach = ((chart.to - chart.from) / (chart.plot?.over.clientWidth || 800)) * 6;
+  let best = at, distance = reach;
+  for (const item of pen?.items ?? []) if (Math.abs(item.at - at) < distance) [best, distance] = [item.at, Math.abs(item.at - at)];
+  return best;
+}
+
+function placeRulers() {
+  const on = state.a !== null || state.b !== null;
+  one("[data-rulers]").setAttribute("aria-pressed", String(on));
+  for (const name of ["a", "b"]) {
+    const at = state[name];
+    if (at === null && !handles[name]) continue;
+    const button = handle(name), { plot } = chart;
+    button.hidden = at === null || !plot || at < chart.from || at > chart.to;
+    if (button.hidden) continue;
+    button.style.transform = `translateX(${plot.over.offsetLeft + plot.valToPos(at / 1e6, "x")}px)`;
+    button.style.setProperty("--top", `${plot.over.offsetTop}px`);
+    button.style.setProperty("--height", `${plot.over.clientHeight}px`);
+    for (const [attribute, value] of [["valuemin", chart.from], ["valuemax", chart.to], ["valuenow", at]]) button.setAttribute(`aria-${attribute}`, String(Math.round(value / 1000)));
+    button.setAttribute("aria-valuetext", format.dateTime(at, zone, lang, now()));
+  }
+  const shown = (at) => (at === null ? "" : ` ${format.clockTime(at, zone)}`);
+  one("[data-col=a]").textContent = `A${shown(state.a)}`;
+  one("[data-col=b]").textContent = `B${shown(state.b)}`;
+  one("[data-col=delta]").textContent = state.a !== null && state.b !== null ? `Δ ${format.duration(Math.abs(state.b - state.a) / 1e6, lang)}` : "Δ";
+  one("[data-table-title]").textContent = state.a !== null && state.b !== null ? texts.between : texts.visible;
+}
+
+function fill({ rows }) {
+  const both = state.a !== null && state.b !== null && state.a !== state.b, turned = both && state.a > state.b;
+  for (const row of rows) {
+    const pen = chart.pen(row.tag), line = one(`[data-stat="${CSS.escape(row.tag)}"]`);
+    const words = (value) => (value === null || value === undefined ? "–" : pen.texts[value] ?? format.number(value, pen.decimals, lang));
+    const held = (pair) => (!pair ? format.NO_VALUE : pair[1] === 2 || pair[0] === null ? format.NO_VALUE : words(pair[0]));
+    const [a, b] = turned ? [row.b, row.a] : [row.a, row.b];
+    const numbers = !Object.keys(pen.texts).length;
+    const cells = {
+      a: both ? held(a) : state.a === null ? "–" : words(chart.at(pen, state.a)),
+      b: both ? held(b) : state.b === null ? "–" : words(chart.at(pen, state.b)),
+      delta: both && numbers && a?.[0] != null && b?.[0] != null ? words(b[0] - a[0]) : "–",
+      low: words(row.low), high: words(row.high), mean: numbers ? words(row.mean) : "–", good: format.number(row.good * 100, 1, lang),
+    };
+    for (const cell of line.querySelectorAll("[data-cell]")) cell.textContent = cells[cell.dataset.cell];
+  }
+  canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
+}
+
+// ---- pointer and keys -----------------------------------------------------------------------------------------
+
+const timeAt = (event) => {
+  const { over } = chart.plot, box = over.getBoundingClientRect();
+  return chart.from + ((chart.to - chart.from) * Math.min(Math.max(event.clientX - box.left, 0), box.width)) / box.width;
+};
+
+function pointers() {
+  const down = new Map();
+  let drag = null, box = null, pinch = null;
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button || !chart.plot) return;
+    down.set(event.pointerId, event.clientX);
+    canvas.setPointerCapture(event.pointerId);
+    const bottom = chart.plot.over.getBoundingClientRect().bottom;
+    if (down.size === 2) {
+      pinch = { apart: Math.abs([...down.values()][0] - [...down.values()][1]) || 1, view: view(), at: timeAt(event) };
+      drag = null;
+    } else drag = { x: event.clientX, view: view(), at: timeAt(event), zooms: event.clientY > bottom || event.shiftKey, moved: false };
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!down.has(event.pointerId)) return;
+    down.set(event.pointerId, event.clientX);
+    const width = chart.plot.over.clientWidth || 1;
+    if (pinch && down.size === 2) {
+      const [x, y] = [...down.values()], factor = pinch.apart / (Math.abs(x - y) || 1);
+      look(pinch.at - (pinch.at - pinch.view[0]) * factor, pinch.at + (pinch.view[1] - pinch.at) * factor);
+    } else if (drag && (drag.moved || Math.abs(event.clientX - drag.x) > 4)) {
+      drag.moved = true;
+      if (drag.zooms) {
+        box ??= canvas.appendChild(Object.assign(document.createElement("div"), { className: "t-box" }));
+        const { over } = chart.plot, left = over.getBoundingClientRect().left, edge = canvas.getBoundingClientRect().left;
+        const [a, b] = [drag.x, event.clientX].map((x) => Math.min(Math.max(x, left), left + width)).sort((m, n) => m - n);
+        Object.assign(box.style, { left: `${a - edge}px`, width: `${b - a}px`, top: `${over.offsetTop}px`, height: `${over.clientHeight}px` });
+      } else {
+        const by = ((drag.x - event.clientX) / width) * (drag.view[1] - drag.view[0]);
+        look(drag.view[0] + by, drag.view[1] + by);
+      }
+    }
+  });
+  const end = (event) => {
+    down.delete(event.pointerId);
+    if (pinch && down.size < 2) pinch = null;
+    else if (drag && event.type === "pointerup") {
+      if (drag.zooms && drag.moved) look(...[drag.at, timeAt(event)].sort((m, n) => m - n));
+      else if (!drag.moved) ruler(snapped(timeAt(event)));
+    }
+    drag = null;
+    box?.remove();
+    box = null;
+  };
+  canvas.addEventListener("pointerup", end);
+  canvas.addEventListener("pointercancel", end);
+  canvas.addEventListener("dblclick", () => { Object.assign(state, { a: null, b: null }); look(now() - 600e6, now(), true); });
+  canvas.addEventListener("wheel", (event) => {
+    if (!chart.plot) return;
+    event.preventDefault();
+    zoom(event.deltaY > 0 ? 1.25 : 0.8, timeAt(event));
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    if (event.target !== canvas || event.ctrlKey || event.altKey || event.metaKey) return;
+    const { key } = event, middle = (chart.from + chart.to) / 2;
+    if (key === "ArrowLeft") pan(event.shiftKey ? -1 : -0.1);
+    else if (key === "ArrowRight") pan(event.shiftKey ? 1 : 0.1);
+    else if (key === "+" || key === "=" || key === "ArrowUp") zoom(0.5);
+    else if (key === "-" || key === "ArrowDown") zoom(2);
+    else if (key === "End") goLive();
+    else if (key === "a" || key === "b") moveRuler(key, snapped(middle));
+    else if (key === "Escape") { Object.assign(state, { a: null, b: null }); changed(); }
+    else return;
+    event.preventDefault();
+  });
+}
+
+/** A press on the curves sets A, then B, then moves the nearer one. */
+function ruler(at) {
+  const name = state.a === null ? "a" : state.b === null ? "b" : Math.abs(at - state.a) < Math.abs(at - state.b) ? "a" : "b";
+  moveRuler(name, at);
+}
+
+function tools() {
+  for (const button of all("[data-span]"))
+    button.addEventListener("click", () => {
+      const length = parseInt(button.dataset.span, 10) * UNITS[button.dataset.span.at(-1)];
+      look(now() - length, now(), true);
+    });
+  for (const button of all("[data-go]")) button.addEventListener("click", () => pan(Number(button.dataset.go)));
+  for (const button of all("[data-zoom]")) button.addEventListener("click", () => zoom(Number(button.dataset.zoom)));
+  one("[data-live-edge]").addEventListener("click", goLive);
+  one("[data-rulers]").addEventListener("click", () => {
+    if (state.a !== null || state.b !== null) { Object.assign(state, { a: null, b: null }); return changed(); }
+    const [from, to] = view();
+    moveRuler("a", snapped(from + (to - from) / 3));
+    moveRuler("b", snapped(from + ((to - from) * 2) / 3));
+  });
+  one("[data-axis]")?.addEventListener("change", ({ target }) => { state.axis = target.value; draw(); });
+  const own = one("#own-range"), local = (at) => {
+    const shifted = new Date(at / 1000 + format.offset(at, zone) * 60000);
+    return shifted.toISOString().slice(0, 19);
+  };
+  one(".t-range").addEventListener("toggle", () => {
+    const [from, to] = view();
+    own.elements.from.value = local(from);
+    own.elements.to.value = local(to);
+  });
+  own.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const [from, to] = ["from", "to"].map((name) => {
+      const wall = Date.parse(own.elements[name].value + "Z") * 1000, guess = wall - format.offset(wall, zone) * 60e6;
+      return wall - format.offset(guess, zone) * 60e6;
+    });
+    const wrong = !(to > from);
+    one("[data-own-error]").hidden = !wrong;
+    if (wrong) return;
+    one(".t-range").open = false;
+    look(from, to);
+  });
+}
+
+function pens() {
+  const mark = () => {
+    for (const row of all("[data-pen]")) {
+      row.querySelector("[data-select]").setAttribute("aria-pressed", String(row.dataset.pen === state.selected));
+      row.classList.toggle("off", !chart.pen(row.dataset.pen).on);
+    }
+  };
+  for (const row of all("[data-pen]")) {
+    const pen = chart.pen(row.dataset.pen);
+    row.querySelector(".ck").addEventListener("change", ({ target }) => { pen.on = target.checked; mark(); draw(); });
+    row.querySelector("[data-select]").addEventListener("click", () => { state.selected = pen.tag; mark(); draw(); });
+    row.querySelector("[data-remove]").addEventListener("click", () => location.assign(address(begun.pens.map(({ tag }) => tag).filter((tag) => tag !== pen.tag))));
+  }
+  mark();
+}
+
+/** Points that can be added; fetched when the list is opened and while somebody types. */
+function picker() {
+  const drop = one("[data-picker]"), field = drop.querySelector("input"), found = drop.querySelector("[data-found]");
+  let due = 0, search = null;
+  const find = async () => {
+    search?.abort();
+    search = new AbortController();
+    try {
+      const answer = await fetch(`${drop.dataset.picker}&q=${encodeURIComponent(field.value)}`, { signal: search.signal, headers: { "HX-Request": "true" } });
+      const content = new DOMParser().parseFromString(await answer.text(), "text/html").body;
+      found.replaceChildren(...content.childNodes);
+    } catch (error) {
+      if (error.name !== "AbortError") found.textContent = texts.unavailable;
+    }
+  };
+  drop.addEventListener("toggle", () => { if (drop.open) { find(); field.focus(); } });
+  field.addEventListener("input", () => { clearTimeout(due); due = setTimeout(find, 200); });
+  found.addEventListener("click", (event) => {
+    const link = event.target.closest("[data-add]");
+    if (!link || event.ctrlKey || event.metaKey) return;
+    event.preventDefault();
+    location.assign(address([...begun.pens.map((pen) => pen.tag), link.dataset.add]));
+  });
+}
+
+// ---- live -----------------------------------------------------------------------------------------------------
+
+const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
+
+function follow() {
+  let due = 0;
+  document.addEventListener("pogon:frame", ({ detail }) => {
+    heard = [detail.time, performance.now()];
+    if (!connected) { connected = true; changed(); }
+    for (const tag of detail.changed) {
+      const usable = LEVEL[tag.state] < 2 && typeof tag.value === "number";
+      chart.append(tag.name, detail.time, usable ? tag.value : null, LEVEL[tag.state]);
+    }
+  });
+  document.addEventListener("pogon:live", ({ detail }) => {
+    if (detail !== "offline") return;
+    connected = false;
+    for (const pen of chart.pens) chart.append(pen.tag, now(), null, 2);
+    draw();
+  });
+  const beat = () => {
+    if (document.hidden) return;
+    const present = performance.now(), pixel = state.span / 1e3 / (chart.plot?.over.clientWidth || 800);
+    if (state.live && connected && present - due >= Math.min(Math.max(pixel, 180), 5000)) { due = present; draw(); }
+    if (state.live && connected && present - asked > Math.min(Math.max(state.span / 2e5, 5000), 60000)) load();
+    if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((present - state.paused) / 1000));
+  };
+  setInterval(beat, 100);
+}
+
+picker();
+if (chart) {
+  pointers();
+  tools();
+  pens();
+  follow();
+  if (!state.live) state.paused = performance.now();
+  canvas.addEventListener("drawn", placeRulers);
+  draw();
+  load();
+}
