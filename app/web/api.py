@@ -23,6 +23,7 @@ from app.historian import query
 from app.plant.definitions import Equipment, Point
 from app.tags import quality as q
 from app.web.guard import address_of, allow, person_of
+from app.web.history import read
 from app.web.language import language_of
 
 if TYPE_CHECKING:
@@ -79,7 +80,10 @@ class PlantOut(BaseModel):
 
 
 class SeriesOut(BaseModel):
-    """A decimated series: columns with first, lowest, highest, last; null breaks the line. A column of `count` 0 has no sample of its own: an edge."""
+    """A decimated series: columns with first, lowest, highest, last; null breaks the line.
+
+    A column of `count` 0 has no sample of its own: it is an edge or a break.
+    """
 
     tag: str
     unit: str
@@ -249,8 +253,7 @@ async def history(
     def work(connection: Connection) -> list[SeriesOut]:
         return [_series(connection, point, first, last, width) for point in points]
 
-    found: list[SeriesOut] = await runtime.history.read(work)
-    return found
+    return await read(runtime, work)
 
 
 @router.get("/history/{name}/raw", dependencies=[allow("export")])
@@ -270,7 +273,7 @@ async def raw(
         known = query.find(connection, point.id)
         return query.page(connection, known.number, first - 1, last, limit + 1) if known else []
 
-    rows = await runtime.history.read(work)
+    rows = await read(runtime, work)
     return RawOut(
         tag=name,
         unit=point.unit,
