@@ -74,7 +74,8 @@ function take(fresh) {
   if (held()) merge(fresh);
   else replace(fresh);
   setClock();
-  if (open && panel) renewDetail();
+  if (open) renewDetail();
+  else if (rows()[0]) show(rows()[0].dataset.row);
 }
 
 function merge(fresh) {

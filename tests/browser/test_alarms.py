@@ -1,0 +1,157 @@
+"""Alarms in a real browser: the banner changes by itself and guards its button, the list stays still, the horn is silenced."""
+
+import re
+import time
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
+from tests.conftest import ROOT, PogonServer, find_port
+
+PASSWORD = "tri plave ladice u kutu"
+AXE = ROOT / "tests" / ".vendor" / "axe.min.js"
+
+
+class Operator:
+    """Somebody at a running plant who can also break it."""
+
+    def __init__(self, page: Page, server: PogonServer, modbus: int) -> None:
+        self.page = page
+        self.server = server
+        self.modbus = modbus
+
+    def enter(self) -> None:
+        code = (self.server.data / "first-code").read_text().split()[-1]
+        self.page.goto(f"{self.server.url}/first")
+        for name, value in {
+            "code": code,
+            "name": "ana",
+            "display": "Ana Kos",
+            "password": PASSWORD,
+            "again": PASSWORD,
+        }.items():
+            self.page.fill(f"[name={name}]", value)
+        self.page.click(".sheet-form button.cmd")
+        expect(self.page.locator("body")).to_contain_text("Ana Kos")
+
+    def trip(self, unit: int, code: int) -> None:
+        write(self.modbus, unit, MACHINE_FAULT, code)
+
+    def go(self, path: str) -> None:
+        self.page.goto(self.server.url + path)
+        expect(self.page.locator("body")).to_have_attribute("data-live", "live")
+
+
+@pytest.fixture
+def operator(page: Page, pogon_server: Callable[..., PogonServer]) -> Operator:
+    modbus = find_port()
+    server = pogon_server(serve_modbus=f"127.0.0.1:{modbus}")
+    failures: list[str] = []
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    page.on(
+        "console", lambda message: failures.append(message.text) if "Content Security Policy" in message.text else None
+    )
+    who = Operator(page, server, modbus)
+    who.enter()
+    who.page.failures = failures  # type: ignore[attr-defined]
+    return who
+
+
+def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/equipment/m2")
+    banner = page.locator("#alarms")
+    expect(banner).to_contain_text("No active alarms")
+    operator.trip(1, 4)
+    expect(banner.locator("strong")).to_have_text("Converter: overcurrent", timeout=4000)
+    expect(page.locator("[data-mark-area] .alm-2")).to_be_visible()
+    expect(page.locator("#alarm-alert")).to_have_text("New alarm, priority 2: Converter: overcurrent")
+    assert page.locator("#silence").get_attribute("data-idle") is None
+    page.wait_for_timeout(600)
+    page.click("#banner-ack")
+    expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
+    expect(banner).to_contain_text("All alarms acknowledged: 1")
+    assert page.failures == []  # type: ignore[attr-defined]
+
+
+def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/")
+    operator.trip(1, 4)
+    # the press comes in the very moment in which the alarm is drawn
+    page.evaluate(
+        """() => new MutationObserver((_, watcher) => {
+            const button = document.getElementById("banner-ack");
+            if (button) { watcher.disconnect(); button.click(); document.body.dataset.pressed = "1"; }
+        }).observe(document.getElementById("banner"), { childList: true, subtree: true })"""
+    )
+    expect(page.locator("body")).to_have_attribute("data-pressed", "1", timeout=5000)
+    page.wait_for_timeout(800)
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent")
+    page.keyboard.press("F8")
+    expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
+
+
+def test_the_list_stays_still_while_something_is_chosen(operator: Operator) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.go("/alarms")
+    rows = page.locator("tr[data-row]")
+    expect(rows).to_have_count(1)
+    expect(page.locator("#alarm-detail h2")).to_have_text("Converter: overcurrent")
+    first = page.locator("td[data-since]").inner_text()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.wait_for_timeout(2200)
+    assert page.locator("td[data-since]").inner_text() != first
+    assert not [url for url in asked if "/alarms" in url], "durations ask nobody"
+    page.locator(".alist .ck").check()
+    operator.trip(2, 9)
+    expect(page.locator(".a-new")).to_have_text("New: 1. Show")
+    expect(rows).to_have_count(1)
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overheated", timeout=4000)
+    page.locator("#ack-selected").click()
+    expect(rows).to_have_count(2)
+    expect(page.locator("tr[data-unack]")).to_have_count(1)
+    page.wait_for_timeout(700)
+    page.locator("#ack-visible").click()
+    expect(page.locator("#ack-confirm")).to_contain_text("Number: 1")
+    page.locator("#ack-confirm button[value=yes]").click()
+    expect(page.locator("tr[data-unack]")).to_have_count(0)
+    assert page.failures == []  # type: ignore[attr-defined]
+
+
+def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/")
+    operator.trip(1, 4)
+    silence = page.locator("#silence")
+    expect(page.locator("#alarms strong")).to_be_visible(timeout=4000)
+    page.mouse.click(5, 400)  # the browser lets a page sound after the first gesture
+    expect(silence).not_to_have_attribute("data-blocked", "")
+    silence.click()
+    expect(silence).to_have_attribute("aria-pressed", "true")
+    other = page.context.browser.new_context() if page.context.browser else None
+    assert other is not None
+    station = other.new_page()
+    station.goto(operator.server.url)
+    assert station.locator("#silence").get_attribute("aria-pressed") == "false", "another station sounds on"
+    other.close()
+    operator.trip(2, 9)
+    expect(silence).to_have_attribute("aria-pressed", "false", timeout=5000)
+
+
+@pytest.mark.parametrize("path", ["/alarms", "/alarms?tab=journal", "/"])
+def test_axe_finds_nothing(operator: Operator, path: str) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.go(path)
+    time.sleep(1)
+    page.evaluate(AXE.read_text("utf-8"))
+    found = page.evaluate(
+        "async () => (await axe.run()).violations.map((v) => v.id + ': ' + v.nodes.map((n) => n.html).join(' | '))"
+    )
+    assert found == []
+    assert not re.search("undefined|\\[alarm", page.inner_text("body"))
