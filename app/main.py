@@ -15,6 +15,7 @@ from app.web import (
     api,
     audit,
     commands,
+    communication,
     errors,
     guard,
     health,
@@ -65,7 +66,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.include_router(pages.router)
     app.include_router(socket.router)
-    for part in (alarms, commands, parameters, health, signin, users, audit, history, storage):
+    for part in (alarms, commands, parameters, health, signin, users, audit, history, storage, communication):
         app.include_router(part.router)
     app.include_router(trends.router)
     for router in api.ROUTERS:

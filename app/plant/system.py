@@ -1,6 +1,7 @@
 """The points of the system itself, as tags like any other: loop lag, tasks, links, counts."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from app.plant.definitions import Kind, Plant, Point
 
@@ -30,6 +31,14 @@ HISTORY: Sequence[tuple[str, Kind, str, int]] = (
 )
 """The same of the recorder (historian/recorder.py, `statistics`)."""
 
+STATISTICS: Mapping[str, tuple[Kind, str, int, float]] = {
+    "polls": (Kind.ANALOG, "1/s", 1, 0.5),
+    "scan_time": (Kind.ANALOG, "ms", 1, 5.0),
+    "bus_share": (Kind.ANALOG, "%", 1, 2.0),
+    "answer_time": (Kind.ANALOG, "ms", 1, 5.0),
+}
+"""Kind, unit, decimals and dead-band of what a link measures of itself (links/statistics.py); all the rest are counters and states."""
+
 
 def system_point(key: str, kind: Kind = Kind.STEP, unit: str = "", decimals: int = 0, label: str = "") -> Point:
     """The point `sys.<key>`, labelled by the product text `sys.<label or key>`."""
@@ -52,5 +61,8 @@ def system_points(plant: Plant | None, statistics: Iterable[str] = ()) -> list[P
     points += [system_point(f"{COMMANDS}.{key}", label=COMMANDS) for key in (plant.equipment if plant else ())]
     for name in statistics:
         key = name.removeprefix(f"{SYSTEM}.")
-        points.append(system_point(key, label="link." + key.rsplit(".", 1)[-1]))
+        last = key.rpartition(".")[2]
+        kind, unit, decimals, dead_band = STATISTICS.get(last, (Kind.STEP, "", 0, 0.0))
+        point = system_point(key, kind, unit, decimals, label=f"link.{last}")
+        points.append(replace(point, dead_band=dead_band))
     return points

@@ -48,8 +48,11 @@ HTMX = {
 """htmx 4: requests to this server only, no cache of pages, no style of its own, errors are never swapped in (app.js shows them in the
 message line), no extension but ours, which turns evaluation, `hx-on` and scripts in fragments off."""
 
-PAGES: tuple[tuple[str, str], ...] = (("nav.alarms", "/alarms"),)
+PAGES: tuple[tuple[str, str], ...] = (("nav.alarms", "/alarms"), ("nav.communication", "/communication"))
 """Tabs after the areas: text key, address. A page that does not exist has no tab."""
+
+GUARDED = {"/communication": "diagnose"}
+"""Pages that not everybody may see: who may not has no tab and no link to them."""
 
 COUNTS: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
     ("i-link", "frame.links", ("sys.links_up", "sys.links_total"), "f-comm"),
@@ -189,9 +192,9 @@ class View:
             "alarms": alarms,
             "summary": drawing.summary() if given.get("kind") == "overview" else None,
             "plant_label": texts.label(lang, plant.name) if plant else "Pogon",
-            "nav": self._tabs(texts, plant, lang, path, area),
+            "nav": [tab for tab in self._tabs(texts, plant, lang, path, area) if _may_go(request, tab.url)],
             "simulated": runtime.simulated,
-            "counts": self._counts(runtime, text),
+            "counts": self._counts(runtime, text, _may_go(request, "/communication")),
             "timezone": zone.key,
             "now": now,
             "now_time": fmt.clock_time(now, zone),
@@ -219,13 +222,14 @@ class View:
             crumbs.append(Tab(area_label(texts, plant, lang, area), address_of_area(area, machines)))
         return crumbs
 
-    def _counts(self, runtime: "Runtime", text: fmt.Text) -> list[dict[str, Any]]:
+    def _counts(self, runtime: "Runtime", text: fmt.Text, diagnose: bool) -> list[dict[str, Any]]:
         tags = runtime.tags
         return [
             {
                 "symbol": symbol,
                 "label": text(key),
                 "class": look,
+                "url": "/communication" if diagnose and look == "f-comm" else "",
                 "parts": [
                     (name, "–" if tags.value(tags.handle(name)) is None else tags.value(tags.handle(name)))
                     for name in names
@@ -234,6 +238,12 @@ class View:
             for symbol, key, names, look in COUNTS
             if all(name in tags for name in names)
         ]
+
+
+def _may_go(request: HTTPConnection, url: str) -> bool:
+    """Whether whoever asks may open the page; nobody signed in may open one that is guarded."""
+    person = getattr(request.state, "person", None)
+    return url not in GUARDED or (person is not None and person.may(GUARDED[url]))
 
 
 def areas(plant: Plant | None) -> dict[str, list[Equipment]]:
