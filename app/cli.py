@@ -1,6 +1,7 @@
 """The command line: pogon run, simulate, check, probe, export, user, audit, backup, restore."""
 
 import asyncio
+import getpass
 import os
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +22,7 @@ from app.settings import Settings
 from app.sim.server import PARITIES, Openings
 from app.sim.server import simulate as serve_simulated
 from app.web.serve import serve
+from app.web.terminal import LOOK, ask
 
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
@@ -97,6 +99,37 @@ def check(
         f"{where}: no problems. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
         f"points: {len(plant.points)}, alarms: {alarms}, languages: {', '.join(plant.languages)}"
     )
+
+
+@cli.command()
+def reload(
+    data: Annotated[Path | None, typer.Option("--data", help="Data folder of the server; else POGON_DATA.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take the changes without asking.")] = False,
+    look: Annotated[bool, typer.Option("--look", help="Only say what would change.")] = False,
+) -> None:
+    """Let the running server take its plant files anew: says what changes, asks, and restarts only that."""
+    folder = data or read_settings().data
+    try:
+        found = ask(folder, LOOK, getpass.getuser())
+        for problem in found["problems"]:
+            typer.echo(f"pogon: {problem}", err=True)
+        if found["problems"]:
+            typer.echo("pogon: not taken, the plant runs on as it is", err=True)
+            raise typer.Exit(2)
+        if not found["changes"] and not found["first"]:
+            typer.echo("The plant files are the plant that runs.")
+            return
+        typer.echo("\n".join(found["changes"]) or "The plant starts.")
+        if look or not (yes or typer.confirm("Take these changes?")):
+            return
+        answer = ask(folder, found["digest"], getpass.getuser())
+    except ConfigurationError as error:
+        typer.echo(f"pogon: {error}", err=True)
+        raise typer.Exit(2) from error
+    if not answer["done"]:
+        typer.echo(f"pogon: {' '.join(filter(None, (answer['refused'], answer['error'])))}", err=True)
+        raise typer.Exit(1)
+    typer.echo("Taken.")
 
 
 def _tcp_address(text: str) -> tuple[str, int]:

@@ -20,11 +20,14 @@ from app.web import (
     guard,
     health,
     history,
+    instructor,
     pages,
     parameters,
+    plant,
     signin,
     socket,
     storage,
+    terminal,
     trends,
     users,
 )
@@ -48,7 +51,8 @@ def create_app(settings: Settings) -> FastAPI:
         await runtime.start()
         runtime.access.sessions.subscribe(socket.sockets_of(app).end)
         try:
-            yield
+            async with terminal.listening(runtime):
+                yield
         finally:
             await socket.sockets_of(app).close()
             await runtime.stop()
@@ -66,7 +70,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.include_router(pages.router)
     app.include_router(socket.router)
-    for part in (alarms, commands, parameters, health, signin, users, audit, history, storage, communication):
+    for part in (alarms, commands, parameters, health, signin, users, audit, history, storage, plant, instructor, communication):
         app.include_router(part.router)
     app.include_router(trends.router)
     for router in api.ROUTERS:

@@ -2,12 +2,14 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, replace
 
 from app import __version__
 from app.access.access import Access, prepare
 from app.access.keys import read_key
+from app.access.roles import Person
 from app.alarms.definitions import alarm_points, frame_names
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock, SystemClock
@@ -16,20 +18,23 @@ from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.db import Database
 from app.errors import StorageError
-from app.historian.recorder import Recorder
+from app.historian.recorder import WARN_AT, Recorder
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
 from app.live.frames import Live
-from app.plant.definitions import Equipment, Link, Plant, Point, Problem
+from app.plant.changes import Change, compare, digest, renamed, same_line
+from app.plant.definitions import Equipment, Plant, Point, Problem
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_points
 from app.plant.texts import Texts
 from app.settings import Settings
-from app.sim.plant import SimPlant, exchange
-from app.sim.server import serve_tcp
+from app.sim.bus import Bus
+from app.sim.device import VirtualDevice
+from app.sim.plant import SimPlant, exchange, units
+from app.sim.server import TcpServer, serve_tcp
 from app.tags.batch import Batch, Value
 from app.tags.database import Tag, TagDatabase
 
@@ -41,8 +46,29 @@ RETAIN_PERIOD = 10.0
 """How often running hours and the like are kept [s]."""
 SIMULATION_LATE = 1.0
 """The virtual plant is behind by more than this [s]: an alarm."""
+PLANT_TASKS = ("simulation", "retained", "commands")
+"""Tasks that there are only while there is a plant; beside them one for each link."""
 SWEEP_PERIOD = 0.25
 """How often overdue values are looked for and the loop lag is measured [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The plant files as they are now, beside the plant that runs."""
+
+    problems: tuple[Problem, ...] = ()
+    """What is wrong with them; then the running plant stays."""
+    changes: tuple[Change, ...] = ()
+    digest: str = ""
+    """Of the changes: what is given back to confirm them."""
+    first: bool = False
+    """Nothing runs yet: the plant starts."""
+    done: bool = False
+    """They were taken."""
+    refused: str = ""
+    """Text key of why they were not: `plant.refused.…`."""
+    error: str = ""
+    """What did not take them, for people who configure."""
 
 
 class Runtime:
@@ -76,7 +102,10 @@ class Runtime:
         self._derivation: Derivation | None = None
         self._derivation_inputs: frozenset[int] = frozenset()
         self._retained: RetainedStates
-        self._modbus: object | None = None
+        self._modbus: TcpServer | None = None
+        self._served: Bus | None = None
+        self._reloading = asyncio.Lock()
+        self._numbers: Mapping[str, int] = {}
         self._command_revisions: dict[str, int] = {}
 
     # ---- start and stop -------------------------------------------------------------------------------
@@ -101,6 +130,8 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
+        self.tags.subscribe(self._derive)
+        self.access.sessions.subscribe(self._sessions_ended)
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
         self.keeper.keep("alarm journal", self.alarms.keep_journal)
@@ -113,7 +144,7 @@ class Runtime:
             await self._start_plant(self.plant)
         else:
             self._configure()
-        await self.recorder.configure(self.points.values())
+        await self._record()
         self.keeper.keep("recorder", self.recorder.run)
 
     async def stop(self) -> None:
@@ -122,7 +153,7 @@ class Runtime:
             await self.gate.close()
         await self.keeper.close()
         if self._modbus is not None:
-            await self._modbus.close()  # type: ignore[attr-defined]
+            await self._modbus.close()
         self.live.close()
         await self.alarms.close()
         with suppress(StorageError):
@@ -151,11 +182,9 @@ class Runtime:
         self._derivation.restore(await self._retained.read())
         self.keeper.keep("retained", self._retain)
         for name, link in plant.links.items():
-            self.links[name] = RegisterLink(
-                link, self.on_link(name), self.tags, self.clock, exchange=self._exchange(link)
-            )
+            bus = self.sim.buses.get(name) if self.sim else None
+            self.links[name] = RegisterLink(link, self.on_link(name), self.tags, self.clock, exchange=_carried_by(bus))
         self._configure()
-        self.tags.subscribe(self._derive)
         self.gate = self._make_gate(plant)
         self.keeper.keep("commands", self.gate.run)
         for name, register_link in self.links.items():
@@ -175,7 +204,6 @@ class Runtime:
         gate.subscribe(self._operation_changed)
         gate.subscribe_ends(self._command_ended)
         gate.on_stop_unconfirmed = self.alarms.stop_unconfirmed
-        self.access.sessions.subscribe(self._sessions_ended)
         return gate
 
     def _command_ended(self, progress: Progress) -> None:
@@ -201,21 +229,31 @@ class Runtime:
         now = self.clock.micros()
         self.tags.publish(Batch(SYSTEM, 1, now, now, [self.tags.handle(name)], [count]))
 
-    def _configure(self) -> None:
-        statistics = [
-            name
-            for link_name, link in self.links.items()
-            for name in statistic_names(link.link, sorted({item.unit for item in self.on_link(link_name)}))
-        ]
-        points = [point for point in (self.plant.points.values() if self.plant else ()) if _has_value(point)]
-        points += system_points(self.plant, statistics)
-        points += alarm_points(self.plant.equipment if self.plant else ())
+    def _configure(self, person: Person | None = None) -> None:
+        """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""
+        points = self._points_of(self.plant, self.links)
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
-        self.alarms.configure(self.plant, self.texts)
-        if self._derivation:
-            self._derivation_inputs = frozenset(self.tags.handle(name) for name in self._derivation.inputs)
+        self.alarms.configure(self.plant, self.texts, person)
+        inputs = self._derivation.inputs if self._derivation else ()
+        self._derivation_inputs = frozenset(self.tags.handle(name) for name in inputs)
         self.live.renew()
+
+    async def _record(self) -> None:
+        self._numbers = await self.recorder.register(self.points.values())
+        self.recorder.follow(self.points.values(), self._numbers)
+
+    @staticmethod
+    def _points_of(plant: Plant | None, links: Iterable[str]) -> list[Point]:
+        """Every tag of `plant` and of the system."""
+        machines = list(plant.equipment.values()) if plant else []
+        statistics = [
+            name
+            for link in links
+            for name in statistic_names(link, {item.unit for item in machines if item.link == link})
+        ]
+        points = [point for item in machines for point in item.points.values() if _has_value(point)]
+        return [*points, *system_points(plant, statistics), *alarm_points(plant.equipment if plant else ())]
 
     def _tag(self, point: Point) -> Tag:
         if point.equipment == SYSTEM:
@@ -243,16 +281,191 @@ class Runtime:
             case _:
                 return 0.0
 
-    def _exchange(self, link: Link) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:
-        if self.sim is None or link.name not in self.sim.buses:
-            return None
-        bus = self.sim.buses[link.name]
-        return lambda unit, pdu: exchange(bus, unit, pdu)
-
     async def _serve_modbus(self, sim: SimPlant) -> None:
         host, _, port = self.settings.serve_modbus.rpartition(":")
-        self._modbus = await serve_tcp(sim.merged(), host, int(port))
+        self._served = sim.merged()
+        self._modbus = await serve_tcp(self._served, host, int(port))
         log.info("modbus served address=%s", self.settings.serve_modbus)
+
+    # ---- other plant files ----------------------------------------------------------------------------
+
+    async def look(self) -> Reading:
+        """Read the plant files and compare them with what runs; nothing is changed."""
+        return (await self._look())[1]
+
+    async def reload(self, person: Person | None, confirm: str, address: str = "") -> Reading:
+        """Take the plant files if their changes are still those with the digest `confirm`; a running plant is never taken down.
+
+        What does not change runs on: links, values and their ages, virtual devices, alarms, commands. Files with problems, other
+        changes than those confirmed, or an error while taking them leave the plant as it was. Each try is one line of the audit.
+        """
+        async with self._reloading:
+            plant, reading = await self._look()
+            if reading.problems:
+                reading = replace(reading, refused="plant.refused.problems")
+            elif not reading.changes and not reading.first:
+                reading = replace(reading, refused="plant.refused.nothing")
+            elif reading.digest != confirm:
+                reading = replace(reading, refused="plant.refused.other")
+            elif plant is not None:
+                try:
+                    await self._take_plant(plant, person)
+                    reading = replace(reading, done=True)
+                    log.info("plant reloaded changes=%d by=%s", len(reading.changes), person.name if person else "-")
+                except Exception as error:
+                    log.exception("plant not reloaded")
+                    reading = replace(reading, refused="plant.refused.failed", error=f"{type(error).__name__}: {error}")
+            await self.access.audit.record(
+                "plant.reloaded",
+                person,
+                str(self.settings.plant),
+                new=" · ".join(f"{change.kind} {change.name}" for change in reading.changes)[:400],
+                result="ok" if reading.done else "refused",
+                reason=reading.refused,
+                address=address,
+                changes=len(reading.changes),
+                problems=len(reading.problems),
+            )
+            return reading
+
+    async def _look(self) -> tuple[Plant | None, Reading]:
+        plant, problems = await asyncio.to_thread(read_plant, self.settings.plant)
+        if plant is None:
+            return None, Reading(tuple(problems))
+        if self.plant is None:
+            return plant, Reading(digest=digest([]), first=True)
+        changes = compare(self.plant, plant)
+        return plant, Reading((), tuple(changes), digest(changes))
+
+    async def _take_plant(self, plant: Plant, person: Person | None) -> None:
+        """Replace the running plant, or start the first one. What can fail comes first; the exchange itself waits for nothing.
+
+        Raises:
+            ConfigurationError: a machine or a link cannot be built; the running plant is untouched, as after any other error.
+        """
+        old = self.plant
+        if old is None:
+            await self._start_first(plant)
+            return
+        texts, derivation = Texts.read(plant), Derivation(plant)
+        sim, taken = self._next_simulation(old, plant)
+        links = self._next_links(plant, sim, taken)
+        numbers = await self.recorder.register(self._points_of(plant, links))
+        with suppress(StorageError):
+            await self._retain_now()
+        kept = await self._retained.read()  # a machine that comes back goes on where it left
+        derivation.restore(kept)
+        for name in [name for name, link in self.links.items() if links.get(name) is not link]:
+            await self.keeper.drop(f"link.{name}")
+        if sim is not self.sim:
+            await self.keeper.drop("simulation")
+        before = (self.texts, self._derivation, self.sim, dict(self.links))
+        devices = (self.sim.equipment, self.sim.devices, self.sim.buses) if self.sim else None
+        try:
+            if sim is not None and taken is not None:
+                sim.take(*taken)
+            self._exchange_plant(plant, texts, derivation, sim, links, numbers, person)
+        except Exception:
+            log.exception("plant not exchanged, the former one goes on")
+            former_texts, former_derivation, former_sim, former_links = before
+            if former_sim is not None and devices is not None:
+                former_sim.take(*devices)
+            assert former_derivation is not None
+            self._exchange_plant(old, former_texts, former_derivation, former_sim, former_links, self._numbers, person)
+            raise
+        finally:
+            self._keep_running()
+        self._numbers = numbers
+        if self.settings.serve_modbus and self.sim and self._modbus is None:
+            await self._serve_modbus(self.sim)
+
+    async def _start_first(self, plant: Plant) -> None:
+        self.plant = plant
+        try:
+            await self._start_plant(plant)
+        except Exception:
+            for name in [name for name in self.keeper.kept if name.startswith("link.") or name in PLANT_TASKS]:
+                await self.keeper.drop(name)
+            self.plant = self.sim = self.gate = self._derivation = None
+            self.links.clear()
+            self._configure()
+            raise
+        self.problems = []
+        await self._record()
+
+    def _next_simulation(
+        self, old: Plant, plant: Plant
+    ) -> tuple[SimPlant | None, tuple[dict[str, Equipment], dict[str, VirtualDevice], dict[str, Bus]] | None]:
+        """The virtual plant and what it is to take; devices of machines that stay are kept."""
+        memory = [name for name, link in plant.links.items() if link.simulated]
+        if not memory:
+            return None, None
+        sim = self.sim or SimPlant(plant, self.clock, links=memory)
+        taken = sim.renewed(plant, memory, renamed(old, plant))
+        if self.settings.serve_modbus:
+            units(taken[0], taken[1])  # a clash on the common port is told before anything changes
+        return sim, taken
+
+    def _next_links(
+        self,
+        plant: Plant,
+        sim: SimPlant | None,
+        taken: tuple[dict[str, Equipment], dict[str, VirtualDevice], dict[str, Bus]] | None,
+    ) -> dict[str, RegisterLink]:
+        """The links of `plant`: those on an unchanged line are the running ones."""
+        links: dict[str, RegisterLink] = {}
+        for name, link in plant.links.items():
+            machines = [item for item in plant.equipment.values() if item.link == name]
+            running = self.links.get(name)
+            if running is not None and same_line(running.link, link) and running.fits(machines):
+                links[name] = running
+            else:
+                bus = taken[2].get(name) if sim is not None and taken is not None else None
+                links[name] = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
+        return links
+
+    def _exchange_plant(
+        self,
+        plant: Plant,
+        texts: Texts,
+        derivation: Derivation,
+        sim: SimPlant | None,
+        links: Mapping[str, RegisterLink],
+        numbers: Mapping[str, int],
+        person: Person | None,
+    ) -> None:
+        """Everything that knows the plant knows the other one now; no await, so no batch falls between two revisions."""
+        gone = set(self.links) - set(links)
+        accumulated = self._derivation.retained() if self._derivation and self._derivation is not derivation else {}
+        self.plant, self.problems, self.texts, self.sim = plant, [], texts, sim
+        self.access.people.plant_name = " ".join(plant.name.values())
+        self.links.clear()
+        self.links.update(links)
+        derivation.restore(accumulated)
+        self._derivation = derivation
+        self._configure(person)
+        for name, link in self.links.items():
+            link.renew(self.on_link(name))
+        if self.gate is not None:
+            self.gate.configure(plant)
+        self.recorder.follow(self.points.values(), numbers)
+        inputs = {name: self.tags.handle(name) for name in derivation.inputs if name in self.tags}
+        now = self.clock.micros()
+        self._publish_derived(
+            {name: (self.tags.value(handle), self.tags.quality(handle)) for name, handle in inputs.items()}, now, now
+        )
+        if self._served is not None:
+            self._served.devices = dict(units(sim.equipment, sim.devices)) if sim else {}
+        for name in gone:
+            self.alarms.raise_system("link_down", active=False, params={"link": name})
+
+    def _keep_running(self) -> None:
+        """Every link and the simulation have a task."""
+        for name, link in self.links.items():
+            if f"link.{name}" not in self.keeper.kept:
+                self.keeper.keep(f"link.{name}", link.run)
+        if self.sim is not None and "simulation" not in self.keeper.kept:
+            self.keeper.keep("simulation", self.sim.run)
 
     # ---- questions ------------------------------------------------------------------------------------
 
@@ -369,7 +582,7 @@ class Runtime:
         self._tell_alarms()
 
     def _tell_alarms(self) -> None:
-        """What the server itself has to say: links, clock of the simulation, audit."""
+        """What the server itself has to say: links, clock of the simulation, audit, history."""
         tell = self.alarms.raise_system
         for name, link in self.links.items():
             tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
@@ -377,12 +590,23 @@ class Runtime:
         audit = self.access.audit
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
+        recorder = self.recorder
+        tell("history_full", active=recorder.full)
+        tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
+        tell("disk_low", active=recorder.disk_low)
 
     def _task_changed(self, kept: Kept) -> None:
         if hasattr(self, "alarms"):
             self.alarms.raise_system("task_down", active=not kept.alive, params={"task": kept.name})
         if not kept.alive:
             log.warning("task down task=%s error=%s", kept.name, kept.error)
+
+
+def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:
+    """The road of a memory link to its virtual devices."""
+    if bus is None:
+        return None
+    return lambda unit, pdu: exchange(bus, unit, pdu)
 
 
 def _has_value(point: Point) -> bool:

@@ -1,0 +1,367 @@
+"""The instructor's page: breaks and loads simulated machines through their training registers; what is active is read back from them.
+
+A machine counts as simulated only when its link says so (the header at 0xE000 was found when it connected) and when the header is there
+again right before each write. A live device has no such registers; nothing is ever written to it from here.
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from app.errors import LinkError, Refused
+from app.links.register_link import RegisterLink
+from app.plant.definitions import Equipment
+from app.sim import training
+from app.sim.plant import MACHINE_FAULTS
+from app.web.guard import address_of, allow, fields, people_access, person_of
+from app.web.language import language_of
+from app.web.pages import plant_of, view_of
+
+router = APIRouter()
+
+READ_BACK = 2.0
+"""What was written is looked for in the registers for so long [s]."""
+LOOK_PERIOD = 0.05
+WORLD: Mapping[str, tuple[int, str]] = {
+    "load": (training.REG_LOAD, "%"),
+    "quadratic": (training.REG_LOAD_QUADRATIC, "%"),
+    "disturbance": (training.REG_DISTURBANCE, "%"),
+    "ambient": (training.REG_AMBIENT, "°C"),
+    "supply": (training.REG_SUPPLY, "V"),
+}
+"""Field → register and unit; the text is `instructor.<field>`."""
+LINE_FIELDS: Mapping[str, tuple[int, str]] = {
+    "delay": (training.REG_LINE_DELAY, "ms"),
+    "argument": (training.REG_LINE_ARGUMENT, ""),
+    "count": (training.REG_LINE_COUNT, ""),
+}
+DONE = ("fault", "line", "world", "reset")
+
+Words = Mapping[int, int]
+"""Training registers by address, as they were read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trainee:
+    """A machine as the instructor sees it."""
+
+    item: Equipment
+    link: RegisterLink
+    words: Words | None
+    """None: they could not be read, or the device is not a simulated one."""
+    problem: str = ""
+    """Text key of why."""
+    reason: str = ""
+
+
+@router.get("/instructor", dependencies=[allow("instruct")])
+async def instructor(request: Request) -> Response:
+    """All simulated machines, and what is active on each."""
+    runtime = view_of(request).runtime(request)
+    items = [item for item in plant_of(request).equipment.values() if _says_simulated(runtime.links[item.link], item)]
+    rows = [_row(request, one) for one in await asyncio.gather(*(_look(request, item) for item in items))]
+    view = view_of(request)
+    title = view.text(request, "instructor.title")
+    return view.page(request, "pages/instructor.html", title=title, kind="frame", rows=rows, chosen=None)
+
+
+@router.get("/instructor/{key}", dependencies=[allow("instruct")])
+async def machine(request: Request, key: str) -> Response:
+    """One machine: what is active, and what can be done to it."""
+    return await _page(request, key)
+
+
+@router.get("/instructor/{key}/active", dependencies=[allow("instruct")])
+async def active(request: Request, key: str) -> Response:
+    """What is active on a machine, alone."""
+    one = await _look(request, _item(request, key))
+    return view_of(request).fragment(request, "fragments/instructor_active.html", chosen=_row(request, one))
+
+
+@router.post("/instructor/{key}/fault", dependencies=[allow("instruct")])
+async def set_fault(request: Request, key: str) -> Response:
+    """Cause a machine fault, or clear the cause (code 0)."""
+    given = await fields(request, ["code"])
+
+    def words(item: Equipment) -> dict[int, int]:
+        code = _whole(request, given["code"], "instructor.fault", (0, max(MACHINE_FAULTS[item.type.name])))
+        if code and code not in MACHINE_FAULTS[item.type.name]:
+            raise Refused("access.form_field", 422, field="code")
+        return {training.REG_MACHINE_FAULT: code}
+
+    return await _do(request, key, "fault", words)
+
+
+@router.post("/instructor/{key}/line", dependencies=[allow("instruct")])
+async def set_line(request: Request, key: str) -> Response:
+    """Break the line of one machine, or mend it (mode 0)."""
+    given = await fields(request, ["mode"], LINE_FIELDS)
+
+    def words(item: Equipment) -> dict[int, int]:
+        mode = training.REG_LINE_FAULT
+        return {mode: _whole(request, given["mode"], "instructor.line", training.LIMITS[mode])} | {
+            register: _whole(request, given[name] or "0", f"instructor.{name}", training.LIMITS[register])
+            for name, (register, _) in LINE_FIELDS.items()
+        }
+
+    return await _do(request, key, "line", words)
+
+
+@router.post("/instructor/{key}/world", dependencies=[allow("instruct")])
+async def set_world(request: Request, key: str) -> Response:
+    """Load, disturbance, ambient temperature, supply."""
+    given = await fields(request, WORLD)
+
+    def words(item: Equipment) -> dict[int, int]:
+        return {
+            register: _whole(request, given[name], f"instructor.{name}", training.LIMITS[register])
+            for name, (register, _) in WORLD.items()
+        }
+
+    return await _do(request, key, "world", words)
+
+
+@router.post("/instructor/{key}/reset", dependencies=[allow("instruct")])
+async def reset(request: Request, key: str) -> Response:
+    """The device as it was built."""
+    await fields(request, [])
+    return await _do(request, key, "reset", lambda item: {training.REG_RESET: 1})
+
+
+async def _do(request: Request, key: str, what: str, words: Callable[[Equipment], Mapping[int, int]]) -> Response:
+    """Write, read back, note; the page again when any of it did not happen."""
+    item = _item(request, key)
+    old = new = ""
+    refused: Refused | None = None
+    try:
+        wanted = words(item)
+        new = _told(wanted)
+        old = _told(await _write(request, item, wanted))
+    except Refused as error:
+        refused = error
+    await people_access(request).audit.record(
+        f"instructor.{what}",
+        person_of(request),
+        item.id,
+        old=old,
+        new=new,
+        result="refused" if refused else "ok",
+        reason=refused.reason if refused else "",
+        address=address_of(request.scope),
+        **(refused.params if refused else {}),
+    )
+    if refused:
+        return await _page(request, key, refused)
+    return RedirectResponse(f"/instructor/{item.id}?done={what}", 303)
+
+
+async def _write(request: Request, item: Equipment, wanted: Mapping[int, int]) -> Words:
+    """Write `wanted` and wait until it is read back; what was there before.
+
+    Raises:
+        Refused: the device is not simulated, does not answer, or shows something else.
+    """
+    before = await _look(request, item)
+    if before.words is None:
+        raise Refused(before.problem, 409, machine=item.id, cause=before.reason)
+    try:
+        for first, words in _telegrams(wanted):
+            await before.link.raw_write(item.unit, first, words)
+        await _confirm(before.link, item, wanted)
+    except LinkError as error:
+        raise Refused("instructor.not_written", 409, cause=str(error)) from error
+    return {address: before.words[address] for address in wanted}
+
+
+async def _confirm(link: RegisterLink, item: Equipment, wanted: Mapping[int, int]) -> None:
+    """Wait until the registers show `wanted`; a count may have run down meanwhile, and a reset leaves no fault and no broken line."""
+    if training.REG_RESET in wanted:
+        wanted = dict.fromkeys((training.REG_MACHINE_FAULT, training.REG_LINE_FAULT, training.REG_LINE_COUNT), 0)
+    loop = asyncio.get_running_loop()
+    until = loop.time() + READ_BACK
+    while True:
+        await asyncio.sleep(LOOK_PERIOD)
+        now = await _area(link, item.unit)
+        if now is not None and _shows(now, wanted):
+            return
+        if loop.time() > until:
+            raise Refused("instructor.not_confirmed", 409)
+
+
+def _shows(now: Words, wanted: Mapping[int, int]) -> bool:
+    count = wanted.get(training.REG_LINE_COUNT, 0)
+    if count and now[training.REG_LINE_COUNT] < count:  # hit some requests already, and is over at 0
+        ran_down = {training.REG_LINE_COUNT: now[training.REG_LINE_COUNT]}
+        if not now[training.REG_LINE_COUNT]:
+            ran_down[training.REG_LINE_FAULT] = 0
+        wanted = {**wanted, **ran_down}
+    return all(now[address] == word for address, word in wanted.items())
+
+
+async def _look(request: Request, item: Equipment) -> Trainee:
+    """Read the whole training area of a machine that its link calls simulated; nobody else is asked."""
+    link = view_of(request).runtime(request).links[item.link]
+    if not _says_simulated(link, item):
+        return Trainee(item, link, None, "instructor.not_simulated")
+    try:
+        words = await _area(link, item.unit)
+    except LinkError as error:
+        return Trainee(item, link, None, "instructor.not_read", str(error))
+    if words is None:
+        return Trainee(item, link, None, "instructor.not_simulated")
+    return Trainee(item, link, words)
+
+
+async def _area(link: RegisterLink, unit: int) -> Words | None:
+    """The training registers, or None when the header is not that of a simulated device."""
+    area = await link.raw_read(unit, training.BASE, training.END - training.BASE)
+    words = dict(enumerate(area, training.BASE))
+    good = words[training.REG_MAGIC] == training.MAGIC and words[training.REG_VERSION] == training.VERSION
+    return words if good and words[training.REG_FLAGS] & training.SIMULATED else None
+
+
+def _says_simulated(link: RegisterLink, item: Equipment) -> bool:
+    station = link.stations.get(item.unit)
+    return item.type.name in MACHINE_FAULTS and (link.simulated or (station is not None and station.simulated))
+
+
+def _telegrams(wanted: Mapping[int, int]) -> list[tuple[int, list[int]]]:
+    """Neighbouring registers in one telegram, so that they act in the same step."""
+    telegrams: list[tuple[int, list[int]]] = []
+    for address in sorted(wanted):
+        if telegrams and telegrams[-1][0] + len(telegrams[-1][1]) == address:
+            telegrams[-1][1].append(wanted[address])
+        else:
+            telegrams.append((address, [wanted[address]]))
+    return telegrams
+
+
+def _whole(request: Request, text: str, label: str, limits: tuple[int, int]) -> int:
+    """A whole number within `limits`.
+
+    Raises:
+        Refused: 422, it is none.
+    """
+    low, high = limits
+    plain = text.strip()
+    if not plain.isascii() or not plain.isdigit() or len(plain) > 6 or not low <= int(plain) <= high:
+        what = view_of(request).text(request, label)
+        raise Refused("instructor.range", 422, what=what, value=plain[:20] or "–", low=low, high=high)
+    return int(plain)
+
+
+def _told(words: Words) -> str:
+    return ", ".join(f"0x{address:04X} = {word}" for address, word in sorted(words.items()))
+
+
+def _item(request: Request, key: str) -> Equipment:
+    item = plant_of(request).equipment.get(key)
+    if item is None or item.type.name not in MACHINE_FAULTS:
+        raise HTTPException(404)
+    return item
+
+
+async def _page(request: Request, key: str, refused: Refused | None = None) -> Response:
+    view, item = view_of(request), _item(request, key)
+    runtime = view.runtime(request)
+    one = await _look(request, item)
+    done = request.query_params.get("done", "")
+    drawn = view.machine(request, item)
+    return view.page(
+        request,
+        "pages/instructor.html",
+        status=refused.status if refused else 200,
+        title=view.text(request, "instructor.title"),
+        kind=f"equipment/{item.id}",
+        chip=item.id,
+        up="/instructor",
+        rows=[],
+        chosen=_row(request, one),
+        equipment=drawn,
+        live=drawn.points(
+            [key for key in ("status", "speed", "current", "heatsink_temperature") if key in item.points]
+        ),
+        faults=_faults(request, item),
+        modes=[
+            (mode, view.text(request, f"instructor.mode.{mode}"), view.text(request, f"instructor.line_sees.{mode}"))
+            for mode in training.LINE_FAULT_MODES
+            if mode
+        ],
+        line_fields=_entries(LINE_FIELDS, one.words),
+        world=_entries(WORLD, one.words),
+        error=runtime.texts.text(language_of(request), refused.reason, **refused.params) if refused else "",
+        done=view.text(request, f"instructor.{done}") if done in DONE and not refused else "",
+    )
+
+
+def _entries(table: Mapping[str, tuple[int, str]], words: Words | None) -> list[tuple[str, str, int, int, int]]:
+    """(field, unit, now, lowest, highest)."""
+    return [
+        (name, unit, words[register] if words else 0, *training.LIMITS[register])
+        for name, (register, unit) in table.items()
+    ]
+
+
+def _faults(request: Request, item: Equipment) -> list[tuple[int, str, str]]:
+    """(code, what the drive calls it, what the trainee sees)."""
+    return [
+        (code, _code_text(request, item, code), _machine_sees(request, code)) for code in MACHINE_FAULTS[item.type.name]
+    ]
+
+
+def _code_text(request: Request, item: Equipment, code: int) -> str:
+    runtime = view_of(request).runtime(request)
+    key = item.points["status"].texts.get(code, "")
+    return runtime.texts.of_type(language_of(request), item.type, key) if key else f"{code}"
+
+
+def _machine_sees(request: Request, code: int) -> str:
+    view = view_of(request)
+    key = f"instructor.machine_sees.{code}"
+    known = view.runtime(request).texts.has(language_of(request), key)
+    return view.text(request, key if known else "instructor.machine_sees.any")
+
+
+def _row(request: Request, one: Trainee) -> dict[str, Any]:
+    """A machine with what is active on it, in words."""
+    view, words, item = view_of(request), one.words, one.item
+    text = view.text
+    row: dict[str, Any] = {
+        "id": item.id,
+        "label": view.machine(request, item).label,
+        "problem": text(request, one.problem, machine=item.id, cause=one.reason) if one.problem else "",
+        "active": [],
+        "fault": 0,
+        "mode": 0,
+        "world": [],
+    }
+    if words is None:
+        return row
+    fault, mode = words[training.REG_MACHINE_FAULT], words[training.REG_LINE_FAULT]
+    row |= {"fault": fault, "mode": mode}
+    if fault:
+        row["active"].append((_code_text(request, item, fault), _machine_sees(request, fault)))
+    if mode:
+        row["active"].append((_line_text(request, words), text(request, f"instructor.line_sees.{mode}")))
+    row["world"] = [
+        (text(request, f"instructor.{name}"), f"{words[register]}\u00a0{unit}")
+        for name, (register, unit) in WORLD.items()
+    ]
+    return row
+
+
+def _line_text(request: Request, words: Words) -> str:
+    text = view_of(request).text
+    mode, count = words[training.REG_LINE_FAULT], words[training.REG_LINE_COUNT]
+    parts = [text(request, f"instructor.mode.{mode}")]
+    if mode == 2:
+        parts.append(f"{words[training.REG_LINE_DELAY]}\u00a0ms")
+    if mode == 7:
+        parts.append(f"{words[training.REG_LINE_ARGUMENT]:02d}")
+    parts.append(text(request, "instructor.left", n=count) if count else text(request, "instructor.until"))
+    return " · ".join(parts)

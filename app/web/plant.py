@@ -1,0 +1,61 @@
+"""The page "Plant": what the plant files would change, or what is wrong with them, and the button that takes them while everything runs."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response
+
+from app.plant.changes import Change
+from app.runtime import Reading
+from app.web.guard import address_of, allow, fields, person_of
+from app.web.signin import view_of
+
+router = APIRouter()
+
+
+@router.get("/plant", dependencies=[allow("configure")])
+async def plant(request: Request) -> Response:
+    """The files as they are now beside the plant that runs."""
+    return _page(request, await view_of(request).runtime(request).look())
+
+
+@router.post("/plant", dependencies=[allow("configure")])
+async def reload(request: Request) -> Response:
+    """Take the changes that the page showed; others than those are shown instead."""
+    given = await fields(request, ["digest"], ["read"])
+    runtime = view_of(request).runtime(request)
+    if not given["read"]:
+        return _page(request, await runtime.look(), 422, "plant.refused.unread")
+    reading = await runtime.reload(person_of(request), given["digest"], address_of(request.scope))
+    if reading.done:
+        return RedirectResponse("/plant?done=1", 303)
+    return _page(request, reading, 409, reading.refused)
+
+
+def _page(request: Request, reading: Reading, status: int = 200, refused: str = "") -> Response:
+    view = view_of(request)
+    runtime = view.runtime(request)
+    return view.page(
+        request,
+        "pages/plant.html",
+        status=status,
+        title=view.text(request, "plant.title"),
+        kind="frame",
+        reading=reading,
+        changes=[_drawn(request, change) for change in reading.changes],
+        folder=str(runtime.settings.plant),
+        running=runtime.plant,
+        refused=view.text(request, refused) if refused else "",
+        done=bool(request.query_params.get("done")) and not reading.changes and not reading.problems,
+    )
+
+
+def _drawn(request: Request, change: Change) -> dict[str, Any]:
+    text = view_of(request).text
+    return {
+        "text": text(
+            request, f"plant.{change.kind}", what=text(request, f"plant.what.{change.what}"), name=change.name
+        ),
+        "details": change.details,
+        "effects": [text(request, f"plant.effect.{effect.key}", **effect.params) for effect in change.effects],
+    }
