@@ -244,16 +244,17 @@ export class Chart {
     pen.places = [];
     for (const item of items) {
       if (item.first === null && item.low === null) { down = false; band(); continue; }
-      const x = X(item.at), start = item.first ?? item.low, end = item.last ?? item.high;
-      const y = Y(start), z = Y(end);
+      const top = Y(item.high), bottom = Y(item.low), x = X(item.at);
+      // A column of many samples that is no higher than usual is a line in the middle of its band.
+      const quiet = !pen.stepped && item.count > 3 && item.first !== null && item.last !== null && bottom - top <= out;
+      const y = quiet ? (top + bottom) / 2 : Y(item.first ?? item.low), z = quiet ? y : Y(item.last ?? item.high);
       if (item.first === null) down = false;
       if (!down) { band(); stroke.moveTo(x, y); if (item.count === 1 && item.last !== null) stroke.lineTo(x + 0.01, y); }
       else if (pen.stepped) { stroke.lineTo(x, y0); stroke.lineTo(x, y); }
       else stroke.lineTo(x, y);
       if (item.count > 1) {
-        const top = Y(item.high), bottom = Y(item.low);
-        if (pen.stepped || Math.min(y, z) - top > out) { stroke.lineTo(x, top); }
-        if (pen.stepped || bottom - Math.max(y, z) > out) { stroke.lineTo(x, bottom); }
+        if (pen.stepped || Math.min(y, z) - top > out) stroke.lineTo(x, top);
+        if (pen.stepped || bottom - Math.max(y, z) > out) stroke.lineTo(x, bottom);
         stroke.lineTo(x, z);
         if (!pen.stepped) run.push([x, top, bottom]);
       } else if (!pen.stepped) run.push([x, y, y]);
@@ -435,7 +436,11 @@ export class Chart {
     const over = (labels.at(-1)?.y ?? 0) - (bbox.top + bbox.height - 10 * ratio);
     if (over > 0) for (let i = labels.length - 1, edge = bbox.top + bbox.height - 10 * ratio; i >= 0; i--, edge -= least) labels[i].y = Math.min(labels[i].y, edge);
     for (const { pen, y } of labels) {
-      const width = this.text(plot, pen.name, right, y, { align: "right", colour: "--text", strong: true, halo: true });
+      let name = labels.length > 4 ? pen.label : pen.name;
+      const most = bbox.width * (labels.length > 4 ? 0.2 : 0.42);
+      ctx.font = `600 ${13 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
+      while (name.length > 6 && ctx.measureText(name).width > most) name = name.slice(0, -2).trimEnd() + "…";
+      const width = this.text(plot, name, right, y, { align: "right", colour: "--text", strong: true, halo: true });
       ctx.strokeStyle = this.colour(`--pen-${((pen.number - 1) % 6) + 1}`);
       ctx.lineWidth = 2 * ratio;
       ctx.setLineDash(DASHES[pen.number - 1].map((one) => one * ratio));

@@ -87,7 +87,7 @@ async function load() {
     ]);
     fill(table);
     chart.marks = marks.marks;
-    one("[data-marks]").replaceChildren(...marks.marks.map((mark) => {
+    one("[data-alarm-marks]").replaceChildren(...marks.marks.map((mark) => {
       const item = document.createElement("li");
       item.textContent = `${format.dateTime(mark.time, zone, lang, now())} ${mark.source}: ${mark.text} (${mark.priority})`;
       return item;
