@@ -358,7 +358,12 @@ class _PlantReader:
             return
         if any(other.key == key for other in item.alarms):
             row.note("key", key, f"a key that no other alarm of {name} has")
-        sentences = {"expression": alarm.expression, "clear": alarm.clear, "value": alarm.value, "reference": alarm.reference}
+        sentences = {
+            "expression": alarm.expression,
+            "clear": alarm.clear,
+            "value": alarm.value,
+            "reference": alarm.reference,
+        }
         for field, text in sentences.items():
             if text:
                 types.check_expression(row, field, text, item.points, name)

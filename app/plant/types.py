@@ -439,7 +439,12 @@ class _TypeReader:
 
     def _alarm(self, key: str, table: Table) -> Alarm:
         alarm = read_alarm(key, table, f"alarm.{key}.")
-        sentences = {"expression": alarm.expression, "clear": alarm.clear, "value": alarm.value, "reference": alarm.reference}
+        sentences = {
+            "expression": alarm.expression,
+            "clear": alarm.clear,
+            "value": alarm.value,
+            "reference": alarm.reference,
+        }
         for name, text in sentences.items():
             if text:
                 self.expressions.append((table, name, text, False))

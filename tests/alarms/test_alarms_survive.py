@@ -1,4 +1,4 @@
-"""Alarms of a real server: a drive trips, the server is killed, and the next one knows what stood, who acknowledged, and tells nothing anew."""
+"""Alarms of a real server: a drive trips, the server is killed, the next one knows what stood and tells nothing anew."""
 
 import socket
 import sqlite3
@@ -51,7 +51,9 @@ def test_a_killed_server_comes_back_with_its_alarms_and_tells_nothing_anew(
     # the plant of the second server is a new one and runs: the trip is over, nothing was told twice
     assert told[0] == "RESTORED"
     wait(lambda: [event for (event,) in read(second.data, events)] == ["RAISED", "RESTORED", "RTN"])
-    ((occurrence, acked),) = read(second.data, "select occurrence, acked from alarm_state where alarm = 'm1.overcurrent'")
+    ((occurrence, acked),) = read(
+        second.data, "select occurrence, acked from alarm_state where alarm = 'm1.overcurrent'"
+    )
     assert (occurrence, acked) == (stood[0][1], 0), "it still waits for somebody"
     numbers = [seq for (seq,) in read(second.data, "select seq from alarm_journal order by seq")]
     assert numbers == list(range(1, len(numbers) + 1))
