@@ -12,7 +12,7 @@ from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA
 from app.web import format as fmt
-from app.web.drawing import Dial, Indicator, Knots, indicator, round_steps
+from app.web.drawing import Dial, Indicator, indicator
 from app.web.format import Text
 
 TIME_UNIT = "time"
@@ -134,19 +134,6 @@ class PointView:
         if self.scale_low is None or self.scale_high is None or not self.scale_low < self.scale_high:
             return None
         return Dial(self.scale_low, self.scale_high)
-
-    def steps(self, most: int) -> tuple[float, ...]:
-        """Round values of an axis over the scale, at most `most`."""
-        if self.scale_low is None or self.scale_high is None:
-            return ()
-        return round_steps(self.scale_low, self.scale_high, most)
-
-    def line_scale(self, start: float, length: float, *, signed: bool = False) -> Knots:
-        """A straight scale from its low end at `start` over `length`; `signed` keeps 0 in the middle, also of what is never negative."""
-        low, high = self.scale_low or 0.0, self.scale_high if self.scale_high is not None else 1.0
-        if signed:
-            low = min(low, -high)
-        return Knots(((low, start), (max(high, low + 1e-9), start + length)))
 
     def number(self, value: float) -> str:
         """Another number of the same kind, without noughts at its end (limits, ends of scales)."""

@@ -48,7 +48,11 @@ HTMX = {
 """htmx 4: requests to this server only, no cache of pages, no style of its own, errors are never swapped in (app.js shows them in the
 message line), no extension but ours, which turns evaluation, `hx-on` and scripts in fragments off."""
 
-PAGES: tuple[tuple[str, str], ...] = (("nav.alarms", "/alarms"), ("nav.communication", "/communication"))
+PAGES: tuple[tuple[str, str], ...] = (
+    ("nav.trends", "/trends"),
+    ("nav.alarms", "/alarms"),
+    ("nav.communication", "/communication"),
+)
 """Tabs after the areas: text key, address. A page that does not exist has no tab."""
 
 GUARDED = {"/communication": "diagnose"}

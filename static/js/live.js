@@ -1,5 +1,5 @@
 // Live values: one socket per page keeps everything that carries a data-tag true (docs/api.md, static/js/values.js).
-import { age, clockTime } from "./format.js";
+import { age } from "./format.js";
 import { SPAN, badge, origin, page, server, state, texts, ways } from "./values.js";
 
 // Silent for 2 s is delayed; after 3 s the page looks disconnected, and the check itself may be late by 100 ms.
@@ -65,7 +65,7 @@ function wake() {
   timer ||= setTimeout(redraw, Math.max(0, moved + MOVE - performance.now()));
 }
 
-/** Once a second: ages, samples and curves, times of axes, and what was too small to draw at once. */
+/** Once a second: ages, samples and curves, and what was too small to draw at once. */
 function tick() {
   const now = Math.floor(performance.now() / 1000), current = body.dataset.live !== "offline";
   for (const tag of tags.values()) {
@@ -81,9 +81,6 @@ function tick() {
         else if (tag.state === "stale" && item.element.classList.contains("val")) badge(item.element, tag);
       }
   }
-  if (server.time && current)
-    for (const element of document.querySelectorAll("[data-ago]"))
-      element.textContent = clockTime(server.time - element.dataset.ago * 1e6, page.zone, { seconds: false });
 }
 
 // ---- the connection -------------------------------------------------------------------------------------------
@@ -173,6 +170,8 @@ function receive(message) {
   heard = performance.now();
   tries = 0;
   for (const [handle, value, quality] of message.v) take(handle, value, quality);
+  const changed = message.v.map(([handle]) => byHandle.get(handle)).filter(Boolean);
+  document.dispatchEvent(new CustomEvent("pogon:frame", { detail: { time: message.t, changed } }));
   if (body.dataset.live === "live") wake();
   else connection("live");
 }
@@ -209,6 +208,17 @@ document.addEventListener("pogon:drawn", () => { bind(); subscribeAgain(); });
 document.addEventListener("pogon:send", ({ detail }) => {
   detail.sent = socket?.readyState === WebSocket.OPEN && socket.bufferedAmount === 0;
   if (detail.sent) socket.send(JSON.stringify(detail.message));
+});
+// What sparklines were before this page was opened (static/js/recent.js).
+document.addEventListener("pogon:past", ({ detail }) => {
+  const here = performance.now() / 1000;
+  for (const [name, points] of Object.entries(detail.series)) {
+    const tag = tags.get(name);
+    if (!tag) continue;
+    const past = points.map(([at, value]) => [here - (detail.now - at) / 1e6, value]), last = past.at(-1)?.[0] ?? -Infinity;
+    tag.kept = [...past, ...tag.kept.filter(([at]) => at > last)];
+    for (const item of tag.items) if (item.curve) item.draw(item, tag);
+  }
 });
 document.addEventListener("visibilitychange", () => {
   if (!document.hidden && performance.now() - heard > 1500 && socket?.readyState === WebSocket.OPEN) socket.send('{"snapshot":true}');

@@ -43,7 +43,7 @@ STATES = {
     "simulated": q.GOOD | Origin.SIMULATED,
 }
 CONTENT = """
-{% from "macros/value.html" import value, plain %}{% from "macros/indicators.html" import gauge, mai, spark, curves, shown %}
+{% from "macros/value.html" import value, plain %}{% from "macros/indicators.html" import gauge, mai, spark, shown %}
 {% from "screens/eura_e800/symbol.html" import motor %}
 <main id="content" class="content">
 {% set status, setpoint = equipment.status, equipment.frequency_setpoint %}
@@ -52,7 +52,7 @@ CONTENT = """
 <p>{{ plain(status, bad=_("live.no_communication")) }} {{ plain(status, hexadecimal=true) }}</p>
 <p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(status) }}</p>
 <p>{{ gauge(equipment.speed, [(setpoint, 30, status, "0,1"), (setpoint, -30, status, "2")]) }}</p>
-{% include "screens/eura_e800/values.html" %}{{ curves([equipment.speed, equipment.current], ["n", "I"]) }}
+{% include "screens/eura_e800/values.html" %}
 </main>
 """
 SHEETS = ("tokens", "base", "panel", "value", "indicators", "tables", "plot", "offline", "screens/motor")
