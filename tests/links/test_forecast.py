@@ -48,6 +48,7 @@ def test_more_registers_cost_two_characters_each_and_a_telegram_where_the_last_i
 
 
 @pytest.mark.parametrize(("now", "more", "limit"), [(20, 40, 125), (10, 60, 25)])
+@pytest.mark.alone
 async def test_the_forecast_is_right_within_ten_percent_of_what_a_line_takes(now: int, more: int, limit: int) -> None:
     device = Device(max_read=limit, fast=0.001, timeout=0.3)
     bus = Bus({1: RegisterDevice({n: n for n in range(200)})}, turnaround=0.004)

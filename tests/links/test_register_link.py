@@ -293,6 +293,7 @@ async def test_one_lost_answer_is_asked_again_and_not_seen() -> None:
         assert not any(b.quality & 3 for b in line.batches if b.source == "link.hall")
 
 
+@pytest.mark.alone
 async def test_dead_units_do_not_slow_the_others() -> None:
     device = Device(timeout=0.25, fast=0.02)
 

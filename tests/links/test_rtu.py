@@ -64,6 +64,7 @@ async def best_rate(transport: RtuTransport, count: int, polls: int, tries: int 
     return best
 
 
+@pytest.mark.alone
 async def test_a_line_of_9600_baud_carries_95_percent_of_what_arithmetic_allows() -> None:
     async with (
         paced(Bus({1: RegisterDevice({n: n for n in range(25)})}), 9600) as line,
@@ -374,6 +375,7 @@ async def test_an_adapter_that_is_plugged_in_again_comes_back_by_itself(tmp_path
 # ---- several units, writes ----------------------------------------------------------------------------------
 
 
+@pytest.mark.alone
 async def test_a_dead_unit_on_the_line_does_not_slow_the_others() -> None:
     device = Device(timeout=0.1, fast=0.01)
     bus = Bus({1: RegisterDevice({n: n for n in range(25)}), 2: RegisterDevice({n: n for n in range(25)})})

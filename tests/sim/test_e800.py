@@ -5,7 +5,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
 from random import Random
-from time import perf_counter
 
 import pytest
 
@@ -858,13 +857,3 @@ def test_whatever_is_written_the_physics_stays_sound(seed: int) -> None:
             assert point.power_in == pytest.approx(point.power_shaft + point.losses, rel=1e-9, abs=1e-6)
             assert 0 <= device.bus_voltage < 900
             assert abs(device.shaft_speed) < 60 * 650 * 1.2
-
-
-def test_thirty_drives_fit_into_one_process() -> None:
-    device = VirtualE800(start="forward", parameters=QUIET)
-    best = 1.0
-    for _ in range(20):
-        began = perf_counter()
-        go(device, 5)
-        best = min(best, (perf_counter() - began) / 500)
-    assert best < 40e-6

@@ -386,6 +386,7 @@ async def time_of_a_poll(end: Wire, polls: int) -> float:
     return median(later - sooner for sooner, later in pairwise(marks))
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize(("baud", "count"), [(9600, 7), (38400, 21)])
 async def test_the_line_is_as_fast_as_its_arithmetic(baud: int, count: int) -> None:
     async with wire(baud=baud) as end:
