@@ -13,6 +13,7 @@ from app import __version__
 from app.access.access import lock, prepare
 from app.cli_access import audit_cli, user_cli
 from app.cli_history import backup, export, restore
+from app.cli_probe import inject, probe
 from app.clock import SystemClock
 from app.errors import ConfigurationError
 from app.main import create_app
@@ -27,7 +28,7 @@ from app.web.terminal import LOOK, ask
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
 cli.add_typer(audit_cli, name="audit")
-for command in (export, backup, restore):
+for command in (export, backup, restore, probe, inject):
     cli.command()(command)
 
 

@@ -43,6 +43,10 @@ UNITS = range(1, 248)
 PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
 
 
+class NotSupported(NotConnected):
+    """The port is there and does not take this speed or parity."""
+
+
 @dataclass(slots=True)
 class _Telegram:
     """The request that is on its way."""
@@ -313,6 +317,7 @@ def open_port(link: Link) -> serial.Serial:
     """The serial device of `link`, for us alone: a lock that other programs of this kind heed, and TIOCEXCL for all the others.
 
     Raises:
+        NotSupported: the port does not take this speed or parity.
         NotConnected: names the port, what is wrong and what helps.
     """
     if link.parity not in PARITIES:
@@ -327,7 +332,7 @@ def open_port(link: Link) -> serial.Serial:
             exclusive=True,
         )
     except termios.error as error:
-        raise NotConnected(
+        raise NotSupported(
             f"{link.port}: does not take {link.baud} baud, parity {link.parity} ({error.args[-1]})"
         ) from error
     except (OSError, ValueError) as error:  # SerialException is an OSError

@@ -1,0 +1,108 @@
+"""Finds a device nobody knows anything about: tries speeds, parities and units until something answers with a good check sum.
+
+Only reads are sent: function 03, one register. An exception is an answer too, even the surest one: nothing but a slave sends it.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+from app.errors import BadAnswer, DeviceException, NoAnswer
+from app.links.contract import Block, StillOwed, Transport
+from app.links.rtu import RtuTransport
+from app.links.tcp import TcpTransport
+from app.plant.definitions import Link
+
+BAUDS = (9600, 19200, 38400, 57600, 115200, 4800, 2400, 1200)
+"""In the order in which they are met; the E800 knows those up to 57 600."""
+PARITIES = (("even", 1), ("none", 2), ("none", 1), ("odd", 1))
+"""Parity and stop bits; 8E1 is what Modbus asks for, 8N1 what many send."""
+ADDRESS = 0x1000
+"""Of the register that is asked for."""
+PATIENCE = 0.15
+"""For a device whose time nobody knows [s]; time on the wire comes on top."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A unit that answered."""
+
+    link: Link
+    unit: int
+    answer: str
+    """What it said, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Try:
+    """What is tried now."""
+
+    link: Link
+    units: Sequence[int]
+
+    def __str__(self) -> str:
+        return settings_of(self.link)
+
+
+def settings_of(link: Link) -> str:
+    """`9600 8E1`, or host and port."""
+    if link.transport == "tcp":
+        return f"{link.host}:{link.tcp_port}"
+    return f"{link.baud} 8{link.parity[0].upper()}{link.stop_bits}"
+
+
+def tries(link: Link, bauds: Sequence[int], parities: Sequence[tuple[str, int]], units: Sequence[int]) -> Iterable[Try]:
+    """Every combination of `bauds` and `parities`, the likely ones first: all speeds of a parity come before the next parity."""
+    for parity, stop_bits in parities:
+        for baud in bauds:
+            yield Try(replace(link, baud=baud, parity=parity, stop_bits=stop_bits), units)
+
+
+def transport_of(link: Link) -> Transport:
+    """An unopened connection."""
+    return cast(Transport, TcpTransport(link) if link.transport == "tcp" else RtuTransport(link))
+
+
+async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENCE) -> list[Found]:
+    """The units that answer under the settings `one`; `tell` hears each unit before it is asked.
+
+    Raises:
+        NotConnected: the port or the host is not to be had.
+    """
+    transport = transport_of(one.link)
+    await transport.connect()
+    found = []
+    try:
+        for unit in one.units:
+            tell(unit)
+            answer = await _ask(transport, unit, patience)
+            if answer:
+                found.append(Found(one.link, unit, answer))
+    finally:
+        await transport.close()
+    return found
+
+
+async def _ask(transport: Transport, unit: int, patience: float) -> str:
+    """What the unit says; empty when it is silent, or when only noise came."""
+    try:
+        words = await transport.read(unit, Block(ADDRESS, 1), patience)
+    except DeviceException as error:
+        return str(error)
+    except (NoAnswer, StillOwed, BadAnswer):
+        return ""
+    return f"{ADDRESS:#06x} = {words[0]:#06x}"
+
+
+async def read_once(link: Link, unit: int, block: Block, patience: float = 1.0) -> list[int]:
+    """One raw read.
+
+    Raises:
+        LinkError: as the transport.
+    """
+    transport = transport_of(link)
+    await transport.connect()
+    try:
+        return await transport.read(unit, block, patience)
+    finally:
+        await transport.close()

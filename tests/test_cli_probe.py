@@ -1,0 +1,204 @@
+"""pogon probe and pogon inject from the terminal, over pseudo-terminals and sockets."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import cli
+from app.errors import ConfigurationError
+from app.links.contract import Block
+from app.links.inject import LINE_FAULTS, injection
+from app.links.probe import BAUDS, PARITIES, tries
+from app.links.rtu import RtuTransport
+from app.links.tcp import TcpTransport
+from app.plant.definitions import Link
+from app.sim.bus import Bus
+from app.sim.e800 import FAULTS
+from app.sim.server import serve_pty, serve_tcp
+from app.sim.training import LINE_FAULT_MODES
+from tests.links.devices import RegisterDevice
+from tests.links.serial_slaves import rtu
+from tests.sim.test_simulate_process import simulating
+
+
+async def pogon(*arguments: str) -> tuple[int, str, str]:
+    """Exit code, output, errors; in a thread of its own, as if in a process."""
+    result = await asyncio.to_thread(CliRunner().invoke, cli, list(arguments))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+@asynccontextmanager
+async def line(baud: int = 9600) -> AsyncIterator[tuple[str, RegisterDevice]]:
+    device = RegisterDevice({0x1000 + n: 1000 * n for n in range(40)})
+    served = await serve_pty(Bus({3: device}), baud)
+    try:
+        yield served.path, device
+    finally:
+        await served.close()
+
+
+def test_the_likely_settings_are_tried_first_and_each_once() -> None:
+    order = [str(one) for one in tries(Link("probe", "rtu", port="x"), BAUDS, PARITIES, [1])]
+    assert order[:3] == ["9600 8E1", "19200 8E1", "38400 8E1"]
+    assert order[len(BAUDS)] == "9600 8N2"
+    assert len(set(order)) == len(order) == len(BAUDS) * len(PARITIES)
+
+
+async def test_a_unit_on_a_serial_line_is_found_and_read_and_nothing_is_written() -> None:
+    async with line() as (path, device):
+        told = await pogon(
+            "probe",
+            "--port",
+            path,
+            "--parity",
+            "none",
+            "--baud",
+            "9600",
+            "--unit",
+            "1-4",
+            "--read",
+            "0x1000",
+            "--count",
+            "4",
+        )
+        assert told == (
+            0,
+            "9600 8N2 unit 3 answers: 0x1000 = 0x0000\n"
+            "unit 3 0x1000  0x0000      0\n"
+            "unit 3 0x1001  0x03e8   1000\n"
+            "unit 3 0x1002  0x07d0   2000\n"
+            "unit 3 0x1003  0x0bb8   3000\n",
+            "",
+        )
+        assert device.writes == []
+
+
+async def test_settings_that_a_port_does_not_take_are_passed_over() -> None:
+    async with line() as (path, _):
+        code, output, _ = await pogon("probe", "--port", path, "--baud", "9600", "--unit", "3")
+        assert code == 0 and "unit 3 answers" in output
+
+
+async def test_a_refusal_is_an_answer_and_a_refused_read_ends_with_1() -> None:
+    device = RegisterDevice({0: 1})
+    served = await serve_tcp(Bus({2: device}), "127.0.0.1", 0)
+    host, port = served.address
+    where = f"{host}:{port}"
+    found = await pogon("probe", "--tcp", where, "--unit", "1,2")
+    assert found == (0, f"{where} unit 2 answers: exception 02 illegal data address\n", "")
+    code, output, _ = await pogon("probe", "--tcp", where, "--unit", "2", "--read", "0x2000")
+    assert code == 1 and "unit 2 0x2000: exception 02 illegal data address" in output
+    code, output, _ = await pogon("probe", "--tcp", where, "--unit", "2", "--read", "0")
+    assert code == 0 and "unit 2 0x0000  0x0001      1" in output
+    code, _, errors = await pogon("probe", "--tcp", where, "--unit", "5", "--patience", "50")
+    assert code == 1 and "nothing answers" in errors
+    await served.close()
+    code, _, errors = await pogon("probe", "--tcp", where)
+    assert code == 2 and "no connection" in errors
+    assert device.writes == []
+
+
+async def test_a_port_that_a_running_server_holds_is_left_alone() -> None:
+    async with line() as (path, device):
+        server = RtuTransport(rtu(path, 9600))
+        await server.connect()
+        code, _, errors = await pogon("probe", "--port", path, "--parity", "none")
+        assert code == 2 and f"{path}: in use by another program" in errors
+        assert device.requests == []
+        await server.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "give --port DEVICE, or --tcp HOST:PORT"),
+        (["--port", "x", "--tcp", "y:1"], "give --port DEVICE"),
+        (["--port", "/dev/pogon-none", "--baud", "9600", "--parity", "none"], "no such device"),
+        (["--port", "x", "--baud", "fast"], "--baud fast: expected"),
+        (["--port", "x", "--parity", "mark"], "--parity mark: expected"),
+        (["--port", "x", "--unit", "0"], "--unit 0: expected units from 1 to 247"),
+        (["--port", "x", "--unit", "5-3"], "--unit 5-3: expected"),
+        (["--port", "x", "--read", "70000"], "--read 70000: expected"),
+        (["--port", "x", "--function", "6"], "--function 6: expected 3 or 4"),
+        (["--tcp", "nowhere"], "--tcp nowhere: expected HOST:PORT"),
+    ],
+)
+async def test_what_makes_no_sense_is_told_and_not_tried(arguments: list[str], told: str) -> None:
+    code, output, errors = await pogon("probe", *arguments)
+    assert (code, output) == (2, "") and told in errors
+
+
+# ---- inject --------------------------------------------------------------------------------------------------
+
+
+def test_every_line_fault_has_a_name_and_every_machine_fault_that_of_the_keypad() -> None:
+    assert sorted(LINE_FAULTS.values()) == [mode for mode in LINE_FAULT_MODES if mode]
+    names = {keypad: code for code, (keypad, _) in FAULTS.items()}
+    assert injection("oc", names).writes == ((0xE010, 4),)
+    assert injection("0x09", names).writes == injection("OH", names).writes == ((0xE010, 9),)
+    assert injection("slow", names, delay=700, count=2).writes == ((0xE012, 700), (0xE013, 0), (0xE014, 2), (0xE011, 2))
+    assert injection("exception", names, code=6).writes[1] == (0xE013, 6)
+    with pytest.raises(ConfigurationError, match=r"fault fire: expected one of OC, .*cable, .*clear"):
+        injection("fire", names)
+
+
+async def words(address: str, unit: int, block: Block) -> list[int]:
+    host, _, port = address.rpartition(":")
+    transport = TcpTransport(Link("t", "tcp", host=host, tcp_port=int(port)))
+    await transport.connect()
+    try:
+        return await transport.read(unit, block, 0.3)
+    finally:
+        await transport.close()
+
+
+async def test_a_simulated_drive_is_broken_and_put_right_again() -> None:
+    async with simulating("plants/demo", "--tcp", "127.0.0.1:0") as (_, said):
+        where = said["tcp"]
+        assert await pogon("inject", "m1", "OC", "--tcp", where) == (0, "m1: OC\n", "")
+        await asyncio.sleep(0.2)
+        assert (await words(where, 1, Block(0x1005, 1)))[0] & 0xFF == 4
+        assert (await words(where, 2, Block(0x1005, 1)))[0] & 0xFF != 4
+        assert (await pogon("inject", "m1", "cable", "--tcp", where))[0] == 0
+        await asyncio.sleep(0.1)
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.25):
+                await words(where, 1, Block(0x1005, 1))
+        assert (await pogon("inject", "m1", "clear", "--tcp", where))[0] == 0
+        await asyncio.sleep(0.1)
+        assert await words(where, 1, Block(0x1005, 1))
+        assert await words(where, 1, Block(0xE010, 5)) == [0, 0, 0, 0, 0]
+        code, _, errors = await pogon("inject", "m9", "OC", "--tcp", where)
+        assert code == 2 and "no equipment m9, expected one of m1, m2" in errors
+        code, _, errors = await pogon("inject", "m1", "fire", "--tcp", where)
+        assert code == 2 and "expected one of OC" in errors
+
+
+@pytest.mark.parametrize(
+    "head", [{}, {0xE000: 0, 0xE001: 1, 0xE002: 1, 0xE003: 1}, {0xE000: 0x5047, 0xE001: 0, 0xE002: 1, 0xE003: 1}]
+)
+async def test_a_real_drive_is_never_written_to(head: dict[int, int]) -> None:
+    device = RegisterDevice(head | {0xE010: 0, 0xE011: 0})
+    served = await serve_tcp(Bus({1: device}), "127.0.0.1", 0)
+    code, _, errors = await pogon("inject", "m1", "cable", "--tcp", "{}:{}".format(*served.address))
+    assert code == 2 and "real device, nothing was written" in errors
+    assert device.writes == []
+    await served.close()
+
+
+async def test_a_plant_inside_the_server_is_reached_only_when_it_is_served() -> None:
+    code, _, errors = await pogon("inject", "m1", "OC", "--plant", "plants/demo")
+    assert code == 2 and "POGON_SERVE_MODBUS" in errors
+
+
+async def test_a_drive_that_does_not_answer_is_not_written_to(tmp_path: Path) -> None:
+    served = await serve_tcp(Bus({}), "127.0.0.1", 0)
+    code, _, errors = await pogon("inject", "m1", "OC", "--tcp", "{}:{}".format(*served.address))
+    assert code == 1 and "no answer" in errors
+    await served.close()
