@@ -13,6 +13,8 @@ from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, 
 
 MOST_SHOWN = 12
 """Names that one line lists; the rest is a number."""
+LONGEST_TABLE = 400
+"""Of a table that one line shows [characters]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,13 +219,18 @@ def _differs(one: object, other: object, key: str) -> bool:
 
 
 def _detail(key: str, old: object, new: object) -> str:
+    if isinstance(old, Mapping) and isinstance(new, Mapping):  # of a table only what differs
+        old, new = (
+            {name: one[name] for name in one if name not in other or other[name] != one[name]}
+            for one, other in ((old, new), (new, old))
+        )
     return f"{key}: {_short(old)} → {_short(new)}"
 
 
 def _short(value: object) -> str:
     if isinstance(value, Mapping):
         text = ", ".join(f"{key} = {_short(item)}" for key, item in value.items())
-        return f"{{ {text} }}" if len(text) <= 80 else f"{{ … {len(value)} }}"
+        return f"{{ {text} }}" if len(text) <= LONGEST_TABLE else f"{{ … {len(value)} }}"
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, bool):

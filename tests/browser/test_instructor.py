@@ -1,0 +1,92 @@
+"""An instructor breaks a machine in a real browser and sees what became of it; plant files are taken while the page is open."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from app import bundled
+from tests.conftest import ROOT, PogonServer
+
+PASSWORD = "tri plave ladice u kutu"
+AXE = ROOT / "tests" / ".vendor" / "axe.min.js"
+DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    found = tmp_path / "plant"
+    found.mkdir()
+    (found / "plant.toml").write_text(DEMO, "utf-8")
+    return found
+
+
+@pytest.fixture
+def engineer(page: Page, pogon_server: Callable[..., PogonServer], folder: Path) -> Page:
+    server = pogon_server(plant=folder)
+    page.goto(f"{server.url}/first")
+    code = (server.data / "first-code").read_text().split()[-1]
+    given = {"code": code, "name": "ivana", "display": "Ivana Horvat", "password": PASSWORD, "again": PASSWORD}
+    for name, value in given.items():
+        page.fill(f"[name={name}]", value)
+    page.click(".sheet-form button.cmd")
+    expect(page.locator("body")).to_contain_text("Ivana Horvat")
+    page.context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
+    page.goto(server.url)
+    return page
+
+
+def test_a_fault_is_caused_seen_and_its_cause_cleared(engineer: Page) -> None:
+    page = engineer
+    page.click(".user-drop summary")
+    page.click("a[href='/instructor']")
+    page.click("a[href='/instructor/m1']")
+    expect(page.locator(".in-live")).to_contain_text("Running forward")
+    page.get_by_text("ESP – external fault").click()
+    expect(page.locator(".in-fault label:has(:checked) small")).to_contain_text("the motor coasts")
+    page.get_by_role("button", name="Cause it").click()
+    expect(page.locator(".in-now")).to_contain_text("Read back: Machine fault")
+    expect(page.locator(".in-active .in-on")).to_contain_text("ESP – external fault")
+    expect(page.locator(".in-live")).to_contain_text("ESP – external fault")
+    page.get_by_role("button", name="Clear the cause").click()
+    expect(page.locator(".in-active")).to_contain_text("Nothing is caused")
+    expect(page.locator(".in-live")).to_contain_text(
+        "ESP – external fault"
+    )  # the drive stays tripped until it is reset
+
+
+def test_what_ran_down_by_itself_leaves_the_page_by_itself(engineer: Page) -> None:
+    page = engineer
+    page.goto(page.url.rstrip("/") + "/instructor/m2")
+    page.get_by_text("Silent", exact=True).click()
+    page.fill("#in-count", "4")
+    page.get_by_role("button", name="Break the line").click()
+    expect(page.locator(".in-now")).to_contain_text("Read back: Line fault")
+    expect(page.locator(".in-active")).to_contain_text("Nothing is caused", timeout=60_000)
+
+
+def test_plant_files_are_taken_while_the_overview_is_open(engineer: Page, folder: Path) -> None:
+    page, home = engineer, engineer.url
+    (folder / "plant.toml").write_text(DEMO.replace('en = "Fan 2"', 'en = "Fan East"'), "utf-8")
+    other = page.context.new_page()
+    other.goto(home + "plant")
+    expect(other.locator(".p-changes")).to_contain_text("Equipment m2: changed")
+    other.get_by_text("I have read the changes").click()
+    other.get_by_role("button", name="Take the changes").click()
+    expect(other.locator("body")).to_contain_text("The changes were taken.")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    page.goto(home)
+    expect(page.locator("#content")).to_contain_text("Fan East")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing(engineer: Page, folder: Path, theme: str) -> None:
+    page, home = engineer, engineer.url
+    page.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": home}])
+    (folder / "plant.toml").write_text(DEMO.replace('en = "Fan 2"', 'en = "Fan East"'), "utf-8")
+    for path in ("instructor", "instructor/m1", "plant"):
+        page.goto(home + path)
+        page.evaluate(AXE.read_text("utf-8"))
+        found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
+        assert found == [], (path, found)

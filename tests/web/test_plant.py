@@ -1,0 +1,84 @@
+"""The page of the plant files: what would change, what is wrong, and only an engineer who has read it takes it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app import bundled
+from tests.web.conftest import Start
+from tests.web.people import Staff
+
+DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
+LONGER = DEMO.replace('en = "Fan 1"', 'en = "<b>Fan</b> West"')
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    found = tmp_path / "plant"
+    found.mkdir()
+    (found / "plant.toml").write_text(DEMO, "utf-8")
+    return found
+
+
+@pytest.fixture
+def staff(start: Start, folder: Path) -> Iterator[Staff]:
+    client: TestClient = start(plant=folder)
+    people = Staff(client)
+    people.enter("ivana", "engineer")
+    client.cookies.set("pogon_lang", "en")
+    yield people
+
+
+def digest(page: str) -> str:
+    found = re.search(r'name="digest" value="(\w+)"', page)
+    assert found
+    return found[1]
+
+
+def test_the_page_says_when_the_files_are_what_runs(staff: Staff) -> None:
+    page = staff.client.get("/plant").text
+    assert "The files are the plant that runs." in page and 'name="digest"' not in page
+
+
+def test_changes_are_read_confirmed_and_taken(staff: Staff, folder: Path) -> None:
+    (folder / "plant.toml").write_text(LONGER, "utf-8")
+    page = staff.client.get("/plant").text
+    assert "Equipment m1: changed" in page and "nothing is interrupted" in page
+    assert "<b>Fan</b> West" not in page and "&lt;b&gt;Fan" in page
+    unread = staff.post("/plant", {"digest": digest(page)})
+    assert unread.status_code == 422 and "confirm that the changes were read" in unread.text
+    taken = staff.post("/plant", {"digest": digest(page), "read": "1"})
+    assert (taken.status_code, taken.headers["location"]) == (303, "/plant?done=1")
+    assert "The changes were taken." in staff.client.get("/plant?done=1").text
+    assert "&lt;b&gt;Fan&lt;/b&gt; West" in staff.client.get("/").text
+    assert "Plant files read anew, changes: 1" in staff.client.get("/audit").text
+
+
+def test_other_changes_than_those_read_are_shown_first(staff: Staff, folder: Path) -> None:
+    (folder / "plant.toml").write_text(LONGER, "utf-8")
+    seen = digest(staff.client.get("/plant").text)
+    (folder / "plant.toml").write_text(DEMO.replace("unit = 2", "unit = 7"), "utf-8")
+    answer = staff.post("/plant", {"digest": seen, "read": "1"})
+    assert answer.status_code == 409 and "have changed since" in answer.text and "unit: 2 → 7" in answer.text
+
+
+def test_mistakes_are_listed_and_change_nothing(staff: Staff, folder: Path) -> None:
+    (folder / "plant.toml").write_text(DEMO.replace("unit = 2", "unit = 1"), "utf-8")
+    page = staff.client.get("/plant").text
+    assert "runs on as it is" in page and "m1 has it" in page and 'name="digest"' not in page
+    answer = staff.post("/plant", {"digest": "x", "read": "1"})
+    assert answer.status_code == 409 and "the files have mistakes" in answer.text
+    assert staff.client.get("/equipment/m2").status_code == 200
+
+
+def test_only_an_engineer_reads_and_takes_plant_files(staff: Staff, folder: Path) -> None:
+    (folder / "plant.toml").write_text(LONGER, "utf-8")
+    seen = digest(staff.client.get("/plant").text)
+    for role in ("viewer", "operator", "admin"):
+        staff.enter(f"some_{role}", role)
+        assert staff.client.get("/plant").status_code == 403
+        assert staff.post("/plant", {"digest": seen, "read": "1"}).status_code == 403
+    assert "West" not in staff.client.get("/").text
