@@ -55,6 +55,8 @@ HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
 """How long they go on at least [s]."""
+MAY_HAVE_ACTED = (5, 11)
+"""Refusals of a write that do not say that nothing happened: "accepted, it will take a while", and a gateway that lost the answer."""
 DRIVE_FAULT = "drive"
 """Alarm class of what stops a machine by itself."""
 
@@ -475,6 +477,8 @@ class Gate:
                 if job.lease is None:
                     machine.restore.pop(point, None)
         except DeviceException as error:
+            if error.code in MAY_HAVE_ACTED:
+                return State.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
             return State.FAILED, "why.device_refused", {"code": error.code}
         except Overtaken:
             return State.SUPERSEDED, "why.overtaken", {}
