@@ -145,6 +145,10 @@ class Operation:
         """The command at work, else the last one."""
         return self.gate.progress(self.id) if self.gate else None
 
+    def named(self, display: str) -> str:
+        """Somebody's name, for who is signed in; a guest learns only that it is an operator."""
+        return display if self.person is not None else self.equipment.text("access.role.operator")
+
     def time(self, micros: int) -> str:
         """Time of day in the plant's zone."""
         return fmt.clock_time(micros, self.zone) if micros else ""
@@ -277,8 +281,8 @@ class Operation:
             command = self.equipment.equipment.type.commands.get(progress.command)
             key = command.argument if command else progress.command
             point = self.equipment.point(key) if self.equipment.has(key) else None
-            argument = f" {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
-        who = f" · {progress.person}" if progress.person else ""
+            argument = f" = {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
+        who = f" · {self.named(progress.person)}" if progress.person else ""
         what = f"{self.id.upper()} {self.equipment.t(progress.label)}{argument}"
         line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"
         kind = "done" if progress.state in (State.CONFIRMED, State.DRY_RUN) else "info"
@@ -305,15 +309,15 @@ class Operation:
         left = max(0.0, request.until - self.runtime.clock.monotonic()) if request else 0.0
         if holder is None:
             return (
-                Holding("free", text("control.free"), "take" if may else "")
+                Holding("free", text("operate.free"), "take" if may else "")
                 if may
-                else Holding("guest", text("control.free"))
+                else Holding("guest", text("operate.free"))
             )
         if person is not None and holder.session == person.session:
             asks = text("operate.asks", display=request.display) if request else ""
-            return Holding("mine", text("control.yours"), "release", asks, left)
+            return Holding("mine", text("operate.mine"), "release", asks, left)
         mine = request is not None and person is not None and request.session == person.session
-        held = text("control.holder", display=holder.display, time=self.time(holder.since))
+        held = text("operate.held", display=self.named(holder.display), since=self.time(holder.since))
         return Holding("other" if may else "guest", held, "request" if may and not mine else "", "", left, mine)
 
     @cached_property

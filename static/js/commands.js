@@ -127,12 +127,16 @@ function alongside(old, fresh) {
   old.fresh = fresh;
 }
 
+let silent = 0;
+/** For `ms` only what went wrong replaces the line that was just said. */
+const quiet = (ms) => { silent = performance.now() + ms; };
 let spoken = document.querySelector("[data-part$='.message']")?.dataset.id ?? "";
 
 function story(fresh) {
   const { id, kind, time } = fresh.dataset;
   if (!id || id === spoken) return;
   spoken = id;
+  if (performance.now() < silent && kind !== "error") return;
   told(fresh.textContent.trim(), kind, time);
 }
 
@@ -247,8 +251,10 @@ async function press(button, answer = {}) {
   if (!stop) fields.nonce = await nonce();
   const got = await post(url, fields, stop ? STOP_ANSWER : ANSWER);
   for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
+  let pause = LOCK;
   if (got) {
     if (await take(got, null)) { // a question: nothing was done yet
+      pause = 0;
       for (const one of same) one.dataset.state = before.state;
       if (line) line.textContent = before.line;
     }
@@ -258,7 +264,7 @@ async function press(button, answer = {}) {
     if (line) line.textContent = text;
     told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
   }
-  setTimeout(() => pressing.delete(name), Math.max(0, (got ? LOCK : 0) - (performance.now() - began)));
+  setTimeout(() => pressing.delete(name), Math.max(0, (got ? pause : 0) - (performance.now() - began)));
 }
 
 async function token(button) {
@@ -378,7 +384,7 @@ function ask(element, near) {
   };
   if (place) {
     place.replaceChildren(element);
-    element.querySelector("[autofocus], button")?.focus();
+    element.querySelector("[data-first], button")?.focus();
   } else close = open(element, near);
 }
 
@@ -420,7 +426,7 @@ function open(dialog) {
   dialog.show();
   dialog.setAttribute("aria-modal", "true");
   still();
-  dialog.querySelector("[autofocus]")?.focus();
+  dialog.querySelector("[data-first]")?.focus();
   document.dispatchEvent(new Event("pogon:dialog"));
   document.dispatchEvent(new Event("pogon:drawn"));
   return () => {
@@ -450,4 +456,4 @@ async function faceplate(event, link) {
   dialog.addEventListener("keydown", (inside) => { if (inside.key === "Escape" && !document.querySelector("#overlay [data-ask]") && dialog.querySelector("[data-dirty]") === null) close(); });
 }
 
-window.pogon.commands = { prepare, nonce, post, take, patch, told, identity, textsOf, open };
+window.pogon.commands = { prepare, nonce, post, take, patch, told, identity, textsOf, open, quiet };

@@ -5,7 +5,7 @@ const { commands } = window.pogon;
 const lang = document.body.dataset.lang, mark = lang === "en" ? "." : ",";
 const form = document.querySelector("[data-write]"), list = document.querySelector("[data-changes]");
 const results = document.querySelector("[data-results]"), rows = [...document.querySelectorAll("tr[data-key]")];
-const $ = (name) => document.querySelector(`[data-${name}]`);
+const $ = (name) => document.querySelector(`.app-main [data-${name}]`);
 let group = "";
 
 /** What was typed as a number, for showing a difference; the server reads it for good. */
@@ -110,6 +110,7 @@ form.addEventListener("submit", async (event) => {
   if (!got) return void (commands.told(document.getElementById("message").dataset.network, "error"), review());
   const copy = got.clone(), answer = new DOMParser().parseFromString(await copy.text(), "text/html").querySelector("[data-answer]");
   await commands.take(got, null);
+  commands.quiet(3000);
   if (answer) {
     results.replaceChildren(document.importNode(answer, true));
     for (const { row, field } of found) {

@@ -18,6 +18,7 @@ from app.clock import SystemClock
 from app.live.frames import Live
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
+from app.web.guard import Gatekeeper
 from app.web.socket import Sockets, router, sockets_of
 from tests.conftest import find_port
 
@@ -68,6 +69,7 @@ class Served:
 async def served() -> AsyncIterator[Served]:
     app = FastAPI()
     app.include_router(router)
+    app.add_middleware(Gatekeeper)
     hall = Hall()
     app.state.runtime = hall
     port = find_port()

@@ -1,0 +1,449 @@
+"""Commands over HTTP at a running demo plant: who may, what is answered, in which words, and what the audit keeps."""
+
+import asyncio
+import re
+from collections.abc import Iterator
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.access.audit import Filter
+from app.sim.training import REG_MACHINE_FAULT
+from tests.web.operating import Operator, button, line_of, runtime_of, until, words
+from tests.web.people import Staff
+
+LANGUAGES = ("hr", "en", "de", "cs")
+SIGN_IN = {
+    "hr": "Prijavi se za upravljanje",
+    "en": "Sign in to operate",
+    "de": "Zum Bedienen anmelden",
+    "cs": "Pro ovládání se přihlaste",
+}
+
+
+@pytest.fixture(scope="module")
+def staff(demo: TestClient) -> Staff:
+    crew = Staff(demo)
+    runtime = runtime_of(demo)
+    assert until(lambda: runtime.tags.sample("m1.speed").value and runtime.tags.sample("m2.status").value == 0)
+    assert until(lambda: runtime.tags.sample("m1.f905").seen and runtime.tags.sample("m2.f905").seen)
+    return crew
+
+
+@pytest.fixture(scope="module")
+def ana(staff: Staff) -> Operator:
+    return Operator(staff, "ana", ("operator",))
+
+
+@pytest.fixture(scope="module")
+def ivo(staff: Staff) -> Operator:
+    return Operator(staff, "ivo", ("engineer", "operator"))
+
+
+@pytest.fixture(autouse=True)
+def calm(staff: Staff, ana: Operator, ivo: Operator) -> Iterator[None]:
+    """Every test begins with machines that nobody holds, and may ask as often as it likes."""
+    gate = runtime_of(staff.client).gate
+    assert gate is not None
+    staff.wait(_free)
+    gate._rate.take = lambda _person: True  # type: ignore[method-assign]
+    for equipment in ("m1", "m2"):
+        holder = gate.control.holder(equipment)
+        if holder is not None:
+            staff.wait(_in_loop, gate.control.session_ended, holder.session)
+    yield
+    assert until(lambda: all((p := gate.progress(e)) is None or p.over for e in ("m1", "m2")))
+
+
+async def _free() -> None:
+    await asyncio.sleep(0)
+
+
+async def _in_loop(work: object, *arguments: object) -> None:
+    work(*arguments)  # type: ignore[operator]
+
+
+def value(staff: Staff, name: str) -> float:
+    found = runtime_of(staff.client).tags.sample(name).value
+    assert isinstance(found, int | float)
+    return found
+
+
+def settled(staff: Staff, equipment: str) -> str:
+    """The state in which the last command of the machine ended."""
+    gate = runtime_of(staff.client).gate
+    assert gate is not None
+    assert until(lambda: (p := gate.progress(equipment)) is not None and p.over)
+    progress = gate.progress(equipment)
+    assert progress is not None
+    return str(progress.state)
+
+
+def lines_of(staff: Staff, object: str) -> int:
+    """Lines of the audit about `object`."""
+    return len(staff.wait(staff.access.audit.find, Filter(object=object), 500))
+
+
+# ---- who ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_guest_reads_on_every_button_that_one_has_to_sign_in(staff: Staff, language: str) -> None:
+    staff.have()
+    staff.client.cookies.set("pogon_lang", language)
+    answer = staff.client.get("/equipment/m1/commands")
+    for command in ("forward", "reverse", "stop", "coast", "reset", "jog_forward", "jog_reverse"):
+        source = button(answer, f"m1.{command}")
+        assert 'aria-disabled="true"' in source
+        assert SIGN_IN[language] in words(source)
+
+
+def test_a_guest_learns_no_name(staff: Staff, ana: Operator) -> None:
+    ana.take("m1")
+    ana.post("/equipment/m1/stop")
+    settled(staff, "m1")
+    staff.have()
+    staff.client.cookies.set("pogon_lang", "en")
+    page = staff.client.get("/equipment/m1").text
+    assert "Operator" in page
+    assert "ana" not in re.sub(r'(?:href|src|data-[\w-]+|content)="[^"]*"', "", words(page)).lower().split()
+
+
+def test_nobody_commands_without_sign_in_and_a_viewer_neither(staff: Staff) -> None:
+    staff.have()
+    for path in ("/equipment/m1/command/forward", "/equipment/m1/stop", "/equipment/m1/token/take"):
+        assert staff.post(path, {}, **{"HX-Request": "true"}).status_code == 401
+    vera = Operator(staff, "vera", ("viewer",))
+    for path in ("/equipment/m1/command/forward", "/equipment/m1/stop", "/equipment/m1/hold/jog_forward"):
+        assert vera.post(path).status_code == 403
+    assert vera.get("/nonce").status_code == 403
+
+
+def test_a_machine_or_command_that_is_not_there_is_404(ana: Operator) -> None:
+    assert ana.press("/equipment/m9/command/forward").status_code == 404
+    assert ana.press("/equipment/m1/command/fly").status_code == 404
+    assert ana.press("/equipment/m1/setpoint/f999", argument="1").status_code == 404
+    assert ana.post("/equipment/m1/token/steal").status_code == 404
+
+
+# ---- the control token ----------------------------------------------------------------------------------------
+
+
+def test_without_the_control_token_a_command_is_423_and_says_so_on_the_button(ana: Operator) -> None:
+    answer = ana.press("/equipment/m1/command/forward")
+    assert answer.status_code == 423
+    assert line_of(answer) == "Take control first"
+    assert "Take control first" in words(button(answer, "m1.forward"))
+    assert 'aria-disabled="true"' not in button(answer, "m1.stop")
+
+
+def test_two_operators_and_one_machine(staff: Staff, ana: Operator, ivo: Operator) -> None:
+    ana.take("m1")
+    refused = ivo.press("/equipment/m1/command/coast")
+    assert refused.status_code == 423
+    assert "ana" in line_of(refused)
+    assert ivo.post("/equipment/m1/token/request").status_code == 200
+    assert "ivo asks for control" in words(ana.get("/equipment/m1/commands").text)
+    assert ana.post("/equipment/m1/token/refuse").status_code == 200
+    assert ivo.post("/equipment/m1/token/request").status_code == 423
+    assert ana.post("/equipment/m1/token/release").status_code == 200
+    ivo.take("m1")
+    assert ana.press("/equipment/m1/command/coast").status_code == 423
+    assert ivo.post("/equipment/m1/token/refuse").status_code == 409
+
+
+# ---- commands -------------------------------------------------------------------------------------------------
+
+
+def test_stop_needs_no_token_no_nonce_and_no_script(staff: Staff, ana: Operator) -> None:
+    answer = ana.post("/equipment/m1/stop", fragment=False, next="/equipment/m1")
+    assert answer.status_code == 303
+    assert answer.headers["location"] == "/equipment/m1"
+    assert settled(staff, "m1") == "confirmed"
+    assert until(lambda: value(staff, "m1.speed") == 0)
+
+
+def test_forward_is_accepted_then_confirmed_and_everybody_reads_by_whom(
+    staff: Staff, ana: Operator, ivo: Operator
+) -> None:
+    ana.post("/equipment/m1/stop")
+    assert settled(staff, "m1") == "confirmed"
+    ana.take("m1")
+    answer = ana.press("/equipment/m1/command/forward")
+    assert answer.status_code == 202
+    assert re.fullmatch(r"M1 Forward: Accepted \d\d:\d\d:\d\d · ana", line_of(answer))
+    assert 'data-state="accepted"' in button(answer, "m1.forward")
+    assert answer.headers["x-command"]
+    assert settled(staff, "m1") == "confirmed"
+    assert until(lambda: value(staff, "m1.speed") > 500)
+    seen = ivo.get("/equipment/m1/commands")
+    assert re.search(r"Accepted \d\d:\d\d:\d\d → Done \d\d:\d\d:\d\d · ana", words(seen.text))
+
+
+def test_reverse_while_running_asks_first_and_nothing_is_in_the_audit_before_the_answer(
+    staff: Staff, ana: Operator
+) -> None:
+    ana.take("m1")
+    if value(staff, "m1.status") != 1:
+        ana.press("/equipment/m1/command/forward")
+        assert settled(staff, "m1") == "confirmed"
+    before = lines_of(staff, "m1.reverse")
+    asked = ana.press("/equipment/m1/command/reverse", id="press-1")
+    assert asked.status_code == 409
+    assert "<dialog" in asked.text
+    assert 'name="confirmed" value="1"' in asked.text
+    assert 'name="id" value="press-1"' in asked.text
+    assert re.search(r"<button[^>]*data-cancel[^>]*data-first", asked.text)
+    assert lines_of(staff, "m1.reverse") == before
+    answer = ana.press("/equipment/m1/command/reverse", id="press-1", confirmed="1")
+    assert answer.status_code == 202
+    assert settled(staff, "m1") == "confirmed"
+    assert until(lambda: value(staff, "m1.speed") < -100)
+    assert until(lambda: lines_of(staff, "m1.reverse") == before + 1)
+
+
+def test_a_double_press_is_one_command_and_one_line(staff: Staff, ana: Operator) -> None:
+    ana.take("m1")
+    before = lines_of(staff, "m1.coast")
+    first = ana.press("/equipment/m1/command/coast", id="twice")
+    second = ana.press("/equipment/m1/command/coast", id="twice")
+    assert first.headers["x-command"] == second.headers["x-command"] == "twice"
+    assert settled(staff, "m1") == "confirmed"
+    assert until(lambda: lines_of(staff, "m1.coast") == before + 1)
+
+
+def test_a_nonce_is_good_once_and_only_for_its_session(ana: Operator, ivo: Operator) -> None:
+    ana.take("m1")
+    assert ana.post("/equipment/m1/command/coast").status_code == 410
+    nonce = ivo.nonce()
+    assert ana.post("/equipment/m1/command/coast", nonce=nonce).status_code == 410
+    nonce = ana.nonce()
+    assert ana.post("/equipment/m1/command/coast", nonce=nonce).status_code in (200, 202)
+    again = ana.post("/equipment/m1/command/coast", nonce=nonce)
+    assert again.status_code == 410
+    assert line_of(again) == "Command expired. Press again."
+
+
+def test_a_field_that_is_not_asked_for_is_refused(ana: Operator) -> None:
+    assert ana.press("/equipment/m1/command/forward", role="admin").status_code == 422
+
+
+def test_a_fault_says_what_is_missing_with_cause_and_remedy_and_is_reset(staff: Staff, ana: Operator) -> None:
+    link = runtime_of(staff.client).links["hall"]
+    ana.take("m1")
+    staff.wait(link.raw_write, 1, REG_MACHINE_FAULT, [4])
+    assert until(lambda: value(staff, "m1.status") == 4)
+    refused = ana.press("/equipment/m1/command/forward")
+    assert refused.status_code == 409
+    assert line_of(refused) == "Missing: No fault of the drive"
+    face = words(ana.get("/equipment/m1/faceplate").text)
+    assert "OC overcurrent" in face
+    assert "Cause: Ramp too short" in face
+    assert "Remedy: Check motor, cable and load." in face
+    assert "5 of 6" in face
+    staff.wait(link.raw_write, 1, REG_MACHINE_FAULT, [0])
+    assert ana.press("/equipment/m1/command/reset").status_code == 202
+    assert settled(staff, "m1") == "confirmed"
+    assert until(lambda: value(staff, "m1.status") == 0)
+
+
+# ---- setpoints ------------------------------------------------------------------------------------------------
+
+
+def test_a_setpoint_in_the_normal_range_is_one_press_in_the_numbers_of_the_language(
+    staff: Staff, ivo: Operator
+) -> None:
+    ivo.take("m1")
+    ivo.language = "hr"
+    try:
+        seen = str(value(staff, "m1.frequency_setpoint"))
+        answer = ivo.press("/equipment/m1/command/set_frequency", argument="38,5", expected=seen)
+        assert answer.status_code == 202, line_of(answer)
+        assert "38,5 Hz" in line_of(answer)
+        assert settled(staff, "m1") == "confirmed"
+        assert value(staff, "m1.frequency_setpoint") == 38.5
+        back = ivo.press("/equipment/m1/command/set_frequency", argument="40", expected="38.5")
+        assert back.status_code == 202
+        assert settled(staff, "m1") == "confirmed"
+    finally:
+        ivo.language = "en"
+
+
+def test_a_value_that_means_two_things_is_asked(staff: Staff, ivo: Operator) -> None:
+    ivo.take("m1")
+    ivo.language = "hr"
+    try:
+        answer = ivo.press("/equipment/m1/command/set_frequency", argument="1.234")
+        assert answer.status_code == 422
+        assert "Jeste li mislili 1 234 ili 1,234?" in words(answer.text)
+        assert re.findall(r'name="argument" value="([^"]*)"', answer.text) == ["1234", "1,234"]
+    finally:
+        ivo.language = "en"
+
+
+@pytest.mark.parametrize(
+    ("typed", "words_of_it"),
+    [
+        ("70", "Permitted: 0.5 to 50 Hz"),
+        ("abc", "Not a number: abc"),
+        ("40.123", "Too many decimal places. Permitted: 2"),
+        ("", "Required field: Frequency setpoint"),
+    ],
+)
+def test_a_wrong_value_is_422_with_what_is_permitted(ana: Operator, typed: str, words_of_it: str) -> None:
+    ana.take("m1")
+    answer = ana.press("/equipment/m1/command/set_frequency", argument=typed)
+    assert answer.status_code == 422
+    assert line_of(answer) == words_of_it
+
+
+def test_outside_the_normal_band_now_and_new_are_shown_before_it_is_set(staff: Staff, ana: Operator) -> None:
+    ana.take("m1")
+    now = value(staff, "m1.frequency_setpoint")
+    asked = ana.press("/equipment/m1/command/set_frequency", argument="20", expected=str(now))
+    assert asked.status_code == 409
+    card = words(asked.text)
+    assert "Outside the normal range" in card
+    assert f"now new {now:.2f} Hz 20.00 Hz" in card
+    assert f"difference −{now - 20:.2f} Hz" in card
+    assert value(staff, "m1.frequency_setpoint") == now
+    answer = ana.press("/equipment/m1/command/set_frequency", argument="20", expected=str(now), confirmed="1")
+    assert answer.status_code == 202
+    assert settled(staff, "m1") == "confirmed"
+    back = ana.press("/equipment/m1/command/set_frequency", argument="40", expected="20", confirmed="1")
+    assert back.status_code == 202
+    assert settled(staff, "m1") == "confirmed"
+
+
+def test_a_setpoint_that_changed_meanwhile_is_not_overwritten(ana: Operator) -> None:
+    ana.take("m1")
+    answer = ana.press("/equipment/m1/command/set_frequency", argument="41", expected="35")
+    assert answer.status_code == 409
+    assert line_of(answer) == "Changed meanwhile: now 40 Hz"
+
+
+# ---- hold-to-run ------------------------------------------------------------------------------------------------
+
+
+def test_m1_says_why_it_cannot_be_held_and_m2_gives_a_lease(staff: Staff, ana: Operator) -> None:
+    ana.take("m1")
+    assert "Drive stops by itself within 2 s of silence (F905)" in words(
+        button(ana.get("/equipment/m1/commands"), "m1.jog_forward")
+    )
+    refused = ana.press("/equipment/m1/hold/jog_forward")
+    assert refused.status_code == 409
+    assert "F905" in line_of(refused)
+    ana.take("m2")
+    lease = ana.press("/equipment/m2/hold/jog_forward").json()["lease"]
+    assert value(staff, "m2.status") == 0
+    assert ana.post("/equipment/m2/release", lease=lease, cause="left").status_code == 204
+    assert ana.post("/equipment/m2/release", lease=lease).status_code == 204
+    assert ana.press("/equipment/m2/command/jog_forward").status_code == 409
+
+
+def test_the_socket_keeps_a_hold_alive_and_its_end_ends_the_motion(staff: Staff, ana: Operator) -> None:
+    ana.take("m2")
+    lease = ana.press("/equipment/m2/hold/jog_forward").json()["lease"]
+    ana.sit()
+    headers = {"origin": "http://127.0.0.1:8000"}
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers=headers) as socket:
+        socket.send_json({"subscribe": "frame", "rev": 0})
+        for counter in range(1, 16):
+            socket.send_json({"hold": {"equipment": "m2", "lease": lease, "counter": counter}})
+            while "hold" not in (message := socket.receive_json()):
+                pass
+            assert message["hold"] == {"lease": lease, "counter": counter}
+            staff.wait(asyncio.sleep, 0.1)
+        assert until(lambda: value(staff, "m2.frequency") > 0, 2)
+    assert settled(staff, "m2") == "confirmed"
+    assert until(lambda: value(staff, "m2.frequency") == 0)
+    gate = runtime_of(staff.client).gate
+    assert gate is not None
+    progress = gate.progress("m2")
+    assert progress is not None
+    assert progress.reason == "hold.cause.closed"
+
+
+# ---- parameters -------------------------------------------------------------------------------------------------
+
+
+def test_an_operator_reads_parameters_and_only_an_engineer_writes_them(ana: Operator, ivo: Operator) -> None:
+    page = ana.get("/equipment/m1/parameters", fragment=False)
+    assert page.status_code == 200
+    assert "F114" in page.text
+    assert "data-new" not in page.text
+    assert ana.post("/equipment/m1/parameters", key="f114", value="6", expected="5").status_code == 403
+    assert ivo.get("/equipment/m1/parameters", fragment=False).text.count("data-new") > 30
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_unconfirmed_parameters_and_choices_are_marked_in_every_language(ivo: Operator, language: str) -> None:
+    ivo.language = language
+    try:
+        page = ivo.get("/equipment/m1/parameters", fragment=False).text
+        row = re.search(r'<tr data-key="f801".*?</tr>', page, re.S)
+        assert row is not None
+        assert 'class="badge soft"' in row[0]
+        sure = re.search(r'<tr data-key="f114".*?</tr>', page, re.S)
+        assert sure is not None
+        assert 'class="badge soft"' not in sure[0]
+        assert '<option value="6">6 – 57600</option>' in page
+        assert "[en]" not in page
+    finally:
+        ivo.language = "en"
+
+
+def test_reviewed_changes_are_written_one_by_one_with_what_was_read_back(staff: Staff, ivo: Operator) -> None:
+    ivo.take("m2")
+    ivo.sit()
+    token = staff.access.form_token(ivo.sid)
+    body = [("csrf", token), ("nonce", ivo.nonce()), ("id", "batch"), ("reason", "softer start")]
+    for key, new, old in (("f114", "7.5", "5"), ("f115", "0.01", "5"), ("f118", "60", "")):
+        body += [("key", key), ("value", new), ("expected", old)]
+    ivo.sit()
+    answer = staff.client.post(
+        "/equipment/m2/parameters",
+        content="&".join(f"{name}={text.replace(' ', '+')}" for name, text in body),
+        headers={
+            "Origin": "http://127.0.0.1:8000",
+            "HX-Request": "true",
+            "Content-Type": "application/x-www-form-urlencoded",
+        },
+    )
+    assert answer.status_code == 200, answer.text
+    rows = dict(re.findall(r'data-row="(\w+)" data-done="(\w+)"', answer.text))
+    assert rows == {"F114": "yes", "F115": "no", "F118": "yes"}
+    assert line_of(answer) == "2 of 3 written and read back"
+    assert "7.5 s" in words(answer.text)
+    assert "Permitted: 0.1 to 3 000 s" in words(answer.text)
+    assert value(staff, "m2.f114") == 7.5
+    assert until(lambda: lines_of(staff, "m2.f114") == 1)
+
+
+def test_parameters_are_read_again_on_demand(ana: Operator) -> None:
+    answer = ana.post("/equipment/m1/parameters/read")
+    assert answer.status_code == 200
+    assert re.fullmatch(r"Read from the drive: \d+", line_of(answer))
+
+
+def test_a_list_of_changes_that_does_not_fit_together_is_refused(ivo: Operator) -> None:
+    assert ivo.post("/equipment/m1/parameters", key="f114", value="6").status_code == 422
+
+
+# ---- faceplate --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_faceplate_is_a_dialog_for_a_script_and_a_page_without(ana: Operator, language: str) -> None:
+    ana.language = language
+    try:
+        dialog = ana.get("/equipment/m2/faceplate").text
+        page = ana.get("/equipment/m2/faceplate", fragment=False).text
+    finally:
+        ana.language = "en"
+    assert dialog.lstrip().startswith(("{#", "<dialog"))
+    assert "<html" not in dialog
+    assert page.count("<h1>") == 1
+    for text in (dialog, page):
+        assert 'data-part="m2.stop"' in text
+        assert re.search(r"\[[\w.]+\]", words(text)) is None
