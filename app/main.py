@@ -70,7 +70,20 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.include_router(pages.router)
     app.include_router(socket.router)
-    for part in (alarms, commands, parameters, health, signin, users, audit, history, storage, plant, instructor, communication):
+    for part in (
+        alarms,
+        commands,
+        parameters,
+        health,
+        signin,
+        users,
+        audit,
+        history,
+        storage,
+        plant,
+        instructor,
+        communication,
+    ):
         app.include_router(part.router)
     app.include_router(trends.router)
     for router in api.ROUTERS:
