@@ -332,10 +332,9 @@ async function submit(form) {
   const { argument, expected } = form.elements;
   hint(form, textsOf(form).sending);
   review(form)?.replaceChildren();
-  const seen = form.dataset.dirty === undefined ? expected.value : expected.value;
-  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: argument.value, expected: seen });
+  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: argument.value, expected: expected.value });
   await settle(form, got);
-  setTimeout(() => pressing.delete(name), LOCK);
+  setTimeout(() => pressing.delete(name), got?.ok ? LOCK : 0);
 }
 
 /** The answer to a value: accepted, asked back, or why not; then what was typed stays for another try. */

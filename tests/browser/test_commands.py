@@ -1,0 +1,526 @@
+"""Operating a machine in a real browser: commands and what becomes of them, setpoints, control, hold-to-run, parameters, a lost server."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
+
+PASSWORD = "tri plave ladice u kutu"
+PEOPLE = {"ana": ("operator", "engineer"), "ivo": ("operator",)}
+SPEED = ".hero-v .val b"
+Sit = Callable[..., Page]
+
+
+@pytest.fixture(scope="module")
+def people(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with two operators in it."""
+    data = tmp_path_factory.mktemp("people") / "data"
+    for name, roles in PEOPLE.items():
+        pogon(data, "user", "add", name, *(part for role in roles for part in ("--role", role)))
+        pogon(data, "user", "passwd", name, "--stdin", typed=PASSWORD + "\n")
+    return data
+
+
+def clean() -> dict[str, str]:
+    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
+
+
+def pogon(data: Path, *arguments: str, typed: str = "") -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        cwd=ROOT,
+        env=clean() | {"POGON_DATA": str(data)},
+        input=typed,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def server(people: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon for all stories but those that harm it."""
+    port, output = find_port(), tmp_path_factory.mktemp("server") / "pogon.log"
+    with output.open("wb") as sink:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "app.cli", "run"],
+            cwd=ROOT,
+            env=clean() | {"POGON_DATA": str(people), "POGON_PORT": str(port)},
+            stdin=subprocess.DEVNULL,
+            stdout=sink,
+            stderr=subprocess.STDOUT,
+        )
+    running = PogonServer(f"http://127.0.0.1:{port}", people, output, process)
+    wait_healthy(running)
+    yield running
+    os.kill(process.pid, signal.SIGCONT)
+    running.stop()
+
+
+@pytest.fixture(scope="module")
+def sessions() -> dict[str, Any]:
+    """Whoever signed in once stays so."""
+    return {}
+
+
+@pytest.fixture
+def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iterator[Sit]:
+    """`sit("ana", "/equipment/m1")`: a browser of its own in which this person is signed in and looks at a page."""
+    contexts: list[BrowserContext] = []
+
+    def begin(name: str = "", path: str = "/equipment/m1") -> Page:
+        context = browser.new_context(
+            locale="en-GB",
+            viewport={"width": 1280, "height": 800},
+            timezone_id="Europe/Zagreb",
+            storage_state=sessions.get(name),
+        )
+        contexts.append(context)
+        context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
+        page = context.new_page()
+        if name and name not in sessions:
+            page.goto(f"{server.url}/signin")
+            page.fill("[name=name]", name)
+            page.fill("[name=password]", PASSWORD)
+            page.click("form.sheet-form button.cmd")
+            expect(page.locator(".head .who")).to_contain_text(name)
+            sessions[name] = context.storage_state()
+        page.goto(server.url + path)
+        expect(page.locator("body")).to_have_attribute("data-live", "live")
+        return page
+
+    yield begin
+    for context in contexts:
+        for page in context.pages:
+            let_go(page)
+        context.close()
+
+
+def let_go(page: Page) -> None:
+    """Release the machine on the page as soon as it may be released."""
+    page.mouse.up()
+    end = time.monotonic() + 10
+    while page.locator(".token [data-token=release]").count():
+        assert time.monotonic() < end, page.inner_text("#message")
+        page.locator(".token [data-token=release]").click()
+        page.wait_for_timeout(300)
+
+
+def take(page: Page) -> None:
+    """Take control of the machine on the page."""
+    expect(page.locator("[data-token=take], [data-token=release]")).to_be_visible()
+    if page.locator("[data-token=take]").count():
+        page.click("[data-token=take]")
+    expect(page.locator(".token")).to_have_attribute("data-holding", "mine")
+
+
+def speed(page: Page) -> float:
+    text = page.inner_text(SPEED).replace("\u2212", "-").replace("\u202f", "")
+    return float(text) if re.fullmatch(r"-?\d+", text) else float("nan")
+
+
+def wait_speed(page: Page, holds: Callable[[float], bool], limit: float = 20.0) -> None:
+    end = time.monotonic() + limit
+    while not holds(speed(page)):
+        assert time.monotonic() < end, f"speed stays {speed(page)}"
+        page.wait_for_timeout(50)
+
+
+def stop(page: Page) -> None:
+    page.click(".zone .stop")
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=20_000)
+    wait_speed(page, lambda now: now == 0)
+
+
+def audit(server: PogonServer, page: Page, command: str) -> int:
+    """Lines of the audit about `command`, as an engineer reads them."""
+    page.goto(f"{server.url}/audit")
+    return page.locator("main").inner_text().count(command)
+
+
+# ---- start, reverse, stop -------------------------------------------------------------------------------------
+
+
+def test_a_start_is_asked_accepted_and_confirmed_and_the_speed_rises(sit: Sit) -> None:
+    page, other = sit("ana"), sit()
+    expect(page.locator("[data-command='m1.forward'] small")).to_have_text("Take control first")
+    take(page)
+    stop(page)
+    page.click("[data-command='m1.forward']")
+    expect(page.locator("#message")).to_contain_text(re.compile(r"M1 Forward: Accepted \d\d:\d\d:\d\d → Done .* ana"))
+    expect(page.locator("[data-command='m1.forward']")).to_have_attribute("data-state", "done")
+    wait_speed(page, lambda now: now > 900)
+    expect(other.locator("#message")).to_contain_text("M1 Forward: Accepted")
+    expect(other.locator("#message")).not_to_contain_text("ana")
+
+
+def test_reverse_while_running_asks_and_cancel_has_the_focus(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    expect(page.locator("[data-command='m1.reverse'] small")).to_have_text("Asks first")
+    page.click("[data-command='m1.reverse']")
+    dialog = page.locator("dialog")
+    expect(dialog).to_contain_text("Reverse: Fan 1")
+    assert page.evaluate("document.activeElement.hasAttribute('data-cancel')")
+    page.keyboard.press("Enter")
+    expect(dialog).to_have_count(0)
+    wait_speed(page, lambda now: now > 900)
+    page.click("[data-command='m1.reverse']")
+    expect(dialog).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    expect(page.locator("[data-command='m1.reverse']")).to_have_attribute("data-state", "idle")
+    page.click("[data-command='m1.reverse']")
+    expect(page.locator(".scrim .stop")).to_be_visible()
+    dialog.get_by_role("button", name="Reverse").click()
+    wait_speed(page, lambda now: now < -900)
+    page.click("[data-command='m1.forward']")
+    dialog.get_by_role("button", name="Forward").click()
+    wait_speed(page, lambda now: now > 900)
+
+
+def test_a_double_click_is_one_command(server: PogonServer, sit: Sit) -> None:
+    page, clerk = sit("ana"), sit("ana")
+    before = audit(server, clerk, "m1.coast")
+    take(page)
+    page.dblclick("[data-command='m1.coast']")
+    expect(page.locator("#message")).to_contain_text("Coast stop: Accepted")
+    page.wait_for_timeout(1500)
+    page.keyboard.down("Enter")
+    for _ in range(10):
+        page.keyboard.down("Enter")
+    page.keyboard.up("Enter")
+    page.wait_for_timeout(1500)
+    assert audit(server, clerk, "m1.coast") - before in (1, 2)  # the key held down is one more press, not ten
+    page.click("[data-command='m1.forward']")
+    wait_speed(page, lambda now: now > 900)
+
+
+def test_stop_works_without_any_script(sit: Sit, server: PogonServer) -> None:
+    page = sit("ivo")
+    state = page.context.storage_state()
+    assert page.context.browser is not None
+    plain = page.context.browser.new_context(java_script_enabled=False, storage_state=state)
+    try:
+        bare = plain.new_page()
+        bare.goto(f"{server.url}/equipment/m1")
+        bare.click(".zone .stop")
+        assert bare.url == f"{server.url}/equipment/m1"
+        expect(page.locator("#message")).to_contain_text("M1 Stop: Accepted")
+        wait_speed(page, lambda now: now == 0)
+    finally:
+        plain.close()
+    take(page)
+    page.click("[data-command='m1.forward']")
+    wait_speed(page, lambda now: now > 900)
+
+
+# ---- setpoints ------------------------------------------------------------------------------------------------
+
+
+def test_a_setpoint_outside_the_normal_band_is_reviewed_first(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    page.fill("#set-m1\\.set_frequency", "20")
+    page.keyboard.press("Enter")
+    card = page.locator(".review-form")
+    expect(card).to_contain_text("Outside the normal range")
+    expect(card).to_contain_text("−20.00")
+    assert page.evaluate("document.activeElement.hasAttribute('data-cancel')")
+    expect(page.locator(".zone .stop")).to_be_in_viewport(ratio=1)
+    card.get_by_role("button", name="Set").click()
+    expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 20.Hz: Accepted .* Done"))
+    wait_speed(page, lambda now: 0 < now < 620)
+    expect(page.locator("#set-m1\\.set_frequency")).to_have_value("20.00")
+    page.fill("#set-m1\\.set_frequency", "40")
+    page.keyboard.press("Enter")
+    card.get_by_role("button", name="Set").click()
+    wait_speed(page, lambda now: now > 900)
+
+
+def test_what_is_being_typed_survives_live_changes_and_another_hand(sit: Sit) -> None:
+    page, engineer = sit("ana"), sit("ana", "/equipment/m1/parameters")
+    take(page)
+    field = page.locator("#set-m1\\.set_frequency")
+    field.fill("33")
+    page.click("[data-command='m1.stop']")  # the column is drawn anew several times
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=20_000)
+    expect(field).to_have_value("33")
+    engineer.fill("tr[data-key=frequency_setpoint] [data-new]", "42")
+    engineer.click("[data-submit]")
+    expect(engineer.locator("[data-row=F113]")).to_have_attribute("data-done", "yes")
+    expect(field).to_have_value("33")
+    field.press("Enter")
+    expect(page.locator("#message")).to_contain_text("Changed meanwhile: now 42")
+    expect(field).to_have_value("33")
+    field.fill("40")
+    field.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 40.Hz: Accepted .* Done"))
+    page.click("[data-command='m1.forward']")
+    wait_speed(page, lambda now: now > 900)
+
+
+def test_escape_gives_the_field_back_and_a_wrong_number_is_told_at_the_field(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    field = page.locator("#set-m1\\.set_frequency")
+    field.fill("90")
+    field.press("Enter")
+    expect(page.locator("#say-m1\\.set_frequency")).to_have_text("Permitted: 0.5 to 50 Hz")
+    expect(page.locator("#message")).to_have_attribute("role", "alert")
+    field.press("Escape")
+    expect(field).to_have_value("40.00")
+
+
+# ---- two operators --------------------------------------------------------------------------------------------
+
+
+def test_two_operators_ask_refuse_and_hand_over(sit: Sit) -> None:
+    ana, ivo = sit("ana"), sit("ivo")
+    take(ana)
+    expect(ivo.locator("[data-command='m1.coast'] small")).to_contain_text("Control held by: ana")
+    expect(ivo.locator("[data-command='m1.stop']")).not_to_have_attribute("aria-disabled", "true")
+    ivo.click("[data-token=request]")
+    expect(ana.locator(".token")).to_contain_text("ivo asks for control")
+    ana.click("[data-token=refuse]")
+    expect(ivo.locator("[data-token=request]")).to_be_visible()
+    ivo.click("[data-token=request]")
+    expect(ivo.locator("#message")).to_contain_text("The holder refused: ana")
+    ana.click("[data-token=release]")
+    take(ivo)
+    ana.click("[data-token=request]")
+    ivo.click("[data-token=give]")
+    expect(ana.locator(".token")).to_have_attribute("data-holding", "mine")
+    expect(ivo.locator(".token")).to_have_attribute("data-holding", "other")
+
+
+# ---- hold-to-run ----------------------------------------------------------------------------------------------
+
+
+def jog(page: Page) -> None:
+    """Choose hold-to-run and press the forward button without letting go."""
+    page.click(".op-mode label:has([value=hold])")
+    expect(page.locator("[data-hold='m2.jog_forward']")).not_to_have_attribute("aria-disabled", "true")
+    press(page)
+
+
+def press(page: Page) -> None:
+    box = page.locator("[data-hold='m2.jog_forward']").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 40, box["y"] + 30)
+    page.mouse.down()
+
+
+def moves(page: Page) -> None:
+    expect(page.locator("[data-hold='m2.jog_forward']")).to_have_attribute("data-state", "held")
+    wait_speed(page, lambda now: now > 30)
+
+
+def stands(page: Page) -> None:
+    wait_speed(page, lambda now: now == 0, 8)
+
+
+def test_m1_says_why_it_cannot_be_held(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    page.click(".op-mode label:has([value=hold])")
+    button = page.locator("[data-hold='m1.jog_forward']")
+    expect(button).to_have_attribute("aria-disabled", "true")
+    expect(button).to_contain_text("F905")
+
+
+def test_m2_moves_while_it_is_held_and_stops_at_release(sit: Sit) -> None:
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.wait_for_timeout(1500)
+    assert speed(page) > 30
+    page.mouse.up()
+    stands(page)
+    expect(page.locator("#message")).to_contain_text(re.compile("M2 Jog .* Done"), timeout=10_000)
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        "window.dispatchEvent(new Event('blur'))",
+        "document.dispatchEvent(new Event('pogon:dialog'))",
+        "document.dispatchEvent(new KeyboardEvent('keydown', {key: 'a', bubbles: true}))",
+        "window.dispatchEvent(new Event('resize'))",
+        "document.querySelector('[data-hold=\"m2.jog_forward\"]').remove()",
+    ],
+)
+def test_whatever_is_doubtful_ends_the_motion_and_only_a_new_press_moves_again(sit: Sit, cause: str) -> None:
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.evaluate(cause)
+    stands(page)
+    page.wait_for_timeout(700)
+    assert speed(page) == 0
+    page.mouse.up()
+
+
+def test_a_pointer_that_slides_off_the_button_ends_the_motion(sit: Sit) -> None:
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.mouse.move(300, 300)
+    stands(page)
+    page.mouse.up()
+
+
+def test_a_closed_tab_and_a_killed_browser_end_the_motion(sit: Sit) -> None:
+    watcher = sit("ivo", "/equipment/m2")
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.close()
+    stands(watcher)
+
+
+def test_a_page_that_freezes_ends_the_motion(sit: Sit) -> None:
+    watcher = sit("ivo", "/equipment/m2")
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    jog(page)
+    moves(page)
+    page.evaluate("const end = performance.now() + 4000; while (performance.now() < end);")
+    stands(watcher)
+    page.mouse.up()
+
+
+def test_the_space_bar_holds_too_and_its_repeats_are_one_press(sit: Sit) -> None:
+    page = sit("ana", "/equipment/m2")
+    take(page)
+    page.click(".op-mode label:has([value=hold])")
+    expect(page.locator("[data-hold='m2.jog_forward']")).not_to_have_attribute("aria-disabled", "true")
+    page.focus("[data-hold='m2.jog_forward']")
+    page.keyboard.down("Space")
+    for _ in range(5):
+        page.keyboard.down("Space")
+    moves(page)
+    page.keyboard.up("Space")
+    stands(page)
+
+
+# ---- faceplate and parameters -----------------------------------------------------------------------------------
+
+
+def test_the_faceplate_opens_over_the_page_lives_and_gives_the_focus_back(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    page.focus("[data-faceplate]")
+    page.keyboard.press("Enter")
+    dialog = page.locator("dialog.fp")
+    expect(dialog).to_contain_text("No fault of the drive")
+    expect(dialog).to_contain_text("Drive stops by itself within 2 s of silence (F905)")
+    expect(page.locator(".app-main")).to_have_attribute("inert", "")
+    expect(page.locator(".banner")).not_to_have_attribute("inert", "")
+    dialog.locator("[data-command='m1.stop']").click()
+    expect(dialog.locator("header")).to_contain_text("Stopped", timeout=15_000)
+    expect(dialog.locator("[data-command='m1.forward']")).not_to_have_attribute("aria-disabled", "true")
+    dialog.locator("[data-command='m1.forward']").click()
+    expect(dialog.locator("header")).to_contain_text("Running forward", timeout=15_000)
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    assert page.evaluate("document.activeElement.hasAttribute('data-faceplate')")
+
+
+def test_parameters_are_edited_reviewed_and_written_with_a_result_per_row(sit: Sit) -> None:
+    page = sit("ana", "/equipment/m2/parameters")
+    take(page)
+    page.fill("tr[data-key=f114] [data-new]", "7.5")
+    page.fill("tr[data-key=f115] [data-new]", "0.01")
+    page.select_option("tr[data-key=f904] [data-new]", "4")
+    review = page.locator("[data-changes] li")
+    expect(review).to_have_count(3)
+    expect(review.nth(0)).to_contain_text("+50")
+    expect(review.nth(1)).to_contain_text("Permitted: 0.1 … 3 000 s")
+    expect(review.nth(2)).to_contain_text("Writing this cuts the line to the drive")
+    expect(page.locator("[data-submit]")).to_be_disabled()
+    page.fill("tr[data-key=f115] [data-new]", "6")
+    page.select_option("tr[data-key=f904] [data-new]", "")
+    page.click("[data-submit]")
+    expect(page.locator("[data-answer] li")).to_have_count(2)
+    expect(page.locator("[data-row=F114]")).to_have_attribute("data-done", "yes")
+    expect(page.locator("[data-row=F115]")).to_have_attribute("data-done", "yes")
+    expect(page.locator("tr[data-key=f114] .val b")).to_have_text("7.5")
+    expect(page.locator("tr[data-key=f114] [data-new]")).to_have_value("")
+    page.fill("[data-filter]", "f905")
+    expect(page.locator("tr[data-key]:visible")).to_have_count(1)
+    page.fill("[data-filter]", "")
+    page.click(".p-nav [data-group='group.ramps']")
+    expect(page.locator("tr[data-key]:visible")).to_have_count(9)
+    page.click("[data-read] button")
+    expect(page.locator("#message")).to_contain_text("Read from the drive")
+
+
+# ---- a lost server, a keyboard ------------------------------------------------------------------------------------
+
+
+def test_without_the_server_every_command_is_refused_here_but_stop_tries_and_tells(
+    sit: Sit, server: PogonServer
+) -> None:
+    page = sit("ana")
+    take(page)
+    server.process.send_signal(signal.SIGSTOP)
+    try:
+        expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=6000)
+        expect(page.locator("[data-command='m1.coast'] small")).to_have_text("No connection")
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.click("[data-command='m1.coast']", force=True)
+        page.locator("#set-m1\\.set_frequency").fill("41")
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(300)
+        assert not [url for url in asked if "/command/" in url]
+        page.click(".zone .stop")
+        expect(page.locator("#message")).to_contain_text("Not delivered", timeout=6000)
+        assert [url for url in asked if url.endswith("/equipment/m1/stop")]
+    finally:
+        server.process.send_signal(signal.SIGCONT)
+    expect(page.locator("body")).to_have_attribute("data-live", "live", timeout=10_000)
+    page.keyboard.press("Escape")
+    expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
+    stop(page)
+    page.click("[data-command='m1.forward']")
+    wait_speed(page, lambda now: now > 900)
+
+
+def test_a_machine_is_operated_with_the_keyboard_alone(sit: Sit) -> None:
+    page = sit("ana")
+    page.focus("[data-token=take]")
+    page.keyboard.press("Enter")
+    expect(page.locator(".token")).to_have_attribute("data-holding", "mine")
+    assert page.evaluate("document.activeElement.closest('.token') !== null"), "the focus stays where it was"
+    for _ in range(12):
+        if page.evaluate("document.activeElement.dataset?.command") == "m1.stop":
+            break
+        page.keyboard.press("Tab")
+    page.keyboard.press("Space")
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=20_000)
+    assert page.evaluate("document.activeElement.dataset.command") == "m1.stop"
+    for _ in range(12):
+        if page.evaluate("document.activeElement.dataset?.command") == "m1.forward":
+            break
+        page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_contain_text("Forward: Accepted")
+    wait_speed(page, lambda now: now > 900)
