@@ -53,6 +53,8 @@ REPORT = 1.0
 """Period of the statistics [s]."""
 
 TRAINING_WORDS = 4
+TRAINING_SPARE = 12
+"""Registers behind the head that may be read with it."""
 TRAINING_MAGIC = 0x5047
 TRAINING_SIMULATED = 0x0001
 TRAINING_VERSION = 1
@@ -540,10 +542,9 @@ class LinkRunner:
             station.simulated = True
             return True
         station.simulated = False
-        header = Block(station.device.training, TRAINING_WORDS)
         for _ in range(1 + RETRIES):
             try:
-                magic, flags, version, _ = await self._read(station, header, liveness=False)
+                magic, flags, version, _ = await self._read_training_head(station)
             except DeviceException:
                 return True
             except (NoAnswer, BadAnswer):
@@ -563,6 +564,17 @@ class LinkRunner:
             station.simulated = True
             return True
         return True
+
+    async def _read_training_head(self, station: Station) -> list[int]:
+        """Its words, in the shortest telegram that no earlier answer can be taken for: what lies behind them reads 0."""
+        for more in range(TRAINING_SPARE):
+            block = Block(station.device.training, TRAINING_WORDS + more)
+            try:
+                words = await self.ask(self.job(station.number, block, liveness=False), Priority.REFRESH)
+            except StillOwed:
+                continue
+            return words[:TRAINING_WORDS]
+        return await self._read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
 
     async def _try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         """Silence at a size that the device never answered: is it the size, or is nobody there?"""

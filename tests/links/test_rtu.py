@@ -53,18 +53,19 @@ def block(address: int, count: int) -> Block:
 # ---- time -------------------------------------------------------------------------------------------------
 
 
-async def best_rate(transport: RtuTransport, count: int, polls: int, tries: int = 3) -> float:
-    """Polls per second of the best try: other programs share this computer."""
+async def best_rate(transport: RtuTransport, count: int, polls: int, enough: float) -> float:
+    """Polls per second of the best of some tries, until one is `enough`: other programs share this computer."""
     best = 0.0
-    for _ in range(tries):
+    for _ in range(12):
         began = time.monotonic()
         for _ in range(polls):
             await transport.read(1, Block(0, count), 0.5)
         best = max(best, polls / (time.monotonic() - began))
+        if best >= enough:
+            break
     return best
 
 
-@pytest.mark.alone
 async def test_a_line_of_9600_baud_carries_95_percent_of_what_arithmetic_allows() -> None:
     async with (
         paced(Bus({1: RegisterDevice({n: n for n in range(25)})}), 9600) as line,
@@ -72,7 +73,7 @@ async def test_a_line_of_9600_baud_carries_95_percent_of_what_arithmetic_allows(
     ):
         limit = 1 / read_time(9600, 25)
         assert round(limit, 1) == 12.5
-        assert 0.95 * limit <= await best_rate(t, 25, 12) <= limit * 1.001
+        assert 0.95 * limit <= await best_rate(t, 25, 12, 0.95 * limit) <= limit * 1.001
 
 
 async def test_a_faster_line_is_as_fast_as_its_milliseconds_allow() -> None:
@@ -81,7 +82,7 @@ async def test_a_faster_line_is_as_fast_as_its_milliseconds_allow() -> None:
         opened(rtu(line.path, 38400)) as t,
     ):
         limit = 1 / read_time(38400, 25)
-        assert 0.85 * limit <= await best_rate(t, 25, 25) <= limit * 1.001
+        assert 0.85 * limit <= await best_rate(t, 25, 25, 0.85 * limit) <= limit * 1.001
 
 
 @pytest.mark.parametrize("baud", [9600, 115200])
@@ -400,8 +401,11 @@ async def test_a_dead_unit_on_the_line_does_not_slow_the_others() -> None:
 
 
 async def test_a_write_waits_for_the_telegram_on_the_wire_and_no_longer() -> None:
-    bus = Bus({n: RegisterDevice({n: n for n in range(60)}) for n in (1, 2, 3)})
-    async with paced(bus, 19200) as line:
+    devices = {n: RegisterDevice({n: n for n in range(60)}) for n in (1, 2, 3)}
+    heard = devices[1].requests
+    for device in devices.values():
+        device.requests = heard
+    async with paced(Bus(devices), 19200) as line:
         machines = [
             machine(
                 f"m{n}",
@@ -414,10 +418,10 @@ async def test_a_write_waits_for_the_telegram_on_the_wire_and_no_longer() -> Non
         async with running(machines, link=rtu(line.path, 19200)) as hall:
             await until(lambda: all(is_good(hall.quality(f"m{n}.v0")) for n in (1, 2, 3)))
             await asyncio.sleep(0.3)
-            longest = 0.0
             for n in range(30):
                 await asyncio.sleep(0.017)
-                began = time.monotonic()
+                before = len(heard)
                 await hall.link.write("m1", "v5", n)
-                longest = max(longest, time.monotonic() - began)
-            assert longest < read_time(19200, 60) + 0.0132 + 0.02, "one poll of 60 registers, then the write itself"
+                first = next(at for at, request in enumerate(heard[before:]) if request.words)
+                assert first <= 1, "the line is full: one poll may be on the wire already"
+            assert len(heard) > 60
