@@ -1,0 +1,122 @@
+"""The product itself in a process, with two additions: more sockets than a real server takes, and somebody who clicks.
+
+Lines in: `ready` (answers once every link is up), `clicks N` (gives N commands over HTTP, answers their moments and values).
+"""
+
+import asyncio
+import logging
+import sys
+import time
+from io import StringIO
+from pathlib import Path
+from urllib.parse import urlencode
+
+import uvicorn
+
+from app.access.roles import Person, permissions_of
+from app.links.statistics import State
+from app.main import create_app
+from app.settings import Settings
+from app.web.serve import Server
+from app.web.socket import sockets_of
+from benchmarks.common import lines_in, say
+
+BOSS = Person(0, "boss", "boss", frozenset({"admin"}), permissions_of({"admin"}), "")
+PASSWORD = "tri plave ladice u kutu"
+PEOPLE = 5
+PACE = 0.055
+"""Between two clicks [s]: five people stay below five commands a second each."""
+
+
+async def _serve(plant: Path, data: Path, port: int) -> None:
+    settings = Settings(plant=plant, data=data, port=port, log_level="error")
+    app = create_app(settings)
+    sockets = sockets_of(app)
+    sockets.most = sockets.per_address = 5000
+    config = uvicorn.Config(app, port=port, log_level="error", ws_max_size=65536, proxy_headers=False)
+    server = Server(config, app, settings)
+    serving = asyncio.create_task(server.serve())
+    async for line in lines_in():
+        word, _, rest = line.partition(" ")
+        if word == "ready":
+            say(await _ready(server, app))
+        elif word == "clicks":
+            say(await _clicks(app, port, int(rest)))
+    server.should_exit = True
+    await serving
+
+
+async def _ready(server: Server, app: object) -> dict[str, int]:
+    while not server.started:  # noqa: ASYNC110 — uvicorn has no event for it
+        await asyncio.sleep(0.01)
+    runtime = app.state.runtime  # type: ignore[attr-defined]
+    while not all(  # noqa: ASYNC110
+        link.statistics.state is State.UP for link in runtime.links.values()
+    ):
+        await asyncio.sleep(0.05)
+    return {"tags": len(runtime.tags), "handle": runtime.tags.handles.get("d1.counter", -1)}
+
+
+async def _clicks(app: object, port: int, number: int) -> list[tuple[float, int, int, int]]:
+    """(moment, unit, word, HTTP status) of each click: the new frequency of one drive after the other."""
+    runtime = app.state.runtime  # type: ignore[attr-defined]
+    access, gate = runtime.access, runtime.gate
+    people = []
+    for index in range(PEOPLE):
+        name = f"bench{index}"
+        await access.people.add(BOSS, name, "", ("operator",))
+        await asyncio.to_thread(access.people.set_password_now, BOSS, name, PASSWORD)
+        sid = (await access.people.sign_in(name, PASSWORD, "127.0.0.1", "bench")).sid
+        who = await access.sessions.find(sid, "127.0.0.1", "bench")
+        assert who is not None
+        people.append((sid, who))
+    machines = list(runtime.plant.equipment.values())
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    results = []
+    for index in range(number):
+        (sid, who), item = people[index % PEOPLE], machines[index % len(machines)]
+        if gate.control.holder(item.id) is None:
+            gate.control.take(who, item.id)
+        word = 1000 + index
+        form = urlencode(
+            {
+                "csrf": access.form_token(sid),
+                "nonce": gate.nonces.issue(who.session),
+                "id": f"click{index}",
+                "argument": f"{word / 100:.2f}",
+                "confirmed": "1",
+            }
+        )
+        head = (
+            f"POST /equipment/{item.id}/command/set_frequency HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
+            f"Origin: http://127.0.0.1:{port}\r\nSec-Fetch-Site: same-origin\r\nUser-Agent: bench\r\nCookie: sid={sid}; lang=en\r\n"
+            f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(form)}\r\nHX-Request: true\r\n\r\n"
+        )
+        began = time.monotonic()
+        writer.write((head + form).encode())
+        answer = await reader.readuntil(b"\r\n\r\n")
+        results.append((began, item.unit, word, int(answer.split()[1])))
+        await _rest_of(reader, answer)
+        await asyncio.sleep(max(0.0, PACE - (time.monotonic() - began)))
+    writer.close()
+    return results
+
+
+async def _rest_of(reader: asyncio.StreamReader, head: bytes) -> bytes:
+    lower = head.lower()
+    if b"content-length:" in lower:
+        size = int(lower.partition(b"content-length:")[2].split()[0])
+        return await reader.readexactly(size)
+    body = b""
+    while size := int((await reader.readline()).strip() or b"0", 16):
+        body += await reader.readexactly(size)
+        await reader.readline()
+    await reader.readline()
+    return body
+
+
+def main() -> None:
+    """`server PLANT DATA PORT`"""
+    logging.disable(logging.WARNING)
+    sys.stdout = StringIO()  # the announcement is for people
+    asyncio.run(_serve(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))
