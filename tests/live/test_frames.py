@@ -102,7 +102,7 @@ async def test_pages_of_one_kind_share_their_frames_and_a_left_page_is_forgotten
 
 
 async def test_a_new_revision_sends_everybody_a_full_frame_with_new_handles() -> None:
-    tags, live, clock = plant()
+    tags, live, _clock = plant()
     watcher = live.join("motor", ["m1.p1"])
     await frame(watcher)
     tags.configure([Tag("m1.p1", "p1", "hall")])
