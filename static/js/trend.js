@@ -75,7 +75,7 @@ async function load() {
     chart.take(answer);
     const known = answer.series.some((series) => series.first?.some((value) => value !== null));
     const silent = answer.now - answer.alive > 15e6 && state.live;
-    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.length) ? "ready" : "empty",
+    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(([at]) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
       silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
     one("[data-points]").textContent = texts.points.replace("{n}", format.number(Math.max(...answer.series.map((series) => series.time.length)), 0, lang));
     holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
@@ -345,7 +345,7 @@ function tools() {
     const shifted = new Date(at / 1000 + format.offset(at, zone) * 60000);
     return shifted.toISOString().slice(0, 19);
   };
-  one(".t-range").addEventListener("toggle", () => {
+  one(".t-range > summary").addEventListener("click", () => {
     const [from, to] = view();
     own.elements.from.value = local(from);
     own.elements.to.value = local(to);
@@ -429,7 +429,8 @@ function follow() {
     if (document.hidden) return;
     const present = performance.now(), pixel = state.span / 1e3 / (chart.plot?.over.clientWidth || 800);
     if (state.live && connected && present - due >= Math.min(Math.max(pixel, 180), 5000)) { due = present; draw(); }
-    if (state.live && connected && present - asked > Math.min(Math.max(state.span / 2e5, 5000), 60000)) load();
+    const waits = ["note", "error"].includes(holder.dataset.state) ? 5000 : state.live ? Math.min(Math.max(state.span / 2e5, 5000), 60000) : Infinity;
+    if (connected && present - asked > waits) load();
     if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((present - state.paused) / 1000));
   };
   setInterval(beat, 100);

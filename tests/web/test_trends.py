@@ -1,0 +1,251 @@
+"""Trends as a browser asks for them: what the address may say, who may look, numbers, marks, the past of sparklines."""
+
+import html
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import orjson
+import pytest
+from fastapi.testclient import TestClient
+
+from app.errors import StorageError
+from app.historian import store
+from app.runtime import Runtime
+from app.tags.quality import COMM_FAILURE, GOOD
+from app.web.trends import MOST_PENS
+from tests.web.people import Staff
+
+BEGIN = 1_773_036_000_000_000
+"""2026-03-09T06:00Z."""
+END = BEGIN + 600_000_000
+
+
+def runtime_of(client: TestClient) -> Runtime:
+    found: Runtime = client.app.state.runtime  # type: ignore[attr-defined]
+    return found
+
+
+@pytest.fixture(scope="module")
+def staff(demo: TestClient) -> Iterator[Staff]:
+    """The demo plant with ten minutes in March: 1000 for five, bad for one, 1200 for four; and a point that the plant has no longer."""
+    runtime = runtime_of(demo)
+    crew = Staff(demo)
+
+    def fill(connection: Any) -> None:
+        numbers = store.register(connection, [runtime.points["m1.speed"]])
+        connection.exec_driver_sql(
+            "INSERT INTO point (lasting_id, name, unit, kind) VALUES ('old.flow', 'old.flow', 'Hz', 'analog')"
+        )
+        number = numbers["m1.speed"]
+        rows: list[store.Row] = [
+            (number, BEGIN, 1000.0, None, GOOD),
+            (number, BEGIN + 300_000_000, None, None, COMM_FAILURE),
+            (number, BEGIN + 360_000_000, 1200.0, None, GOOD),
+        ]
+        store.append(connection, rows, BEGIN, END)
+
+    crew.wait(runtime.history.write, fill)
+    yield crew
+
+
+@pytest.fixture
+def client(staff: Staff) -> TestClient:
+    staff.client.cookies.clear()
+    staff.client.cookies.set("pogon_lang", "en")
+    return staff.client
+
+
+def told(client: TestClient, path: str, lang: str = "en") -> tuple[int, str]:
+    """Status and the words of a refusal."""
+    client.cookies.set("pogon_lang", lang)
+    answer = client.get(path, headers={"HX-Request": "true"})
+    found = re.search(r"data-message[^>]*>([^<]*)", answer.text)
+    return answer.status_code, html.unescape(found[1]) if found else ""
+
+
+def data(client: TestClient, path: str) -> dict[str, Any]:
+    """What the page hands to its script."""
+    text = client.get(path).text
+    found = re.search(r'data-trend="([^"]*)"', text)
+    assert found, text[:400]
+    content: dict[str, Any] = orjson.loads(html.unescape(found[1]))
+    return content
+
+
+def test_a_guest_may_look_at_trends_and_has_no_export(client: TestClient) -> None:
+    text = client.get("/trends?tags=m1.speed").text
+    assert 'data-pen="m1.speed"' in text
+    assert "data-export" not in text
+
+
+def test_who_is_signed_in_finds_the_export(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    text = staff.client.get("/trends?tags=m1.speed").text
+    assert re.search(r'data-export href="/history/export\.csv"', text)
+
+
+def test_the_page_without_tags_says_how_to_begin(client: TestClient) -> None:
+    text = client.get("/trends").text
+    assert "There is no pen yet" in text
+    assert "data-canvas" not in text
+
+
+def test_the_address_is_the_view(client: TestClient) -> None:
+    got = data(
+        client,
+        "/trends?tags=m1.speed,m1.current&from=2026-03-09T06:00:00Z&to=2026-03-09T07:00:00Z&off=m1.current&pen=m1.current&axis=fit"
+        "&a=2026-03-09T06:10:00Z&b=2026-03-09T06:20:00Z",
+    )
+    assert (got["from"], got["to"], got["span"]) == (BEGIN, BEGIN + 3_600_000_000, None)
+    assert (got["a"], got["b"]) == (BEGIN + 600_000_000, BEGIN + 1_200_000_000)
+    assert [pen["on"] for pen in got["pens"]] == [True, False]
+    assert (got["selected"], got["axis"]) == ("m1.current", "fit")
+    assert data(client, "/trends?tags=m1.speed&span=8h")["span"] == 8 * 3600
+    assert data(client, "/trends?tags=m1.speed")["span"] == 600
+
+
+def test_times_without_an_offset_are_those_of_the_plant(client: TestClient) -> None:
+    got = data(client, "/trends?tags=m1.speed&from=2026-03-09T07:00&to=2026-03-09T08:00")
+    assert got["from"] == BEGIN
+
+
+def test_a_pen_knows_how_it_is_drawn(client: TestClient) -> None:
+    client.cookies.set("pogon_lang", "de")
+    speed, setpoint, status = data(client, "/trends?tags=m1.speed,m1.frequency_setpoint,m1.status")["pens"]
+    assert (speed["label"], speed["unit"], speed["stepped"], speed["number"]) == ("Drehzahl", "1/min", False, 1)
+    assert setpoint["stepped"] and status["stepped"]
+    assert status["texts"]["1"] == "Läuft vorwärts"
+    assert status["scale"] == "enum:m1.status"
+
+
+def test_same_unit_shares_an_axis(client: TestClient) -> None:
+    pens = data(client, "/trends?tags=m1.speed,m2.speed,m1.current")["pens"]
+    assert [pen["scale"] for pen in pens] == ["rpm", "rpm", "A"]
+
+
+def test_a_point_that_the_plant_has_no_longer_can_still_be_looked_at(client: TestClient) -> None:
+    (pen,) = data(client, "/trends?tags=old.flow")["pens"]
+    assert (pen["label"], pen["unit"]) == ("old.flow", "Hz")
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("tags=" + ",".join(f"m1.p{i}" for i in range(9)), f"Pens: 9. At most {MOST_PENS} are possible"),
+        ("tags=m1.nothing", "“m1.nothing” is neither in the plant nor in the history"),
+        ("tags=m1.state_since", "“m1.state_since” has no curve"),
+        ("tags=m1.speed&span=soon", "The span “soon” cannot be read. Expected: 10m"),
+        ("tags=m1.speed&span=0m", "The span “0m” cannot be read"),
+        ("tags=m1.speed&span=99999d", "The span “99999d” cannot be read"),
+        ("tags=m1.speed&from=yesterday", "The time “yesterday” cannot be read. Expected: 2026-03-09T06:00"),
+        ("tags=m1.speed&from=2026-03-09T07:00&to=2026-03-09T06:00", "The end must come after the beginning"),
+        ("tags=m1.speed&from=1990-01-01T00:00", "The range is too long. At most 3660 days"),
+        ("tags=m1.speed&a=x", "The time “x” cannot be read"),
+        ("tags=m1.speed&axis=log", "The axis “log” is not known. Expected: auto, fit, scale"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_words(client: TestClient, query: str, words: str) -> None:
+    status, text = told(client, f"/trends?{query}")
+    assert status == 422
+    assert words in text
+
+
+@pytest.mark.parametrize("lang", ["hr", "de", "cs"])
+def test_refusals_speak_the_language_of_the_page(client: TestClient, lang: str) -> None:
+    tags = ",".join(f"m1.p{i}" for i in range(9))
+    english = told(client, f"/trends?tags={tags}")[1]
+    status, text = told(client, f"/trends?tags={tags}", lang)
+    assert status == 422
+    assert "9" in text and "8" in text and text != english
+
+
+def test_markup_in_the_address_stays_text(client: TestClient) -> None:
+    answer = client.get("/trends?tags=%3Cscript%3Ealert(1)%3C/script%3E")
+    assert answer.status_code == 422
+    assert "<script>alert" not in answer.text
+
+
+def test_the_table_has_the_numbers_between_two_moments(client: TestClient) -> None:
+    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN}&to={END}").json()["rows"]
+    assert (row["low"], row["high"]) == (1000.0, 1200.0)
+    assert row["mean"] == pytest.approx((5 * 1000 + 4 * 1200) / 9)
+    assert row["good"] == pytest.approx(0.9)
+    assert row["a"] == [1000.0, 0]
+    assert row["b"] == [1200.0, 0]
+
+
+def test_a_ruler_in_a_gap_has_no_value(client: TestClient) -> None:
+    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN + 330_000_000}&to={END}").json()["rows"]
+    assert row["a"] == [None, 2]
+
+
+def test_a_tag_without_history_has_empty_numbers(client: TestClient) -> None:
+    rows = client.get(f"/trends/table?tags=m1.speed,x.y&from={BEGIN}&to={END}").json()["rows"]
+    assert rows[1] == {"tag": "x.y", "a": None, "b": None, "low": None, "high": None, "mean": None, "good": 0.0}
+
+
+def test_alarms_of_the_machines_in_view_are_marked(client: TestClient, staff: Staff) -> None:
+    runtime = runtime_of(client)
+    before = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
+    staff.wait(lambda: _in_loop(runtime.alarms.raise_system, "command_unconfirmed", "m1"))
+    staff.wait(runtime.alarms.flush)
+    marks = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
+    assert len(marks) == len(before) + 1
+    assert {"time", "priority", "text", "source"} == set(marks[0])
+    assert marks[0]["source"] == "m1" and marks[0]["text"] and 1 <= marks[0]["priority"] <= 4
+    assert client.get("/trends/marks?tags=m2.speed&from=-1h&to=now").json()["marks"] == []
+
+
+async def _in_loop(work: Any, *arguments: Any) -> None:
+    work(*arguments, params={"command": "x"})
+
+
+def test_one_request_gives_all_sparklines_their_past(client: TestClient, staff: Staff) -> None:
+    runtime = runtime_of(client)
+    staff.wait(runtime.recorder.flush)
+    got = client.get("/trends/recent?tags=m1.speed,m2.speed,m1.current,x.y").json()
+    assert {"m1.speed", "m2.speed", "m1.current"} == set(got["series"])
+    times = [at for at, _ in got["series"]["m1.speed"]]
+    assert times == sorted(times) and all(got["now"] - 601_000_000 <= at <= got["now"] for at in times)
+    assert told(client, "/trends/recent?tags=" + ",".join(f"m1.p{i}" for i in range(201)))[0] == 422
+    assert told(client, "/trends/recent")[0] == 422
+
+
+def test_the_picker_finds_by_words_of_label_tag_and_machine(client: TestClient) -> None:
+    def found(query: str, tags: str = "") -> list[str]:
+        return re.findall(r'data-add="([^"]+)"', client.get(f"/trends/points?q={query}&tags={tags}").text)
+
+    everything = found("")
+    assert "m1.speed" in everything and "m2.current" in everything
+    assert "m1.state_since" not in everything
+    assert found("m2.cur") == ["m2.current"]
+    assert "m1.speed" in found("fan 1 speed") and "m2.speed" not in found("fan 1 speed")
+    assert "m1.speed" not in found("speed", "m1.speed")
+    assert found("no such thing") == []
+
+
+def test_the_picker_offers_no_ninth_pen(client: TestClient) -> None:
+    full = "m1.speed,m1.current,m1.power,m1.voltage,m1.torque,m1.frequency,m2.speed,m2.current"
+    text = client.get(f"/trends/points?tags={full}").text
+    assert "data-add" not in text
+    assert "already has 8 pens" in text
+
+
+def test_a_history_that_cannot_be_read_is_told(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def broken(_work: Any) -> None:
+        raise StorageError("disk gone")
+
+    monkeypatch.setattr(runtime_of(client).history, "read", broken)
+    for path in (f"/trends/table?tags=m1.speed&from={BEGIN}&to={END}", "/trends/recent?tags=m1.speed"):
+        status, text = told(client, path)
+        assert status == 503
+        assert "history is not available now" in text
+    assert client.get("/trends?tags=m1.speed").status_code == 200
+
+
+def test_a_sparkline_leads_to_its_trend(client: TestClient) -> None:
+    text = client.get("/equipment/m1").text
+    assert '<a class="spark-a" href="/trends?tags=m1.current" aria-label="Trend: ' in text
+    assert "/trends?tags=m1.speed,m1.current,m1.power" in text
+    assert '<a href="/trends">Trends</a>' in text
