@@ -512,7 +512,9 @@ export class Chart {
       const pens = this.shown().filter((pen) => this.scaleOf(pen) === axis.scale);
       const text = pens[0]?.unit || (pens.length === 1 ? pens[0].label : "");
       const left = axis.side === 3, x = (left ? axis._pos - 6 : axis._pos + 6) * ratio;
-      this.text(plot, text, x, bbox.top - 14 * ratio, { align: left ? "right" : "left" });
+      plot.ctx.font = `${12 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
+      const width = plot.ctx.measureText(text).width;
+      this.text(plot, text, left ? Math.max(x, width + 2 * ratio) : Math.min(x, plot.width * ratio - width - 2 * ratio), bbox.top - 14 * ratio, { align: left ? "right" : "left" });
     }
   }
 

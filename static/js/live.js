@@ -72,7 +72,7 @@ function tick() {
     if (tag.curve && tag.known) {
       const usable = current && tag.state !== "bad" && tag.state !== "none" && tag.state !== "stale" && typeof tag.value === "number";
       if (usable || tag.kept.at(-1)?.[1] !== null) tag.kept.push([now, usable ? tag.value : null]);
-      while (tag.kept.length && tag.kept[0][0] < now - SPAN) tag.kept.shift();
+      while (tag.kept.length > 1 && tag.kept[1][0] < now - SPAN) tag.kept.shift(); // what held at the left edge stays
       for (const item of tag.items) if (item.curve) item.draw(item, tag);
     }
     if (current && tag.known)

@@ -153,7 +153,7 @@ function drawLine(item, tag) {
   for (const [second, value] of tag.kept) {
     if (value === null) down = false;
     else {
-      last = [tenth(x1 - ((now - second) * (x1 - x0)) / SPAN), place(map, value)];
+      last = [tenth(Math.max(x0, x1 - ((now - second) * (x1 - x0)) / SPAN)), place(map, value)];
       path += (down ? "L" : "M") + last.join(" ");
       down = true;
     }
