@@ -14,7 +14,7 @@ from urllib.parse import quote, urlencode
 
 import orjson
 from fastapi import APIRouter, Request
-from fastapi.responses import Response
+from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import Connection
 
 from app.alarms import journal
@@ -25,7 +25,7 @@ from app.historian import query
 from app.historian.between import between
 from app.historian.export import moment
 from app.historian.store import GAP_AFTER
-from app.plant.definitions import Kind, Point
+from app.plant.definitions import Kind, Plant, Point
 from app.web import format as fmt
 from app.web.alarms import drawing
 from app.web.guard import allow
@@ -92,9 +92,13 @@ class Pen:
 
 @router.get("/trends", dependencies=[allow("view")])
 async def trends(request: Request) -> Response:
-    """The page."""
-    plant_of(request)
+    """The page; an address without any tag shows the first machine."""
+    plant = plant_of(request)
     view = view_of(request)
+    if "tags" not in request.query_params and (first := _of_first_machine(plant)):
+        return RedirectResponse(
+            f"/trends?{urlencode([('tags', ','.join(first)), *request.query_params.multi_items()])}", 303
+        )
     pens = await _pens(request)
     query_of = request.query_params
     wanted = _view(request)
@@ -262,6 +266,15 @@ async def _read(runtime: "Runtime", work: Any) -> Any:
         return await runtime.history.read(work)
     except StorageError as error:
         raise Refused("trend.unavailable", 503) from error
+
+
+def _of_first_machine(plant: Plant) -> list[str]:
+    """Up to three values with a normal band of the plant's first machine that has some."""
+    for item in plant.equipment.values():
+        names = [one.name for one in item.points.values() if one.kind is Kind.ANALOG and one.normal and one.history]
+        if names:
+            return names[:3]
+    return []
 
 
 def _names(request: Request) -> list[str]:

@@ -86,7 +86,7 @@ def test_who_is_signed_in_finds_the_export(staff: Staff) -> None:
 
 
 def test_the_page_without_tags_says_how_to_begin(client: TestClient) -> None:
-    text = client.get("/trends").text
+    text = client.get("/trends?tags=").text
     assert "There is no pen yet" in text
     assert "data-canvas" not in text
 
@@ -249,3 +249,11 @@ def test_a_sparkline_leads_to_its_trend(client: TestClient) -> None:
     assert '<a class="spark-a" href="/trends?tags=m1.current" aria-label="Trend: ' in text
     assert "/trends?tags=m1.speed,m1.current,m1.power" in text
     assert '<a href="/trends">Trends</a>' in text
+
+
+def test_an_address_without_tags_shows_the_first_machine_and_keeps_the_rest(client: TestClient) -> None:
+    answer = client.get("/trends?span=1h", follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (
+        303,
+        "/trends?tags=m1.frequency%2Cm1.voltage%2Cm1.current&span=1h",
+    )
