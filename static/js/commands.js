@@ -299,13 +299,13 @@ function clean(field) {
   delete field.dataset.dirty;
   review(field)?.replaceChildren();
   if (field.fresh) renew(field, field.fresh);
-  else for (const input of field.querySelectorAll("input")) input.value = input.defaultValue;
+  for (const input of field.querySelectorAll("input")) input.value = input.defaultValue;
   delete field.fresh;
   const root = rootOf(field);
   if (root) refresh(root);
 }
 
-const review = (field) => document.querySelector(`[data-review="${CSS.escape(named(field))}"]`);
+const review = (field) => field.nextElementSibling; // the place of the card, after the form
 
 document.addEventListener("keydown", (event) => {
   const field = event.target.closest?.("[data-setpoint]");
@@ -364,7 +364,8 @@ async function settle(form, got) {
 /** Show `element`: the card of a value at its field, everything else as a dialog. Both close by themselves, as cancelled. */
 function ask(element, near) {
   document.dispatchEvent(new Event("pogon:dialog"));
-  const field = element.matches("[data-card]") ? document.querySelector(`[data-setpoint="${CSS.escape(named(element))}"]`) : null;
+  const field = element.matches("[data-card]") && near?.matches?.("[data-setpoint]") ? near : null;
+  element.field = field;
   const place = field && review(field);
   const texts = textsOf(element);
   const began = performance.now(), closes = element.querySelector("[data-closes]");
@@ -388,10 +389,10 @@ function ask(element, near) {
 }
 
 async function confirm(form, submitter) {
-  const asked = form.closest("[data-ask]"), name = named(asked);
+  const asked = form.closest("[data-ask]");
   const fields = Object.fromEntries(new FormData(form, submitter));
   delete fields.csrf;
-  const field = asked.matches("[data-card]") ? document.querySelector(`[data-setpoint="${CSS.escape(name)}"]`) : null;
+  const { field } = asked;
   asked.cancel();
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);

@@ -17,6 +17,7 @@ from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
 
 PASSWORD = "tri plave ladice u kutu"
 PEOPLE = {"ana": ("operator", "engineer"), "ivo": ("operator",)}
+AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
 SPEED = ".hero-v .val b"
 Sit = Callable[..., Page]
 
@@ -111,6 +112,8 @@ def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iter
 def let_go(page: Page) -> None:
     """Release the machine on the page as soon as it may be released."""
     page.mouse.up()
+    if page.locator("dialog").count():
+        page.reload()
     end = time.monotonic() + 10
     while page.locator(".token [data-token=release]").count():
         assert time.monotonic() < end, page.inner_text("#message")
@@ -438,6 +441,14 @@ def test_the_faceplate_opens_over_the_page_lives_and_gives_the_focus_back(sit: S
     expect(dialog.locator("[data-command='m1.forward']")).not_to_have_attribute("aria-disabled", "true")
     dialog.locator("[data-command='m1.forward']").click()
     expect(dialog.locator("header")).to_contain_text("Running forward", timeout=15_000)
+    dialog.locator("[name=argument]").fill("20")
+    page.keyboard.press("Enter")
+    expect(dialog.locator(".review-form")).to_contain_text("Outside the normal range")
+    page.keyboard.press("Escape")
+    expect(page.locator(".review-form")).to_have_count(0)
+    expect(dialog).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(dialog.locator("[name=argument]")).to_have_value("40.00")
     page.keyboard.press("Escape")
     expect(dialog).to_have_count(0)
     assert page.evaluate("document.activeElement.hasAttribute('data-faceplate')")
@@ -524,3 +535,23 @@ def test_a_machine_is_operated_with_the_keyboard_alone(sit: Sit) -> None:
     page.keyboard.press("Enter")
     expect(page.locator("#message")).to_contain_text("Forward: Accepted")
     wait_speed(page, lambda now: now > 900)
+
+
+@pytest.mark.parametrize(
+    "path", ["/equipment/m1", "/equipment/m1/faceplate", "/equipment/m1/parameters", "dialog", "question"]
+)
+def test_axe_finds_nothing(sit: Sit, path: str) -> None:
+    page = sit("ana", path if path.startswith("/") else "/equipment/m1")
+    if path == "dialog":
+        page.click("[data-faceplate]")
+        expect(page.locator("dialog.fp")).to_be_visible()
+    if path == "question":
+        take(page)
+        page.click("[data-command='m1.reverse']")
+        expect(page.locator("dialog.ask")).to_be_visible()
+    page.evaluate(AXE.read_text("utf-8"))
+    found = page.evaluate(
+        "async () => (await axe.run()).violations.map((v) => v.id + ': ' + v.nodes.map((n) => n.html).join(' | '))"
+    )
+    assert found == []
+    page.keyboard.press("Escape")
