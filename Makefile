@@ -50,7 +50,7 @@ bench: setup $(VENV)/.test ## measure the numbers the design must not lose
 soak: setup $(VENV)/.test .browser ## the tests that run for minutes
 	$(BIN)/python -m pytest -m soak --timeout 0 $(T) $(ARGS) || [ $$? = 5 ]  # 5: none there yet
 
-pictures: setup $(VENV)/.test .browser ## photograph every screen into dist/pictures
+pictures: setup $(VENV)/.test .browser ## photograph every screen into build/pictures
 	@[ -f tools/pictures.py ] || { echo "tools/pictures.py is not there yet: no pictures to take"; exit 1; }
 	$(BIN)/python tools/pictures.py $(ARGS)
 
