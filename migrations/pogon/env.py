@@ -3,8 +3,8 @@
 from alembic import context
 from sqlalchemy import create_engine
 
-import app.access.tables  # noqa: F401
-import app.alarms.tables  # noqa: F401
+import app.access.tables
+import app.alarms.tables
 import app.plant.retained  # noqa: F401
 from app.db import pogon_tables
 
