@@ -241,7 +241,8 @@ def _unpack(archive: Path, folder: Path) -> Manifest:
             if missing:
                 raise ConfigurationError(f"{archive}: {missing[0]} is missing: the archive is not whole")
     except (tarfile.TarError, EOFError, OSError) as error:
-        raise ConfigurationError(f"{archive}: {error}, expected a backup of pogon") from error
+        said = (str(error).splitlines() or [type(error).__name__])[0].rstrip(":")
+        raise ConfigurationError(f"{archive}: {said}, expected a backup of pogon") from error
     for name, counts in manifest.counts.items():
         _check_database(archive, folder / name, counts)
     return manifest

@@ -1,4 +1,4 @@
-"""The command line: pogon run, simulate, check, probe, export, user, audit, backup, restore."""
+"""The command line: pogon run, simulate, check, reload, probe, inject, export, user, audit, backup, restore."""
 
 import asyncio
 import getpass
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from pydantic import ValidationError
 
 from app import __version__
 from app.access.access import lock, prepare
@@ -18,8 +17,8 @@ from app.clock import SystemClock
 from app.errors import ConfigurationError
 from app.main import create_app
 from app.plant.definitions import Plant
-from app.plant.loader import read_plant
-from app.settings import Settings
+from app.plant.loader import PLANT_FILE, read_plant
+from app.settings import Settings, host_and_port, read_settings, unknown_settings
 from app.sim.server import PARITIES, Openings
 from app.sim.server import simulate as serve_simulated
 from app.web.serve import serve
@@ -53,9 +52,16 @@ def options(
 
 
 @cli.command()
-def run() -> None:
+def run(
+    serve_modbus: Annotated[
+        str,
+        typer.Option(metavar="HOST:PORT", help="The simulated plant also answers Modbus TCP; else POGON_SERVE_MODBUS."),
+    ] = "",
+) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
-    settings = read_settings()
+    settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
+    for name in unknown_settings(os.environ):
+        typer.echo(f"pogon: {name} is no setting of pogon, it is not used", err=True)
     os.umask(0o077)
     try:
         prepare(settings.data)
@@ -75,7 +81,7 @@ def simulate(
     link: Annotated[str, typer.Option(help="Only the units of this link.")] = "",
     baud: Annotated[int | None, typer.Option(min=50, help="Baud rate; else that of the link.")] = None,
     parity: Annotated[str | None, typer.Option(help=f"{', '.join(PARITIES)}; else that of the link.")] = None,
-    turnaround: Annotated[float, typer.Option(min=0, max=10000, help="Time a device takes to answer [ms].")] = 0.0,
+    turnaround: Annotated[float, typer.Option(min=0, max=10000, help="Time a device takes to answer, in ms.")] = 0.0,
     seed: Annotated[int, typer.Option(help="The same seed and writes repeat a run.")] = 1,
 ) -> None:
     """Serve the virtual devices of a plant to any Modbus master, in a process of their own."""
@@ -93,7 +99,7 @@ def check(
     folder: Annotated[Path | None, typer.Argument(metavar="[PLANT]", help="Plant folder; else POGON_PLANT.")] = None,
 ) -> None:
     """Read a plant folder and list every mistake in it with file, line, key, value and what was expected."""
-    where = folder or read_settings().plant
+    where = folder or settings_or_exit().plant
     plant = plant_or_exit(where)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
     typer.echo(
@@ -109,7 +115,7 @@ def reload(
     look: Annotated[bool, typer.Option("--look", help="Only say what would change.")] = False,
 ) -> None:
     """Let the running server take its plant files anew: says what changes, asks, and restarts only that."""
-    folder = data or read_settings().data
+    folder = data or settings_or_exit().data
     try:
         found = ask(folder, LOOK, getpass.getuser())
         for problem in found["problems"]:
@@ -134,30 +140,30 @@ def reload(
 
 
 def _tcp_address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not int(port) <= 65535:
-        raise ConfigurationError(f"--tcp {text}: expected HOST:PORT, such as 127.0.0.1:5020")
-    return host.removeprefix("[").removesuffix("]"), int(port)
+    try:
+        return host_and_port(text)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--tcp {text}: {error}") from error
 
 
 def plant_or_exit(folder: Path) -> Plant:
     """The plant in `folder`, or all its problems and exit code 2."""
     plant, problems = read_plant(folder)
     for problem in problems:
-        typer.echo(f"pogon: {problem}", err=True)
+        place = f"{folder}/" if problem.file == PLANT_FILE else ""
+        typer.echo(f"pogon: {place}{problem}", err=True)
     if plant is None:
         raise typer.Exit(2)
     return plant
 
 
-def read_settings() -> Settings:
-    """The settings, or one line per mistake and exit code 2."""
+def settings_or_exit(**given: str) -> Settings:
+    """The settings, `given` before the environment; or one line per mistake and exit code 2."""
     try:
-        return Settings()
-    except ValidationError as error:
-        for problem in error.errors():
-            name = "".join(f"POGON_{str(part).upper()}={problem.get('input')}: " for part in problem["loc"])
-            typer.echo(f"pogon: {name}{problem['msg'].removeprefix('Value error, ')}", err=True)
+        return read_settings(**given)
+    except ConfigurationError as error:
+        for line in str(error).splitlines():
+            typer.echo(f"pogon: {line}", err=True)
         raise typer.Exit(2) from error
 
 

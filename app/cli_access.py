@@ -12,23 +12,33 @@ from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
-from pydantic import ValidationError
 
 from app.access.access import Access, prepare
 from app.access.audit import printable
 from app.access.people import Account
 from app.access.roles import ROLES, Person
+from app.alarms import journal
 from app.clock import SystemClock, to_datetime
 from app.db import Database
 from app.errors import ConfigurationError, PogonError, Refused
 from app.plant.texts import Texts
-from app.settings import Settings
+from app.settings import read_settings
 
 user_cli = typer.Typer(no_args_is_help=True, help="People: add, passwd, role, list. Works beside a running server.")
 audit_cli = typer.Typer(no_args_is_help=True, help="The audit: verify. Works beside a running server.")
 
 COLUMNS = ("name", "display", "roles")
 """Columns of the file of a class; `roles` are separated by spaces, empty means operator."""
+
+BROKEN = {
+    "changed": "was changed",
+    "removed": "is missing",
+    "inserted": "was put in",
+    "cut": "and all after it were cut off",
+    "head": "does not agree with audit.head",
+    "anchor": "does not agree with audit.anchors",
+}
+"""What is wrong with a line of a chain, in words."""
 
 Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
 
@@ -107,21 +117,23 @@ def list_(data: Data = None) -> None:
 
 @audit_cli.command()
 def verify(data: Data = None) -> None:
-    """Check the chain of the audit: exit code 0 and the number of lines, or 1 and the first line that is not in order."""
+    """Check the chains of audit and alarm journal: exit code 0 and their lengths, or 1 and the first line that is not in order."""
     with opened(data, existing=True) as access:
-        verdict = access.audit.check_now()
+        chains = {
+            "audit": access.audit.check_now(),
+            "alarm journal": access.audit.check_other_now(
+                lambda connection, key: journal.verify(connection, journal.journal_key(key))
+            ),
+        }
+    for name, verdict in chains.items():
         if verdict.ok:
-            typer.echo(f"audit ok: {verdict.count} lines")
-            return
-        reason = {
-            "changed": "was changed",
-            "removed": "is missing",
-            "inserted": "was put in",
-            "cut": "and all after it were cut off",
-            "head": "does not agree with audit.head",
-            "anchor": "does not agree with audit.anchors",
-        }[verdict.why]
-        typer.echo(f"audit broken: line {verdict.bad} {reason}; {verdict.count} lines before it are in order", err=True)
+            typer.echo(f"{name} ok: {verdict.count} lines")
+        else:
+            typer.echo(
+                f"{name} broken: line {verdict.bad} {BROKEN[verdict.why]}; {verdict.count} lines before it are in order",
+                err=True,
+            )
+    if not all(verdict.ok for verdict in chains.values()):
         raise typer.Exit(1)
 
 
@@ -139,7 +151,7 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
     db: Database | None = None
     access: Access | None = None
     try:
-        folder = data or Settings().data
+        folder = data or read_settings().data
         if existing and not (folder / "pogon.db").is_file():
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
         prepare(folder)
@@ -149,8 +161,8 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
         yield access
     except Refused as refused:
         fail(Texts.read().text("en", refused.reason, **refused.params))
-    except (PogonError, ValidationError) as error:
-        fail(str(error).splitlines()[0])
+    except PogonError as error:
+        fail(str(error))
     finally:
         if access:
             access.close()
@@ -159,7 +171,8 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
 
 
 def fail(text: str) -> NoReturn:
-    typer.echo(f"pogon: {text}", err=True)
+    for line in text.splitlines():
+        typer.echo(f"pogon: {line}", err=True)
     raise typer.Exit(2)
 
 

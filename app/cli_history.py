@@ -15,7 +15,7 @@ from app.errors import ConfigurationError, StorageError
 from app.historian.export import FORMATS, Export, Wish, moment, verify_export
 from app.plant.definitions import Plant
 from app.plant.loader import read_plant
-from app.settings import Settings
+from app.settings import read_settings
 
 Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
 PlantFolder = Annotated[Path | None, typer.Option("--plant", help="Plant folder; else POGON_PLANT.")]
@@ -44,7 +44,7 @@ def export(
     """History as CSV, also beside a running server: it only reads. The file ends with its number of rows and its SHA-256."""
     database: Database | None = None
     try:
-        settings = Settings()
+        settings = read_settings()
         path = (data or settings.data) / "history.db"
         if not path.is_file():
             raise ConfigurationError(f"{path} is not there: nothing was recorded, or POGON_DATA is another folder")
@@ -93,7 +93,7 @@ def backup(
 ) -> None:
     """Databases and plant folder in one file, verified by restoring it; also beside a running server."""
     try:
-        settings = Settings()
+        settings = read_settings()
         folder = data or settings.data
         manifest = archive.back_up(
             file,
@@ -127,7 +127,7 @@ def restore(
     Nobody stays signed in, and no link writes until its plant file says so.
     """
     try:
-        folder = data or Settings().data
+        folder = data or read_settings().data
         if not file.is_file():
             raise ConfigurationError(f"{file} is not there")
         if check:
@@ -152,7 +152,12 @@ def _write(made: Export, database: Database, out: Path | None) -> None:
     """Write all portions, and check the file as it lies on the disk."""
     shown = 0
     part = out.with_name(out.name + ".part") if out else None
-    sink = part.open("xb") if part else sys.stdout.buffer
+    try:
+        sink = part.open("xb") if part else sys.stdout.buffer
+    except OSError as error:
+        raise ConfigurationError(
+            f"{out}: expected a new file in a folder that can be written ({error.strerror})"
+        ) from error
     try:
         while not made.done:
             sink.write(database.run(made.read))

@@ -20,7 +20,7 @@ from app.links.contract import Block
 from app.links.rtu import NotSupported
 from app.plant.definitions import Equipment, Link, Plant
 from app.plant.loader import read_plant
-from app.settings import Settings
+from app.settings import host_and_port, read_settings
 from app.sim.e800 import FAULTS
 
 AUTO = "auto"
@@ -80,7 +80,7 @@ def inject(
 ) -> None:
     """Break a simulated machine, or its line, over its own Modbus port. A real device is never written to."""
     try:
-        settings = Settings()
+        settings = read_settings()
         folder = plant or settings.plant
         item, link = _machine(folder, equipment)
         where = tcp or (settings.serve_modbus if link.transport == "memory" else "")
@@ -196,10 +196,13 @@ def _address(text: str, count: int) -> int:
 
 
 def _host(text: str, name: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) <= 65535:
-        raise ConfigurationError(f"{name} {text}: expected HOST:PORT, such as 127.0.0.1:5020")
-    return host.removeprefix("[").removesuffix("]"), int(port)
+    try:
+        host, port = host_and_port(text)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{name} {text}: {error}") from error
+    if port == 0:
+        raise ConfigurationError(f"{name} {text}: expected the port that is really open, not 0")
+    return host, port
 
 
 def _machine(folder: Path, name: str) -> tuple[Equipment, Link]:
@@ -222,5 +225,6 @@ def _progress(text: str) -> None:
 
 def _fail(error: Exception, code: int) -> NoReturn:
     _progress("")
-    typer.echo(f"pogon: {error}", err=True)
+    for line in str(error).splitlines():
+        typer.echo(f"pogon: {line}", err=True)
     raise typer.Exit(code) from error

@@ -17,7 +17,7 @@ from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.db import Database
-from app.errors import StorageError
+from app.errors import ConfigurationError, StorageError
 from app.historian.recorder import WARN_AT, Recorder
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
@@ -30,7 +30,7 @@ from app.plant.loader import read_plant
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_points
 from app.plant.texts import Texts
-from app.settings import Settings
+from app.settings import Settings, host_and_port
 from app.sim.bus import Bus
 from app.sim.device import VirtualDevice
 from app.sim.plant import SimPlant, exchange, units
@@ -114,7 +114,7 @@ class Runtime:
         """Read the plant and set everything in motion. A wrong plant file is not an error: `problems` lists what is wrong.
 
         Raises:
-            ConfigurationError: POGON_DATA may be read or written by others.
+            ConfigurationError: POGON_DATA may be read or written by others, or the port of POGON_SERVE_MODBUS is not to be had.
             StorageError: `pogon.db` cannot be used.
         """
         await asyncio.to_thread(self._open_storage)
@@ -137,7 +137,7 @@ class Runtime:
         self.keeper.keep("alarm journal", self.alarms.keep_journal)
         self.plant, self.problems = read_plant(self.settings.plant)
         for problem in self.problems:
-            log.error("plant problem %s", problem)
+            log.error("%s: %s", self.settings.plant, problem)
         self.keeper.keep("sweep", self._sweep)
         self.keeper.keep("live", self.live.beat)
         if self.plant:
@@ -189,8 +189,11 @@ class Runtime:
         self.keeper.keep("commands", self.gate.run)
         for name, register_link in self.links.items():
             self.keeper.keep(f"link.{name}", register_link.run)
-        if self.settings.serve_modbus and self.sim:
-            await self._serve_modbus(self.sim)
+        if self.settings.serve_modbus:
+            if self.sim:
+                await self._serve_modbus(self.sim)
+            else:
+                log.warning("POGON_SERVE_MODBUS=%s: no link of the plant is simulated", self.settings.serve_modbus)
 
     def _make_gate(self, plant: Plant) -> Gate:
         gate = Gate(
@@ -282,10 +285,16 @@ class Runtime:
                 return 0.0
 
     async def _serve_modbus(self, sim: SimPlant) -> None:
-        host, _, port = self.settings.serve_modbus.rpartition(":")
         self._served = sim.merged()
-        self._modbus = await serve_tcp(self._served, host, int(port))
-        log.info("modbus served address=%s", self.settings.serve_modbus)
+        try:
+            self._modbus = await serve_tcp(self._served, *host_and_port(self.settings.serve_modbus))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"POGON_SERVE_MODBUS={self.settings.serve_modbus}: {error}") from error
+
+    @property
+    def modbus_address(self) -> tuple[str, int] | None:
+        """Where the simulated plant also answers Modbus TCP; None = nowhere."""
+        return self._modbus.address if self._modbus else None
 
     # ---- other plant files ----------------------------------------------------------------------------
 
@@ -377,7 +386,10 @@ class Runtime:
             self._keep_running()
         self._numbers = numbers
         if self.settings.serve_modbus and self.sim and self._modbus is None:
-            await self._serve_modbus(self.sim)
+            try:
+                await self._serve_modbus(self.sim)
+            except ConfigurationError as error:
+                log.error("%s", error)  # the plant is taken already, and runs
 
     async def _start_first(self, plant: Plant) -> None:
         self.plant = plant

@@ -1,13 +1,21 @@
 """What an installer may change: `POGON_…` variables, read once, passed by parameter."""
 
 import ipaddress
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app import bundled
+from app.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+OTHERS = frozenset({"POGON_CHROMIUM", "POGON_SOAK_SECONDS"})
+"""Variables of ours that are no settings of the server."""
 
 
 class Settings(BaseSettings):
@@ -40,6 +48,27 @@ class Settings(BaseSettings):
     export_rows: int = Field(1_000_000, ge=1, description="Most rows of one CSV export from a page.")
     push_period: float = Field(0.05, ge=0.02, le=1, description="Shortest time between two pushes to a browser [s].")
 
+    @field_validator("serve_modbus")
+    @classmethod
+    def _is_address(cls, text: str) -> str:
+        if text:
+            try:
+                host_and_port(text)
+            except ConfigurationError as error:
+                raise ValueError(str(error)) from error
+        return text
+
+    @field_validator("behind_proxy")
+    @classmethod
+    def _are_proxies(cls, text: str) -> str:
+        for address in (part.strip() for part in text.split(",")):
+            try:
+                if address:
+                    ipaddress.ip_network(address)
+            except ValueError as error:
+                raise ValueError(f"expected IP addresses or networks, such as 172.30.80.1, not {address}") from error
+        return text
+
     @model_validator(mode="after")
     def _safe_to_listen(self) -> Self:
         if bool(self.tls_cert) != bool(self.tls_key):
@@ -57,6 +86,41 @@ class Settings(BaseSettings):
         named = {name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip()}
         own = set() if self.host in ("0.0.0.0", "::") else {self.host.lower()}
         return frozenset(named | own | {"localhost", "127.0.0.1", "[::1]", "::1"})
+
+
+def read_settings(**given: str) -> Settings:
+    """The settings; `given` goes before the environment.
+
+    Raises:
+        ConfigurationError: one line per setting with its value and what was expected.
+    """
+    try:
+        return Settings(**given)  # type: ignore[arg-type]
+    except ValidationError as error:
+        raise ConfigurationError("\n".join(map(_told, error.errors()))) from error
+
+
+def _told(problem: "ErrorDetails") -> str:
+    name = "".join(f"POGON_{str(part).upper()}={problem['input']}: " for part in problem["loc"])
+    return name + problem["msg"].removeprefix("Value error, ")
+
+
+def unknown_settings(environment: Iterable[str]) -> list[str]:
+    """Names in `environment` that begin as ours do and are none of ours: mistyped, most likely."""
+    known = {f"POGON_{name.upper()}" for name in Settings.model_fields} | OTHERS
+    return sorted(name for name in environment if name.upper().startswith("POGON_") and name.upper() not in known)
+
+
+def host_and_port(text: str) -> tuple[str, int]:
+    """Host and TCP port of `text`, `127.0.0.1:5020` or `[::1]:5020`.
+
+    Raises:
+        ConfigurationError: it is neither.
+    """
+    host, _, port = text.rpartition(":")
+    if not host or not port.isascii() or not port.isdecimal() or not int(port) <= 65535:
+        raise ConfigurationError("expected HOST:PORT, such as 127.0.0.1:5020")
+    return host.removeprefix("[").removesuffix("]"), int(port)
 
 
 def is_loopback(host: str) -> bool:

@@ -97,7 +97,7 @@ def test_verify_says_ok_with_a_count_or_names_the_first_bad_line(pogon: Pogon, t
     for name in ("ana", "ivo", "maja"):
         pogon("user", "add", name)
     good = pogon("audit", "verify")
-    assert (good.exit_code, good.output) == (0, "audit ok: 3 lines\n")
+    assert (good.exit_code, good.output) == (0, "audit ok: 3 lines\nalarm journal ok: 0 lines\n")
     db = sqlite3.connect(tmp_path / "data" / "pogon.db")
     db.execute("update audit set new = 'admin' where seq = 2")
     db.commit()
@@ -125,7 +125,7 @@ def test_beside_a_running_server_people_are_made_and_the_chain_is_verified(
     assert f":{server.port}/first and type this code" in server.log()
     assert pogon("user", "add", "ana", "--role", "admin").exit_code == 0
     verified = pogon("audit", "verify")
-    assert (verified.exit_code, verified.output) == (0, "audit ok: 2 lines\n")
+    assert (verified.exit_code, verified.output) == (0, "audit ok: 2 lines\nalarm journal ok: 0 lines\n")
     second = pogon("run")
     assert second.exit_code == 2
     assert "another pogon runs on it" in second.stderr

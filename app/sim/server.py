@@ -379,6 +379,10 @@ async def simulate(plant: Plant, clock: Clock, openings: Openings, say: Callable
     """
     if not (openings.tcp or openings.serial or openings.pty):
         raise ConfigurationError("nothing to serve on: expected --tcp HOST:PORT, --serial PATH or --pty")
+    if openings.parity and openings.parity not in PARITIES:
+        raise ConfigurationError(f"parity {openings.parity}: expected one of {', '.join(PARITIES)}")
+    if openings.pty and not openings.serial and openings.parity not in (None, "none"):
+        raise ConfigurationError(f"parity {openings.parity}: expected none, a pseudo-terminal has no parity")
     links = [openings.link] if openings.link else None
     simulation = SimPlant(plant, clock, seed=openings.seed, links=links, turnaround=openings.turnaround)
     if not simulation.equipment:

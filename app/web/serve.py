@@ -1,19 +1,34 @@
 """Uvicorn with our limits; says where the server is, and the one-time code, once the port is really open."""
 
+import gc
+import logging
 import socket
+import ssl
+import sys
+from collections.abc import Mapping
+from typing import Any
 
 import typer
 import uvicorn
 from fastapi import FastAPI
 
+from app.errors import ConfigurationError, PogonError
 from app.settings import Settings
 from app.web.guard import access_of
 
+BACKLOG = 2048
+
 
 def serve(app: FastAPI, settings: Settings) -> None:
-    """Serve `app` until a signal ends it."""
+    """Serve `app` until a signal ends it.
+
+    Raises:
+        ConfigurationError: address, port or TLS files cannot be used, or the plant's server cannot start with these settings.
+    """
+    _log(settings)
+    lifespan = _Lifespan(app)
     config = uvicorn.Config(
-        app,
+        lifespan,
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
@@ -24,8 +39,77 @@ def serve(app: FastAPI, settings: Settings) -> None:
         proxy_headers=False,  # create_app trusts the proxies of POGON_BEHIND_PROXY, and nobody else
         ws_max_size=65536,
         ws_per_message_deflate=False,  # a frame is small, and every browser would cost a compressor
+        lifespan="on",
     )
-    Server(config, app, settings).run()
+    try:
+        config.load()
+    except (OSError, ssl.SSLError) as error:
+        raise ConfigurationError(
+            f"POGON_TLS_CERT={settings.tls_cert}, POGON_TLS_KEY={settings.tls_key}: expected a PEM certificate and its key "
+            f"({error.strerror or error})"
+        ) from error
+    sockets = open_sockets(settings.host, settings.port)
+    try:
+        Server(config, app, settings).run(sockets)
+    except SystemExit:
+        if lifespan.refused:
+            raise ConfigurationError(lifespan.refused) from None
+        raise
+    finally:
+        for one in sockets:
+            one.close()
+
+
+def open_sockets(host: str, port: int) -> list[socket.socket]:
+    """Listening sockets on every address of `host`, before anything is started that would have to be stopped again.
+
+    Raises:
+        ConfigurationError: the port is in use or not allowed, or the address is not one of this machine.
+    """
+    opened: list[socket.socket] = []
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        for family, _, _, _, address in dict.fromkeys(found):
+            if family == socket.AF_INET6 and not socket.has_dualstack_ipv6():
+                continue
+            one = socket.socket(family, socket.SOCK_STREAM)
+            opened.append(one)
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            one.bind(address)
+            one.listen(BACKLOG)
+    except OSError as error:
+        for one in opened:
+            one.close()
+        raise ConfigurationError(
+            f"POGON_HOST={host} POGON_PORT={port}: expected a free port on an address of this machine "
+            f"({error.strerror or error})"
+        ) from error
+    return opened
+
+
+class _Lifespan:
+    """The application; an error of ours at the start is kept as one line and not told as a crash."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+        self.refused = ""
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] != "lifespan":
+            await self._app(scope, receive, send)
+            return
+
+        async def tell(message: Mapping[str, Any]) -> None:
+            if message["type"] == "lifespan.startup.failed":
+                error = sys.exception()
+                if isinstance(error, PogonError):
+                    self.refused = str(error)
+                    message = {"type": message["type"]}
+            await send(message)
+
+        await self._app(scope, receive, tell)
 
 
 class Server(uvicorn.Server):
@@ -37,8 +121,11 @@ class Server(uvicorn.Server):
         self._settings = settings
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Open the port and say so."""
+        """Answer on the open sockets and say so."""
         await super().startup(sockets)
+        # what was built so far stays: the collector need not walk it again and hold up the loop (40 ms with 1 000 tags)
+        gc.collect()
+        gc.freeze()
         if self.started and self.servers:
             port = self.servers[0].sockets[0].getsockname()[1]
             typer.echo(announcement(self._pogon, self._settings, port))
@@ -52,7 +139,11 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
     address = f"{scheme}://{host}:{port}/"
     access = access_of(app)
     code = access.first_code.text if access else ""
-    lines = [f"Pogon is at {address}"]
+    lines = [f"Pogon is at {address} (Ctrl+C ends it)"]
+    runtime = getattr(app.state, "runtime", None)
+    modbus = runtime.modbus_address if runtime else None
+    if modbus:
+        lines.append(f"Its simulated plant answers Modbus TCP at {':'.join(map(str, modbus))}")
     if code:
         lines += [
             f"There is no account yet. Open {address}first and type this code:",
@@ -63,3 +154,11 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
         ]
     width = max(map(len, lines))
     return "\n".join(["", "─" * width, *lines, "─" * width, ""])
+
+
+def _log(settings: Settings) -> None:
+    """Our own log, on standard error like the server's; of the libraries only what is wrong."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(levelname)s: %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
+    logging.getLogger("app").setLevel(settings.log_level.upper())

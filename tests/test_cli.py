@@ -1,0 +1,168 @@
+"""pogon run and its neighbours with settings that cannot be: one line names the setting, and nothing is half started."""
+
+import os
+import re
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from pymodbus.client import ModbusTcpClient
+from typer.testing import CliRunner
+
+from app.cli import cli
+from app.cli_access import user_cli
+from app.db import Database
+from app.historian import store
+from app.settings import unknown_settings
+from tests.conftest import ROOT, PogonServer, find_port
+from tests.historian.conftest import point
+
+F113 = 0x010D
+"""Register of the digital frequency setting [0.01 Hz]."""
+Start = Callable[..., PogonServer]
+
+
+def pogon(data: Path, *arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
+    """A command in a process of its own, as one types it."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("POGON_")}
+    named = {f"POGON_{name.upper()}": str(value) for name, value in ({"port": find_port()} | settings).items()}
+    return subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        cwd=ROOT,
+        env=clean | {"POGON_DATA": str(data)} | named,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+
+
+def self_signed(folder: Path) -> tuple[Path, Path]:
+    """A certificate for localhost and its key, as `openssl` makes them."""
+    cert, key = folder / "cert.pem", folder / "key.pem"
+    made = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", key, "-out", cert, "-days", "2"]
+    subprocess.run([*made, "-subj", "/CN=localhost"], capture_output=True, check=True)
+    return cert, key
+
+
+def test_a_port_in_use_is_one_line_and_nothing_is_started(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        refused = pogon(tmp_path / "data", "run", port=port)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr.count("\n") == 1
+    assert f"POGON_PORT={port}: expected a free port" in refused.stderr
+    assert not (tmp_path / "data" / "first-code").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"serve_modbus": "nonsense"}, "POGON_SERVE_MODBUS=nonsense: expected HOST:PORT"),
+        ({"serve_modbus": "127.0.0.1:66000"}, "POGON_SERVE_MODBUS=127.0.0.1:66000: expected HOST:PORT"),
+        ({"behind_proxy": "nginx"}, "expected IP addresses or networks, such as 172.30.80.1, not nginx"),
+        ({"tls_cert": "/none.pem", "tls_key": "/none.key"}, "POGON_TLS_CERT=/none.pem"),
+        ({"host": "203.0.113.9", "behind_proxy": "127.0.0.1"}, "POGON_HOST=203.0.113.9"),
+        ({"host": "0.0.0.0"}, "listens beyond this machine"),
+        ({"port": "http"}, "POGON_PORT=http: Input should be a valid integer"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_one_line(tmp_path: Path, settings: dict[str, str], said: str) -> None:
+    refused = pogon(tmp_path / "data", "run", **settings)
+    assert refused.returncode == 2
+    assert said in refused.stderr and refused.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "command", [["export", "--tags", "m1.speed"], ["user", "list"], ["backup", "b.tar"], ["check"]]
+)
+def test_every_command_tells_every_wrong_setting(tmp_path: Path, command: list[str]) -> None:
+    refused = pogon(tmp_path, *command, port="x", push_period=9)
+    assert refused.returncode == 2
+    assert [line.split("=")[0] for line in refused.stderr.splitlines()] == [
+        "pogon: POGON_PORT",
+        "pogon: POGON_PUSH_PERIOD",
+    ]
+
+
+def test_a_mistyped_setting_is_named() -> None:
+    assert unknown_settings(["POGON_PROT", "POGON_PORT", "pogon_data", "POGON_CHROMIUM", "PATH"]) == ["POGON_PROT"]
+
+
+def test_a_plant_folder_that_is_not_there_is_named_with_its_path(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(cli, ["check", str(tmp_path / "none")])
+    assert refused.exit_code == 2
+    assert refused.stderr == f"pogon: {tmp_path / 'none'}/plant.toml: (file) = no such file: expected a TOML file\n"
+
+
+def test_help_loses_nothing_to_markup() -> None:
+    """Rich takes a word in square brackets for a style and leaves it out."""
+    texts = [
+        text
+        for command in [*typer.main.get_group(cli).commands.values(), *typer.main.get_group(user_cli).commands.values()]
+        for text in [command.help, *(getattr(one, "help", None) for one in command.params)]
+        if text
+    ]
+    assert len(texts) > 40
+    assert [text for text in texts if re.search(r"\[[a-z/]+\]", text)] == []
+
+
+@pytest.mark.parametrize(("parity", "said"), [("foo", "expected one of none, even, odd"), ("even", "has no parity")])
+def test_a_parity_that_cannot_be_is_refused_before_anything_is_served(parity: str, said: str) -> None:
+    refused = CliRunner().invoke(cli, ["simulate", "plants/demo", "--pty", "--parity", parity])
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert said in refused.stderr
+
+
+def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    history = Database(tmp_path / "history.db", "history")
+    history.migrate()
+    history.run(lambda connection: store.register(connection, [point()]))
+    history.close()
+    refused = pogon(tmp_path, "export", "--tags", "m1.speed", "-o", "/none/x.csv")
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        "pogon: /none/x.csv: expected a new file in a folder that can be written (No such file or directory)\n"
+    )
+
+
+def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start, free_port: int) -> None:
+    server = pogon_server("--serve-modbus", f"127.0.0.1:{free_port}")
+    until = time.monotonic() + 10
+    while f"Modbus TCP at 127.0.0.1:{free_port}" not in server.log():
+        assert time.monotonic() < until, server.log()
+        time.sleep(0.05)
+    master = ModbusTcpClient("127.0.0.1", port=free_port)
+    assert master.connect()
+    assert not master.write_register(F113, 3500, device_id=1).isError()
+
+    def shown() -> float | None:
+        history = sqlite3.connect(f"file:{server.data / 'history.db'}?mode=ro", uri=True)
+        row = history.execute(
+            "SELECT v FROM sample JOIN point ON point.id = sample.point WHERE name = 'm1.frequency' ORDER BY t DESC LIMIT 1"
+        ).fetchone()
+        history.close()
+        return row[0] if row else None
+
+    until = time.monotonic() + 25
+    while shown() != pytest.approx(35.0, abs=0.2):
+        assert time.monotonic() < until, shown()
+        time.sleep(0.3)
+    assert master.read_holding_registers(0x1000, count=1, device_id=1).registers == [3500]
+    master.close()
+
+
+def test_a_modbus_port_in_use_refuses_the_start_in_one_line(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        refused = pogon(tmp_path / "data", "run", "--serve-modbus", address)
+    assert refused.returncode == 2
+    assert refused.stderr.splitlines()[-1].startswith(f"pogon: POGON_SERVE_MODBUS={address}: ")
+    assert "Traceback" not in refused.stderr
+    assert "Pogon is at" not in refused.stdout
