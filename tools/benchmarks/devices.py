@@ -1,7 +1,7 @@
 """Devices in a process of their own: they answer at once, change as told, and know when what was written.
 
 `flat`: registers 0 … that walk by ±1 at every read. `e800`: as many drives as units are asked, their values walking; register 0x1014 of
-unit 1 counts at random moments. Lines in: `log` (answers changes and writes so far).
+unit 1 counts. Lines in: `log` (answers changes and writes so far).
 """
 
 import asyncio
@@ -21,6 +21,8 @@ REQUEST = Struct(">BHH")
 WALK = 64
 """Steps of the walk before it turns round."""
 COUNTER = 0x1014
+GOLDEN = 0.1618034
+"""Between two counts [s]."""
 SETTLED = range(0x1000, 0x1019)
 VARYING = [at for at in SETTLED if at not in (0x1005, COUNTER)]
 """All but the status."""
@@ -89,9 +91,12 @@ class Devices:
         return [self.written.get((unit, at), self.image[at]) for at in range(address, address + count)]
 
     async def count_on(self) -> None:
-        """Change the counter at moments that have nothing to do with any scan."""
+        """Change the counter at moments that are spread evenly over the scan's period of 100 ms."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
         while True:
-            await asyncio.sleep(self.random.uniform(0.15, 0.35))
+            await asyncio.sleep(max(0.0, due - loop.time()))
+            due += GOLDEN
             self.counter += 1
             self.changes.append((time.monotonic(), self.counter))
 

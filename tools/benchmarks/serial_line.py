@@ -1,6 +1,6 @@
 """A drive on a pseudo-terminal that keeps the time of a serial line, in a process of its own.
 
-`serial_line BAUD`; it says the path, and to `log` the moment, address and word of every write.
+`serial_line BAUD`; it says the path, and to `log` the moment of every telegram, with address and word of a write.
 """
 
 import asyncio
@@ -20,6 +20,11 @@ class _Drive(VirtualE800):
     def __init__(self) -> None:
         super().__init__(seed=1, start="forward", parameters={"F113": 40.0})
         self.noted: list[tuple[float, int, int]] = []
+        """Moment, address and word of a write; of a read the address is -1."""
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        self.noted.append((time.monotonic(), -1, address))
+        return super().read(function, address, count)
 
     def write(self, function: int, address: int, words: Sequence[int]) -> None:
         super().write(function, address, words)
