@@ -32,6 +32,7 @@ def staff(client: TestClient, people: Staff) -> Iterator[Staff]:
     yield people
     for unit in (1, 2):
         people.wait(link_of(client).raw_write, unit, training.REG_RESET, [1])
+    people.wait(_pause)  # it acts at the next step, after whatever else is written until then
 
 
 def link_of(client: TestClient) -> Any:
@@ -73,7 +74,8 @@ def test_a_fault_is_caused_read_back_and_cleared(staff: Staff) -> None:
 @pytest.mark.parametrize("mode", [mode for mode in training.LINE_FAULT_MODES if mode])
 def test_every_line_fault_reaches_the_line_and_is_mended(staff: Staff, mode: int) -> None:
     given = {"mode": str(mode), "delay": "700", "argument": "6" if mode == 7 else "0", "count": "0"}
-    assert staff.post("/instructor/m2/line", given).status_code == 303
+    answer = staff.post("/instructor/m2/line", given)
+    assert answer.status_code == 303, told(staff)[0]
     words = staff.wait(link_of(staff.client).raw_read, 2, training.REG_LINE_FAULT, 4)
     assert words == [mode, 700, int(given["argument"]), 0]
     assert "until it is mended" in staff.client.get("/instructor/m2/active").text
