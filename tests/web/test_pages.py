@@ -97,7 +97,7 @@ def test_only_pages_that_exist_have_a_tab(client: TestClient) -> None:
     )
     assert ("/area/drives", ' aria-current="page"') in tabs
     for url, _ in tabs:
-        assert client.get(url).status_code == 200
+        assert client.get(url, follow_redirects=True).status_code == 200
 
 
 def test_an_area_with_one_machine_leads_straight_to_it(start: Start, tmp_path: Path) -> None:
