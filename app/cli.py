@@ -17,8 +17,9 @@ from app.clock import SystemClock
 from app.errors import ConfigurationError
 from app.main import create_app
 from app.plant.definitions import Plant
-from app.plant.loader import PLANT_FILE, read_plant
+from app.plant.loader import PLANT_FILE
 from app.settings import Settings, host_and_port, read_settings, unknown_settings
+from app.sim.plant import read_simulated
 from app.sim.server import PARITIES, Openings
 from app.sim.server import simulate as serve_simulated
 from app.web.serve import serve
@@ -148,7 +149,7 @@ def _tcp_address(text: str) -> tuple[str, int]:
 
 def plant_or_exit(folder: Path) -> Plant:
     """The plant in `folder`, or all its problems and exit code 2."""
-    plant, problems = read_plant(folder)
+    plant, problems = read_simulated(folder)
     for problem in problems:
         place = f"{folder}/" if problem.file == PLANT_FILE else ""
         typer.echo(f"pogon: {place}{problem}", err=True)

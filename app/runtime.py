@@ -26,14 +26,13 @@ from app.live.frames import Live
 from app.plant.changes import Change, compare, digest, renamed, same_line
 from app.plant.definitions import Equipment, Plant, Point, Problem
 from app.plant.derive import Derivation
-from app.plant.loader import read_plant
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_points
 from app.plant.texts import Texts
 from app.settings import Settings, host_and_port
 from app.sim.bus import Bus
 from app.sim.device import VirtualDevice
-from app.sim.plant import SimPlant, exchange, units
+from app.sim.plant import SimPlant, exchange, read_simulated, units
 from app.sim.server import TcpServer, serve_tcp
 from app.tags.batch import Batch, Value
 from app.tags.database import Tag, TagDatabase
@@ -135,7 +134,7 @@ class Runtime:
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
         self.keeper.keep("alarm journal", self.alarms.keep_journal)
-        self.plant, self.problems = read_plant(self.settings.plant)
+        self.plant, self.problems = read_simulated(self.settings.plant)
         for problem in self.problems:
             log.error("%s: %s", self.settings.plant, problem)
         self.keeper.keep("sweep", self._sweep)
@@ -338,7 +337,7 @@ class Runtime:
             return reading
 
     async def _look(self) -> tuple[Plant | None, Reading]:
-        plant, problems = await asyncio.to_thread(read_plant, self.settings.plant)
+        plant, problems = await asyncio.to_thread(read_simulated, self.settings.plant)
         if plant is None:
             return None, Reading(tuple(problems))
         if self.plant is None:

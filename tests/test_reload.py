@@ -220,6 +220,13 @@ async def test_a_plant_that_was_broken_at_the_start_is_started_when_it_is_mended
         assert not plant.runtime.problems and plant.runtime.simulated
 
 
+async def test_a_drive_that_cannot_be_simulated_is_listed_and_the_server_runs(tmp_path: Path) -> None:
+    async with running(tmp_path, DEMO.replace("F113 = 40.0", "F113 = 4000")) as plant:
+        assert [problem.key for problem in plant.runtime.problems] == ["equipment.m1.simulation"]
+        assert (await plant.take(DEMO)).done
+        await plant.until(lambda: plant.good("m1.frequency"))
+
+
 async def test_a_clash_on_the_served_port_is_told_before_anything_changes(tmp_path: Path, free_port: int) -> None:
     async with running(tmp_path, serve_modbus=f"127.0.0.1:{free_port}") as plant:
         await plant.until(lambda: plant.good("m1.frequency"))

@@ -261,13 +261,17 @@ class _PlantReader:
         if link and (other := self.units.setdefault((link, unit), id)) != id:
             table.note("unit", unit, f"a unit that no other equipment on {link} has; {other} has it")
         points: dict[str, Point] = {}
+        shared = False
         for key, item in data.points.items():
             given = overrides.get(key, {})
             lasting = given.get("was") or f"{was or id}.{item.point.id}"
             owner = self.ids.setdefault(lasting, f"{id}.{key}")
-            if owner != f"{id}.{key}":
+            if owner != f"{id}.{key}" and given.get("was"):
+                table.note(f"points.{key}.was", lasting, f"an id that no other point has; {owner} has it")
+            elif owner != f"{id}.{key}" and not shared:
+                shared = True  # one mistake, not one for every point
                 table.note(
-                    "was" if was else f"points.{key}.was", lasting, f"an id that no other point has; {owner} has it"
+                    "was" if was else "", was or id, f"an id that no other equipment has or had; {owner} is of it"
                 )
             fields = {name: value for name, value in given.items() if name != "was"}
             points[key] = replace(_bounded(item, options), name=f"{id}.{key}", id=lasting, equipment=id, **fields)
@@ -316,9 +320,16 @@ class _PlantReader:
                 )
                 if count:
                     row.note("was", row.raw("was"), "no former name of one point where `repeat` makes many")
-            for name in ("scale_low", "scale_high", "dead_band"):
+            for name in ("scale_low", "scale_high"):
                 if row.has(name):
                     values[name] = float(row.number(name))
+            low = values.get("scale_low", data.points[key].point.scale_low)
+            high = values.get("scale_high", data.points[key].point.scale_high)
+            given = "scale_high" if row.has("scale_high") else "scale_low" if row.has("scale_low") else ""
+            if given and low is not None and high is not None and low >= high:
+                row.note(given, row.raw(given), f"scale_low < scale_high; they are {low:g} and {high:g}")
+            if row.has("dead_band"):
+                values["dead_band"] = float(row.number("dead_band", low=0))
             if row.has("decimals"):
                 values["decimals"] = row.whole("decimals", low=0, high=6)
             if row.has("history"):

@@ -67,6 +67,7 @@ class Source:
         shown = f'"{value}"' if isinstance(value, str) and path and not isinstance(value, Plain) else str(value)
         if len(shown) > 120:
             shown = shown[:117] + "…"
+        shown = "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in shown)
         self.problems.append(Problem(self.name, key, shown, expected, line if line is not None else self.line(path)))
 
     def line(self, path: Sequence[str]) -> int | None:

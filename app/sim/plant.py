@@ -6,11 +6,13 @@ machine shows a slower plant, never a jumping one.
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from zlib import crc32
 
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
-from app.plant.definitions import Equipment, Plant
+from app.plant.definitions import Equipment, Plant, Problem
+from app.plant.loader import PLANT_FILE, read_plant
 from app.sim.bus import Bus, damaged
 from app.sim.device import DT, VirtualDevice
 from app.sim.e800 import FAULTS, VirtualE800
@@ -43,6 +45,21 @@ VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800}
 """Equipment type → what builds its virtual device."""
 MACHINE_FAULTS: Mapping[str, Sequence[int]] = {"eura_e800": tuple(FAULTS)}
 """Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
+
+
+def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None) -> tuple[Plant | None, list[Problem]]:
+    """A plant folder as `read_plant` reads it; what the virtual devices of its simulated links do not take is a problem, too."""
+    plant, problems = read_plant(folder)
+    for item in plant.equipment.values() if plant else ():
+        if plant and plant.links[item.link].simulated:
+            try:
+                _build(item, 1, VIRTUAL_DEVICES if factories is None else factories)
+            except ConfigurationError as error:
+                said = str(error).removeprefix(f"{item.id}: ")
+                problems.append(
+                    Problem(PLANT_FILE, f"equipment.{item.id}.simulation", said, "what its virtual device takes")
+                )
+    return (None if problems else plant), problems
 
 
 class SimPlant:

@@ -116,7 +116,14 @@ def test_history_survives_a_rename_of_a_machine_and_of_a_point(tmp_path: Path) -
 
 def test_one_history_cannot_have_two_heirs(tmp_path: Path) -> None:
     second = DESIGN[DESIGN.index("[equipment") :].replace("m2]", "m3]").replace("unit = 1", "unit = 2") + 'was = "m2"\n'
-    assert any("m2.speed has it" in str(problem) for problem in mistakes(tmp_path, DESIGN + second))
+    (problem,) = mistakes(tmp_path, DESIGN + second)
+    assert (problem.key, problem.value) == ("equipment.m3.was", '"m2"')
+    assert "no other equipment has or had" in problem.expected
+
+
+def test_signs_that_a_terminal_would_obey_are_shown_as_numbers(tmp_path: Path) -> None:
+    (problem,) = mistakes(tmp_path, "\x1b[2J\0")
+    assert problem.value == r"\x1b[2J\x00"
 
 
 def test_a_plant_may_add_alarms_of_its_own(tmp_path: Path) -> None:
@@ -216,6 +223,14 @@ MISTAKES = [
     ("unit = 1", "unit = 1\nsimulation = { F999 = 1 }", "equipment.m2.simulation.F999", "1", "no such key"),
     ("unit = 1", "unit = 1\npoints = { sped = {} }", "equipment.m2.points.sped", '"sped"', "perhaps speed"),
     ("unit = 1", "unit = 1\npoints.speed.normal = [9, 1]", "equipment.m2.points.speed.normal", "[9, 1]", "low <= high"),
+    (
+        "unit = 1",
+        "unit = 1\npoints.speed.scale_low = 9\npoints.speed.scale_high = 1",
+        "equipment.m2.points.speed.scale_high",
+        "1",
+        "scale_low < scale_high; they are 9 and 1",
+    ),
+    ("unit = 1", "unit = 1\npoints.speed.dead_band = -1", "equipment.m2.points.speed.dead_band", "-1", "from 0 up"),
     ("unit = 1", "unit = 1\npoints.speed.unit = 1", "equipment.m2.points.speed.unit", "1", "no such key"),
 ]
 

@@ -10,7 +10,7 @@ from app.clock import ManualClock, SystemClock
 from app.errors import ConfigurationError
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
 from app.registers.pdu import read_request
-from app.sim.plant import VIRTUAL_DEVICES, SimPlant
+from app.sim.plant import VIRTUAL_DEVICES, SimPlant, read_simulated
 from app.sim.server import Openings, simulate
 from tests.sim.fake_device import FakeDevice
 
@@ -51,6 +51,18 @@ def test_a_seed_belongs_to_a_machine_and_not_to_its_place() -> None:
     assert seeds(simulated()) == seeds(simulated())
     assert seeds(simulated(links=["yard"]))["m3"] == seeds(simulated())["m3"]
     assert seeds(simulated(seed=2)) != seeds(simulated())
+
+
+def test_what_a_virtual_device_does_not_take_is_a_problem_of_the_plant_file(tmp_path: Path) -> None:
+    demo = Path("plants/demo/plant.toml").read_text("utf-8")
+    (tmp_path / "plant.toml").write_text(demo.replace("F113 = 40.0", "F113 = 4000"), "utf-8")
+    broken, (problem,) = read_simulated(tmp_path)
+    assert broken is None
+    assert (problem.file, problem.key) == ("plant.toml", "equipment.m1.simulation")
+    assert problem.value == "parameter F113 takes 0 to 650 Hz, not 4000.0"
+    real = demo.replace("F113 = 40.0", "F113 = 4000").replace('"memory"', '"tcp"\nhost = "192.0.2.1"')
+    (tmp_path / "plant.toml").write_text(real, "utf-8")
+    assert read_simulated(tmp_path)[1] == []
 
 
 def test_a_type_without_a_virtual_device_is_named() -> None:
