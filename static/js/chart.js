@@ -232,7 +232,15 @@ export class Chart {
     const X = (at) => plot.valToPos(at / 1e6, "x", true), Y = (value) => plot.valToPos(value, scale, true);
     const items = this.drawn(pen), heights = items.filter((item) => item.count > 1 && item.at >= this.from).map((item) => Y(item.low) - Y(item.high)).sort((a, b) => a - b);
     const out = Math.max(STANDS_OUT[0] * ratio, STANDS_OUT[1] * (heights[heights.length >> 1] ?? 0));
-    let down = false, y0 = 0, run = [];
+    let down = false, y0 = 0, run = [], edge = null;
+    const width = pen.series?.step ?? 0;
+    // A band reaches to the end of its own column, never across columns without samples.
+    const reach = (at) => {
+      if (edge && run.length && width && at - edge.at > 1.5 * width) {
+        run.push([X(Math.min(edge.at + width, at)), edge.top, edge.bottom]);
+        band();
+      }
+    };
     const band = () => {
       if (run.some(([, a, b]) => a !== b)) {
         run.forEach(([x, high], i) => (i ? fill.lineTo(x, high) : fill.moveTo(x, high)));
@@ -245,6 +253,8 @@ export class Chart {
     for (const item of items) {
       if (item.first === null && item.low === null) { down = false; band(); continue; }
       const top = Y(item.high), bottom = Y(item.low), x = X(item.at);
+      reach(item.at);
+      edge = { at: item.at, top, bottom };
       // A column of many samples that is no higher than usual is a line in the middle of its band.
       const quiet = !pen.stepped && item.count > 3 && item.first !== null && item.last !== null && bottom - top <= out;
       const y = quiet ? (top + bottom) / 2 : Y(item.first ?? item.low), z = quiet ? y : Y(item.last ?? item.high);
