@@ -66,7 +66,8 @@ class Database:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
         except Exception as error:
-            raise StorageError(f"{self.path} cannot be used as the {self.name} database: {error}") from error
+            said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
+            raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
 
     def _is_newest(self) -> bool:
         """Whether the file is there and at the newest revision."""

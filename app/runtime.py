@@ -554,7 +554,10 @@ class Runtime:
         """Keep what derived points remember, for ever; a killed server forgets the last seconds."""
         while True:
             await asyncio.sleep(RETAIN_PERIOD)
-            await self._retain_now()
+            try:
+                await self._retain_now()
+            except StorageError as error:
+                log.error("running hours and the like not kept reason=%s", error)
 
     async def _retain_now(self) -> None:
         if self._derivation:

@@ -9,14 +9,52 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from app.access.keys import read_key
 from app.access.passwords import Passwords
+from app.alarms import journal
 from app.cli import cli
+from app.db import Database
 from app.main import create_app
 from app.settings import Settings
 from app.web.serve import announcement
 from tests.conftest import PogonServer
 
 Pogon = Callable[..., Result]
+ALARM = journal.Record(
+    time=1,
+    first_true=1,
+    event="RAISED",
+    detail="",
+    alarm="m1.overcurrent",
+    occurrence=1,
+    equipment="m1",
+    area="drives",
+    alarm_class="process",
+    priority=1,
+    before="A",
+    after="B",
+    active=True,
+    acked=False,
+    latched=False,
+    hidden="",
+    silent=False,
+    ordinal=0,
+    value=None,
+    unit="",
+    quality="good",
+    limit=None,
+    person_id=0,
+    person="",
+    roles="",
+    address="",
+    session="",
+    comment="",
+    type="eura_e800",
+    text_id="overcurrent",
+    params="{}",
+    text="Nadstruja",
+    config="",
+)
 
 
 @pytest.fixture
@@ -105,6 +143,24 @@ def test_verify_says_ok_with_a_count_or_names_the_first_bad_line(pogon: Pogon, t
     bad = pogon("audit", "verify")
     assert bad.exit_code == 1
     assert bad.stderr == "audit broken: line 2 was changed; 1 lines before it are in order\n"
+
+
+def test_verify_looks_at_the_alarm_journal_too(pogon: Pogon, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    pogon("user", "add", "ana")
+    key = journal.journal_key(read_key(data / "audit.key"))
+    kept = Database(data / "pogon.db", "pogon")
+    kept.run(lambda connection: journal.write(connection, key, [ALARM, ALARM, ALARM], [], []))
+    kept.close()
+    good = pogon("audit", "verify")
+    assert (good.exit_code, good.output) == (0, "audit ok: 1 lines\nalarm journal ok: 3 lines\n")
+    db = sqlite3.connect(data / "pogon.db")
+    db.execute("update alarm_journal set person = 'ivo' where seq = 2")
+    db.commit()
+    db.close()
+    bad = pogon("audit", "verify")
+    assert (bad.exit_code, bad.stdout) == (1, "audit ok: 1 lines\n")
+    assert bad.stderr == "alarm journal broken: line 2 was changed; 1 lines before it are in order\n"
 
 
 def test_a_key_that_others_may_read_is_refused(pogon: Pogon, tmp_path: Path) -> None:

@@ -1,10 +1,13 @@
 """The code of the first sign-in: printed by the terminal, typed by a person, good for one account and then gone."""
 
 import hmac
+import logging
 import secrets
 from pathlib import Path
 
 from app.access.keys import write_private
+
+log = logging.getLogger(__name__)
 
 ALPHABET = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """32 signs without 0, 1, I, O: 5 bits each."""
@@ -25,10 +28,13 @@ class FirstCode:
         return bool(self.text)
 
     def renew(self) -> str:
-        """A fresh code; the one before is dead."""
+        """A fresh code; the one before is dead. On a disk that takes no file it is in memory only: the terminal shows it."""
         signs = [secrets.choice(ALPHABET) for _ in range(GROUPS * GROUP)]
         self.text = "-".join("".join(signs[at : at + GROUP]) for at in range(0, len(signs), GROUP))
-        write_private(self.path, self.text + "\n")
+        try:
+            write_private(self.path, self.text + "\n")
+        except OSError as error:
+            log.error("%s not written reason=%s", self.path, error.strerror)
         return self.text
 
     def matches(self, typed: str) -> bool:

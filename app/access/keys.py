@@ -64,10 +64,13 @@ def read_key(path: Path) -> bytes:
     """The key in `path`, 32 bytes as hex; a missing one is made, different on every installation.
 
     Raises:
-        ConfigurationError: the file is not a key.
+        ConfigurationError: the file is not a key, or cannot be written.
     """
     if not path.exists():
-        write_private(path, secrets.token_hex(KEY_BYTES) + "\n", exclusive=True)
+        try:
+            write_private(path, secrets.token_hex(KEY_BYTES) + "\n", exclusive=True)
+        except OSError as error:
+            raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
     try:
         key = bytes.fromhex(path.read_text("ascii").strip())
     except (ValueError, OSError) as error:
@@ -81,10 +84,14 @@ def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
     """Write `text` to a file that is private from its first byte on; a reader sees the old text or the new, never half."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
     if exclusive and path.exists():
         temporary.unlink()
     else:

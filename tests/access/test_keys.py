@@ -1,11 +1,13 @@
 """Files that only the server may read."""
 
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
 from app.access.access import lock
+from app.access.first_code import FirstCode
 from app.access.keys import PRIVATE, check_files, prepare, read_key
 from app.errors import ConfigurationError
 
@@ -53,6 +55,26 @@ def test_a_broken_key_is_refused_and_not_replaced(tmp_path: Path, text: str) -> 
     with pytest.raises(ConfigurationError, match=r"secret\.key"):
         read_key(path)
     assert path.read_text() == text
+
+
+def full(_handle: int) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_key_that_finds_no_room_is_one_line_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigurationError, match=r"secret\.key cannot be written: No space left on device"):
+        read_key(tmp_path / "secret.key")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_first_code_that_finds_no_room_is_good_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", full)
+    code = FirstCode(tmp_path)
+    assert code.matches(code.renew())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_one_data_folder_has_one_server(tmp_path: Path) -> None:
