@@ -89,7 +89,8 @@ def inject(
             link = replace(link, transport="tcp", host=host, tcp_port=number)
         elif link.transport == "memory":
             raise ConfigurationError(
-                f"{equipment} is simulated inside the server: start that with POGON_SERVE_MODBUS=HOST:PORT and give --tcp HOST:PORT"
+                f"{equipment} is simulated inside the server: start that with --serve-modbus HOST:PORT (or POGON_SERVE_MODBUS), "
+                "and give --tcp HOST:PORT"
             )
         what = injecting.injection(fault, MACHINE_FAULTS.get(item.type.name, {}), delay=delay, code=code, count=count)
         asyncio.run(_inject(link, item.unit, what))
