@@ -276,3 +276,14 @@ def test_texts_are_toml_that_names_no_key_twice() -> None:
 
 def test_live_values_are_read_with_every_fast_scan(drive: EquipmentType) -> None:
     assert {drive.points[key].scan.value for key in LIVE} == {"fast"}
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["frequency", "voltage", "current", "bus_voltage", "torque", "heatsink_temperature", "speed_magnitude", "power"],
+)
+def test_a_register_full_of_ones_is_no_measured_value(drive: EquipmentType, key: str) -> None:
+    """What a broken line or another device's register gives is not shown as good."""
+    point = drive.points[key]
+    assert point.register and point.high is not None
+    assert point.register.scale * 0xFFFF > point.high
