@@ -66,6 +66,7 @@ class TcpTransport:
             raise
         if not opened:
             client.close()
+            _raise_if_cancelled()
             raise NotConnected(f"{self._where}: no connection")
         self._client = client
 
@@ -96,15 +97,14 @@ class TcpTransport:
         try:
             answer = await client.ctx.execute(False, telegram)
         except ModbusIOException as error:
+            _raise_if_cancelled()
             raise NoAnswer(f"{self._where} unit {unit}: no answer in {patience:g} s") from error
         except (ConnectionException, OSError) as error:
+            _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
         finally:
             self._asking = False
-        task = asyncio.current_task()
-        if task is not None and task.cancelling():
-            # wait_for of Python 3.11, which pymodbus uses, forgets a cancellation that comes together with the answer
-            raise asyncio.CancelledError
+        _raise_if_cancelled()
         if not isinstance(answer, _Telegram):
             raise BadAnswer(f"{self._where} unit {unit}: {answer!r}, expected an answer")
         return parse_answer(request, answer.pdu)
@@ -116,6 +116,17 @@ class TcpTransport:
         waiting: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
         if not waiting.done():
             waiting.set_exception(ConnectionException(f"{self._where}: closed by the other end"))
+
+
+def _raise_if_cancelled() -> None:
+    """wait_for of Python 3.11, which pymodbus uses, forgets a cancellation that comes together with an answer or an error.
+
+    Raises:
+        CancelledError: this task is to end.
+    """
+    task = asyncio.current_task()
+    if task is not None and task.cancelling():
+        raise asyncio.CancelledError
 
 
 class _Telegram(ModbusPDU):
