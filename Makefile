@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 T      ?= tests
-JOBS   ?= 4
+JOBS   ?= 6
 export PATH := $(abspath $(BIN)):$(PATH)
 # The machine's own certificates count, so a site's authority does; then pip, uv and npm agree.
 ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt),)
@@ -29,8 +29,9 @@ dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
 test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x goes to pytest, JOBS=1 one after the other
-	$(BIN)/python -m pytest -m "not soak and not browser and not alone" -n $(JOBS) $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none of these
-	$(BIN)/python -m pytest -m "not soak and (browser or alone)" $(T) $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none
+	$(BIN)/python -m pytest -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m "not soak and browser" -n 2 $(T) $(ARGS) || [ $$? = 5 ]
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .
