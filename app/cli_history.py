@@ -139,10 +139,15 @@ def restore(
         manifest, place = archive.restore(file, folder, plant, tell=lambda text: typer.echo(text, err=True))
     except ConfigurationError as error:
         fail(str(error))
+    verifiable = manifest.keys or (folder / "audit.key").exists()
     with opened(folder, existing=True) as access:
         entry = access.audit.entry("backup.restored", terminal(), file.name, made=manifest.created)
         access.audit.run(lambda _connection: (None, [entry]))
     typer.echo(f"restored into {folder}. {_said(manifest)}")
+    if not verifiable:
+        typer.echo(
+            "The keys of its audit are not in it: pogon audit verify will say that the restored lines are broken."
+        )
     typer.echo(
         f"plant: {place}; start with POGON_PLANT={place}. Links do not write: set writes = true where they shall."
     )

@@ -72,6 +72,14 @@ def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., 
     assert done.returncode == 0, done.stderr
     assert (other / "plant" / "plant.toml").is_file()
     assert "do not write" in done.stdout
+    assert "keys of its audit are not in it" in done.stdout
+    with_keys = tmp_path / "keys.tar.gz"
+    assert pogon(data, "backup", str(with_keys), "--with-keys", "--no-history").returncode == 0
+    kept = pogon(tmp_path / "kept", "restore", str(with_keys))
+    assert (kept.returncode, "keys of its audit" in kept.stdout) == (0, False)
+    verified = pogon(tmp_path / "kept", "audit", "verify")
+    assert verified.returncode == 0, verified.stderr
+    assert "audit ok" in verified.stdout and "alarm journal ok" in verified.stdout
     server.stop()
     assert pogon(data, "restore", str(archive), "--yes").returncode == 0
     assert "audit ok" in pogon(data, "audit", "verify").stdout

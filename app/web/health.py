@@ -32,11 +32,12 @@ async def healthz(request: Request) -> JSONResponse:
 
 @router.get("/readyz", dependencies=[allow("open")])
 async def readyz(request: Request) -> JSONResponse:
-    """200 when the plant was read and every link has its devices."""
+    """200 when the plant was read and every link has its devices; else 503 and what is missing."""
     runtime: Runtime = request.app.state.runtime
-    links = {name: link.statistics.state for name, link in runtime.links.items()}
-    ready = runtime.plant is not None and all(state is State.UP for state in links.values())
-    return JSONResponse({"status": "ok" if ready else "not ready"}, 200 if ready else 503)
+    down = sorted(name for name, link in runtime.links.items() if link.statistics.state is not State.UP)
+    ready = runtime.plant is not None and not down
+    told = {"status": "ok" if ready else "not ready", "plant": runtime.plant is not None, "links_down": down}
+    return JSONResponse(told, 200 if ready else 503)
 
 
 @router.get("/metrics", dependencies=[allow("open")])

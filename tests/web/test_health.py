@@ -1,5 +1,6 @@
 """Health, readiness, metrics."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,11 +36,28 @@ def test_a_late_loop_is_not_healthy(client: TestClient) -> None:
         del client.app.state.runtime.__class__.loop_lag  # type: ignore[attr-defined]
 
 
-def test_a_pulled_cable_is_not_ready_but_healthy(client: TestClient) -> None:
-    runtime = client.app.state.runtime  # type: ignore[attr-defined]
-    runtime.links["hall"].statistics.state = 3
-    assert client.get("/readyz").status_code in (200, 503)
-    assert client.get("/healthz").status_code == 200
+def test_a_pulled_cable_is_not_ready_but_healthy(tmp_path: Path, free_port: int) -> None:
+    demo = Path("plants/demo/plant.toml").read_text("utf-8")
+    (tmp_path / "plant.toml").write_text(
+        demo.replace('transport = "memory"', f'transport = "tcp"\nhost = "127.0.0.1"\nport = {free_port}'), "utf-8"
+    )
+    settings = Settings(data=tmp_path / "data", plant=tmp_path)
+    with TestClient(create_app(settings), base_url=HOST) as client:
+        answer = client.get("/readyz")
+        assert answer.status_code == 503
+        assert answer.json() == {"status": "not ready", "plant": True, "links_down": ["hall"]}
+        assert client.get("/healthz").status_code == 200
+
+
+def test_ready_when_every_device_answers_and_not_with_a_broken_plant(client: TestClient, tmp_path: Path) -> None:
+    until = time.monotonic() + 10
+    while client.get("/readyz").status_code != 200:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    settings = Settings(data=tmp_path / "other", plant=tmp_path / "none")
+    with TestClient(create_app(settings), base_url=HOST) as broken:
+        assert broken.get("/readyz").json() == {"status": "not ready", "plant": False, "links_down": []}
+        assert broken.get("/healthz").status_code == 200
 
 
 def test_metrics_are_for_this_machine_or_a_token(tmp_path: Path) -> None:
