@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 T      ?= tests
-JOBS   ?= 6
+JOBS   ?= 4
 export PATH := $(abspath $(BIN)):$(PATH)
 # The machine's own certificates count, so a site's authority does; then pip, uv and npm agree.
 ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt),)
@@ -28,10 +28,15 @@ setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothin
 dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
+# What fails beside others is judged once more alone: only then it has failed. Exit 5: T has none of these.
+PYTEST := $(BIN)/python -m pytest
+AGAIN  := --last-failed --last-failed-no-failures none
+
 test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x goes to pytest, JOBS=1 one after the other
-	$(BIN)/python -m pytest -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none
-	$(BIN)/python -m pytest -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ]
-	$(BIN)/python -m pytest -m "not soak and browser" -n 2 $(T) $(ARGS) || [ $$? = 5 ]
+	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ] || \
+	  $(PYTEST) -m "not soak and not browser and not alone" $(AGAIN) $(T) $(ARGS)
+	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and alone" $(AGAIN) $(T) $(ARGS)
+	$(PYTEST) -m "not soak and browser" -n 2 $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and browser" $(AGAIN) $(T) $(ARGS)
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .
