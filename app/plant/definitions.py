@@ -84,6 +84,10 @@ class Point:
     """Value → text key, for enumerations and booleans."""
     certainty: str = ""
     """Marks of the reference sheet: M, T, C, X confirmed; G unconfirmed."""
+    table: str = ""
+    """Table that it is a cell of; empty = none."""
+    row: int = 0
+    """Row (slot) of that table, from 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +109,22 @@ class Write:
     value: str
     """A number; `argument` for what the person entered; `option:<name>` for an option of the equipment; `previous` for what the
     point held before the command wrote it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """One of up to four arguments of a command that is sent as a code."""
+
+    name: str
+    type: Type = Type.F32
+    """u32, i32 or f32."""
+    low: str = ""
+    """Least value: a number or an expression over points; empty = none."""
+    high: str = ""
+    unit: str = ""
+    decimals: int = 0
+    label: str = ""
+    """Text key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +153,14 @@ class Command:
     argument: str = ""
     """Point whose range, unit and decimals the argument has."""
     symbol: str = ""
+    code: int = 0
+    """Of a machine with a map of ours: sent as one command telegram with this code (registers/plc_map.py) instead of `writes`."""
+    arguments: Sequence[Argument] = ()
+    """What goes with the code, in order; the person enters them."""
+    hold_bits: int = 0
+    """Of a hold-to-run on such a machine: the request bits that are sent, with a rising counter, while the button is held."""
+    needs_reason: bool = False
+    """The person gives a reason, which goes into the audit trail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +220,55 @@ class Alarm:
     consequence: str = ""
     cause: str = ""
     response: str = ""
+    event: int = 0
+    """Code of the device's event that raises it, with the event's own time, order and value; 0 = none. `expression`, when there is one,
+    still says whether it stands and raises it `on_delay` later should the event be lost; without one it is over at once."""
+    event_clear: int = 0
+    """Code of the event that ends it."""
+    source: int | None = None
+    """Only events with this source; None = any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """Registers that the device swaps as one; the first is a generation word that the last repeats. Read in one telegram."""
+
+    address: int
+    words: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlcMap:
+    """What a machine with a map of ours has beyond registers/plc_map.py."""
+
+    type_code: int
+    """Word 3 of the header."""
+    images: Sequence[Image] = ()
+    settings: Image | None = None
+    """Setpoints in effect: generation, count, values, generation. A write to a point inside goes through `staging` as a whole set."""
+    staging: int = 0
+    """First register of the staged values."""
+    status: str = ""
+    """Point whose value is the state that a command expects; empty = none."""
+    events: bool = False
+    """Whether it has an event ring."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableMap:
+    """A table of the device: fixed slots, of which the first `count` are read. Each cell is a point `<key>_<slot>_<column>`, slots from 1.
+
+    A row begins with its id (u32), its generation and its state, and ends with the generation again. `<key>_generation`, `<key>_capacity`
+    and `<key>_count` are points, too.
+    """
+
+    key: str
+    address: int
+    row: int
+    """Words per row."""
+    capacity: str
+    """A number, or the name of an option of the equipment."""
+    columns: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,6 +299,8 @@ class Device:
     write_only: Sequence[tuple[int, int]] = ()
     training: int = 0xE000
     """Address of the training registers of its virtual device."""
+    plc: PlcMap | None = None
+    """Of a machine with a map of ours (reference/register-map.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,6 +326,13 @@ class EquipmentType:
     """Least and greatest value of an option that is a number."""
     area: str = ""
     """Area of its machines when the plant file names none; empty = the name of the type."""
+    tables: Mapping[str, TableMap] = field(default_factory=dict)
+    presets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Name of a preset (`preset = "model"` in the plant file) → defaults of options."""
+    events: Mapping[int, str] = field(default_factory=dict)
+    """Code of an event of the device → its key; the text is `event.<key>`."""
+    reasons: Mapping[int, str] = field(default_factory=dict)
+    """Reason in an answer of the device → its key; the text is `reason.<key>`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +349,8 @@ class Equipment:
     """By key."""
     alarms: Sequence[Alarm]
     options: Mapping[str, object] = field(default_factory=dict)
+    tables: Mapping[str, int] = field(default_factory=dict)
+    """Table of the type → slots that this machine has."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Pure control blocks: numbers and dt in, numbers out."""
