@@ -11,7 +11,7 @@ virtual PLC to answer, the link to ask. Big-endian words, high word first.
 | 0x0320–0x0361 | answers: generation, the last 8 answers of 8 words with the newest first, generation |
 | 0x0380–0x0383 | hold-to-run: request bits, counter, argument f32 |
 | 0x0400–0x0409 | events, head: generation, capacity, words per row, oldest u32, newest u32, acknowledged u32, generation |
-| 0x0410 … | events: row `sequence % capacity` of 16 words |
+| 0x0410–0x07FF | events: row `sequence % capacity` of 16 words; 63 fit, the capacity is in the head |
 | 0x0800 … | tables: generation, capacity, count, words per row, then the rows |
 """
 

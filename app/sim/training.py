@@ -13,13 +13,33 @@ On every virtual device, holding registers from 0xE000; a real device answers ex
 | 0xE012 | rw | delay of a slow answer [ms] |
 | 0xE013 | rw | argument: exception code of mode 7 |
 | 0xE014 | rw | number of requests the line fault hits, 0 = until cleared |
+| 0xE020–0xE02E | | the device's own, below |
+| 0xE02F | – | reserved (time factor), reads 0 |
+| 0xE030 | w | 1 = back to the initial state, after all other writes of that step; reads 0 |
+
+Of a drive (`eura_e800`):
+
+| address | access | content |
+| --- | --- | --- |
 | 0xE020 | rw | load, constant part [% of rated torque] |
 | 0xE021 | rw | load, part that grows with the square of speed [% of rated torque at rated speed] |
 | 0xE022 | rw | disturbance of the load [% of rated torque] |
 | 0xE023 | rw | ambient temperature [°C] |
 | 0xE024 | rw | supply voltage [V rms] |
-| 0xE02F | – | reserved (time factor), reads 0 |
-| 0xE030 | w | 1 = back to the initial state, after all other writes of that step; reads 0 |
+
+Of a PLC: 0xE031 w, 1 = power off and on, the retained area is kept. Of a `conveyor` moreover:
+
+| address | access | content |
+| --- | --- | --- |
+| 0xE020 | rw | products arrive (1) or not (0) |
+| 0xE021 | rw | mean interval of arrivals [0.1 s] |
+| 0xE022, 0xE023 | rw | shortest and longest product [mm] |
+| 0xE024 | rw | sensors pressed by hand: bit n = beam of sensor n+1 interrupted while set |
+| 0xE025 | w | k = take the k-th product off the line (1 = front-most) without telling the PLC |
+| 0xE026 | w | mm = put a product of 0xE022 mm by hand, its head there, without telling the PLC |
+
+Machine faults of a conveyor (0xE010, one at a time): 1–3 belt n jammed · 11–13 belt n slips · 21–24 sensor n blind (never interrupted) ·
+31–34 sensor n stuck (always interrupted) · 41–43 encoder of belt n dead · 50 emergency stop pressed · 60 the host's heartbeat does not arrive.
 
 The rest of 0xE000–0xE03F reads 0, so that one telegram fetches the area. Function 03 reads, 06 and 16 write, whatever the
 device itself knows. Line faults are only kept here; write the mode last, it acts from the next step on.
@@ -53,8 +73,17 @@ REG_AMBIENT = 0xE023
 REG_SUPPLY = 0xE024
 REG_TIME_FACTOR = 0xE02F
 REG_RESET = 0xE030
+REG_POWER = 0xE031
 
-TYPE_CODES: Mapping[str, int] = {"eura_e800": 1}
+REG_ARRIVALS = 0xE020
+REG_INTERVAL = 0xE021
+REG_SHORTEST = 0xE022
+REG_LONGEST = 0xE023
+REG_SENSORS = 0xE024
+REG_REMOVE = 0xE025
+REG_PUT = 0xE026
+
+TYPE_CODES: Mapping[str, int] = {"eura_e800": 1, "conveyor": 10}
 """Equipment type → 0xE003."""
 
 LINE_FAULT_MODES: Mapping[int, str] = {
@@ -68,19 +97,40 @@ LINE_FAULT_MODES: Mapping[int, str] = {
     7: "exception",
 }
 
-LIMITS: Mapping[int, tuple[int, int]] = {
+COMMON_LIMITS: Mapping[int, tuple[int, int]] = {
     REG_LINE_FAULT: (0, max(LINE_FAULT_MODES)),
     REG_LINE_DELAY: (0, 60000),
     REG_LINE_ARGUMENT: (0, 255),
     REG_LINE_COUNT: (0, 65535),
+    REG_RESET: (1, 1),
+}
+"""Lowest and highest word of the registers that every virtual device has, 0xE010 aside; a fault code must be one of the device's."""
+COMMON = frozenset(COMMON_LIMITS)
+"""Registers that act alike on every virtual device."""
+
+LIMITS: Mapping[int, tuple[int, int]] = {
+    **COMMON_LIMITS,
     REG_LOAD: (0, 500),
     REG_LOAD_QUADRATIC: (0, 500),
     REG_DISTURBANCE: (0, 100),
     REG_AMBIENT: (0, 60),
     REG_SUPPLY: (0, 300),
-    REG_RESET: (1, 1),
 }
-"""Lowest and highest word per register; a fault code must be one of the device's."""
+"""Of a drive: lowest and highest word per register."""
+CONVEYOR_LIMITS: Mapping[int, tuple[int, int]] = {
+    **COMMON_LIMITS,
+    REG_POWER: (1, 1),
+    REG_ARRIVALS: (0, 1),
+    REG_INTERVAL: (5, 6000),
+    REG_SHORTEST: (10, 400),
+    REG_LONGEST: (10, 400),
+    REG_SENSORS: (0, 15),
+    REG_REMOVE: (1, 250),
+    REG_PUT: (0, 5000),
+}
+"""Of a conveyor: lowest and highest word per register."""
+LIMITS_OF: Mapping[str, Mapping[int, tuple[int, int]]] = {"eura_e800": LIMITS, "conveyor": CONVEYOR_LIMITS}
+"""Equipment type → lowest and highest word per register."""
 
 _LINE = (REG_LINE_FAULT, REG_LINE_DELAY, REG_LINE_ARGUMENT, REG_LINE_COUNT)
 
@@ -107,9 +157,20 @@ class LineFault:
 class TrainingRegisters:
     """The training area of one device: identity, line fault and the words the device reads its world from."""
 
-    def __init__(self, type_code: int, faults: Collection[int], initial: Mapping[int, int]) -> None:
-        """`faults`: status codes that 0xE010 takes besides 0; `initial`: words of 0xE020–0xE024 at the start."""
+    def __init__(
+        self,
+        type_code: int,
+        faults: Collection[int],
+        initial: Mapping[int, int],
+        *,
+        limits: Mapping[int, tuple[int, int]] = LIMITS,
+        triggers: Collection[int] = (),
+    ) -> None:
+        """`faults`: status codes that 0xE010 takes besides 0; `initial`: words from 0xE020 at the start; `limits`: lowest and highest
+        word of what is written; `triggers`: registers that act once and always read 0."""
         self.faults = frozenset(faults)
+        self._limits = limits
+        self._triggers = frozenset(triggers)
         self.line_fault = LineFault()
         self._initial = {
             REG_MAGIC: MAGIC,
@@ -157,10 +218,10 @@ class TrainingRegisters:
             if at == REG_MACHINE_FAULT:
                 if word and word not in self.faults:
                     raise DeviceException(3, f"machine fault {word}, expected 0 or one of {sorted(self.faults)}")
-            elif at not in LIMITS:
+            elif at not in self._limits:
                 raise DeviceException(2, f"training register 0x{at:04X} is not written")
-            elif not LIMITS[at][0] <= word <= LIMITS[at][1]:
-                raise DeviceException(3, f"training register 0x{at:04X} takes {LIMITS[at]}, not {word}")
+            elif not self._limits[at][0] <= word <= self._limits[at][1]:
+                raise DeviceException(3, f"training register 0x{at:04X} takes {self._limits[at]}, not {word}")
 
     def act(self, address: int, word: int) -> bool:
         """Take a checked word; True when it asks for the initial state."""
@@ -168,7 +229,7 @@ class TrainingRegisters:
             return True
         if address in _LINE:
             setattr(self.line_fault, ("mode", "delay_ms", "argument", "count")[_LINE.index(address)], word)
-        else:
+        elif address not in self._triggers:
             self._words[address] = word
         return False
 
