@@ -1,0 +1,321 @@
+"""The conveyor as it really is: three belts with inertia, products that slip, bump and arrive by chance, light barriers, encoders.
+
+The program behind the virtual PLC sees none of this but pulses, beams and the torque limit of each drive.
+
+| subject | taken here; no source gives it |
+| --- | --- |
+| drive | follows its setpoint with a time constant of 30 ms, at most 400 %/s: its torque is limited, and says so |
+| without supply | friction stops a belt with 150 %/s |
+| slip | each product loses 0–0.4 % of its way; while a belt slips, 3 mm more, once in 300 mm of belt, so 1 or 2 % |
+| two belts | a product on both moves by each belt's part of its length |
+| infeed | runs with belt 1 forward and keeps 30 mm between products; what backs out at the start is gone |
+| end | what hangs over the end of belt 3 by more than half falls off |
+| unloader | takes the front-most product within 40 mm of the end, only while told to and while belt 3 stands |
+| products | cannot pass through one another: the moving one is held back, both are marked |
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import exp, floor, pi
+from random import Random
+
+BELTS, SENSORS = 3, 4
+
+DRIVE_TIME = 0.03
+"""Time constant of a drive with its belt [s]."""
+TORQUE_LIMIT = 400.0
+"""Steepest change of speed that a drive can make [%/s]."""
+FRICTION = 150.0
+"""Change of speed of a belt without drive [%/s]."""
+LEAST_SLIP, MOST_SLIP = 0.0, 0.004
+"""Part of its way that a product loses on any belt."""
+BURST, BURST_EVERY, BURST_LENGTH = 3.0, 300.0, 12.0
+"""A slipping belt: way lost in a burst, way of the belt between two bursts, way of the belt in which it is lost [mm]."""
+INFEED_GAP = 30.0
+"""Least distance that the infeed keeps [mm]."""
+UNLOAD_ZONE = 40.0
+"""From the end of the line [mm]."""
+STANDS = 0.05
+"""Below this a belt stands [%]."""
+
+EMERGENCY_STOP, HOST_OFF = 50, 60
+FAULTS = (1, 2, 3, 11, 12, 13, 21, 22, 23, 24, 31, 32, 33, 34, 41, 42, 43, EMERGENCY_STOP, HOST_OFF)
+"""Machine faults that the instructor can cause (`training`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Measures of a line [mm] and its drives."""
+
+    belt_ends: tuple[float, float, float] = (215.0, 445.0, 660.0)
+    sensors: tuple[float, float, float, float] = (100.0, 215.0, 445.0, 560.0)
+    roller_radius: float = 15.0
+    rated_speed: float = 40.0
+    """Of the rollers at 100 % [rpm]."""
+    resolution: int = 1650
+    """Pulses per revolution of a roller."""
+    intact_is_one: bool = True
+    """Polarity of the light barriers."""
+
+    @property
+    def length(self) -> float:
+        """Of the line [mm]."""
+        return self.belt_ends[2]
+
+    @property
+    def full_speed(self) -> float:
+        """Of a belt at 100 % [mm/s]: 2πr·n/60."""
+        return 2 * pi * self.roller_radius * self.rated_speed / 60
+
+    @property
+    def pulse_length(self) -> float:
+        """Way of a belt per pulse [mm]: 2πr/resolution."""
+        return 2 * pi * self.roller_radius / self.resolution
+
+    @property
+    def area_ends(self) -> tuple[float, float, float, float]:
+        """Areas 1 and 2 are belts 1 and 2; area 3 is belt 3 up to the last sensor, area 4 what remains for unloading."""
+        return (self.belt_ends[0], self.belt_ends[1], self.sensors[3], self.belt_ends[2])
+
+
+@dataclass(slots=True)
+class TrueProduct:
+    """A product where it really is."""
+
+    number: int
+    """Rises by one with every product that comes onto the line, by the infeed or by hand."""
+    head: float
+    """Right end [mm]."""
+    length: float
+    slip: float
+    """Part of its way that it loses."""
+    collided: bool = False
+    """It has been pushed against another."""
+    by_hand: bool = False
+
+    @property
+    def tail(self) -> float:
+        """Left end [mm]."""
+        return self.head - self.length
+
+
+class Conveyor:
+    """Belts, products, barriers and encoders. The same seed and the same setpoints give the same run."""
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        random: Random,
+        *,
+        arrivals: bool = True,
+        interval: float = 6.0,
+        shortest: float = 20.0,
+        longest: float = 60.0,
+    ) -> None:
+        """`interval`: mean time between two products while belt 1 runs forward [s]; `shortest`, `longest` [mm]."""
+        self.geometry = geometry
+        self.arrivals, self.interval, self.shortest, self.longest = arrivals, interval, shortest, longest
+        self.fault = 0
+        """One of `FAULTS`, 0 = none."""
+        self.pressed = 0
+        """Sensors interrupted by hand: bit n = sensor n + 1."""
+        self.products: list[TrueProduct] = []
+        """Front-most first."""
+        self.speeds = [0.0, 0.0, 0.0]
+        """Of the belts [%], negative to the left."""
+        self.limited = [False, False, False]
+        """Whether a drive is at its torque limit: an input of the PLC."""
+        self.pulses = [0, 0, 0]
+        """Of the encoders: an input of the PLC."""
+        self.beams = 0
+        """Bit n: something is in the beam of sensor n + 1 (or it says so)."""
+        self.entered = self.unloaded = self.removed = self.fallen = self.backed_out = self.put = 0
+        """What became of products, counted: by the infeed, the unloader, by hand, over the end, back over the start, put by hand."""
+        self.collisions = 0
+        self._random = random
+        self._travel = [0.0, 0.0, 0.0]
+        self._burst = [0.0, 0.0, 0.0]
+        self._next = self._interval()
+
+    # ---- by hand
+
+    def remove(self, number: int) -> bool:
+        """Take the `number`-th product off, 1 = front-most."""
+        if not 1 <= number <= len(self.products):
+            return False
+        del self.products[number - 1]
+        self.removed += 1
+        self._look()
+        return True
+
+    def place(self, head: float, length: float) -> bool:
+        """Put a product with its right end at `head` [mm]; False when there is no room."""
+        if head > self.geometry.length or head - length < 0:
+            return False
+        if any(head > other.tail and head - length < other.head for other in self.products):
+            return False
+        self.put += 1
+        self._add(head, length, by_hand=True)
+        self.products.sort(key=lambda product: -product.head)
+        self._look()
+        return True
+
+    # ---- one step
+
+    def step(self, setpoints: list[float], enabled: bool, unload: bool, dt: float) -> None:
+        """Advance by `dt` [s]; `setpoints` of the drives [%], `enabled`: they have supply, `unload`: the unloader may take."""
+        ways = self._drive(setpoints, enabled, dt)
+        if unload and abs(self.speeds[2]) < STANDS:
+            self._unload()
+        if self.products and (ways[0] or ways[1] or ways[2]):
+            self._move(ways)
+        if self.arrivals and self.speeds[0] > 1.0:
+            self._feed(dt)
+        self._look()
+
+    def _drive(self, setpoints: list[float], enabled: bool, dt: float) -> list[float]:
+        """Turn the rollers; the way of each belt [mm]."""
+        geometry, fault = self.geometry, self.fault
+        follow, most, brake = 1 - exp(-dt / DRIVE_TIME), TORQUE_LIMIT * dt, FRICTION * dt
+        ways = []
+        for belt in range(BELTS):
+            speed, setpoint = self.speeds[belt], setpoints[belt]
+            if not enabled:
+                speed = max(speed - brake, 0.0) if speed > 0 else min(speed + brake, 0.0)
+                self.limited[belt] = False
+            elif speed != setpoint:
+                change = (setpoint - speed) * follow
+                limited = change > most or change < -most
+                if limited:
+                    change = most if change > 0 else -most
+                speed += change
+                if -0.001 < setpoint - speed < 0.001:
+                    speed = setpoint
+                self.limited[belt] = limited
+            else:
+                self.limited[belt] = False
+            if fault == belt + 1:
+                speed = 0.0
+                self.limited[belt] = enabled and abs(setpoint) > 0.5
+            self.speeds[belt] = speed
+            way = speed * geometry.full_speed / 100 * dt
+            if way:
+                before = floor(self._travel[belt] / geometry.pulse_length)
+                self._travel[belt] += way
+                if fault != belt + 41:
+                    self.pulses[belt] += floor(self._travel[belt] / geometry.pulse_length) - before
+            ways.append(way)
+        return ways
+
+    def _move(self, ways: list[float]) -> None:
+        first, second, third = ways
+        if 11 <= self.fault <= 13:
+            belt = self.fault - 11
+            lost = self._burst_part(belt, ways[belt])
+            first, second, third = (way * (1 - lost) if n == belt else way for n, way in enumerate(ways))
+        end_1, end_2 = self.geometry.belt_ends[0], self.geometry.belt_ends[1]
+        moved = False
+        for product in self.products:
+            head = product.head
+            tail = head - product.length
+            if head <= end_1:
+                way = first
+            elif tail >= end_2:
+                way = third
+            elif tail >= end_1 and head <= end_2:
+                way = second
+            else:
+                on_1, on_3 = max(0.0, end_1 - tail), max(0.0, head - end_2)
+                way = (on_1 * first + on_3 * third + (product.length - on_1 - on_3) * second) / product.length
+            if way:
+                product.head = head + way * (1 - product.slip)
+                moved = True
+        if moved:
+            self._keep_apart(ways)
+            self._leave()
+
+    def _burst_part(self, belt: int, way: float) -> float:
+        """Part of `way` that is lost to slip."""
+        at = self._burst[belt] % BURST_EVERY
+        self._burst[belt] += abs(way)
+        return BURST / BURST_LENGTH if at < BURST_LENGTH else 0.0
+
+    def _keep_apart(self, ways: list[float]) -> None:
+        """Nothing passes through anything: what comes from behind is held back, to the left likewise."""
+        products = self.products
+        if len(products) < 2:
+            return
+        if max(ways) > 0:
+            for front, rear in pairwise(products):
+                if rear.head > front.head - front.length:
+                    rear.head = front.head - front.length
+                    self._bump(front, rear)
+        if min(ways) < 0:
+            for n in range(len(products) - 1, 0, -1):
+                rear, front = products[n], products[n - 1]
+                if front.head - front.length < rear.head:
+                    front.head = rear.head + front.length
+                    self._bump(front, rear)
+
+    def _bump(self, front: TrueProduct, rear: TrueProduct) -> None:
+        if not (front.collided and rear.collided):
+            self.collisions += 1
+        front.collided = rear.collided = True
+
+    def _leave(self) -> None:
+        front = self.products[0]
+        if front.head - front.length / 2 > self.geometry.length:
+            del self.products[0]
+            self.fallen += 1
+        if self.products and self.products[-1].head < 0:
+            del self.products[-1]
+            self.backed_out += 1
+
+    def _unload(self) -> None:
+        if self.products and self.products[0].head >= self.geometry.length - UNLOAD_ZONE:
+            del self.products[0]
+            self.unloaded += 1
+
+    def _feed(self, dt: float) -> None:
+        self._next -= dt
+        if self._next > 0 or (self.products and self.products[-1].tail < INFEED_GAP):
+            return
+        self._next = self._interval()
+        self.entered += 1
+        self._add(0.0, self._length())
+
+    def _add(self, head: float, length: float, *, by_hand: bool = False) -> None:
+        slip = self._random.uniform(LEAST_SLIP, MOST_SLIP)
+        self.products.append(TrueProduct(self.entered + self.put, head, length, slip, by_hand=by_hand))
+
+    def _interval(self) -> float:
+        return self.interval * self._random.uniform(0.5, 1.5)
+
+    def _length(self) -> float:
+        return round(self._random.uniform(self.shortest, max(self.shortest, self.longest)), 1)
+
+    def _look(self) -> None:
+        """What the light barriers say."""
+        one, two, three, four = self.geometry.sensors
+        beams = self.pressed
+        for product in self.products:
+            head = product.head
+            tail = head - product.length
+            if tail < one <= head:
+                beams |= 1
+            if tail < two <= head:
+                beams |= 2
+            if tail < three <= head:
+                beams |= 4
+            if tail < four <= head:
+                beams |= 8
+        if 21 <= self.fault <= 24:
+            beams &= ~(1 << self.fault - 21)
+        elif 31 <= self.fault <= 34:
+            beams |= 1 << self.fault - 31
+        self.beams = beams
+
+    @property
+    def raw_inputs(self) -> int:
+        """The beams as wired: bit n of sensor n + 1."""
+        return self.beams ^ 0b1111 if self.geometry.intact_is_one else self.beams
