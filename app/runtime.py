@@ -491,6 +491,7 @@ class Runtime:
 
     def page_names(self, kind: str) -> list[str]:
         """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `tags/<name>,…`; the frame's are in each.
+        Cells of tables are on the page of their machine only.
 
         Raises:
             KeyError: no page is of this kind.
@@ -505,11 +506,12 @@ class Runtime:
                     point.name
                     for item in self.plant.equipment.values()
                     for point in item.points.values()
-                    if point.scan != "once"
+                    if point.scan != "once" and not point.table
                 ]
                 names += [f"{SYSTEM}.{COMMANDS}.{key}" for key in self.plant.equipment]
             case "equipment" | "faceplate" | "parameters":
-                names = [point.name for point in self.plant.equipment[rest].points.values()]
+                points = self.plant.equipment[rest].points.values()
+                names = [point.name for point in points if head == "equipment" or not point.table]
                 names.append(f"{SYSTEM}.{COMMANDS}.{rest}")
                 item = self.plant.equipment[rest]
                 names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")

@@ -19,6 +19,8 @@ import jinja2
 from babel import Locale
 from jinja2 import nodes
 
+from app.plant import types
+
 ROOT = Path(__file__).resolve().parent.parent
 LANGUAGES = ("en", "hr", "de", "cs")
 PLURAL = {"zero", "one", "two", "few", "many", "other"}
@@ -39,6 +41,9 @@ def main() -> int:
         texts = {lang: load([folder / f"texts.{lang}.toml"], problems) for lang in found}
         problems += compare(f"app/equipment/{folder.name}", texts)
         by_type[folder.name] = set(texts["en"])
+        for key in in_type(folder.name, problems):
+            if key not in by_type[folder.name] | set(own["en"]):
+                problems.append(f'app/equipment/{folder.name}: text "{key}" is not in texts.en.toml')
     wanted = [*in_templates(problems), *in_code()]
     lacking = {}
     for where, key in wanted:
@@ -122,6 +127,13 @@ def names(value: str | dict[str, str]) -> set[str]:
         return placeholders(value if isinstance(value, str) else value["other"])
     except (ValueError, AttributeError):
         return set()  # told already, as a fault of the text
+
+
+def in_type(name: str, problems: list[str]) -> Iterator[str]:
+    """Texts that the data of an equipment type ask for: points, cells, commands, arguments, alarms, events, reasons."""
+    data, wrong = types.read_type(name, LANGUAGES)
+    problems += map(str, wrong)
+    return iter(sorted(set(types.text_keys(data))))
 
 
 def in_templates(problems: list[str]) -> Iterator[tuple[str, str]]:

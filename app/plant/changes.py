@@ -159,6 +159,8 @@ def _differences(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[
         effects.append(("texts", {}))
     if old.type.name != new.type.name:
         details.append(f"type: {old.type.name} → {new.type.name}")
+    if _differs(old, new, "preset"):
+        details.append(_detail("preset", old.preset, new.preset))
     options = sorted(key for key in {*old.options, *new.options} if old.options.get(key) != new.options.get(key))
     details += [_detail(key, old.options.get(key), new.options.get(key)) for key in options]
     if options:

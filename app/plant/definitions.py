@@ -351,6 +351,8 @@ class Equipment:
     options: Mapping[str, object] = field(default_factory=dict)
     tables: Mapping[str, int] = field(default_factory=dict)
     """Table of the type → slots that this machine has."""
+    preset: str = ""
+    """Preset of the type that its options come from; empty = none."""
 
 
 @dataclass(frozen=True, slots=True)

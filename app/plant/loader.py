@@ -1,15 +1,15 @@
 """A plant folder → (definitions, problems). All mistakes at once, each with file, line, key, value and what was expected; never raises."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo, available_timezones
 
 from app.errors import ConfigurationError
-from app.plant import expression, types
-from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, Texts
+from app.plant import expression, plc, types
+from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, TableMap, Texts
 from app.plant.derive import order_problem
 from app.plant.tables import MISSING, NONE, Source, Table, one_of
 
@@ -215,7 +215,8 @@ class _PlantReader:
         was = table.text("was", "", pattern=ID, expected="the former id of the equipment")
         if data is None:
             return  # its other keys cannot be judged before its type is known
-        options = self._options(table, data)
+        preset = table.text("preset", "", choices=list(data.type.presets)) if data.type.presets else ""
+        options = self._options(table, data, data.type.presets.get(preset, {}))
         overrides = self._overrides(table, data, count)
         table.done()
         if count and unit + count - 1 > LARGEST_UNIT:
@@ -239,6 +240,7 @@ class _PlantReader:
                 area=area,
                 options=options,
                 overrides=overrides,
+                preset=preset,
             )
 
     def _instance(
@@ -254,6 +256,7 @@ class _PlantReader:
         area: str,
         options: Mapping[str, object],
         overrides: Mapping[str, Mapping[str, Any]],
+        preset: str,
     ) -> None:
         if id in self.equipment:
             table.note("repeat", id, "ids that no other equipment has")
@@ -275,21 +278,30 @@ class _PlantReader:
                 )
             fields = {name: value for name, value in given.items() if name != "was"}
             points[key] = replace(_bounded(item, options), name=f"{id}.{key}", id=lasting, equipment=id, **fields)
-        self.equipment[id] = Equipment(id, data.type, link, unit, label, area, points, tuple(data.type.alarms), options)
+        tables = {key: plc.capacity_of(map, options) for key, map in data.type.tables.items()}
+        for key, slots in tables.items():
+            for cell in _cells(data.columns[key], data.type.tables[key], slots, options):
+                lasting = f"{was or id}.{cell.id}"
+                self.ids.setdefault(lasting, f"{id}.{cell.key}")
+                points[cell.key] = replace(cell, name=f"{id}.{cell.key}", id=lasting, equipment=id)
+        alarms = tuple(data.type.alarms)
+        self.equipment[id] = Equipment(id, data.type, link, unit, label, area, points, alarms, options, tables, preset)
 
-    def _options(self, table: Table, data: types.TypeData) -> dict[str, object]:
-        options = dict(data.type.options)
-        for name, default in data.type.options.items():
+    def _options(self, table: Table, data: types.TypeData, preset: Mapping[str, float]) -> dict[str, object]:
+        options = {**data.type.options, **preset}
+        counts = {map.capacity for map in data.type.tables.values()}
+        for name, default in options.items():
             if isinstance(default, float):
                 low, high = data.type.ranges[name]
-                options[name] = float(table.number(name, default, low, high))
+                options[name] = value = float(table.number(name, default, low, high))
+                if name in counts and not value.is_integer():
+                    table.note(name, value, "a whole number")
             elif table.has(name):
-                options[name] = self._option_table(table.table(name), data.choices[name], data.parameters[name], data)
+                options[name] = self._option_table(table.table(name), name, data)
         return options
 
-    def _option_table(
-        self, table: Table, words: Mapping[str, Sequence[str]], codes: Iterable[str], data: types.TypeData
-    ) -> dict[str, object]:
+    def _option_table(self, table: Table, name: str, data: types.TypeData) -> dict[str, object]:
+        words, codes, numbers = data.choices[name], data.parameters[name], data.numbers[name]
         known = {setpoint.code: setpoint for setpoint in data.type.setpoints.values()}
         values: dict[str, object] = {}
         for key in table.data:
@@ -298,9 +310,9 @@ class _PlantReader:
             elif key in codes:
                 low, high = known[key].low, known[key].high
                 values[key] = table.number(key, low=_limit(low, 0.0), high=_limit(high, 6553.5))
-        for key in sorted(codes):
-            table.raw(key)
-        for key in words:
+            elif key in numbers:
+                values[key] = float(table.number(key, low=numbers[key][0], high=numbers[key][1]))
+        for key in (*sorted(codes), *words, *numbers):
             table.raw(key)
         table.done()
         return values
@@ -363,7 +375,8 @@ class _PlantReader:
         )
         for known in ("equipment", "key"):
             plain.raw(known)
-        alarm: Alarm = types.read_alarm(key, plain, prefix)
+        ring = item.type.device.plc if item else None
+        alarm: Alarm = types.read_alarm(key, plain, prefix, item.type.events if item and ring and ring.events else {})
         plain.done()
         if item is None:
             return
@@ -379,6 +392,19 @@ class _PlantReader:
             if text:
                 types.check_expression(row, field, text, item.points, name)
         self.equipment[name] = replace(item, alarms=(*item.alarms, alarm))
+
+
+def _cells(
+    columns: Mapping[str, types.PointData], map: TableMap, slots: int, options: Mapping[str, object]
+) -> Iterator[Point]:
+    """The cells of a table, slot by slot; their key and id lack only the machine."""
+    first = [_bounded(data, options) for data in columns.values()]
+    for slot in range(1, slots + 1):
+        for point in first:
+            assert point.register
+            register = replace(point.register, address=point.register.address + (slot - 1) * map.row)
+            key, id = plc.cell_key(map.key, slot, point.key), plc.cell_key(map.key, slot, point.id)
+            yield replace(point, key=key, id=id, register=register, row=slot - 1)
 
 
 def _bounded(data: types.PointData, options: Mapping[str, object]) -> Point:

@@ -1,9 +1,11 @@
 """Equipment types: the folders of app/equipment, read once.
 
-`device.toml` limits of the device and options of an instance; `points.toml` values; `setpoints.toml` parameters (each is a point too);
-`commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`.
+`device.toml` limits of the device, options of an instance and presets of them; `points.toml` values; `setpoints.toml` parameters (each is
+a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`; of a
+machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py).
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
-`command.stop`, `alarm.overcurrent.label`; what stands under `label` in the data wins.
+`command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
+data wins.
 """
 
 import re
@@ -13,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import ConfigurationError
-from app.plant import expression
+from app.plant import expression, plc
 from app.plant.definitions import (
     Alarm,
+    Argument,
     Command,
     Condition,
     Derived,
@@ -23,16 +26,19 @@ from app.plant.definitions import (
     EquipmentType,
     Kind,
     Order,
+    PlcMap,
     Point,
     Problem,
     Register,
     Scan,
     Setpoint,
+    TableMap,
     Type,
     Write,
 )
 from app.plant.derive import KINDS
 from app.plant.tables import MISSING, NONE, Source, Table
+from app.registers.plc_map import TABLE_HEAD
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
 KEY = r"[a-z][a-z0-9_]*"
@@ -48,6 +54,8 @@ WORDS: Mapping[Type, int] = {
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 ROLES = ("viewer", "operator", "engineer", "admin")
 SPECIAL_VALUES = ("argument", "previous")
+ARGUMENT_TYPES = (Type.F32, Type.U32, Type.I32)
+MOST_ARGUMENTS = 4
 ALARM_KINDS = ("expression", "high", "low", "deviation", "rate", "bad_quality")
 
 
@@ -70,6 +78,10 @@ class TypeData:
     """Options that are tables (`simulation`): key → allowed words."""
     parameters: Mapping[str, frozenset[str]]
     """Options that are tables: codes of parameters that may stand in them."""
+    numbers: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    """Options that are tables: key → least and greatest number."""
+    columns: Mapping[str, Mapping[str, PointData]] = field(default_factory=dict)
+    """Table → column → the cell of slot 1, its key still that of the column."""
 
 
 def names(folder: Path = EQUIPMENT) -> list[str]:
@@ -91,6 +103,10 @@ class _TypeReader:
         self.sources: list[Source] = []
         self.points: dict[str, PointData] = {}
         self.options: dict[str, object] = {}
+        self.ranges: dict[str, tuple[float, float]] = {}
+        self.numbers: dict[str, dict[str, tuple[float, float]]] = {}
+        self.map: PlcMap | None = None
+        self.events: dict[int, str] = {}
         self.expressions: list[tuple[Table, str, str, bool]] = []
 
     @property
@@ -101,10 +117,19 @@ class _TypeReader:
         head = self._file("device.toml")
         device = self._device(head.table("device"))
         label, area = head.text("label", "type"), head.text("area", "")
-        ranges, choices, parameters = self._options(head)
+        choices, parameters = self._options(head)
+        presets = self._presets(head)
+        self.map = plc.read_plc(head, device)
+        device = replace(device, plc=self.map)
         head.done()
+        names = self._file("events.toml", optional=True)
+        self.events, reasons = plc.read_names(names, "events"), plc.read_names(names, "reasons")
+        names.done()
         for key, table in self._file("points.toml").tables():
             self._point(key, table)
+        tables, columns = self._tables(self._file("tables.toml", optional=True))
+        for counting in {map.capacity for map in tables.values()} & set(self.ranges):
+            self._check_whole(head, counting, presets)
         setpoints = dict(self._setpoints(self._file("setpoints.toml", optional=True)))
         commands = {
             key: self._command(key, table) for key, table in self._file("commands.toml", optional=True).tables()
@@ -123,6 +148,9 @@ class _TypeReader:
         texts = {language: self._texts(language) for language in self.languages}
         self._check_expressions()
         self._check_registers()
+        if self.map:
+            registers = {key: data.point.register for key, data in self.points.items()}
+            plc.check_points(head, self.map, registers, tuple(self.events))
         kind = EquipmentType(
             name=self.name,
             folder=self.folder,
@@ -136,11 +164,20 @@ class _TypeReader:
             alarms=alarms,
             texts=texts,
             options=self.options,
-            ranges=ranges,
+            ranges=self.ranges,
             area=area,
+            tables=tables,
+            presets=presets,
+            events=self.events,
+            reasons=reasons,
         )
         return TypeData(
-            kind, self.points, choices, {key: codes if takes else frozenset() for key, takes in parameters.items()}
+            kind,
+            self.points,
+            choices,
+            {key: codes if takes else frozenset() for key, takes in parameters.items()},
+            self.numbers,
+            columns,
         )
 
     def _file(self, name: str, *, optional: bool = False) -> Table:
@@ -179,27 +216,112 @@ class _TypeReader:
                 case _:
                     table.note(f"{key}.{index}", item, "[first, last] with 0 <= first <= last <= 65535")
 
-    def _options(
-        self, head: Table
-    ) -> tuple[dict[str, tuple[float, float]], dict[str, Mapping[str, Sequence[str]]], dict[str, bool]]:
-        ranges: dict[str, tuple[float, float]] = {}
+    def _options(self, head: Table) -> tuple[dict[str, Mapping[str, Sequence[str]]], dict[str, bool]]:
         choices: dict[str, Mapping[str, Sequence[str]]] = {}
         parameters: dict[str, bool] = {}
         for key, table in head.tables("options"):
             if table.has("default"):
-                ranges[key] = (float(table.number("low")), float(table.number("high")))
-                self.options[key] = float(table.number("default", low=ranges[key][0], high=ranges[key][1]))
+                low, high = float(table.number("low")), float(table.number("high"))
+                self.ranges[key] = (low, high)
+                self.options[key] = float(table.number("default", low=low, high=high))
             else:
                 self.options[key] = {}
                 words = table.table("words")
                 choices[key] = {word: words.items(word) for word in words.data}
                 parameters[key] = table.flag("parameters")
+                numbers = table.table("numbers")
+                self.numbers[key] = {name: self._span(name, numbers) for name in numbers.data}
             table.done()
-        return ranges, choices, parameters
+        return choices, parameters
+
+    def _span(self, name: str, table: Table) -> tuple[float, float]:
+        match table.raw(name):
+            case [int() | float() as low, int() | float() as high] if low <= high:
+                return float(low), float(high)
+            case other:
+                table.note(name, other, "[low, high] with low <= high")
+                return 0.0, 0.0
+
+    def _presets(self, head: Table) -> dict[str, dict[str, float]]:
+        """`[presets.model]`: other defaults of options that are numbers."""
+        presets: dict[str, dict[str, float]] = {}
+        for name, table in head.tables("presets"):
+            if not _matches(KEY, name):
+                table.note("", name, "a name of small letters, digits and _")
+            for key in self.ranges:
+                table.raw(key)
+            presets[name] = {
+                key: float(table.number(key, low=low, high=high))
+                for key, (low, high) in self.ranges.items()
+                if table.has(key)
+            }
+            table.done()
+        return presets
+
+    def _check_whole(self, head: Table, option: str, presets: Mapping[str, Mapping[str, float]]) -> None:
+        """An option that counts slots has whole numbers only."""
+        given = {f"options.{option}.default": self.options[option]}
+        given |= {f"presets.{name}.{option}": values[option] for name, values in presets.items() if option in values}
+        for key, value in given.items():
+            if isinstance(value, float) and not value.is_integer():
+                head.note(key, value, "a whole number: it is the capacity of a table")
+
+    def _tables(self, file: Table) -> tuple[dict[str, TableMap], dict[str, dict[str, PointData]]]:
+        tables: dict[str, TableMap] = {}
+        columns: dict[str, dict[str, PointData]] = {}
+        if file.data and self.map is None:
+            file.note("", ", ".join(file.data), "[plc] in device.toml: only a machine with a map of ours has tables")
+        for key, table in file.tables():
+            if not _matches(KEY, key):
+                table.note("", key, "a key of small letters, digits and _")
+            mistakes = len(table.source.problems)
+            map = plc.read_table(key, table, self.options, self.ranges)
+            columns[key] = {}
+            for name, column in table.tables("columns"):
+                columns[key][name] = self._cell(name, column, map)
+            registers = {name: data.point.register for name, data in columns[key].items()}
+            if len(table.source.problems) == mistakes:
+                plc.check_columns(table, map, {name: register for name, register in registers.items() if register})
+            for name, word in plc.HEAD_POINTS.items():
+                self._head_point(table, f"{key}_{name}", name, map.address + word)
+            table.done()
+            tables[key] = map
+        for key in self.points:
+            if plc.is_cell(key, tables):
+                file.note(key, "points.toml", "no point whose key is that of a cell")
+        return tables, columns
+
+    def _head_point(self, table: Table, key: str, name: str, address: int) -> None:
+        if key in self.points:
+            table.note("", key, "a table whose points no point of points.toml has")
+            return
+        register = Register(address)
+        point = Point("", key, "", key, f"table.{name}", Kind.STEP, register=register, history=False)
+        self.points[key] = PointData(point)
 
     def _point(self, key: str, table: Table, **given: Any) -> Point:
+        data = self._build(key, table, **given)
+        if key in self.points:
+            table.note("", key, "a key that no other point of the type has")
+        self.points[key] = data
+        if not given:
+            table.done()
+        return data.point
+
+    def _cell(self, key: str, table: Table, map: TableMap) -> PointData:
+        """A column as the cell of slot 1."""
+        address = map.address + TABLE_HEAD + table.whole("offset", low=0, high=map.row - 1)
+        kind = "enum" if table.has("texts") else "analog" if table.data.get("type") == Type.F32 else "step"
+        data = self._build(f"{map.key}.{key}", table, kind=kind, history=False, address=address)
+        data.point = replace(data.point, key=key, id=table.text("was", key, pattern=KEY), table=map.key)
+        table.done()
+        return data
+
+    def _build(self, key: str, table: Table, **given: Any) -> PointData:
         kind = Kind(table.text("kind", given.get("kind", "analog"), choices=[kind.value for kind in Kind]))
-        register = self._register(table, writable=given.get("writable", False)) if table.has("address") else None
+        register = None
+        if "address" in given or table.has("address"):
+            register = self._register(table, writable=given.get("writable", False), address=given.get("address"))
         derived = self._derived(table.table("derived")) if table.has("derived") else None
         bounds: dict[str, str] = {}
         point = Point(
@@ -224,18 +346,14 @@ class _TypeReader:
             texts=self._choices(table, key, "texts"),
             certainty=table.text("certainty", ""),
         )
-        if not _matches(KEY, key) or key in expression.RESERVED:
-            table.note("", key, "a key of small letters, digits and _, not a word of the grammar")
-        if key in self.points:
-            table.note("", key, "a key that no other point of the type has")
+        name = key.rpartition(".")[2]
+        if not _matches(KEY, name) or name in expression.RESERVED:
+            table.note("", name, "a key of small letters, digits and _, not a word of the grammar")
         if register is None and derived is None:
             table.note("", NONE, "a point with `address` or with `derived`")
-        self.points[key] = PointData(point, bounds)
-        if not given:
-            table.done()
-        return point
+        return PointData(point, bounds)
 
-    def _register(self, table: Table, *, writable: bool) -> Register:
+    def _register(self, table: Table, *, writable: bool, address: int | None = None) -> Register:
         kind = Type(table.text("type", "u16", choices=[kind.value for kind in Type]))
         length = table.whole("words", WORDS[kind], 1, 125)
         if kind is not Type.STRING and length != WORDS[kind]:
@@ -245,14 +363,14 @@ class _TypeReader:
         if scale == 0:
             table.note("scale", 0, "a number other than 0")
         return Register(
-            address=table.whole("address", low=0, high=0xFFFF),
+            address=table.whole("address", low=0, high=0xFFFF) if address is None else address,
             type=kind,
             order=Order(table.text("order", "abcd", choices=[order.value for order in Order])),
             table=table.text("table", "holding", choices=("holding", "input")),
             mask=None if mask is None else table.whole("mask", low=1, high=0xFFFF_FFFF),
             shift=table.whole("shift", 0, 0, 63),
             scale=scale or 1.0,
-            offset=float(table.number("offset", 0.0)),
+            offset=float(table.number("offset", 0.0)) if address is None else 0.0,
             words=length,
             writable=table.flag("writable", writable),
             readable=table.flag("readable", True),
@@ -364,6 +482,10 @@ class _TypeReader:
                     data.point = _with_texts(data.point, options)
             elif key not in self.points:
                 row.note("address", MISSING, "an address, or a key of points.toml")
+            elif self.map and plc.inside(self.map.settings, self.points[key].point.register):
+                data = self.points[key]
+                assert data.point.register
+                data.point = replace(data.point, register=replace(data.point.register, writable=True))
             row.done()
             yield key, setpoint
 
@@ -379,11 +501,14 @@ class _TypeReader:
             level_when = (higher.text("condition"), higher.text("level", choices=LEVELS))
             self.expressions.append((higher, "condition", level_when[0], False))
             higher.done()
+        arguments = tuple(self._arguments(table))
+        code, hold_bits = table.whole("code", 0, 1), table.whole("hold_bits", 0, 1)
+        told = bool(code or hold_bits)
         command = Command(
             key=key,
             label=table.text("label", f"command.{key}"),
             writes=tuple(self._writes(table, "writes")),
-            feedback=table.text("feedback"),
+            feedback=table.text("feedback", *([""] if code else [])),
             timeout=str(timeout),
             level=table.text("level", "C1", choices=LEVELS),
             level_when=level_when,
@@ -394,19 +519,80 @@ class _TypeReader:
             moves=table.flag("moves", True),
             argument=table.text("argument", ""),
             symbol=table.text("symbol", ""),
+            code=code,
+            arguments=arguments,
+            hold_bits=hold_bits,
+            needs_reason=table.flag("needs_reason"),
         )
         if command.feedback:
-            self.expressions.append((table, "feedback", command.feedback, True))
-        if not command.writes:
-            table.note("writes", MISSING, "a list of { point, value }")
-        if command.hold != bool(command.release):
+            self.expressions.append((table, "feedback", command.feedback, not told))
+        if told:
+            self._check_order(table, command)
+        elif not command.writes:
+            table.note("writes", MISSING, "a list of { point, value }" + " or a `code`" * (self.map is not None))
+        if not told and command.hold != bool(command.release):
             table.note(
                 "release", command.release, "what is written when the button is released, for a hold-to-run only"
             )
+        if arguments and not code:
+            table.note("arguments", [argument.name for argument in arguments], "a `code` that they go with")
+        if command.needs_reason and (command.hold or command.stop):
+            table.note("needs_reason", "true", "no reason for what stops or is held: nobody has the time")
         if command.argument and command.argument not in self.points:
             table.note("argument", command.argument, f"a point of {self.name}")
         table.done()
         return command
+
+    def _check_order(self, table: Table, command: Command) -> None:
+        """A command that is sent as a code or as request bits."""
+        name = "code" if command.code else "hold_bits"
+        if self.map is None:
+            table.note(name, getattr(command, name), "[plc] in device.toml: only a machine with a map of ours takes it")
+        if command.code and command.hold_bits:
+            table.note("hold_bits", command.hold_bits, "either `code` or `hold_bits`")
+        if bool(command.hold_bits) != command.hold:
+            table.note(
+                "hold", str(command.hold).lower(), "hold = true with `hold_bits`, and only with them on such a machine"
+            )
+        for given in ("writes", "release", "argument"):
+            if getattr(command, given):
+                instead = "`arguments`" if given == "argument" else "nothing"
+                table.note(given, "given", f"{instead} where there is `{name}`: that is what is sent")
+        if command.stop and command.arguments:
+            table.note("arguments", [argument.name for argument in command.arguments], "none for a Stop")
+
+    def _arguments(self, table: Table) -> Iterator[Argument]:
+        seen: set[str] = set()
+        for index, row in enumerate(table.rows("arguments")):
+            name = row.text("name", pattern=KEY, expected="a name of small letters, digits and _")
+            if index == MOST_ARGUMENTS:
+                row.note("name", name, f"at most {MOST_ARGUMENTS} arguments")
+            if name in seen or name in expression.RESERVED:
+                row.note("name", name, "a name that no other argument has and that is no word of the grammar")
+            seen.add(name)
+            kind = Type(row.text("type", Type.F32.value, choices=[kind.value for kind in ARGUMENT_TYPES]))
+            limits: dict[str, str] = {}
+            for bound in ("low", "high"):
+                value = row.raw(bound)
+                if isinstance(value, str):
+                    self.expressions.append((row, bound, value, False))
+                elif value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+                    row.note(bound, value, "a number or an expression over points")
+                limits[bound] = "" if value is None else str(value)
+            decimals = row.whole("decimals", 0, 0, 6)
+            if decimals and kind is not Type.F32:
+                row.note("decimals", decimals, f"0 for {kind}")
+            argument = Argument(
+                name,
+                kind,
+                limits["low"],
+                limits["high"],
+                row.text("unit", ""),
+                decimals,
+                row.text("label", f"argument.{name}"),
+            )
+            row.done()
+            yield argument
 
     def _writes(self, table: Table, key: str) -> Iterator[Write]:
         for row in table.rows(key):
@@ -438,7 +624,7 @@ class _TypeReader:
         return condition
 
     def _alarm(self, key: str, table: Table) -> Alarm:
-        alarm = read_alarm(key, table, f"alarm.{key}.")
+        alarm = read_alarm(key, table, f"alarm.{key}.", self.events if self.map and self.map.events else {})
         sentences = {
             "expression": alarm.expression,
             "clear": alarm.clear,
@@ -475,18 +661,32 @@ class _TypeReader:
                     break
 
 
-def read_alarm(key: str, table: Table, prefix: str) -> Alarm:
-    """An alarm row; its texts are the keys `prefix` + label, consequence, cause, response unless the row names others."""
+def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -> Alarm:
+    """An alarm row; its texts are the keys `prefix` + label, consequence, cause, response unless the row names others.
+
+    `events`: codes that the device's ring can have.
+    """
+    event, event_clear = _event(table, "event", events), _event(table, "event_clear", events)
+    source = table.whole("source") if table.has("source") else None
+    for name in ("event_clear", "source"):
+        if table.has(name) and not table.has("event"):
+            table.note(name, table.raw(name), "an `event` that it belongs to")
     limit = table.number("limit", None)
     kind = table.text("kind", "expression", choices=ALARM_KINDS)
     if kind not in ("expression", "bad_quality") and limit is None:
         table.note("limit", MISSING, f"a number: an alarm of the kind {kind} compares with it")
     if kind != "expression" and not table.has("value"):
         table.note("value", MISSING, f"the point that an alarm of the kind {kind} watches")
+    if kind != "expression" and event:
+        table.note("event", event, f"no event for an alarm of the kind {kind}")
+    if event and event == event_clear:
+        table.note("event_clear", event_clear, "another event than the one that raises it")
+    if event and table.has("clear") and not table.has("expression"):
+        table.note("clear", table.raw("clear"), "an `expression`, whose end it is; an event ends with `event_clear`")
     return Alarm(
         key=key,
         label=table.text("label", f"{prefix}label"),
-        expression=table.text("expression") if kind == "expression" else "",
+        expression=table.text("expression", *([""] if event else [])) if kind == "expression" else "",
         kind=kind,
         dead_band=float(table.number("dead_band", 0.0, 0)),
         reference=table.text("reference") if kind == "deviation" else table.text("reference", ""),
@@ -505,7 +705,41 @@ def read_alarm(key: str, table: Table, prefix: str) -> Alarm:
         consequence=table.text("consequence", f"{prefix}consequence"),
         cause=table.text("cause", f"{prefix}cause"),
         response=table.text("response", f"{prefix}response"),
+        event=event,
+        event_clear=event_clear,
+        source=source,
     )
+
+
+def _event(table: Table, key: str, events: Mapping[int, str]) -> int:
+    code: int = table.whole(key, 0, 1)
+    if code and code not in events:
+        known = ", ".join(f"{number} {name}" for number, name in events.items())
+        table.note(
+            key, code, f"a code of events.toml: {known}" if known else "a machine with an event ring (plc.events)"
+        )
+    return code
+
+
+def text_keys(data: TypeData) -> Iterator[str]:
+    """Every text that the data of a type ask for; each stands in the type's own texts or in the product's."""
+    kind = data.type
+    yield kind.label
+    cells = [cell for columns in data.columns.values() for cell in columns.values()]
+    for point in (item.point for item in (*data.points.values(), *cells)):
+        yield point.label
+        yield from point.texts.values()
+    for setpoint in kind.setpoints.values():
+        yield from setpoint.options.values()
+        yield from [setpoint.warning] if setpoint.warning else []
+    for command in kind.commands.values():
+        yield command.label
+        yield from (argument.label for argument in command.arguments)
+    for condition in (*kind.permissives, *kind.interlocks):
+        yield condition.label
+    for alarm in kind.alarms:
+        yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
+    yield from plc.text_keys(kind.events, kind.reasons)
 
 
 def check_expression(

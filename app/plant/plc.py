@@ -1,0 +1,196 @@
+"""What the type of a machine with a map of ours says beyond values: `[plc]` of device.toml, tables.toml, events.toml.
+
+    [plc]                                               device.toml
+    type_code = 10                                      word 3 of the header
+    status = "state"                                    point that commands expect to be as the person saw it
+    events = true                                       it has an event ring
+    images = [{ address = 0x0100, words = 96 }]         generation first and last
+    settings = { address = 0x0200, words = 34 }         generation, count, values, generation
+    staging = 0x0240
+
+    [product]                                           tables.toml
+    address = 0x0800
+    row = 24                                            words per row
+    capacity = "product_slots"                          a number, or an option of the equipment
+    [product.columns.head]                              as in points.toml, with `offset` in the row instead of `address`
+    offset = 4
+    type = "f32"
+    unit = "mm"
+
+    [events]                                            events.toml: code = key; texts `event.<key>` and `reason.<key>`
+    1 = "arrived"
+    [reasons]
+    1 = "unknown_code"
+
+The points that they lie on are read in plant/types.py.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from app.plant.definitions import Device, Image, PlcMap, Register, TableMap
+from app.plant.tables import MISSING, Plain, Table, one_of
+from app.registers.plc_map import TABLE_HEAD
+
+KEY = r"[a-z][a-z0-9_]*"
+LARGEST_CODE = 0xFFFF
+MOST_WORDS = 125
+"""Registers of one telegram: no image and no row is cut by one."""
+WRITE_SEVERAL = 16
+"""Function code that commands and setpoints are sent with."""
+SMALLEST_ROW = 5
+"""Id of two words, generation, state, generation."""
+MOST_SLOTS = 10_000
+HEAD_POINTS: Mapping[str, int] = {"generation": 0, "capacity": 1, "count": 2}
+"""Points of every table by their word in its head."""
+
+
+def read_plc(head: Table, device: Device) -> PlcMap | None:
+    """`[plc]` of device.toml; None when there is none."""
+    if not head.has("plc"):
+        return None
+    table = head.table("plc")
+    images = tuple(_image(row) for row in table.rows("images"))
+    settings = _image(table.table("settings")) if table.has("settings") else None
+    staging = table.whole("staging", low=1) if settings or table.has("staging") else 0
+    if settings is None and table.has("staging"):
+        table.note(
+            "settings", MISSING, "the image of the setpoints in effect, { address, words }, that `staging` is for"
+        )
+    plc = PlcMap(
+        type_code=table.whole("type_code", low=1),
+        images=images,
+        settings=settings,
+        staging=staging,
+        status=table.text("status", "", pattern=KEY, expected="a point of the type"),
+        events=table.flag("events"),
+    )
+    whole = [*images, *([settings] if settings else [])]
+    for index, image in enumerate(whole):
+        for other in whole[:index]:
+            if image.address < other.address + other.words and other.address < image.address + image.words:
+                table.note(
+                    "images",
+                    f"0x{image.address:04X}",
+                    f"registers that the image at 0x{other.address:04X} does not use",
+                )
+    if device.max_write < 16 or WRITE_SEVERAL not in device.write_functions:
+        table.note(
+            "", "max_write / write_functions", "a device that takes 16 registers with function 16: commands are that"
+        )
+    table.done()
+    return plc
+
+
+def _image(table: Table) -> Image:
+    image = Image(table.whole("address"), table.whole("words", low=3, high=MOST_WORDS))
+    if image.address + image.words > 0x10000:
+        table.note("words", image.words, "an image that ends at 0xFFFF")
+    table.done()
+    return image
+
+
+def read_names(file: Table, key: str) -> dict[int, str]:
+    """`[events]` or `[reasons]`: code → key of its text."""
+    table = file.table(key)
+    found: dict[int, str] = {}
+    for code in table.data:
+        name = table.text(code, pattern=KEY, expected="a key of small letters, digits and _")
+        if not re.fullmatch(r"[1-9]\d{0,4}", code) or int(code) > LARGEST_CODE:
+            table.note(code, name, f"a code from 1 to {LARGEST_CODE} = key")
+        elif name in found.values():
+            table.note(code, name, "a key that no other code has")
+        else:
+            found[int(code)] = name
+    return found
+
+
+def read_table(
+    key: str, table: Table, options: Mapping[str, object], ranges: Mapping[str, tuple[float, float]]
+) -> TableMap:
+    """One table; its columns are named, not read."""
+    address, row = table.whole("address"), table.whole("row", low=SMALLEST_ROW, high=MOST_WORDS - TABLE_HEAD)
+    capacity, most = table.raw("capacity"), 1
+    if not isinstance(capacity, str):
+        capacity = most = table.whole("capacity", low=1, high=MOST_SLOTS)
+    elif isinstance(options.get(capacity), float):
+        low, high = ranges[capacity]
+        most = int(high)
+        if not (low >= 1 and high <= MOST_SLOTS and low.is_integer() and high.is_integer()):
+            table.note("capacity", capacity, f"an option with whole limits from 1 to {MOST_SLOTS}")
+    else:
+        numbers = sorted(name for name, value in options.items() if isinstance(value, float))
+        table.note("capacity", capacity, "a number, or an option that is one: " + one_of(numbers, capacity))
+    if address + TABLE_HEAD + most * row > 0x10000:
+        table.note("address", f"0x{address:04X}", f"room for {most} rows of {row} words up to 0xFFFF")
+    columns = table.table("columns", required=True, expected="[<table>.columns.<name>] for each column")
+    return TableMap(key, address, row, str(capacity), tuple(columns.data))
+
+
+def capacity_of(table: TableMap, options: Mapping[str, object]) -> int:
+    """Slots of `table` on a machine with these options."""
+    option = options.get(table.capacity)
+    return int(option) if isinstance(option, float) else int(table.capacity)
+
+
+def check_columns(table: Table, map: TableMap, columns: Mapping[str, Register]) -> None:
+    """A row begins with id, generation and state, and ends with its generation; columns lie between."""
+    first = columns.get("id")
+    if first is None or (first.address, first.words) != (map.address + TABLE_HEAD, 2):
+        table.note(
+            "columns.id", MISSING if first is None else "other", 'offset = 0 and type = "u32": a row begins with it'
+        )
+    taken: dict[int, tuple[str, bool]] = {}
+    for name, register in columns.items():
+        part = register.mask is not None
+        for address in range(register.address, register.address + register.words):
+            word = address - map.address - TABLE_HEAD
+            if word in (2, map.row - 1) or word >= map.row:
+                table.note(f"columns.{name}.offset", word, f"words of the row but 2 and {map.row - 1}, its generation")
+                break
+            other, split = taken.setdefault(word, (name, part))
+            if other != name and not (part and split):
+                table.note(f"columns.{name}.offset", word, f"words that {other} does not use")
+                break
+
+
+def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None], events: Sequence[int]) -> None:
+    """Points against the images; the state must be one, the ring needs names."""
+    table = head.table("plc")
+    if plc.status and plc.status not in points:
+        table.note("status", plc.status, "a point of the type: " + one_of(sorted(points), plc.status))
+    if plc.events and not events:
+        table.note("events", Plain("true"), "[events] in events.toml: the keys of its codes")
+    images = [*plc.images, *([plc.settings] if plc.settings else [])]
+    for key, register in points.items():
+        for image in images if register else ():
+            assert register
+            inside = [
+                image.address <= address < image.address + image.words
+                for address in range(register.address, register.address + register.words)
+            ]
+            if any(inside) and not all(inside):
+                table.note("images", f"0x{image.address:04X}", f"an image that {key} lies in or outside, not both")
+
+
+def inside(image: Image | None, register: Register | None) -> bool:
+    """Whether `register` is one of the values of a settings image: behind generation and count, before the last generation."""
+    if image is None or register is None or register.table != "holding":
+        return False
+    return image.address + 2 <= register.address and register.address + register.words < image.address + image.words
+
+
+def cell_key(table: str, slot: int, column: str) -> str:
+    """Key of the point in `column` of `slot`, from 1."""
+    return f"{table}_{slot}_{column}"
+
+
+def is_cell(key: str, tables: Mapping[str, TableMap]) -> bool:
+    """Whether `key` could be that of a cell of one of `tables`."""
+    return any(re.fullmatch(rf"{table}_\d+_\w+", key) for table in tables)
+
+
+def text_keys(events: Mapping[int, str], reasons: Mapping[int, str]) -> Iterator[str]:
+    """Texts that the codes need."""
+    yield from (f"event.{key}" for key in events.values())
+    yield from (f"reason.{key}" for key in reasons.values())

@@ -1,0 +1,299 @@
+"""A machine with a map of ours is data: its map, tables, codes, commands and presets; every wrong combination is told."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+from app.plant import changes, types
+from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Problem, Scan, TableMap, Type
+from app.plant.loader import LANGUAGES, read_plant
+from tests.plant.line import FILES, PLANT, write_type
+
+
+def load(folder: Path, plant: str = PLANT, **changed: str | None) -> tuple[Plant | None, list[Problem]]:
+    (folder / "plant").mkdir(exist_ok=True)
+    (folder / "plant" / "plant.toml").write_text(plant, "utf-8")
+    return read_plant(folder / "plant", type_folder=write_type(folder, **changed))
+
+
+def machine(folder: Path, more: str = "", **changed: str | None) -> Equipment:
+    plant, problems = load(folder, PLANT + more, **changed)
+    assert problems == []
+    assert plant is not None
+    return plant.equipment["k1"]
+
+
+def problem(folder: Path, file: str, old: str, new: str) -> Problem:
+    """The one mistake after `old` became `new` in a file of the type; what follows from it elsewhere comes after it."""
+    name = file + ".toml"
+    assert old in FILES[name]
+    plant, problems = load(folder, **{file: FILES[name].replace(old, new, 1)})
+    assert plant is None
+    assert len(problems) <= 4, "what follows from one mistake is not to hide it"
+    return problems[0]
+
+
+def test_the_map_of_a_machine_is_read(tmp_path: Path) -> None:
+    kind = machine(tmp_path).type
+    assert kind.device.plc == PlcMap(10, (Image(0x100, 16),), Image(0x200, 8), 0x240, "state", events=True)
+    assert (kind.events, kind.reasons) == (
+        {1: "arrived", 20: "jam", 21: "jam_over"},
+        {2: "wrong_state", 7: "no_such_product"},
+    )
+    assert kind.tables == {"product": TableMap("product", 0x800, 16, "slots", ("id", "state", "head", "left", "right"))}
+
+
+def test_a_drive_has_no_such_map() -> None:
+    data, problems = types.read_type("eura_e800", LANGUAGES)
+    assert problems == []
+    assert data.type.device.plc is None
+    assert not (data.type.tables or data.type.events or data.type.presets)
+
+
+def test_every_slot_of_a_table_is_a_row_of_points(tmp_path: Path) -> None:
+    item = machine(tmp_path)
+    assert item.tables == {"product": 3}
+    head = item.points["product_2_head"]
+    assert head.register
+    assert (head.name, head.id, head.equipment, head.key) == (
+        "k1.product_2_head",
+        "k1.product_2_head",
+        "k1",
+        "product_2_head",
+    )
+    assert (head.table, head.row, head.register.address, head.register.type) == (
+        "product",
+        1,
+        0x800 + 4 + 16 + 4,
+        Type.F32,
+    )
+    assert (head.kind, head.unit, head.decimals, head.low, head.high) == (Kind.ANALOG, "mm", 1, 0, 660)
+    assert (head.scan, head.history, head.label) == (Scan.SLOW, False, "point.product.head")
+    state, id = item.points["product_3_state"], item.points["product_1_id"]
+    assert (state.kind, state.texts[1], state.row) == (Kind.ENUM, "choice.product.state.1", 2)
+    assert (id.kind, id.register and id.register.address) == (Kind.STEP, 0x804)
+    assert "product_4_head" not in item.points
+    for word, name in enumerate(("generation", "capacity", "count")):
+        point = item.points[f"product_{name}"]
+        assert point.register
+        assert (point.register.address, point.kind, point.history, point.table) == (0x800 + word, Kind.STEP, False, "")
+
+
+def test_a_machine_has_as_many_slots_as_its_option_says(tmp_path: Path) -> None:
+    item = machine(tmp_path, "slots = 250\nlength = 1000\n")
+    last = item.points["product_250_head"]
+    assert (item.tables["product"], last.high) == (250, 1000)
+    assert last.register
+    assert last.register.address == 0x800 + 4 + 249 * 16 + 4
+    _, problems = load(tmp_path, PLANT + "slots = 2.5\n")
+    assert [(p.key, p.expected) for p in problems] == [("equipment.k1.slots", "a whole number")]
+
+
+def test_the_history_of_a_renamed_table_goes_on(tmp_path: Path) -> None:
+    tables = FILES["tables.toml"].replace("columns.head]", 'columns.front]\nwas = "head"')
+    item = machine(tmp_path, 'was = "old"\n', tables=tables)
+    assert item.points["product_2_front"].id == "old.product_2_head"
+
+
+def test_a_machine_of_250_slots_is_read_quickly(tmp_path: Path) -> None:
+    columns = "".join(f'[product.columns.c{n}]\noffset = {4 + 2 * n}\ntype = "f32"\n' for n in range(12))
+    tables = FILES["tables.toml"].replace("row = 16", "row = 40").partition("[product.columns.head]")[0] + columns
+    before = perf_counter()
+    item = machine(tmp_path, "slots = 250\n", tables=tables)
+    assert sum(point.table == "product" for point in item.points.values()) == 250 * 14
+    assert perf_counter() - before < 3.0
+
+
+def test_a_preset_gives_defaults_that_the_plant_file_may_change(tmp_path: Path) -> None:
+    plain, long = machine(tmp_path), machine(tmp_path, 'preset = "long"\nslots = 4\n')
+    assert (plain.preset, plain.options["length"], plain.options["slots"]) == ("", 660, 3)
+    assert (long.preset, long.options["length"], long.options["slots"]) == ("long", 4000, 4)
+    assert long.points["length"].high == 4000
+
+
+def test_an_unknown_preset_is_told_with_the_choices(tmp_path: Path) -> None:
+    _, problems = load(tmp_path, PLANT + 'preset = "modell"\n')
+    assert [str(found) for found in problems] == [
+        'plant.toml:13: equipment.k1.preset = "modell": expected one of model, long (perhaps model)'
+    ]
+
+
+def test_a_change_of_preset_is_seen_before_it_is_taken(tmp_path: Path) -> None:
+    old, _ = load(tmp_path)
+    new, _ = load(tmp_path, PLANT + 'preset = "long"\n')
+    assert old is not None
+    assert new is not None
+    (change,) = changes.compare(old, new)
+    assert 'preset: "" → "long"' in change.details
+    assert "slots: 3.0 → 5.0" in change.details
+    assert "points + product_4_id, product_4_state, product_4_head" in "; ".join(change.details)
+
+
+def test_the_simulation_takes_numbers_within_limits(tmp_path: Path) -> None:
+    item = machine(tmp_path, 'simulation = { start = "automatic", arrivals = 4 }\n')
+    assert item.options["simulation"] == {"start": "automatic", "arrivals": 4.0}
+    _, problems = load(tmp_path, PLANT + "simulation = { arrivals = 61 }\n")
+    assert [(found.key, found.expected) for found in problems] == [
+        ("equipment.k1.simulation.arrivals", "a number from 0 to 60")
+    ]
+
+
+def test_setpoints_of_the_settings_image_can_be_written(tmp_path: Path) -> None:
+    points = machine(tmp_path).points
+    for key in ("speed", "delay"):
+        register = points[key].register
+        assert register
+        assert register.writable, key
+    register = points["count"].register
+    assert register
+    assert not register.writable
+
+
+def test_commands_are_codes_with_arguments(tmp_path: Path) -> None:
+    commands = machine(tmp_path).type.commands
+    assert (commands["start"].code, commands["start"].feedback) == (1, "state == 1")
+    assert (commands["clear"].code, commands["clear"].feedback) == (4, "")
+    assert (commands["jog"].hold, commands["jog"].hold_bits) == (True, 1)
+    edit = commands["edit"]
+    assert edit.needs_reason
+    assert list(edit.arguments) == [
+        Argument("product", Type.U32, "1", "", "", 0, "argument.product"),
+        Argument("head", Type.F32, "0", "length", "mm", 1, "argument.head"),
+    ]
+
+
+def test_an_event_may_raise_an_alarm(tmp_path: Path) -> None:
+    jam, late = machine(tmp_path).alarms
+    assert (jam.event, jam.event_clear, jam.source, jam.expression) == (20, 21, 2, "")
+    assert (late.event, late.event_clear, late.source, late.expression) == (1, 0, None, "count > 4")
+
+
+def test_a_plant_may_add_alarms_by_event(tmp_path: Path) -> None:
+    row = '[[alarms]]\nequipment = "k1"\nkey = "busy"\nevent = {}\npriority = 4\nlabel = "Busy"\n'
+    assert machine(tmp_path, row.format(1)).alarms[-1].event == 1
+    _, problems = load(tmp_path, PLANT + row.format(9))
+    assert [(found.key, found.value) for found in problems] == [("alarms.0.event", "9")]
+
+
+def test_all_texts_that_the_data_ask_for_are_known(tmp_path: Path) -> None:
+    data, problems = types.read_type("line", LANGUAGES, write_type(tmp_path))
+    assert problems == []
+    keys = set(types.text_keys(data))
+    assert {
+        "type", "event.arrived", "event.jam_over", "reason.no_such_product", "argument.head", "point.product.head",
+        "choice.product.state.2", "table.count", "command.edit", "alarm.jam.response",
+    } <= keys  # fmt: skip
+
+
+MISTAKES = [
+    ("device", "type_code = 10", "type_code = 0", "plc.type_code", "a whole number from 1 to 65535"),
+    ("device", 'status = "state"', 'status = "stat"', "plc.status", "perhaps state"),
+    ("device", "words = 16 }]", "words = 2 }]", "plc.images.0.words", "from 3 to 125"),
+    ("device", "0x0100, words", "0xFFF8, words", "plc.images.0.words", "0xFFFF"),
+    ("device", "words = 16 }]", "words = 16, size = 3 }]", "plc.images.0.size", "no such key"),
+    ("device", "words = 16 }]", "words = 16 }, { address = 0x10F, words = 9 }]", "plc.images", "does not use"),
+    ("device", "words = 16 }]", "words = 5 }]", "plc.images", "length lies in or outside"),
+    ("device", "staging = 0x0240", "", "plc.staging", "a whole number"),
+    ("device", "max_write = 123", "max_write = 15", "plc", "function 16"),
+    ("device", "write_functions = [6, 16]", "write_functions = [6]", "plc", "function 16"),
+    ("device", "length = 4000", "length = 9000", "presets.long.length", "from 100 to 5000"),
+    ("device", "length = 4000", "lenght = 4000", "presets.long.lenght", "perhaps length"),
+    ("device", "default = 3", "default = 2.5", "options.slots.default", "a whole number: it"),
+    ("device", "slots = 5", "slots = 4.5", "presets.long.slots", "a whole number"),
+    ("device", "arrivals = [0, 60]", "arrivals = [60]", "options.simulation.numbers.arrivals", "[low, high]"),
+    ("tables", "row = 16", "row = 130", "product.row", "from 5 to 121"),
+    ("tables", "address = 0x0800", "address = 0xF800", "product.address", "250 rows of 16 words"),
+    ("tables", 'capacity = "slots"', 'capacity = "slot"', "product.capacity", "perhaps slots"),
+    ("tables", 'capacity = "slots"', 'capacity = "simulation"', "product.capacity", "one of length, slots"),
+    ("tables", 'capacity = "slots"', "capacity = 0", "product.capacity", "from 1 to"),
+    ("tables", "offset = 3", "offset = 2", "product.columns.state.offset", "its generation"),
+    ("tables", "offset = 3", "offset = 15", "product.columns.state.offset", "its generation"),
+    ("tables", "offset = 3", "offset = 5", "product.columns.head.offset", "state does not use"),
+    ("tables", "offset = 3", "offset = 16", "product.columns.state.offset", "from 0 to 15"),
+    ("tables", "offset = 3", "", "product.columns.state.offset", "a whole number"),
+    ("tables", 'type = "u32"', "", "product.columns.id", "a row begins with it"),
+    ("tables", "columns.id]", "columns.number]", "product.columns.id", "a row begins with it"),
+    ("tables", "columns.state]", "columns.State]", "product.columns.State", "small letters"),
+    ("tables", 'unit = "mm"', 'units = "mm"', "product.columns.head.units", "no such key"),
+    ("tables", 'high = "length"', 'high = "lenght"', "product.columns.head.high", "options of line"),
+    ("points", "[count]", "[product_count]", "product", "no point of points.toml"),
+    ("points", "[count]", "[product_1_count]", "product_1_count", "that of a cell"),
+    ("events", '1 = "arrived"', '0 = "arrived"', "events.0", "a code from 1 to 65535"),
+    ("events", '1 = "arrived"', '70000 = "arrived"', "events.70000", "a code from 1 to 65535"),
+    ("events", '1 = "arrived"', "1 = 5", "events.1", "a key"),
+    ("events", '"jam_over"', '"jam"', "events.21", "no other code"),
+    ("events", "[reasons]", "[reason]", "reason", "perhaps reasons"),
+    ("commands", "code = 1", "code = 70000", "start.code", "from 1 to 65535"),
+    ("commands", 'feedback = "state == 1"', 'feedback = "stat == 1"', "start.feedback", "it has no stat"),
+    ("commands", 'feedback = "state == 1"', 'feedback = "count == argument"', "start.feedback", "no `argument` here"),
+    ("commands", "code = 1", "code = 1\nwrites = [{ point = 'speed', value = 1 }]", "start.writes", "nothing where"),
+    ("commands", "code = 1", "code = 1\nrelease = [{ point = 'speed', value = 1 }]", "start.release", "nothing where"),
+    ("commands", "code = 1", "code = 1\nargument = 'speed'", "start.argument", "`arguments` where"),
+    ("commands", "code = 1", "code = 1\nhold = true", "start.hold", "`hold_bits`"),
+    ("commands", "hold = true", "", "jog.hold", "hold = true"),
+    ("commands", "hold = true", "hold = true\nneeds_reason = true", "jog.needs_reason", "nobody has the time"),
+    ("commands", "hold_bits = 1", "hold_bits = 1\narguments = [{ name = 'a' }]", "jog.arguments", "a `code`"),
+    ("commands", 'feedback = "moving == 1"', "", "jog.feedback", "a text"),
+    ("commands", "stop = true", "stop = true\narguments = [{ name = 'a' }]", "stop.arguments", "none for a Stop"),
+    ("commands", 'type = "u32"', 'type = "u16"', "edit.arguments.0.type", "one of f32, u32, i32"),
+    ("commands", 'type = "u32"', 'type = "u32", decimals = 1', "edit.arguments.0.decimals", "0 for u32"),
+    ("commands", "low = 1", "low = [1]", "edit.arguments.0.low", "a number or an expression"),
+    ("commands", "low = 1", "lowest = 1", "edit.arguments.0.lowest", "no such key"),
+    ("commands", 'high = "length"', 'high = "width"', "edit.arguments.1.high", "it has no width"),
+    ("commands", 'name = "head"', 'name = "product"', "edit.arguments.1.name", "no other argument"),
+    ("commands", 'name = "head"', 'name = "age"', "edit.arguments.1.name", "no word of the grammar"),
+    ("commands", 'name = "head"', 'name = "Head"', "edit.arguments.1.name", "small letters"),
+    ("alarms", "event = 20", "event = 22", "jam.event", "1 arrived, 20 jam, 21 jam_over"),
+    ("alarms", "event_clear = 21", "event_clear = 22", "jam.event_clear", "20 jam"),
+    ("alarms", "event_clear = 21", "event_clear = 20", "jam.event_clear", "another event"),
+    ("alarms", "event_clear = 21", 'clear = "count == 0"', "jam.clear", "an `expression`"),
+    ("alarms", "source = 2", "source = -1", "jam.source", "from 0 to 65535"),
+    ("alarms", "event = 1\n", "source = 1\n", "late.source", "an `event`"),
+]
+
+
+@pytest.mark.parametrize(("file", "old", "new", "key", "expected"), MISTAKES)
+def test_a_mistake_is_named(tmp_path: Path, file: str, old: str, new: str, key: str, expected: str) -> None:
+    found = problem(tmp_path, file, old, new)
+    assert found.key == key
+    assert expected in found.expected
+
+
+def test_more_than_four_arguments_do_not_fit(tmp_path: Path) -> None:
+    found = problem(tmp_path, "commands", ", decimals = 1 },", " }, { name = 'a' }, { name = 'b' }, { name = 'c' },")
+    assert (found.key, found.expected) == ("edit.arguments.4.name", "at most 4 arguments")
+
+
+@pytest.mark.parametrize(
+    ("file", "keys"),
+    [
+        ("tables", ["(file)"]),
+        ("commands", ["start.code", "stop.code", "clear.code", "edit.code", "jog.hold_bits"]),
+        ("alarms", ["jam.event", "jam.event_clear", "late.event"]),
+    ],
+)
+def test_a_drive_has_none_of_it(tmp_path: Path, file: str, keys: Sequence[str]) -> None:
+    device = FILES["device.toml"]
+    start, end = device.index("[plc]"), device.index("[options.slots]")
+    changed: dict[str, str | None] = {name: None for name in ("tables", "commands", "alarms", "events") if name != file}
+    changed["device"] = device[:start] + device[end:]
+    _, problems = load(tmp_path, PLANT, **changed)
+    assert [found.key for found in problems] == keys
+
+
+def test_a_ring_without_names_is_told(tmp_path: Path) -> None:
+    _, problems = load(tmp_path, events=None, alarms=None)
+    assert [(found.key, found.value) for found in problems] == [("plc.events", "true")]
+
+
+def test_an_order_without_code_needs_telegrams(tmp_path: Path) -> None:
+    found = problem(tmp_path, "commands", "code = 4", "")
+    assert found.key == "clear.feedback"
+
+
+def test_the_files_of_the_test_are_toml() -> None:
+    for name, text in FILES.items():
+        assert tomllib.loads(text), name
