@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
+from app.historian import passages
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -40,7 +41,7 @@ class Size:
     free: int
     """Bytes left on the disk."""
     oldest: int | None
-    """Time of the oldest sample [µs UTC]."""
+    """Time of the oldest sample or passage of a product [µs UTC]."""
     rows_today: int
     """Rows stored in the last 24 h."""
     grown_today: int
@@ -222,7 +223,7 @@ def size(connection: Connection, path: Path, now: int) -> Size:
     day = connection.exec_driver_sql(
         "SELECT coalesce(sum(rows), 0), coalesce(sum(grown), 0), min(t) FROM volume WHERE t > ?", (now - DAY,)
     ).one()
-    return Size(used(connection), shutil.disk_usage(path.parent).free, _oldest(connection, "sample"), *day)
+    return Size(used(connection), shutil.disk_usage(path.parent).free, _first(connection), *day)
 
 
 def used(connection: Connection) -> int:
@@ -244,9 +245,9 @@ def note_growth(connection: Connection, now: int, grown: int) -> None:
 
 
 def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tuple[int, bool]:
-    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point.
+    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point and so many passages of products.
 
-    Returns how many samples were removed, and whether all are.
+    Returns how many samples and passages were removed, and whether all are.
     """
     before = before // HOUR * HOUR
     removed, done = 0, True
@@ -261,9 +262,18 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
                 f"DELETE FROM {table} WHERE point = ? AND t < ?", (number, limit // width * width)
             )
         removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
+    passages_removed, passages_done = passages.cut(connection, before, at_once)
+    removed, done = removed + passages_removed, done and passages_done
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
+
+
+def _first(connection: Connection) -> int | None:
+    """Time of the oldest thing that is kept: a sample, or a product that entered."""
+    sample = _oldest(connection, "sample")
+    entered: int | None = connection.exec_driver_sql("SELECT min(entered) FROM passage").scalar()
+    return min((time for time in (sample, entered) if time is not None), default=None)
 
 
 def _oldest(connection: Connection, table: str) -> int | None:

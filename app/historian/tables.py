@@ -1,6 +1,6 @@
 """Tables of `history.db`."""
 
-from sqlalchemy import BigInteger, Column, Float, Integer, String, Table
+from sqlalchemy import BigInteger, Column, Float, Index, Integer, String, Table, text
 
 from app.db import history_tables
 
@@ -81,3 +81,66 @@ volume = Table(
     Column("grown", BigInteger, nullable=False),
 )
 """Per hour [µs UTC]: rows stored and bytes by which the database has grown."""
+
+passage = Table(
+    "passage",
+    history_tables,
+    Column("id", Integer, primary_key=True),
+    Column("equipment", String, nullable=False),
+    Column("boot", Integer, nullable=False),
+    Column("product", BigInteger, nullable=False),
+    Column("entered", BigInteger, nullable=False),
+    Column("entry", Integer, nullable=False),
+    Column("length", Float),
+    Column("corrections", Integer, nullable=False),
+    Column("greatest", Float),
+    Column("alarms", String, nullable=False),
+    Column("outcome", String, nullable=False),
+    Column("ended", BigInteger),
+    Column("missed", Integer, nullable=False),
+    Index("ix_passage_entered", "entered"),
+    Index("ix_passage_equipment", "equipment", "entered"),
+    Index("ix_passage_product", "product", "equipment"),
+    Index("ix_passage_open", "equipment", sqlite_where=text("outcome = 'open'")),
+)
+"""One row per product on a machine: when it entered [µs UTC] and by which event (0: not seen), length [mm], number of corrections and
+greatest amount [mm], codes of events that are alarms (` 10 20 `), what became of it and when, events lost meanwhile."""
+
+passage_step = Table(
+    "passage_step",
+    history_tables,
+    Column("passage", Integer, primary_key=True),
+    Column("boot", Integer, primary_key=True),
+    Column("sequence", BigInteger, primary_key=True),
+    Column("time", BigInteger, nullable=False),
+    Column("code", Integer, nullable=False),
+    Column("source", Integer, nullable=False),
+    Column("value", Float),
+    Column("second", BigInteger, nullable=False),
+    Column("second_value", Float),
+    Column("person", String, nullable=False),
+    Column("reason", String, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""What happened to it: one row per event, and who had asked for it."""
+
+event_mark = Table(
+    "event_mark",
+    history_tables,
+    Column("equipment", String, primary_key=True),
+    Column("boot", Integer, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("time", BigInteger, nullable=False),
+)
+"""The last event of each machine that is in the passages, written with it."""
+
+event_gap = Table(
+    "event_gap",
+    history_tables,
+    Column("equipment", String, primary_key=True),
+    Column("boot", Integer, primary_key=True),
+    Column("sequence", BigInteger, primary_key=True),
+    Column("time", BigInteger, nullable=False),
+    Column("count", Integer, nullable=False),
+)
+"""Events that were lost, by the first one after them."""

@@ -1,0 +1,98 @@
+"""Machines that track products, and event rings made by hand."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from app.plant.definitions import Alarm, Device, Equipment, EquipmentType, PlcMap, TableMap
+from app.registers.plc_map import real
+
+BEGIN = 1_773_036_000_000_000
+"""2026-03-09T06:00Z."""
+SECOND = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """As a link hands it over."""
+
+    sequence: int
+    time: int
+    code: int
+    source: int = 0
+    value: float = float("nan")
+    snapshot: tuple[int, ...] = (0,) * 6
+    boot: int = 1
+    seen: int = 0
+
+
+def snapshot(product: int = 0, second: int = 0, value: float = float("nan")) -> tuple[int, ...]:
+    raw = real(value)
+    return (product >> 16, product & 0xFFFF, second >> 16, second & 0xFFFF, raw >> 16, raw & 0xFFFF)
+
+
+@dataclass
+class Ring:
+    """What a device would have told: `ring.tell(3, product=7, source=2, value=0.4)`."""
+
+    time: int = BEGIN
+    boot: int = 1
+    sequence: int = 0
+    events: list[Event] = field(default_factory=list)
+
+    def tell(
+        self,
+        code: int,
+        product: int = 0,
+        *,
+        source: int = 0,
+        value: float = float("nan"),
+        second: int = 0,
+        other: float = float("nan"),
+        after: float = 1.0,
+    ) -> Event:
+        self.time += round(after * SECOND)
+        self.sequence += 1
+        value = float(value)
+        event = Event(
+            self.sequence, self.time, code, source, value, snapshot(product, second, other), self.boot, self.time
+        )
+        self.events.append(event)
+        return event
+
+    def passage(self, product: int, length: float = 30.5, corrections: tuple[float, ...] = (0.4, -0.2, 1.1)) -> None:
+        """A product from its arrival to its unloading."""
+        self.tell(1, product, source=1)
+        self.tell(2, product, source=1, value=length)
+        for sensor, correction in enumerate(corrections, 2):
+            self.tell(3, product, source=sensor, value=correction)
+            self.tell(4, product, source=sensor, value=correction / 2, after=0.5)
+        self.tell(5, product, value=12.0)
+
+    def drain(self) -> list[Event]:
+        found, self.events = self.events, []
+        return found
+
+
+def conveyor(*ids: str) -> list[Equipment]:
+    """Machines with an event ring and a product table; their alarms are the events 10, 11 and 20."""
+    alarms = [
+        Alarm("tolerance", "a", "", 3, event=10),
+        Alarm("lost", "a", "lost_present == 1", 2, event=11),
+        Alarm("gap", "a", "gap_stop == 1", 2, event=20, event_clear=21),
+    ]
+    device = Device(plc=PlcMap(10, events=True))
+    table = TableMap("product", 0x0800, 24, "20")
+    names = {
+        1: "arrived",
+        2: "identified",
+        3: "head",
+        4: "tail",
+        5: "unloaded",
+        6: "deleted",
+        7: "edited",
+        10: "tolerance",
+    }
+    kind = EquipmentType(
+        "conveyor", Path(), "type", device, {}, {}, (), (), {}, alarms, {}, tables={"product": table}, events=names
+    )
+    return [Equipment(id, kind, "hall", 1, {"en": id}, "line", {}, alarms) for id in ids]
