@@ -347,7 +347,7 @@ class _TypeReader:
             certainty=table.text("certainty", ""),
         )
         name = key.rpartition(".")[2]
-        if not _matches(KEY, name) or name in expression.RESERVED:
+        if not _matches(KEY, name) or key in expression.RESERVED:  # a column may be called age: its cells are not
             table.note("", name, "a key of small letters, digits and _, not a word of the grammar")
         if register is None and derived is None:
             table.note("", NONE, "a point with `address` or with `derived`")
