@@ -1,5 +1,5 @@
 # The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
-.PHONY: help run setup dev test check fix bench soak pictures lock bundle migration translations .browser
+.PHONY: help run setup dev test check fix bench soak pictures lock bundle migration translations registers .browser
 .DEFAULT_GOAL := help
 SHELL  := /bin/bash
 PYTHON ?= python3
@@ -80,6 +80,9 @@ migration: setup ## new Alembic revision; M="what changes"
 
 translations: $(VENV)/.test ## collect texts; each language gets a new.toml of what it lacks
 	$(BIN)/python tools/check_texts.py --update
+
+registers: $(VENV)/.test ## describe the register maps of our machines in docs/registers
+	$(BIN)/python tools/registers.py
 
 # Stamps: each is redone when what it was made from changes.
 $(VENV)/.run: requirements/bootstrap.lock requirements/run.lock

@@ -1,0 +1,49 @@
+"""docs/registers is what the data say, today."""
+
+from app.plant import types
+from app.plant.loader import LANGUAGES
+from tools import registers
+
+
+def test_no_page_is_stale_and_no_type_lacks_one() -> None:
+    """Red? `make registers`."""
+    wanted = registers.pages()
+    assert {path.name for path in registers.FOLDER.glob("*.md")} == {path.name for path in wanted}
+    for path, text in wanted.items():
+        assert path.read_text("utf-8") == text, f"{path.name} is stale: make registers"
+
+
+def test_the_same_data_make_the_same_page() -> None:
+    assert registers.pages() == registers.pages()
+
+
+def test_a_page_names_every_register_command_event_and_reason() -> None:
+    data, _ = types.read_type("conveyor", LANGUAGES)
+    page = registers.page(data)
+    rows = [line for line in page.splitlines() if line.startswith("|")]
+    for key, point in data.type.points.items():
+        if point.register and point.register.address >= 32 and not key.startswith("product_"):
+            where = f"0x{point.register.address:04X}"
+            assert any(f"`{key}`" in row and where in row for row in rows), key
+    for key in (*data.type.commands, *data.type.events.values(), *data.type.reasons.values()):
+        assert any(f"`{key}`" in row for row in rows), key
+    for column in data.columns["product"]:
+        assert any(f"`{column}`" in row for row in rows), column
+
+
+def test_every_word_of_an_image_is_said_to_be_something() -> None:
+    page = registers.page(types.read_type("conveyor", LANGUAGES)[0])
+    for begin, words in ((0x0100, 96), (0x0180, 64)):
+        part = page.split(f"## Image 0x{begin:04X}")[1].split("\n## ")[0]
+        said: set[int] = set()
+        for row in part.splitlines():
+            if row.startswith("| 0x"):
+                place, kind = (cell.strip() for cell in row.split("|")[1:3])
+                first, _, last = place.partition("–")
+                end = (
+                    int(last, 16)
+                    if last
+                    else int(first, 16) + registers.TAKES.get(kind.split()[0] if kind else "", 1) - 1
+                )
+                said |= set(range(int(first, 16), end + 1))
+        assert said == set(range(begin, begin + words))
