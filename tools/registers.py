@@ -188,7 +188,7 @@ def _commands(kind: EquipmentType, plc: PlcMap) -> Iterator[str]:
     yield f"## Commands 0x{words.COMMAND:04X}–0x{last:04X}"
     status = f"`{plc.status}`" if plc.status else "not used"
     yield COMMAND.format(words=words.COMMAND_WORDS, status=status)
-    rows = []
+    rows: list[Sequence[str]] = []
     for key, command in kind.commands.items():
         if command.code:
             arguments = ", ".join(

@@ -176,8 +176,11 @@ def test_a_line_at_rest_starts_and_a_moving_belt_in_manual_can_be_driven(line: E
         ("start_automatic", {"jam_2": 1}, {"jam"}),
         ("start_automatic", {"encoder_fault_3": 1}, {"encoders"}),
         ("start_automatic", {"gap_stop": 1}, {"gap"}),
-        ("start_automatic", {"products": 20}, {"room"}),
+        ("start_automatic", {"state": 6, "stop_active": 1}, {"acknowledged", "no_stop"}),
+        ("start_automatic", {"host_silent": 1}, {"host"}),
+        ("select_manual", {"moving": 1, "state": 1, "mode": 1, "automatic": 1}, {"standstill"}),
         ("jog_forward", {}, {"manual"}),
+        ("edit_product", {"moving": 1}, {"standstill"}),
         ("insert_product", {"products": 20}, {"room"}),
     ],
 )
@@ -185,6 +188,14 @@ def test_what_stands_in_the_way_is_named(
     line: EquipmentType, command: str, values: dict[str, float], unmet: set[str]
 ) -> None:
     assert guards(line, command, **values) == unmet
+
+
+def test_a_full_memory_does_not_keep_the_line_from_unloading(line: EquipmentType) -> None:
+    assert guards(line, "start_automatic", products=20, buffer_full=1) == set()
+
+
+def test_automatic_may_follow_manual(line: EquipmentType) -> None:
+    assert guards(line, "start_automatic", mode=2) == set()
 
 
 def test_a_gap_stop_leaves_the_way_out_by_hand(line: EquipmentType) -> None:
@@ -250,7 +261,20 @@ def points(tmp_path: Path, more: str = "") -> dict[str, Point]:
 
 def test_a_product_has_a_row_of_cells_in_every_slot(tmp_path: Path) -> None:
     found = points(tmp_path, "product_slots = 7")
-    columns = ["id", "state", "head", "tail", "length", "area", "corrected_at", "correction", "age", "displacement", "direction", "entered"]
+    columns = [
+        "id",
+        "state",
+        "head",
+        "tail",
+        "length",
+        "area",
+        "corrected_at",
+        "correction",
+        "age",
+        "displacement",
+        "direction",
+        "entered",
+    ]
     assert {key for key, point in found.items() if point.table} == {
         f"product_{slot}_{column}" for slot in range(1, 8) for column in columns
     }
