@@ -101,7 +101,7 @@ class SRamp:
     def _follow(self, target: float, dt: float) -> None:
         plan = _plan(self.speed, self.acceleration, target, self.acceleration_limit, self.jerk)
         if sum(phase.duration for phase in plan) <= dt * (1 + _NOISE):
-            self.speed, self.acceleration = target, 0.0
+            self.speed, self.acceleration = float(target), 0.0
             return
         left = dt
         for jerk, duration in plan:

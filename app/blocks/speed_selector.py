@@ -20,7 +20,8 @@ class SpeedSelector:
     """SEL_5R: five selections, each with a value.
 
     SEL1 always wins when `first_wins` (SEL1HP). Otherwise the first that became active holds until it is released; of several that
-    became active in one cycle the lowest number. None active: the default. A selection that SEL1 overrode holds again afterwards if it is still active.
+    became active in one cycle the lowest number. None active: the default. A selection that SEL1 overrode holds again afterwards if it
+    is still active.
 
     Source: thesis 003, block SEL_5R; its SelIn 0–4 are selections 1–5 here.
     """

@@ -191,6 +191,8 @@ class Product:
     """Sum of corrections and contacts [mm]: right end = where it entered + displacement + shifted."""
     length_known: bool = True
     """False: measured anew at the next sensor."""
+    settled: ProductState = ProductState.TRACKED
+    """State after entering or unloading."""
     open_at: int = -1
     """Index of the sensor whose beam still holds the unknown trailing end; −1 = none."""
     open_right: bool = False
@@ -198,7 +200,7 @@ class Product:
     moving: int = 0
     """Sign of the last movement."""
     moved_us: int = 0
-    """Time of the last movement [µs]."""
+    """Time of the scan that moved it last [µs]."""
     back: float = 0.0
     """Movement against `swapped` not yet taken as a reversal [mm]."""
     passed_right: int = 0
@@ -208,7 +210,7 @@ class Product:
     lost_at: int = 0
     """Sensor that did not see it, from 1; 0 = none."""
     missed: int = 0
-    """Sensors in a row that did not see it."""
+    """Bit n: sensor n + 1 did not see it, and none after that did."""
     furthest: float = 0.0
     """Greatest length while entering [mm]."""
 
@@ -237,8 +239,10 @@ class Gap(NamedTuple):
 
     gap: float
     """[mm]"""
+    closing: float
+    """By so much they come nearer if the line stops now: distance to stop of the rear less that of the front [mm]; 0 = they do not."""
     limit: float
-    """Distance they will come nearer if the line stops now, with the margin [mm]; 0 = they do not come nearer."""
+    """`closing` with the margin [mm]; the line must stop when the gap is not greater."""
     rear: int
     """Id of the one behind in the direction of travel."""
     front: int
