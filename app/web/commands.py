@@ -6,6 +6,7 @@ looks at the machine when its revision tag `sys.commands.<equipment>` changes. S
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
@@ -14,11 +15,16 @@ from starlette.exceptions import HTTPException
 from app.commands.gate import Gate, Question
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
+from app.plant import expression
+from app.plant.definitions import Command
+from app.tags.quality import NO_DATA
+from app.web import format as fmt
 from app.web.errors import answer as error_answer
 from app.web.guard import address_of, allow, fields, person_of
 from app.web.language import language_of, local_path
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.pages import plant_of, view_of
+from app.web.tables import tables_of
 
 router = APIRouter()
 
@@ -59,6 +65,10 @@ def gate_of(operation: Operation) -> Gate:
     return operation.gate
 
 
+ARGUMENT = "arg_"
+"""Before the name of an argument in a form."""
+
+
 # ---- routes -------------------------------------------------------------------------------------------------
 
 
@@ -85,6 +95,32 @@ async def commands(request: Request, key: str) -> HTMLResponse:
 async def command(request: Request, key: str, command: str) -> Response:
     """Give a command."""
     return await _ask(request, operation_of(request, key), command)
+
+
+@router.get("/equipment/{key}/ask/{command}", dependencies=[allow("operate")])
+async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
+    """The dialog for the arguments of a command, filled with what the address gives and, of a row of a table, with what stands there."""
+    operation = operation_of(request, key)
+    kind = operation.equipment.equipment.type.commands.get(command)
+    if kind is None or not kind.arguments or operation.gate is None:
+        raise HTTPException(404)
+    view = view_of(request)
+    if reason := operation.buttons[command].reason:
+        at = operation.time(operation.runtime.clock.micros())
+        return view.fragment(request, "fragments/line.html", status=409, text=reason, kind="error", at=at)
+    level = operation.gate.level(operation.id, command)
+    return view.fragment(
+        request,
+        "fragments/arguments.html",
+        operation=operation,
+        equipment=operation.equipment,
+        key=command,
+        level=level,
+        needs_reason=kind.needs_reason or level >= "C3",
+        label=operation.equipment.t(kind.label),
+        url=f"{operation.url}/command/{command}",
+        arguments=arguments_of(operation, kind, dict(request.query_params)),
+    )
 
 
 @router.post("/equipment/{key}/stop", dependencies=[allow("stop")])
@@ -158,10 +194,78 @@ async def release(request: Request, key: str) -> Response:
     return Response(status_code=204)
 
 
+@dataclass(frozen=True, slots=True)
+class ArgumentView:
+    """An argument of a command as a field."""
+
+    name: str
+    label: str
+    unit: str
+    value: str
+    """As it is written in the field."""
+    low: float | None
+    high: float | None
+    decimals: int
+    lang: str
+    row: bool = False
+    """It says which row of a table is meant, and is not to be changed."""
+
+    @property
+    def permitted(self) -> str:
+        """The permitted range as drawn; empty when it is not known."""
+        if self.low is None or self.high is None or self.row:
+            return ""
+        decimals = max(fmt.shortest(bound, self.decimals) for bound in (self.low, self.high))
+        return fmt.span(self.low, self.high, decimals, self.lang)
+
+
+def arguments_of(operation: Operation, command: Command, given: Mapping[str, str]) -> list[ArgumentView]:
+    """The arguments of `command` as fields; one that is called as a table names a row, whose columns fill the others."""
+    machine, found = operation.equipment, []
+    tables = tables_of(machine)
+    row = next((tables[name].row(int(text)) for name, text in given.items() if name in tables and text.isdigit()), None)
+    for argument in command.arguments:
+        low, high = (
+            expression.number(bound, look_of(operation)) if bound else None for bound in (argument.low, argument.high)
+        )
+        value = given.get(argument.name, "")[:40]
+        number = row.number(argument.name) if row and not value else None
+        if number is not None:
+            value = fmt.number(number, argument.decimals, machine.lang).replace(fmt.GROUP, "")
+        found.append(
+            ArgumentView(
+                argument.name,
+                machine.t(argument.label),
+                fmt.unit_symbol(argument.unit, machine.text),
+                value,
+                low,
+                high,
+                argument.decimals,
+                machine.lang,
+                argument.name in tables,
+            )
+        )
+    return found
+
+
+def look_of(operation: Operation) -> expression.Look:
+    """What an expression over points of the machine reads."""
+    tags, prefix = operation.runtime.tags, operation.id + "."
+
+    def look(key: str) -> expression.Reading:
+        handle = tags.handles.get(prefix + key)
+        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+    return look
+
+
 async def _ask(request: Request, operation: Operation, key: str, *, value: bool = False) -> Response:
-    form = await fields(request, (), ("argument", "id", "nonce", "expected", "confirmed", "reason", "password"))
+    kinds = operation.equipment.equipment.type.commands
+    names = [argument.name for argument in kinds[key].arguments] if key in kinds and not value else []
+    optional = ("argument", "id", "nonce", "expected", "confirmed", "reason", "password")
+    form = await fields(request, (), (*optional, *(f"{ARGUMENT}{name}" for name in names)))
     gate, person = gate_of(operation), person_of(request)
-    given = {
+    given: dict[str, object] = {
         "id": form["id"][:64],
         "nonce": form["nonce"],
         "expected": number_or_none(form["expected"]),
@@ -175,6 +279,8 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
             progress = await gate.set_value(person, operation.id, key, form["argument"], **given)  # type: ignore[arg-type]
         else:
             argument = form["argument"] or None
+            if names:
+                given["arguments"] = {name: form[f"{ARGUMENT}{name}"] for name in names}
             progress = await gate.ask(person, operation.id, key, argument=argument, **given)  # type: ignore[arg-type]
     except Question as question:
         return _question(request, operation, form, key, question)

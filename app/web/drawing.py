@@ -124,6 +124,42 @@ class Dial:
         return round_steps(self.low, self.high, 9)[1:-1]
 
 
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """A drawing to scale: lengths from `low` to `high` [EU] on `span` user units from `start`."""
+
+    low: float
+    high: float
+    start: float
+    span: float
+
+    @property
+    def factor(self) -> float:
+        """User units per unit of length."""
+        return self.span / (self.high - self.low)
+
+    def at(self, value: float) -> float:
+        """Place of `value`, to a tenth."""
+        return tenth(self.start + self.factor * (value - self.low))
+
+    def length(self, value: float) -> float:
+        """Length of `value`, to a tenth."""
+        return tenth(self.factor * value)
+
+    @property
+    def labels(self) -> tuple[float, ...]:
+        """Round values to be written at the ruler, its ends included, none so near to the last that they would touch."""
+        steps = round_steps(self.low, self.high, 9)
+        return tuple(value for value in steps[:-1] if self.high - value > (self.high - self.low) / 18) + steps[-1:]
+
+    @property
+    def ticks(self) -> tuple[float, ...]:
+        """Values of the short lines of the ruler: five to each step between labels."""
+        step = (self.labels[1] - self.labels[0]) / 5 if len(self.labels) > 2 else (self.high - self.low) / 5
+        count = int((self.high - self.low) / step + 1e-9)
+        return tuple(self.low + step * index for index in range(count + 1))
+
+
 def round_steps(low: float, high: float, most: int) -> tuple[float, ...]:
     """Round values of equal distance (1, 2 or 5 times a power of ten) from `low` to `high`, at most `most`, the ends included."""
     if not low < high:

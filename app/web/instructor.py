@@ -5,19 +5,21 @@ again right before each write. A live device has no such registers; nothing is e
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from app import bundled
 from app.errors import LinkError, Refused
 from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment
 from app.sim import training
 from app.sim.plant import MACHINE_FAULTS
+from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
@@ -27,14 +29,49 @@ router = APIRouter()
 READ_BACK = 2.0
 """What was written is looked for in the registers for so long [s]."""
 LOOK_PERIOD = 0.05
-WORLD: Mapping[str, tuple[int, str]] = {
-    "load": (training.REG_LOAD, "%"),
-    "quadratic": (training.REG_LOAD_QUADRATIC, "%"),
-    "disturbance": (training.REG_DISTURBANCE, "%"),
-    "ambient": (training.REG_AMBIENT, "°C"),
-    "supply": (training.REG_SUPPLY, "V"),
+
+
+@dataclass(frozen=True, slots=True)
+class Trainer:
+    """What an instructor can do to a type of machine besides causing faults and breaking its line."""
+
+    world: Mapping[str, tuple[int, str]]
+    """Field → register and unit; the text is `instructor.<field>`. Limits of 0 and 1 make a switch."""
+    live: Sequence[str]
+    """Points that are shown beside it."""
+    acts: Mapping[str, int] = field(default_factory=dict)
+    """Deed → register that acts once and reads 0."""
+    switches: Mapping[str, int] = field(default_factory=dict)
+    """Deed → register of bits, of which one is turned over."""
+    names: str = ""
+    """Point whose texts name the faults; empty = the texts `instructor.<type>.<code>`, or `….<tens>x` with {n} for its last digit."""
+
+
+TRAINERS: Mapping[str, Trainer] = {
+    "eura_e800": Trainer(
+        world={
+            "load": (training.REG_LOAD, "%"),
+            "quadratic": (training.REG_LOAD_QUADRATIC, "%"),
+            "disturbance": (training.REG_DISTURBANCE, "%"),
+            "ambient": (training.REG_AMBIENT, "°C"),
+            "supply": (training.REG_SUPPLY, "V"),
+        },
+        live=("status", "speed", "current", "heatsink_temperature"),
+        names="status",
+    ),
+    "conveyor": Trainer(
+        world={
+            "arrivals": (training.REG_ARRIVALS, ""),
+            "interval": (training.REG_INTERVAL, "0.1 s"),
+            "shortest": (training.REG_SHORTEST, "mm"),
+            "longest": (training.REG_LONGEST, "mm"),
+        },
+        live=("state", "mode", "products", "smallest_gap", "line_speed"),
+        acts={"remove": training.REG_REMOVE, "put": training.REG_PUT, "power": training.REG_POWER},
+        switches={"sensor": training.REG_SENSORS},
+    ),
 }
-"""Field → register and unit; the text is `instructor.<field>`."""
+"""By equipment type."""
 LINE_FIELDS: Mapping[str, tuple[int, str]] = {
     "delay": (training.REG_LINE_DELAY, "ms"),
     "argument": (training.REG_LINE_ARGUMENT, ""),
@@ -104,8 +141,8 @@ async def set_line(request: Request, key: str) -> Response:
 
     def words(item: Equipment) -> dict[int, int]:
         mode = training.REG_LINE_FAULT
-        return {mode: _whole(request, given["mode"], "instructor.line", training.LIMITS[mode])} | {
-            register: _whole(request, given[name] or "0", f"instructor.{name}", training.LIMITS[register])
+        return {mode: _whole(request, given["mode"], "instructor.line", training.COMMON_LIMITS[mode])} | {
+            register: _whole(request, given[name] or "0", f"instructor.{name}", training.COMMON_LIMITS[register])
             for name, (register, _) in LINE_FIELDS.items()
         }
 
@@ -114,16 +151,42 @@ async def set_line(request: Request, key: str) -> Response:
 
 @router.post("/instructor/{key}/world", dependencies=[allow("instruct")])
 async def set_world(request: Request, key: str) -> Response:
-    """Load, disturbance, ambient temperature, supply."""
-    given = await fields(request, WORLD)
+    """Load, disturbance, ambient temperature, supply; arrivals and lengths of products."""
+    world = TRAINERS[_item(request, key).type.name].world
+    given = await fields(request, world)
 
     def words(item: Equipment) -> dict[int, int]:
         return {
-            register: _whole(request, given[name], f"instructor.{name}", training.LIMITS[register])
-            for name, (register, _) in WORLD.items()
+            register: _whole(request, given[name], f"instructor.{name}", training.LIMITS_OF[item.type.name][register])
+            for name, (register, _) in world.items()
         }
 
     return await _do(request, key, "world", words)
+
+
+@router.get("/instructor/{key}/train", dependencies=[allow("instruct")])
+async def train(request: Request, key: str) -> Response:
+    """What a screen offers beside the machine itself: deeds of the hand."""
+    return await _hands(request, _item(request, key))
+
+
+@router.post("/instructor/{key}/act", dependencies=[allow("instruct")])
+async def act(request: Request, key: str) -> Response:
+    """Do something with the hand: press a sensor, take a product off, put one on, switch the supply off and on."""
+    given = await fields(request, ["act"], ["value"])
+    item = _item(request, key)
+    trainer, what = TRAINERS[item.type.name], given["act"]
+    limits = training.LIMITS_OF[item.type.name]
+    if what not in trainer.acts and what not in trainer.switches:
+        raise Refused("access.form_field", 422, field="act")
+    register = trainer.acts.get(what) or trainer.switches[what]
+
+    def words(item: Equipment) -> dict[int, int]:
+        low, high = limits[register] if what in trainer.acts else (1, limits[register][1].bit_length())
+        number = low if low == high else _whole(request, given["value"], f"instructor.{what}", (low, high))
+        return {register: number}
+
+    return await _do(request, key, "act", words, act=what)
 
 
 @router.post("/instructor/{key}/reset", dependencies=[allow("instruct")])
@@ -133,15 +196,17 @@ async def reset(request: Request, key: str) -> Response:
     return await _do(request, key, "reset", lambda item: {training.REG_RESET: 1})
 
 
-async def _do(request: Request, key: str, what: str, words: Callable[[Equipment], Mapping[int, int]]) -> Response:
-    """Write, read back, note; the page again when any of it did not happen."""
+async def _do(
+    request: Request, key: str, what: str, words: Callable[[Equipment], Mapping[int, int]], *, act: str = ""
+) -> Response:
+    """Write, read back, note; the page again when any of it did not happen. A screen gets its own part back instead."""
     item = _item(request, key)
     old = new = ""
     refused: Refused | None = None
     try:
         wanted = words(item)
         new = _told(wanted)
-        old = _told(await _write(request, item, wanted))
+        old = _told(await _write(request, item, wanted, act))
     except Refused as error:
         refused = error
     await people_access(request).audit.record(
@@ -155,13 +220,15 @@ async def _do(request: Request, key: str, what: str, words: Callable[[Equipment]
         address=address_of(request.scope),
         **(refused.params if refused else {}),
     )
+    if act and wants_fragment(request):
+        return await _hands(request, item, act, refused)
     if refused:
         return await _page(request, key, refused)
-    return RedirectResponse(f"/instructor/{item.id}?done={what}", 303)
+    return RedirectResponse(f"/instructor/{item.id}?done={act or what}", 303)
 
 
-async def _write(request: Request, item: Equipment, wanted: Mapping[int, int]) -> Words:
-    """Write `wanted` and wait until it is read back; what was there before.
+async def _write(request: Request, item: Equipment, wanted: Mapping[int, int], act: str = "") -> Words:
+    """Write `wanted` and wait until it is read back; what was there before. What acts once cannot be read back.
 
     Raises:
         Refused: the device is not simulated, does not answer, or shows something else.
@@ -169,10 +236,14 @@ async def _write(request: Request, item: Equipment, wanted: Mapping[int, int]) -
     before = await _look(request, item)
     if before.words is None:
         raise Refused(before.problem, 409, machine=item.id, cause=before.reason)
+    trainer = TRAINERS[item.type.name]
+    if act in trainer.switches:
+        wanted = {register: before.words[register] ^ 1 << (number - 1) for register, number in wanted.items()}
     try:
         for first, words in _telegrams(wanted):
             await before.link.raw_write(item.unit, first, words)
-        await _confirm(before.link, item, wanted)
+        if act not in trainer.acts:
+            await _confirm(before.link, item, wanted)
     except LinkError as error:
         raise Refused("instructor.not_written", 409, cause=str(error)) from error
     return {address: before.words[address] for address in wanted}
@@ -277,54 +348,95 @@ async def _page(request: Request, key: str, refused: Refused | None = None) -> R
         "pages/instructor.html",
         status=refused.status if refused else 200,
         title=view.text(request, "instructor.title"),
-        kind=f"equipment/{item.id}",
+        kind=f"faceplate/{item.id}",
         chip=item.id,
         up="/instructor",
         rows=[],
         chosen=_row(request, one),
         equipment=drawn,
-        live=drawn.points(
-            [key for key in ("status", "speed", "current", "heatsink_temperature") if key in item.points]
-        ),
+        live=drawn.points(TRAINERS[item.type.name].live),
         faults=_faults(request, item),
         modes=[
             (mode, view.text(request, f"instructor.mode.{mode}"), view.text(request, f"instructor.line_sees.{mode}"))
             for mode in training.LINE_FAULT_MODES
             if mode
         ],
-        line_fields=_entries(LINE_FIELDS, one.words),
-        world=_entries(WORLD, one.words),
+        line_fields=_entries(LINE_FIELDS, one.words, training.COMMON_LIMITS),
+        world=_entries(TRAINERS[item.type.name].world, one.words, training.LIMITS_OF[item.type.name]),
+        hands=_hands_template(item) if one.words else "",
+        said="",
         error=runtime.texts.text(language_of(request), refused.reason, **refused.params) if refused else "",
-        done=view.text(request, f"instructor.{done}") if done in DONE and not refused else "",
+        done=view.text(request, f"instructor.{done}") if done in _deeds(item) and not refused else "",
     )
 
 
-def _entries(table: Mapping[str, tuple[int, str]], words: Words | None) -> list[tuple[str, str, int, int, int]]:
+async def _hands(request: Request, item: Equipment, act: str = "", refused: Refused | None = None) -> Response:
+    """The deeds of the hand with what is pressed now, and a line of what was just done."""
+    view, template = view_of(request), _hands_template(item)
+    if not template:
+        raise HTTPException(404)
+    said = view.text(request, "instructor.confirmed", what=view.text(request, f"instructor.{act}")) if act else ""
+    if refused:
+        said = view.text(request, refused.reason, **refused.params)
+    one = await _look(request, item)
+    return view.fragment(
+        request,
+        template,
+        status=refused.status if refused else 200,
+        chosen=_row(request, one),
+        equipment=view.machine(request, item),
+        said=said,
+    )
+
+
+def _hands_template(item: Equipment) -> str:
+    """Template of the deeds of the hand; empty when the type has none."""
+    template = f"screens/{item.type.name}/hands.html"
+    return template if (bundled("templates") / template).is_file() else ""
+
+
+def _deeds(item: Equipment) -> frozenset[str]:
+    trainer = TRAINERS[item.type.name]
+    return frozenset((*DONE, *trainer.acts, *trainer.switches))
+
+
+def _entries(
+    table: Mapping[str, tuple[int, str]], words: Words | None, limits: Mapping[int, tuple[int, int]]
+) -> list[tuple[str, str, int, int, int]]:
     """(field, unit, now, lowest, highest)."""
     return [
-        (name, unit, words[register] if words else 0, *training.LIMITS[register])
-        for name, (register, unit) in table.items()
+        (name, unit, words[register] if words else 0, *limits[register]) for name, (register, unit) in table.items()
     ]
 
 
 def _faults(request: Request, item: Equipment) -> list[tuple[int, str, str]]:
-    """(code, what the drive calls it, what the trainee sees)."""
+    """(code, what the machine calls it, what the trainee sees)."""
     return [
-        (code, _code_text(request, item, code), _machine_sees(request, code)) for code in MACHINE_FAULTS[item.type.name]
+        (code, _code_text(request, item, code), _machine_sees(request, item, code))
+        for code in MACHINE_FAULTS[item.type.name]
     ]
 
 
 def _code_text(request: Request, item: Equipment, code: int) -> str:
-    runtime = view_of(request).runtime(request)
-    key = item.points["status"].texts.get(code, "")
+    runtime, trainer = view_of(request).runtime(request), TRAINERS[item.type.name]
+    if not trainer.names:
+        return _coded(request, f"instructor.{item.type.name}", code) or f"{code}"
+    key = item.points[trainer.names].texts.get(code, "")
     return runtime.texts.of_type(language_of(request), item.type, key) if key else f"{code}"
 
 
-def _machine_sees(request: Request, code: int) -> str:
-    view = view_of(request)
-    key = f"instructor.machine_sees.{code}"
-    known = view.runtime(request).texts.has(language_of(request), key)
-    return view.text(request, key if known else "instructor.machine_sees.any")
+def _machine_sees(request: Request, item: Equipment, code: int) -> str:
+    table = "instructor.machine_sees" if TRAINERS[item.type.name].names else f"instructor.{item.type.name}_sees"
+    return _coded(request, table, code) or view_of(request).text(request, "instructor.machine_sees.any")
+
+
+def _coded(request: Request, table: str, code: int) -> str:
+    """Text of a code, else of its tens (`1x`) with {n} for its last digit; empty when there is none."""
+    view, language = view_of(request), language_of(request)
+    for key in (f"{table}.{code}", f"{table}.{code // 10}x"):
+        if view.runtime(request).texts.has(language, key):
+            return view.text(request, key, n=code % 10)
+    return ""
 
 
 def _row(request: Request, one: Trainee) -> dict[str, Any]:
@@ -339,19 +451,30 @@ def _row(request: Request, one: Trainee) -> dict[str, Any]:
         "fault": 0,
         "mode": 0,
         "world": [],
+        "pressed": {},
     }
     if words is None:
         return row
     fault, mode = words[training.REG_MACHINE_FAULT], words[training.REG_LINE_FAULT]
     row |= {"fault": fault, "mode": mode}
     if fault:
-        row["active"].append((_code_text(request, item, fault), _machine_sees(request, fault)))
+        row["active"].append((_code_text(request, item, fault), _machine_sees(request, item, fault)))
     if mode:
         row["active"].append((_line_text(request, words), text(request, f"instructor.line_sees.{mode}")))
+    trainer, limits = TRAINERS[item.type.name], training.LIMITS_OF[item.type.name]
     row["world"] = [
-        (text(request, f"instructor.{name}"), f"{words[register]}\u00a0{unit}")
-        for name, (register, unit) in WORLD.items()
+        (
+            text(request, f"instructor.{name}"),
+            text(request, f"instructor.{'on' if words[register] else 'off'}")
+            if limits[register] == (0, 1)
+            else f"{words[register]}\u00a0{unit}",
+        )
+        for name, (register, unit) in trainer.world.items()
     ]
+    row["pressed"] = {
+        name: [bool(words[register] >> bit & 1) for bit in range(limits[register][1].bit_length())]
+        for name, register in trainer.switches.items()
+    }
     return row
 
 

@@ -136,6 +136,18 @@ class Operation:
         return f"/equipment/{quote(self.id)}"
 
     @property
+    def instructs(self) -> bool:
+        """Whether this person may lend the machine a hand: it is a simulated one, and they are an instructor."""
+        if self.person is None or not self.person.may("instruct"):
+            return False
+        item = self.equipment.equipment
+        link = self.runtime.links.get(item.link)
+        if link is None:
+            return False
+        station = link.stations.get(item.unit)
+        return link.simulated or (station is not None and station.simulated)
+
+    @property
     def revision_tag(self) -> str:
         """The tag that changes with anything drawn here."""
         return revision_tag(self.id)

@@ -13,6 +13,7 @@ from app.web import language
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
 from app.web.operation import Operation
+from app.web.tables import tables_of
 from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, View, address_of_area, area_label, areas
 
 router = APIRouter()
@@ -78,6 +79,7 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
         up=up,
         equipment=drawn,
         operation=operation,
+        tables=tables_of(drawn),
         message=operation.story,
     )
 

@@ -21,8 +21,7 @@ from app.commands.lifecycle import Progress, State
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Setpoint
-from app.tags.quality import NO_DATA
-from app.web.commands import gate_of, number_or_none, operation_of, wants_fragment
+from app.web.commands import gate_of, look_of, number_or_none, operation_of, wants_fragment
 from app.web.guard import address_of, allow, field_list, fields, person_of
 from app.web.language import language_of
 from app.web.operation import Operation
@@ -117,7 +116,7 @@ def groups_of(operation: Operation) -> list[Group]:
 def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
     machine, person = operation.equipment, operation.person
     point = machine.point(key)
-    look = _look(operation)
+    look = look_of(operation)
     marks = setpoint.certainty
     low, high = expression.number(setpoint.low, look), expression.number(setpoint.high, look)
     reason = ""
@@ -143,16 +142,6 @@ def _default(t: "object", setpoint: Setpoint, point: PointView) -> str:
     assert setpoint.default is not None
     key = setpoint.options.get(int(setpoint.default)) if setpoint.options else None
     return str(t(key)) if key and callable(t) else point.number(setpoint.default)
-
-
-def _look(operation: Operation) -> expression.Look:
-    tags, prefix = operation.runtime.tags, operation.id + "."
-
-    def look(key: str) -> expression.Reading:
-        handle = tags.handles.get(prefix + key)
-        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
-
-    return look
 
 
 # ---- faceplate ----------------------------------------------------------------------------------------------
@@ -201,7 +190,7 @@ async def parameters(request: Request, key: str) -> HTMLResponse:
         _read_later(request, operation)
     return view.page(
         request,
-        f"screens/{machine.type}/parameters.html",
+        "pages/parameters.html",
         title=machine.text("par.title"),
         kind=f"parameters/{machine.id}",
         area=machine.area,

@@ -1,6 +1,7 @@
 """What templates know of a machine: its points as they stand now, ready to be drawn and to be kept true by the live script."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -103,6 +104,12 @@ class PointView:
         if self.state == "stale":
             return fmt.age(self.age)
         return {"forced": "F", "manual": "M", "sim": "S" if "boxed" in style.split() else ""}.get(self.source, "")
+
+    @property
+    def signed_text(self) -> str:
+        """`text` with a plus sign when it is more than nothing."""
+        above = self.usable and isinstance(self.value, int | float) and self.value > 0 and re.search("[1-9]", self.text)
+        return f"+{self.text}" if above else self.text
 
     @property
     def badge_look(self) -> str:

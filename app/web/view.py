@@ -1,7 +1,8 @@
 """Templates and what all of them need: language, theme, person, areas, clock, the addresses of static files.
 
 A language has an environment of its own, so that macros say `_("nav.home")` whether or not they are imported with context. Templates get
-`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py) everywhere, and the names of `_surroundings` on a page.
+`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py) everywhere, and the names of
+`_surroundings` on a page.
 """
 
 import json
@@ -26,6 +27,7 @@ from app.plant.texts import Texts
 from app.web import format as fmt
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
+from app.web.drawing import Scale
 from app.web.language import HTML, NAMES, language_of
 from app.web.points import EquipmentView, live_texts
 
@@ -158,6 +160,7 @@ class View:
             "label": partial(texts.label, lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
+            "Scale": Scale,
             "marks_json": marks_json,
         }
         self._environments[lang] = (texts, environment)

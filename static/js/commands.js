@@ -220,19 +220,36 @@ document.addEventListener("pointerdown", ({ target }) => {
 });
 
 document.addEventListener("click", (event) => {
-  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel]");
+  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel], [data-arguments]");
   if (!button || event.ctrlKey || event.metaKey) return;
   if (button.matches("[data-cancel]")) return button.closest("[data-ask]")?.cancel?.();
   if (button.matches("[data-faceplate]")) return offline() ? undefined : faceplate(event, button);
   event.preventDefault();
   if (button.getAttribute("aria-disabled") === "true") {
-    const text = button.querySelector("small")?.textContent;
-    if (text) told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
+    const text = button.querySelector("small")?.textContent || button.title;
+    if (text) told(`${(button.querySelector(".cmd-t")?.firstChild ?? button).textContent.trim()}: ${text}`, "error");
     return;
   }
   if (repeated) return;
+  if (button.matches("[data-arguments]")) return askFor(button);
   button.matches("[data-token]") ? token(button) : press(button);
 });
+
+/** Open what asks for the arguments of a command; some commands are about the row that is chosen on the page. */
+async function askFor(button) {
+  let url = button.dataset.arguments;
+  if (button.dataset.needsRow !== undefined) {
+    const { chosen } = rootOf(button)?.dataset ?? {};
+    if (!chosen) return told(button.dataset.needsRow, "error");
+    url += `?${button.dataset.argument}=${chosen}`;
+  }
+  try {
+    const answer = await fetch(url, { headers: HEADERS, signal: AbortSignal.timeout(5000) });
+    await take(answer, null);
+  } catch {
+    told(textsOf(button).no_answer, "error");
+  }
+}
 
 const pressing = new Set();
 
@@ -368,7 +385,9 @@ function ask(element, near) {
   element.field = field;
   const place = field && review(field);
   const texts = textsOf(element);
-  const began = performance.now(), closes = element.querySelector("[data-closes]");
+  let began = performance.now();
+  const closes = element.querySelector("[data-closes]");
+  element.addEventListener("input", () => { began = performance.now(); }); // who types is still there
   const timer = setInterval(() => {
     const left = ASK - (performance.now() - began);
     if (closes) closes.textContent = closes.dataset.closes.replace("{n}", Math.max(0, Math.ceil(left / 1000)));
@@ -393,12 +412,28 @@ async function confirm(form, submitter) {
   const fields = Object.fromEntries(new FormData(form, submitter));
   delete fields.csrf;
   const { field } = asked;
+  if (asked.dataset.keep !== undefined) return typed(asked, form, fields);
   asked.cancel();
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);
   if (field) return settle(field, got);
   if (got) await take(got, null);
   else told(textsOf(asked).no_answer, "error");
+}
+
+/** A dialog with fields stays with what was typed until it is accepted. */
+async function typed(asked, form, fields) {
+  const submit = form.querySelector(".danger, .edge");
+  if (submit.getAttribute("aria-disabled") === "true") return;
+  submit.setAttribute("aria-disabled", "true");
+  const got = await post(form.getAttribute("action"), { ...fields, id: identity(), nonce: await nonce() });
+  submit.removeAttribute("aria-disabled");
+  if (!got) {
+    asked.querySelector("[data-hint]").textContent = textsOf(asked).no_answer;
+    return told(textsOf(asked).no_answer, "error");
+  }
+  if (got.ok) asked.cancel();
+  await take(got, asked);
 }
 
 document.addEventListener("keydown", (event) => {

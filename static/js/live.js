@@ -14,19 +14,22 @@ let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, writt
 /** Bind everything with a data-tag below `root` that is not bound yet. */
 export function bind(root = document) {
   for (const tag of tags.values()) tag.items = tag.items.filter(({ element }) => element.isConnected);
-  for (const element of root.querySelectorAll("[data-tag]")) {
-    const data = element.dataset;
-    let tag = tags.get(data.tag);
-    if (!tag) {
-      tag = { name: data.tag, value: null, quality: 6, state: "none", source: "field", known: false, items: [], kept: [], since: 0 };
-      tags.set(data.tag, tag);
-    }
-    if (tag.items.some((item) => item.element === element)) continue;
-    if (data.age) tag.since = performance.now() - data.age * 1000;
+  for (const element of root.querySelectorAll("[data-tag], [data-tags]")) {
+    const data = element.dataset, names = data.tags?.split(" ") ?? [data.tag];
+    if (tags.get(names[0])?.items.some((item) => item.element === element)) continue;
     const found = ways(element);
-    tag.items.push(...found);
-    tag.curve ||= found.some((item) => item.curve);
-    if (tag.known) draw(tag, () => true);
+    for (const name of names) {
+      let tag = tags.get(name);
+      if (!tag) {
+        tag = { name, value: null, quality: 6, state: "none", source: "field", known: false, items: [], kept: [], since: 0 };
+        tags.set(name, tag);
+      }
+      if (data.age) tag.since = performance.now() - data.age * 1000;
+      for (const item of found) if (item.tags) item.tags[name.slice(name.indexOf(".") + 1)] = tag;
+      tag.items.push(...found);
+      tag.curve ||= found.some((item) => item.curve);
+      if (tag.known) draw(tag, () => true);
+    }
   }
 }
 

@@ -4,6 +4,9 @@
 //   data-map          "value:place …": with data-move (x | y), data-turn (centre), data-fill (x | y) on an SVG group
 //   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
+//   data-tags         "name name …" instead of data-tag: nothing is drawn; when some changed, the element dispatches `tags` once, with what
+//                     is known of them by key: {head: {value, state, quality, source}, …}
+//   data-signed       a number carries its plus sign
 //   data-meter        role=meter: data-q and aria-value…; data-line "x0 x1": the curve of the last ten minutes
 import * as format from "./format.js";
 
@@ -43,7 +46,9 @@ function write(value, as, item) {
   if (as === "enum") return item.texts[value] ?? texts.unknown.replace("{value}", value);
   if (typeof value === "string" || as === "text") return String(value);
   if (as === "time") return format.momentOrTime(value, zone, lang, server.time || Date.now() * 1000);
-  return as === "hex" ? format.hexadecimal(value) : format.number(value, item.decimals, lang);
+  if (as === "hex") return format.hexadecimal(value);
+  const number = format.number(value, item.decimals, lang);
+  return item.signed && value > 0 && /[1-9]/.test(number) ? `+${number}` : number;
 }
 
 function place(map, value) {
@@ -174,11 +179,24 @@ function drawSignal(item, tag) {
   element.dispatchEvent(new CustomEvent("signal", { detail: tag.value }));
 }
 
+const told = new Set();
+
+/** Several tags: whoever listens hears once that some of them changed, after all were taken over. */
+function drawMany(item) {
+  if (!told.size) queueMicrotask(() => {
+    const items = [...told];
+    told.clear();
+    for (const { element, tags } of items) element.dispatchEvent(new CustomEvent("tags", { bubbles: true, detail: tags }));
+  });
+  told.add(item);
+}
+
 /** The ways of drawing that the attributes of `element` ask for: {draw, moves} or {draw, curve}. */
 export function ways(element) {
   const data = element.dataset, found = [];
+  if (data.tags !== undefined) return [{ element, draw: drawMany, moves: true, tags: {} }];
   const map = data.map?.split(" ").map((knot) => knot.split(":").map(Number));
-  const item = { element, map, decimals: +(data.decimals ?? 0), texts: data.texts ? JSON.parse(data.texts) : {}, settles: "settles" in data };
+  const item = { element, map, decimals: +(data.decimals ?? 0), texts: data.texts ? JSON.parse(data.texts) : {}, settles: "settles" in data, signed: "signed" in data };
   if (data.signal !== undefined) found.push({ ...item, draw: drawSignal, moves: true });
   if (data.line !== undefined) found.push({ ...item, draw: drawLine, curve: true, ends: data.line.split(" ").map(Number) });
   else if (map) found.push({ ...item, draw: drawMoved, moves: true });

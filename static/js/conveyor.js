@@ -1,0 +1,203 @@
+// The products of a line, to scale. Every slot of the table has its group; all that moves in it is moved by transforms of one duration, so
+// that head, tail and dimension stay together. Where there is no way from here to there (another product, a jump) nothing glides.
+import { number } from "./format.js";
+
+const JUMP = 60; // user units: further than any belt carries a product between two drawings
+const STATE = { LOST: 5 };
+const lang = document.body.dataset.lang;
+const { commands, parts } = window.pogon;
+const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
+const valued = (tag) => (usable(tag) ? tag.value : null);
+const round = (value) => Math.round(value * 100) / 100;
+const move = (element, x, scale) => { element.style.transform = `translate(${round(x)}px,0)${scale === undefined ? "" : ` scale(${round(scale)},1)`}`; };
+
+class Line {
+  constructor(svg) {
+    this.svg = svg;
+    this.machine = svg.dataset.machine;
+    this.factor = +svg.dataset.factor;
+    this.start = +svg.dataset.start;
+    this.ends = svg.dataset.ends.split(" ").map(Number);
+    this.facts = {};
+    this.products = new Map();
+    this.chosen = 0;
+    this.waiting = false;
+    this.gap = svg.querySelector(".c-gap");
+    svg.addEventListener("tags", ({ target, detail }) => {
+      if (target === svg) this.facts = detail;
+      else if (target.dataset.slot) this.take(target, detail);
+      this.later();
+    });
+    svg.addEventListener("click", ({ target }) => this.open(target.closest(".prod")));
+    svg.addEventListener("keydown", (event) => {
+      const group = event.target.closest?.(".prod");
+      if (!group || (event.key !== "Enter" && event.key !== " ")) return;
+      event.preventDefault();
+      if (!event.repeat) this.open(group);
+    });
+  }
+
+  at(mm) { return this.start + this.factor * mm; }
+
+  fact(key) { return valued(this.facts[key]); }
+
+  take(group, detail) {
+    const cells = {};
+    for (const [key, tag] of Object.entries(detail)) cells[key.slice(key.lastIndexOf("_") + 1)] = tag;
+    let product = this.products.get(group);
+    if (!product) {
+      product = { group, id: 0, left: 0 };
+      for (const [name, part] of [["dts", ".p-dts"], ["box", ".p-box"], ["cross", ".p-x"], ["edge", ".p-head"], ["text", ".p-id"], ["alarm", ".p-alm"]]) product[name] = group.querySelector(part);
+      this.products.set(group, product);
+    }
+    product.cells = cells;
+    product.changed = true;
+  }
+
+  /** Once for all that changed in one go. */
+  later() {
+    if (this.waiting) return;
+    this.waiting = true;
+    queueMicrotask(() => { this.waiting = false; this.draw(); });
+  }
+
+  draw() {
+    const known = Object.entries(this.facts).find(([key]) => key.endsWith("_generation"))?.[1];
+    if (known) this.svg.dataset.q = known.state;
+    const shown = [];
+    for (const product of this.products.values()) if (this.place(product)) shown.push(product);
+    this.label(shown);
+    this.measure(shown);
+  }
+
+  /** Put a product where it is; false when its slot is empty or nothing is known of it. */
+  place(product) {
+    const { group, cells } = product, id = valued(cells.id), head = valued(cells.head), tail = valued(cells.tail) ?? head;
+    if (!id || head === null) {
+      if (product.id) group.setAttribute("display", "none");
+      product.id = 0;
+      return false;
+    }
+    const left = this.at(Math.min(head, tail)), right = this.at(Math.max(head, tail)), width = Math.max(right - left, 2);
+    const backwards = head < tail || (head === tail && valued(cells.direction) === 1);
+    const fresh = product.id !== id;
+    group.classList.toggle("still", fresh || Math.abs(left - product.left) > JUMP);
+    if (fresh) {
+      group.removeAttribute("display");
+      product.text.textContent = String(id);
+      product.inked = 0;
+    }
+    Object.assign(product, { id, left, right: left + width, middle: left + width / 2 });
+    const state = valued(cells.state) ?? 0;
+    if (group.dataset.state !== String(state) || fresh) {
+      group.dataset.state = String(state);
+      group.setAttribute("aria-label", this.svg.dataset.product.replace("{id}", id));
+    }
+    group.dataset.q = cells.head.state === "good" ? cells.id.state : cells.head.state;
+    group.classList.toggle("chosen", id === this.chosen);
+    const edge = backwards ? left : left + width;
+    move(product.box, left, width);
+    move(product.edge, edge + (backwards ? 1.5 : -1.5));
+    move(product.alarm, product.middle);
+    const stops = (this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor;
+    move(product.dts, backwards ? edge - stops : edge, Math.max(stops, 0.01));
+    if (state === STATE.LOST) product.cross.setAttribute("d", `M${round(left)} 88L${round(left + width)} 130M${round(left)} 130L${round(left + width)} 88`);
+    return true;
+  }
+
+  /** Number of the belt under a place. */
+  belt(mm) {
+    const index = this.ends.findIndex((end) => mm <= end);
+    return index < 0 ? this.ends.length : index + 1;
+  }
+
+  /** Identities stand in the products; those too long for theirs stand above, side by side on two levels. */
+  label(shown) {
+    shown.sort((a, b) => a.left - b.left);
+    let edge = -Infinity, level = 0;
+    for (const product of shown) {
+      product.inked ||= product.text.getComputedTextLength();
+      const out = product.inked + 6 > product.right - product.left;
+      product.group.classList.toggle("out", out);
+      if (out) {
+        level = product.middle - product.inked / 2 < edge + 3 && level === 0 ? 1 : 0;
+        edge = product.middle + product.inked / 2;
+      }
+      product.text.style.transform = `translate(${round(product.middle)}px,${out ? -30 - 13 * level : 0}px)`;
+    }
+  }
+
+  /** The dimension between the two products of the smallest gap. */
+  measure(shown) {
+    const { gap } = this, size = this.fact("smallest_gap"), ids = [this.fact("gap_rear"), this.fact("gap_front")];
+    const pair = shown.filter(({ id }) => ids.includes(id));
+    if (size === null || pair.length !== 2) return gap.setAttribute("display", "none");
+    gap.removeAttribute("display");
+    const key = ids.join(), [a, b] = [pair[0].right, pair[1].left];
+    gap.classList.toggle("still", gap.dataset.of !== key);
+    gap.dataset.of = key;
+    move(gap.querySelector(".g-a"), a);
+    move(gap.querySelector(".g-b"), b);
+    move(gap.querySelector(".g-l"), a, Math.max(b - a, 0.01));
+    const text = gap.querySelector(".g-t"), written = `${number(size, size < 10 ? 1 : 0, lang)}\u00a0mm`;
+    if (text.textContent !== written) text.textContent = written;
+    move(text, (a + b) / 2);
+  }
+
+  open(group) {
+    const product = this.products.get(group);
+    if (!product?.id) return;
+    this.choose(product.id);
+    parts.openRow(`${this.svg.dataset.url}/table/product/${product.id}`);
+  }
+
+  /** The product that Edit and Remove ask about. */
+  choose(id) {
+    this.chosen = id;
+    for (const root of document.querySelectorAll(`[data-operation="${CSS.escape(this.machine)}"]`)) root.dataset.chosen = id || "";
+    for (const product of this.products.values()) product.group.classList.toggle("chosen", product.id === id && id !== 0);
+    this.mark();
+  }
+
+  /** The row of the chosen product; once it is gone nothing is chosen. */
+  mark() {
+    const rows = [...document.querySelectorAll(".prods [data-product]")];
+    for (const row of rows) row.setAttribute("aria-selected", String(+row.dataset.product === this.chosen));
+    if (this.chosen && rows.length && !rows.some((row) => +row.dataset.product === this.chosen)) this.choose(0);
+  }
+}
+
+const lines = [...document.querySelectorAll("[data-conveyor]")].map((svg) => new Line(svg));
+document.addEventListener("part", () => { for (const line of lines) line.mark(); });
+document.addEventListener("click", ({ target }) => {
+  const row = target.closest?.(".prods [data-product]");
+  if (row) for (const line of lines) line.choose(+row.dataset.product === line.chosen && !target.closest("[data-row]") ? 0 : +row.dataset.product);
+});
+
+// ---- modes: which one it is comes from the machine ---------------------------------------------------------------------------------------
+
+document.addEventListener("tags", ({ target, detail }) => {
+  if (!target.classList?.contains("c-mode")) return;
+  const mode = valued(Object.values(detail)[0]);
+  [...target.children].forEach((button, index) => button.setAttribute("aria-pressed", String(mode === index + 1)));
+});
+
+// ---- the hand of an instructor -------------------------------------------------------------------------------------------------------------
+
+document.addEventListener("toggle", ({ target }) => {
+  const place = target.open && target.querySelector?.("[data-hands]");
+  if (place) fetch(place.dataset.hands, { headers: { "HX-Request": "true" } }).then((answer) => answer.text()).then((html) => { place.innerHTML = html; }).catch(() => {});
+}, true);
+
+document.addEventListener("submit", async (event) => {
+  const form = event.target, place = form.closest("[data-hands]");
+  if (!place) return;
+  event.preventDefault();
+  const fields = Object.fromEntries(new FormData(form, event.submitter)), pressed = event.submitter?.textContent;
+  delete fields.csrf;
+  for (const field of place.querySelectorAll(`input[form="${form.id}"]`)) fields[field.name] = field.value;
+  const answer = await commands.post(form.getAttribute("action"), fields);
+  if (!answer) return;
+  place.innerHTML = await answer.text();
+  [...place.querySelectorAll("button")].find((button) => button.textContent === pressed)?.focus();
+});
