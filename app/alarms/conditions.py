@@ -19,6 +19,9 @@ from app.tags.quality import is_bad
 
 Truth = bool | None
 
+EVENT_LATE = 2.0
+"""How long an event may come after the value that it explains, and the value after the event [s]."""
+
 
 class Condition(Protocol):
     """Says whether the alarm should stand."""
@@ -144,6 +147,49 @@ class Told:
         return self.active
 
 
+@dataclass(slots=True)
+class Happened:
+    """An event of the device raised it; the engine says so. With a sentence it stands as long as that is true, and the sentence alone
+    raises it when the event was lost. Without one it stands until another event ends it, or not at all.
+    """
+
+    sentence: Discrete | None = None
+    lasts: bool = False
+    """Another event ends it."""
+    standing: bool = False
+    """An event raised it, and nothing has ended it."""
+    until: float = 0.0
+    """Up to then a sentence that is false may be older than the event [s, monotonic]."""
+    proved: bool = False
+    """The sentence was seen true since the event."""
+
+    @property
+    def momentary(self) -> bool:
+        """Whether it is over at once."""
+        return self.sentence is None and not self.lasts
+
+    @property
+    def settling(self) -> bool:
+        """Whether the event stands and its sentence has not been seen true yet."""
+        return self.standing and self.sentence is not None and not self.proved
+
+    def begin(self, until: float) -> None:
+        """The event has come; `until` when its sentence counts, should it be false till then."""
+        self.standing, self.proved, self.until = not self.momentary, False, until
+
+    def holds(self, look: Look, held: bool, now: float, age: Age | None = None) -> Truth:
+        if self.sentence is None:
+            return self.standing
+        truth = self.sentence.holds(look, held, now, age)
+        if not self.standing or truth is None:
+            return truth
+        if truth:
+            self.proved = True
+        elif self.proved or now >= self.until:
+            self.standing = False
+        return self.standing
+
+
 class Kind(StrEnum):
     """Ways of saying a condition in a row of alarms."""
 
@@ -161,13 +207,20 @@ def condition(alarm: Alarm) -> Condition:
     Raises:
         ConfigurationError: its sentence is none of the grammar (the plant reader has refused it before).
     """
+    if alarm.event:
+        return Happened(_discrete(alarm) if alarm.expression else None, alarm.event_clear > 0)
     return _BUILD[Kind(alarm.kind)](alarm)
+
+
+def delay(alarm: Alarm) -> "Delay":
+    """The delays of an alarm row: a sentence beside an event waits for it."""
+    return Delay(max(alarm.on_delay, EVENT_LATE) if alarm.event else alarm.on_delay, alarm.off_delay)
 
 
 def inputs(alarm: Alarm) -> frozenset[str]:
     """Keys of the points that decide it."""
     if alarm.kind == Kind.EXPRESSION:
-        sentences = [alarm.expression, *([alarm.clear] if alarm.clear else [])]
+        sentences = [text for text in (alarm.expression, alarm.clear) if text]
         return frozenset().union(*(expression.parse(text).names for text in sentences))
     return frozenset(key for key in (alarm.value, alarm.reference) if key)
 
@@ -234,7 +287,7 @@ class Delay:
         self.active, self.since = active, None
 
 
-def _discrete(alarm: Alarm) -> Condition:
+def _discrete(alarm: Alarm) -> Discrete:
     return Discrete(expression.parse(alarm.expression), expression.parse(alarm.clear) if alarm.clear else None)
 
 

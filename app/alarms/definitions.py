@@ -73,10 +73,11 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "history_quota": SystemAlarm(4),
     "task_down": SystemAlarm(2, on_delay=1.0, off_delay=2.0),
     "link_down": SystemAlarm(2, on_delay=5.0, off_delay=5.0, alarm_class="comm"),
+    "events_lost": SystemAlarm(3, once=True, alarm_class="comm"),
     "audit_waiting": SystemAlarm(2),
     "audit_broken": SystemAlarm(1),
     "journal_waiting": SystemAlarm(2),
     "simulation_late": SystemAlarm(4, on_delay=5.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
 }
-"""Key → alarm. `{task}`, `{link}`, `{command}`, `{percent}` in their texts come from the parameters."""
+"""Key → alarm. `{task}`, `{link}`, `{command}`, `{percent}`, `{count}` in their texts come from the parameters."""

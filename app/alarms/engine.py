@@ -10,6 +10,7 @@ import asyncio
 import hashlib
 import json
 import logging
+import math
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -18,7 +19,7 @@ from sqlalchemy import Connection
 from app.access.audit import Verdict
 from app.access.roles import Person
 from app.alarms import journal
-from app.alarms.conditions import Delay, Told, Truth, condition, inputs, needs_time
+from app.alarms.conditions import EVENT_LATE, Delay, Happened, Told, Truth, condition, delay, inputs, needs_time
 from app.alarms.definitions import PREFIX, PRIORITIES, SYSTEM_ALARMS
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import ANNUNCIATED, AUDIBLE, HIDDEN, Event, Life, State, Step, step
@@ -40,6 +41,7 @@ from app.db import Database
 from app.errors import Refused, StorageError
 from app.plant import expression
 from app.plant.definitions import Alarm, Equipment, Kind, Plant
+from app.plant.events import Mark, RingEvent, is_new, mark_of, snapshot_of
 from app.plant.system import SYSTEM
 from app.plant.texts import Texts
 from app.tags import quality
@@ -65,7 +67,24 @@ REMEMBERED = 10_000
 COMM = "comm"
 """Class of the alarm that says that a device does not answer."""
 TRIP = "drive"
-"""Class whose alarms of one equipment are a first-out group."""
+"""Class whose alarms of one equipment are a first-out group, together with those that its events raise."""
+STOP_SPAN = 60_000_000
+"""An alarm of an event that is over still belongs to the stop for this long [µs]."""
+LATEST_SCAN = 10_000_000
+"""A value shows what an event says at most this much later [µs]."""
+LONG_AGO = 60_000_000
+"""Events that happened this long before a machine was first met raise nothing [µs]."""
+MARK_PERIOD = 10.0
+"""How often it is written down how far events without any effect were taken [s]."""
+UNTOLD: Mapping[str, object] = {
+    "product": "–",
+    "second": "–",
+    "source": "–",
+    "second_value": "–",
+    "value": "–",
+    "event": 0,
+}
+"""Parameters of an alarm whose event was lost."""
 
 
 class AlarmEngine:
@@ -91,6 +110,13 @@ class AlarmEngine:
         self._roots: dict[str, Watch] = {}
         self._members: dict[str, list[Watch]] = {}
         self._restored: dict[str, Stored] = {}
+        self._by_event: dict[str, dict[int, list[Watch]]] = {}
+        self._settling: dict[str, Watch] = {}
+        self._marks: dict[str, Mark] = {}
+        self._new_marks: dict[str, Mark] = {}
+        self._marked_at = 0.0
+        self._met: dict[str, int] = {}
+        self._lost: dict[str, int] = {}
         self._by_occurrence: dict[int, Watch] = {}
         self._acknowledged: OrderedDict[int, tuple[str, str, int]] = OrderedDict()
         self._next_occurrence = 1
@@ -115,15 +141,16 @@ class AlarmEngine:
     async def load(self) -> None:
         """Read how the alarms stood when the server last ran. Call it before `configure`."""
 
-        def work(connection: Connection) -> tuple[list[Stored], int, list[int]]:
+        def work(connection: Connection) -> tuple[list[Stored], int, list[int], dict[str, Mark]]:
             since = self._clock.micros() - journal.DAY
             return (
                 journal.stored(connection),
                 journal.newest_occurrence(connection),
                 journal.annunciations(connection, since),
+                journal.event_marks(connection),
             )
 
-        stored, newest, times = await self._db.read(work)
+        stored, newest, times, self._marks = await self._db.read(work)
         self._restored = {one.alarm: one for one in stored}
         self._next_occurrence = newest + 1
         self._told.extend(times)
@@ -139,6 +166,7 @@ class AlarmEngine:
         old, self._watches = self._watches, {}
         self._readers, self._timed, self._roots, self._members = {}, [], {}, {}
         self._pending, self._realarms, self._by_occurrence = {}, {}, {}
+        self._by_event, self._settling = {}, {}
         rows = [alarm for item in self._equipment.values() for alarm in item.alarms]
         self.config = hashlib.sha256(repr(rows).encode()).hexdigest()[:12]
         changed: list[tuple[Watch, Alarm]] = []
@@ -176,12 +204,13 @@ class AlarmEngine:
             type=item.type.name,
             alarm=alarm,
             condition=condition(alarm),
-            delay=Delay(alarm.on_delay, alarm.off_delay),
+            delay=delay(alarm),
             look=self._look(names),
             age=self._age(names),
             handles=frozenset(self._handles(names, inputs(alarm))),
             unit=point.unit if point and numeric else "",
-            decimals=point.decimals if point else 0,
+            decimals=point.decimals if point else 1 if alarm.event else 0,
+            params=UNTOLD if alarm.event else {},
         )
 
     def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:
@@ -216,6 +245,11 @@ class AlarmEngine:
             self._readers.setdefault(handle, []).append(watch)
         if needs_time(watch.alarm):
             self._timed.append(watch)
+        for code in (watch.alarm.event, watch.alarm.event_clear):
+            if code:
+                self._by_event.setdefault(watch.equipment, {}).setdefault(code, []).append(watch)
+        if isinstance(watch.condition, Happened) and watch.condition.settling:
+            self._settling[watch.id] = watch
         if watch.equipment and watch.alarm.alarm_class == COMM and not isinstance(watch.condition, Told):
             self._roots[watch.equipment] = watch
         if watch.occurrence:
@@ -246,6 +280,9 @@ class AlarmEngine:
             watch.delay.restart(one.active)
             if isinstance(watch.condition, Told):
                 watch.condition.active = one.active
+            elif isinstance(watch.condition, Happened):
+                watch.event = int(str(watch.params.get("event", 0)))
+                watch.condition.standing = one.active and watch.event > 0
             self._by_occurrence[watch.occurrence] = watch
             if one.acked_by:
                 self._remember(one.occurrence, watch.id, one.acked_by, one.acked_at)
@@ -314,9 +351,12 @@ class AlarmEngine:
         """Look at everything that time alone decides: delays, ages, rates, re-alarms, the end of a flood."""
         now, at = self._clock.monotonic(), self._clock.micros()
         due = {watch.index: watch for watch in self._pending.values() if (watch.delay.due or 0.0) <= now}
-        due |= {watch.index: watch for watch in self._timed}
+        due |= {watch.index: watch for watch in (*self._timed, *self._settling.values())}
         if due:
             self._evaluate([due[index] for index in sorted(due)], now, at)
+        for watch in list(self._settling.values()):
+            if isinstance(watch.condition, Happened) and not watch.condition.settling:
+                del self._settling[watch.id]
         for watch in list(self._realarms.values()):
             if at - watch.acked_at >= watch.alarm.realarm * 1e6:
                 self._apply(watch, Event.REALARM)
@@ -347,6 +387,9 @@ class AlarmEngine:
             if change.active:
                 watch.first_true = change.at
                 watch.annunciated = change.at + round(delay.on * 1e6)
+                told = watch.condition
+                if isinstance(told, Happened) and not told.standing:  # its sentence says so alone: the event was lost
+                    watch.event, watch.params = 0, UNTOLD
             is_root = self._roots.get(watch.equipment) is watch
             (roots if is_root else others).append((watch, change.active))
         for watch, active in roots:
@@ -358,9 +401,11 @@ class AlarmEngine:
                 self._apply(watch, Event.SUPPRESS, detail=root.alarm.key)
             self._changed(watch, active, now, at)
 
-    def _changed(self, watch: Watch, active: bool, now: float, at: int) -> None:
+    def _changed(self, watch: Watch, active: bool, now: float, at: int, event: RingEvent | None = None) -> None:
+        """The condition has come or gone; `at` [µs UTC] is when the `event` of the device happened that says so."""
+        when = None if event is None else at
         if not active:
-            self._apply(watch, Event.RETURN)
+            self._apply(watch, Event.RETURN, at=when)
             return
         calm = watch.life.state is State.NORMAL and now - (watch.raises[-1] if watch.raises else -1e9) > CHATTER_WINDOW
         watch.count = 1 if calm else watch.count + 1
@@ -371,30 +416,138 @@ class AlarmEngine:
         self._by_occurrence[watch.occurrence] = watch
         watch.returned, watch.acked_at, watch.acked_by = 0, 0, ""
         watch.value, watch.limit = number(watch.look(watch.alarm.value)), watch.alarm.limit
+        if event is not None:
+            self._explain(watch, event)
         self._place(watch)
-        self._apply(watch, Event.RAISE)
+        self._apply(watch, Event.RAISE, at=when)
+
+    # ---- what devices tell ----------------------------------------------------------------------------
+
+    def last_event(self, equipment: str) -> Mark | None:
+        """The last event of a machine that was taken; None = none ever was."""
+        return self._marks.get(equipment)
+
+    def take_events(self, equipment: str, events: Sequence[RingEvent], lost: int = 0) -> None:
+        """Raise and end what the events of a machine say, in the order of its ring and with the events' own times.
+
+        Events that were taken before change nothing, whatever delivers them again; `lost` are missing before the first of these.
+        """
+        now, wall = self._clock.monotonic(), self._clock.micros()
+        mark = self._marks.get(equipment)
+        if mark is None:
+            self._met.setdefault(equipment, wall)
+        elif events and is_new(events[0], mark) and events[0].sequence > mark.sequence:
+            lost = min(lost, events[0].sequence - mark.sequence - 1)
+        since = self._met.get(equipment, 0) - LONG_AGO
+        taken = 0
+        if lost > 0 and (not events or is_new(events[0], mark)):
+            self._lose(equipment, lost)
+        watches = self._by_event.get(equipment, {})
+        for event in events:
+            if not is_new(event, mark):
+                continue
+            mark = mark_of(event)
+            taken += 1
+            for watch in watches.get(event.code, ()) if event.time >= since else ():
+                if watch.alarm.source is not None and watch.alarm.source != event.source:
+                    continue
+                if event.code == watch.alarm.event:
+                    self._happened(watch, event, now, wall)
+                else:
+                    self._over(watch, event, now, wall)
+        if taken and mark is not None:
+            self._marks[equipment] = self._new_marks[equipment] = mark
+
+    def _happened(self, watch: Watch, event: RingEvent, now: float, wall: int) -> None:
+        told, at = watch.condition, min(event.time, wall)
+        assert isinstance(told, Happened)
+        by_value = not watch.event and watch.first_true > 0 and at - watch.first_true < round(EVENT_LATE * 1e6)
+        if by_value and (watch.delay.active or watch.first_true - LATEST_SCAN <= at <= watch.returned):
+            # its sentence was quicker: the same occurrence, of which more is known now
+            told.begin(now)
+            told.standing, told.proved = watch.delay.active, True
+            watch.first_true = min(watch.first_true, at)
+            self._explain(watch, event)
+            self._mark(watch)
+            return
+        self._answers(watch)
+        if watch.delay.active:
+            watch.delay.restart()
+            self._changed(watch, False, now, at, event)
+        watch.delay.restart(active=True)
+        self._pending.pop(watch.id, None)
+        watch.first_true, watch.annunciated, watch.known = at, wall, True
+        told.begin(now + EVENT_LATE)
+        self._changed(watch, True, now, at, event)
+        if told.momentary:
+            watch.delay.restart()
+            self._changed(watch, False, now, at, event)
+        elif told.settling:
+            self._settling[watch.id] = watch
+
+    def _over(self, watch: Watch, event: RingEvent, now: float, wall: int) -> None:
+        told = watch.condition
+        assert isinstance(told, Happened)
+        told.standing, watch.known = False, True
+        stood = watch.delay.active
+        watch.delay.restart()
+        self._pending.pop(watch.id, None)
+        if stood:
+            self._changed(watch, False, now, max(watch.first_true, min(event.time, wall)), event)
+
+    def _explain(self, watch: Watch, event: RingEvent) -> None:
+        said = snapshot_of(event.snapshot)
+        watch.event = event.sequence
+        watch.value = event.value if math.isfinite(event.value) else watch.value
+        watch.params = {
+            "product": said.product or "–",
+            "second": said.second or "–",
+            "source": event.source,
+            "second_value": round(said.value, 3) if math.isfinite(said.value) else "–",
+            "event": event.sequence,
+        }
+
+    def _answers(self, watch: Watch) -> None:
+        """A device whose events arrive does answer: what it says now is not hidden by the lost communication."""
+        root = self._roots.get(watch.equipment)
+        if watch.life.suppressed and root is not None:
+            self._apply(watch, Event.UNSUPPRESS, detail=root.alarm.key)
+            if not watch.life.hidden:
+                watch.delay.restart()
+
+    def _lose(self, equipment: str, lost: int) -> None:
+        """Events are missing: of what only an event could end it is not known whether it still stands."""
+        watch = self._watches.get(f"{SYSTEM}.events_lost.{equipment}")
+        waits = watch is not None and watch.life.state is not State.NORMAL
+        self._lost[equipment] = lost + (self._lost.get(equipment, 0) if waits else 0)
+        log.warning("events lost equipment=%s count=%d", equipment, lost)
+        self.raise_system("events_lost", equipment, params={"count": self._lost[equipment]})
+        for one in self._members.get(equipment, ()):
+            told = one.condition
+            if isinstance(told, Happened) and told.sentence is None and told.standing and one.known:
+                one.known = False
+                self._apply(one, Event.QUALITY, detail="unknown")
 
     def _place(self, watch: Watch) -> None:
         """First-out: which one of its group came first. A group is armed again when none of its alarms stands any more."""
         watch.ordinal, watch.uncertain = 0, False
-        if watch.alarm.alarm_class != TRIP:
+        if watch.alarm.alarm_class != TRIP and not watch.alarm.event:
             return
-        group = [
-            one
-            for one in self._members[watch.equipment]
-            if one is not watch and one.alarm.alarm_class == TRIP and one.ordinal and one.life.state is not State.NORMAL
-        ]
+        group = [one for one in self._members[watch.equipment] if one is not watch and _in_stop(one, watch.first_true)]
         watch.ordinal = max((one.ordinal for one in group), default=0) + 1
+        if group and watch.alarm.event and not watch.event:  # raised by its value: when, only the lost event could say
+            watch.uncertain = True
         for one in group:
-            if one.first_true == watch.first_true:
+            if one.first_true == watch.first_true and not (one.event and watch.event):
                 one.uncertain = watch.uncertain = True
                 self._mark(one)
 
     def _suppress(self, root: Watch, active: bool, now: float, at: int) -> None:
         freed = []
         for watch in self._members[root.equipment]:
-            if watch is root or isinstance(watch.condition, Told):
-                continue
+            told = watch.condition
+            if watch is root or isinstance(told, Told) or (isinstance(told, Happened) and told.sentence is None):
+                continue  # no value of the device decides it
             if active and watch.life.state is not State.NORMAL:
                 self._apply(watch, Event.SUPPRESS, detail=root.alarm.key)
             elif not active and watch.life.suppressed:
@@ -406,6 +559,8 @@ class AlarmEngine:
             self._evaluate(freed, now, at)
 
     def _judge_quality(self, watch: Watch, truth: Truth) -> None:
+        if isinstance(watch.condition, Happened) and watch.condition.sentence is None:
+            return
         known = truth is not None or all(self._tags.quality(handle) & 0xFF == NO_DATA for handle in watch.handles)
         if known is watch.known or (watch.life.state is State.NORMAL and known is False):
             return
@@ -422,12 +577,21 @@ class AlarmEngine:
             self._touch()
 
     def _apply(
-        self, watch: Watch, event: Event, *, person: Person | None = None, comment: str = "", detail: str = ""
+        self,
+        watch: Watch,
+        event: Event,
+        *,
+        person: Person | None = None,
+        comment: str = "",
+        detail: str = "",
+        at: int | None = None,
     ) -> Step:
+        """Lead the alarm through the table; `at` is when it happened [µs UTC], None = now."""
         result = step(watch.life, event, watch.traits)
         if result.entry is None:
             return result
-        at = self._clock.micros()
+        told = self._clock.micros()
+        at = told if at is None else at
         watch.life = result.life
         if event is Event.ACKNOWLEDGE and person is not None:
             watch.acked_at, watch.acked_by = at, person.display or person.name
@@ -439,7 +603,7 @@ class AlarmEngine:
         if result.annunciates:
             now = self._clock.monotonic()
             self._news += 1
-            self._told.append(at)
+            self._told.append(told)
             self._flood_times.append(now)
             self._judge_flood(now)
         lang = self._texts.default
@@ -714,7 +878,10 @@ class AlarmEngine:
         """Write the journal as soon as there is something, for ever."""
         while True:
             self._written.clear()
-            if self._records or self._dirty:
+            marks_due = bool(self._new_marks) and self._clock.monotonic() - self._marked_at >= MARK_PERIOD
+            if marks_due:
+                self._marked_at = self._clock.monotonic()
+            if self._records or self._dirty or marks_due:
                 try:
                     await self.flush()
                 except StorageError:
@@ -733,17 +900,20 @@ class AlarmEngine:
             StorageError: the database did not take it; it waits on.
         """
         async with self._lock:
-            records, dirty = self._records, self._dirty
-            if not records and not dirty:
+            records, dirty, marks = self._records, self._dirty, self._new_marks
+            if not records and not dirty and not marks:
                 return
-            self._records, self._dirty = [], {}
+            self._records, self._dirty, self._new_marks = [], {}, {}
             standing = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
             gone = [id for id, watch in dirty.items() if watch is None or watch.life == Life()]
             try:
-                await self._db.write(lambda connection: journal.write(connection, self._key, records, standing, gone))
+                await self._db.write(
+                    lambda connection: journal.write(connection, self._key, records, standing, gone, marks)
+                )
             except StorageError as error:
                 self._records = records + self._records
                 self._dirty = dirty | self._dirty
+                self._new_marks = marks | self._new_marks
                 if self.healthy:
                     self.healthy = False
                     log.error("alarm journal waits reason=%s", error)
@@ -753,6 +923,11 @@ class AlarmEngine:
                 self.healthy = True
                 log.warning("alarm journal written again records=%d", len(records))
                 self.raise_system("journal_waiting", active=False)
+
+    async def settle(self) -> None:
+        """Return when everything is in the journal, or when the database has not taken it for 2 s: then it waits in memory."""
+        if self._records or self._dirty:
+            await self._settle()
 
     async def _settle(self) -> None:
         self._wake.set()
@@ -773,3 +948,12 @@ class AlarmEngine:
     async def verify(self) -> Verdict:
         """Walk the chain of the journal."""
         return await self._db.read(lambda connection: journal.verify(connection, self._key))
+
+
+def _in_stop(one: Watch, at: int) -> bool:
+    """Whether an alarm is part of the first-out group that stands at `at` [µs UTC]."""
+    if not one.ordinal or one.life.state is State.NORMAL:
+        return False
+    return one.alarm.alarm_class == TRIP or (
+        one.alarm.event > 0 and (one.life.active or at - one.first_true < STOP_SPAN)
+    )

@@ -17,7 +17,8 @@ from sqlalchemy import Connection, RowMapping, Select, bindparam, delete, func, 
 
 from app.access.audit import Verdict, begin_now, chained, genesis
 from app.alarms.lifecycle import Life
-from app.alarms.tables import journal_table, state_table
+from app.alarms.tables import event_mark_table, journal_table, state_table
+from app.plant.events import Mark
 
 DAY = 86_400_000_000
 HOUR = 3_600_000_000
@@ -29,7 +30,7 @@ class Record:
     """One transition of one alarm."""
 
     time: int
-    """When it was told [µs UTC]; of RAISED the annunciation."""
+    """When it was told [µs UTC]; of RAISED the annunciation. What an event of the device raised or ended has the time of the event."""
     first_true: int
     """When the condition first was true [µs UTC]; 0 = it never was."""
     event: str
@@ -154,9 +155,17 @@ def journal_key(audit_key: bytes) -> bytes:
 
 
 def write(
-    connection: Connection, key: bytes, records: Sequence[Record], standing: Iterable[Stored], gone: Iterable[str]
+    connection: Connection,
+    key: bytes,
+    records: Sequence[Record],
+    standing: Iterable[Stored],
+    gone: Iterable[str],
+    marks: Mapping[str, Mark] = {},
 ) -> int:
-    """Append `records` and keep how the alarms stand, in one transaction; number of the newest record, 0 for an empty journal."""
+    """Append `records`, keep how the alarms stand and how far the events were taken (`marks`, by machine), in one transaction.
+
+    Number of the newest record, 0 for an empty journal.
+    """
     begin_now(connection)
     last = connection.execute(
         select(journal_table.c.seq, journal_table.c.mac).order_by(journal_table.c.seq.desc()).limit(1)
@@ -176,7 +185,19 @@ def write(
         connection.execute(delete(state_table).where(state_table.c.alarm == bindparam("name")), names)
     if kept:
         connection.execute(insert(state_table), kept)
+    if marks:
+        machines = [{"name": name} for name in marks]
+        connection.execute(delete(event_mark_table).where(event_mark_table.c.equipment == bindparam("name")), machines)
+        connection.execute(
+            insert(event_mark_table), [{"equipment": name, **asdict(mark)} for name, mark in marks.items()]
+        )
     return seq
+
+
+def event_marks(connection: Connection) -> dict[str, Mark]:
+    """Machine → its last event that the alarms have taken."""
+    rows = connection.execute(select(event_mark_table))
+    return {row.equipment: Mark(row.boot, row.sequence, row.time) for row in rows}
 
 
 def stored(connection: Connection) -> list[Stored]:

@@ -75,3 +75,13 @@ journal_table = Table(
     Index("ix_alarm_journal_equipment", "equipment", "seq"),
 )
 """One row per transition; nothing is ever changed."""
+
+event_mark_table = Table(
+    "alarm_event_mark",
+    pogon_tables,
+    Column("equipment", String(64), primary_key=True),
+    Column("boot", Integer, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("time", BigInteger, nullable=False),
+)
+"""The last event of each machine that the alarms have taken, written with what it did."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from app.access.roles import Person
-from app.alarms.conditions import Condition, Delay
+from app.alarms.conditions import Condition, Delay, Happened
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import UNACKED, Life, State, Step, Traits
 from app.plant.definitions import Alarm
@@ -142,6 +142,8 @@ class Watch:
     """[s, monotonic]"""
     ordinal: int = 0
     uncertain: bool = False
+    event: int = 0
+    """Sequence of the device's event that raised it; 0 = none did."""
     standing: Standing | None = None
 
     @property
@@ -196,7 +198,7 @@ def record(
 ) -> Record:
     """The transition `result` of `watch` at `at` [µs UTC] for the journal; `text` is its text as written down."""
     life, alarm = watch.life, watch.alarm
-    reading = watch.look(alarm.value) if alarm.value else (watch.value, quality.GOOD)
+    reading = watch.look(alarm.value) if alarm.value and not watch.event else (watch.value, quality.GOOD)
     hidden = (("shelved", life.shelved), ("suppressed", life.suppressed), ("oos", life.out_of_service))
     return Record(
         time=at,
@@ -239,9 +241,12 @@ def carry(before: Watch, after: Watch) -> None:
     """What lives on when a definition is read anew."""
     for name in (
         "life", "known", "occurrence", "first_true", "annunciated", "returned", "acked_at", "acked_by", "value",
-        "limit", "count", "raises", "ordinal", "uncertain", "params",
+        "limit", "count", "raises", "ordinal", "uncertain", "params", "event",
     ):  # fmt: skip
         setattr(after, name, getattr(before, name))
+    if isinstance(before.condition, Happened) and isinstance(after.condition, Happened):
+        for name in ("standing", "until", "proved"):
+            setattr(after.condition, name, getattr(before.condition, name))
     after.delay.active, after.delay.since, after.delay.at = before.delay.active, before.delay.since, before.delay.at
 
 

@@ -166,9 +166,9 @@ class Drawing:
         params: Mapping[str, object],
     ) -> dict[str, object]:
         found = self._point(equipment, point)
-        decimals = found.decimals if found else 0
+        decimals = found.decimals if found else 1  # the value of an event has no point that would say more
         shown = {
-            name: fmt.number(one, fmt.shortest(one, decimals) if name == "limit" else decimals, self.lang)
+            name: fmt.number(one, decimals if name == "value" and found else fmt.shortest(one, decimals), self.lang)
             for name, one in (("value", value), ("limit", limit))
             if one is not None
         }
