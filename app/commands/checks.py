@@ -15,7 +15,7 @@ from app.plant import expression
 from app.plant.definitions import Scan
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
-from app.tags.quality import NO_DATA, reason
+from app.tags.quality import NO_DATA, is_good, reason
 from app.tags.quality import Reason as Why
 
 PULSE_PAUSE = 5.0
@@ -24,6 +24,7 @@ RENEW_AFTER = 2.0
 """Age from which values that are read once or on demand are read again for a command [s]."""
 DEFAULT_LIMIT = 5.0
 """Time for a feedback whose own time-out is not known [s]."""
+LARGEST_STATE = 0xFFFF
 STOP = "stop"
 """Permission that a Stop needs."""
 
@@ -103,22 +104,62 @@ class Checks:
         if first is not None:
             raise Refused(first[0].key, first[1], label=first[0].label, **first[0].params)
         argument = self._argument(order, prepared, machine)
+        arguments = self._arguments(order, prepared, machine)
         for found, status in reasons:
             others = [other.label for other, _ in reasons]
             raise Refused(found.key, status, label=found.label, missing=others, **found.params)
         old = look(prepared.point.key)[0] if prepared.point else None
         level, why = interlocks.level(prepared, look, argument)
         if not command.stop:
-            self._confirm(order, prepared, level, why, argument, old)
+            self._confirm(order, prepared, level, why, argument, old, arguments)
         limit = expression.number(command.timeout, look)
         previous = {key: float(value) for key, value in self.previous(machine, prepared).items()}
+        telegrams = interlocks.telegrams(machine.item, command.writes, argument, previous)
+        if command.code:
+            telegrams = (("code", float(command.code)), *arguments.items())
         return Task(
-            interlocks.telegrams(machine.item, command.writes, argument, previous),
+            telegrams,
             argument,
             old,
             limit if limit is not None and limit > 0 else DEFAULT_LIMIT,
             level,
+            arguments,
+            tuple(interlocks.raw(one, arguments[one.name]) for one in command.arguments),
+            self._expected(machine, prepared),
         )
+
+    def _expected(self, machine: Machine, prepared: Prepared) -> int:
+        """State of the device as the screen has it, for a command that makes it move: in any other it is not what the person meant."""
+        command, plc = prepared.command, machine.item.type.device.plc
+        if not (command.code and command.moves and plc and plc.status) or command.stop:
+            return 0
+        value, word = self.look(machine)(plc.status)
+        seen = is_good(word) and isinstance(value, int | float) and 0 < value <= LARGEST_STATE
+        return int(value) if seen and isinstance(value, int | float) else 0
+
+    def _arguments(self, order: Order, prepared: Prepared, machine: Machine) -> dict[str, float]:
+        """What goes with a code: each named once, a number, within its limits."""
+        known, look = prepared.command.arguments, self.look(machine)
+        for name in order.arguments:
+            if name not in (argument.name for argument in known):
+                raise Refused("why.unknown_argument", 422, argument=name[:40])
+        found: dict[str, float] = {}
+        for argument in known:
+            given = order.arguments.get(argument.name, "")
+            if given == "":
+                raise Refused("why.argument_missing", 422, label=argument.label, argument=argument.name)
+            try:
+                value = parse_number(given, order.language, argument.unit) if isinstance(given, str) else float(given)
+            except Refused as refusal:
+                more = {**refusal.params, "label": argument.label, "argument": argument.name, "unit": argument.unit}
+                if refusal.reason == "why.ambiguous":
+                    raise Question(refusal.reason, refusal.status, **more) from refusal
+                raise Refused(refusal.reason, refusal.status, **more) from refusal
+            wrong = interlocks.wrong_argument(argument, value, look)
+            if wrong is not None:
+                raise Refused(wrong.key, 422, label=wrong.label, **wrong.params)
+            found[argument.name] = value
+        return found
 
     def _argument(self, order: Order, prepared: Prepared, machine: Machine) -> float | None:
         if prepared.point is None:
@@ -157,14 +198,22 @@ class Checks:
         return value
 
     def _confirm(
-        self, order: Order, prepared: Prepared, level: str, why: tuple[str, ...], argument: float | None, old: Value
+        self,
+        order: Order,
+        prepared: Prepared,
+        level: str,
+        why: tuple[str, ...],
+        argument: float | None,
+        old: Value,
+        arguments: Mapping[str, float],
     ) -> None:
         """Ask back when the level wants more than the person gave."""
+        needs_reason = level >= "C3" or prepared.command.needs_reason
         point, setpoint = prepared.point, prepared.setpoint
         missing = ""
         if level >= "C2" and not order.confirmed:
             missing = "why.confirm"
-        elif level >= "C3" and not order.reason.strip():
+        elif needs_reason and not order.reason.strip():
             missing = "why.reason_needed"
         elif level >= "C4" and not order.proven:
             missing = "why.password_needed"
@@ -185,6 +234,8 @@ class Checks:
             unit=point.unit if point else "",
             decimals=point.decimals if point else 0,
             warning=setpoint.warning if setpoint else "",
+            needs_reason=needs_reason,
+            arguments=arguments,
         )
 
     async def renew(self, machine: Machine, prepared: Prepared) -> None:
@@ -238,4 +289,4 @@ def is_pulse(machine: Machine, prepared: Prepared) -> bool:
     """Whether the command is a reset or the like: it moves nothing, sets nothing, and is none of the ways to stop."""
     command = prepared.command
     stops = command.stop or (machine.stop is not None and command.feedback == machine.stop.command.feedback)
-    return not (command.moves or command.argument or stops)
+    return not (command.moves or command.argument or command.arguments or stops)

@@ -15,6 +15,7 @@ import asyncio
 import logging
 import uuid
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from app.access.roles import ROLE_PERMISSION, Person
@@ -22,15 +23,17 @@ from app.clock import Clock
 from app.commands import interlocks
 from app.commands.checks import Checks, is_pulse
 from app.commands.control_token import ControlToken
+from app.commands.delivery import Delivery, refusal_of
 from app.commands.hold import HoldToRun, Lease
 from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Facts, Progress, State, advance, judge
 from app.commands.nonce import Nonces, Once, Rate
 from app.commands.orders import Audit, Job, Machine, Order, Task, Writer
 from app.commands.orders import Question as Question
-from app.errors import DeviceException, LinkError, Overtaken, Refused
+from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Condition, Plant, Scan
+from app.registers.plc_map import HOLD_TIMEOUT, AnswerState
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import is_good
@@ -55,10 +58,14 @@ HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
 """How long they go on at least [s]."""
-MAY_HAVE_ACTED = (5, 11)
-"""Refusals of a write that do not say that nothing happened: "accepted, it will take a while", and a gateway that lost the answer."""
+HOLD_EVERY = 0.1
+"""Least time between two telegrams that hold request bits [s]."""
+ASK_AGAIN = 0.2
+"""Between two reads of what a device says about a code [s]."""
 DRIVE_FAULT = "drive"
 """Alarm class of what stops a machine by itself."""
+NOTHING: Mapping[str, str | float] = MappingProxyType({})
+LONGEST_LINE = 200
 
 
 class Gate:
@@ -79,8 +86,14 @@ class Gate:
         self.nonces = Nonces(clock)
         self.control = ControlToken(clock, moving=self._holding, changed=self._mark, journal=self._journal)
         self.hold = HoldToRun(
-            clock, admit=self._admit_hold, start=self._start_hold, stop=self._stop_hold, lost=self._lost
+            clock,
+            admit=self._admit_hold,
+            start=self._start_hold,
+            stop=self._stop_hold,
+            lost=self._lost,
+            kept=self._pass_on,
         )
+        self._delivery = Delivery(writers, clock)
         self._checks = Checks(tags, clock, writers, self.control, self.hold)
         self.on_stop_unconfirmed = on_stop_unconfirmed
         self._tags = tags
@@ -118,6 +131,7 @@ class Gate:
             if old is not None:
                 machine.job, machine.last, machine.history = old.job, old.last, old.history
                 machine.pulses, machine.restore, machine.restoring = old.pulses, old.restore, old.restoring
+                machine.counter = old.counter
             self._machines[item.id] = machine
         for gone in former.values():
             if gone.job is not None:
@@ -137,6 +151,7 @@ class Gate:
         command: str,
         *,
         argument: str | float | None = None,
+        arguments: Mapping[str, str | float] = NOTHING,
         id: str = "",
         nonce: str = "",
         expected: float | None = None,
@@ -148,8 +163,9 @@ class Gate:
     ) -> Progress:
         """Carry out `command`; returns when it was written (accepted), or is unknown or failed; its confirmation follows.
 
-        `id` identifies the press of a button: a second one with the same returns the first result. `expected` is what the person saw the
-        setpoint at [EU]. `confirmed`: the dialog was answered; `proven`: with the password. `language` is how a typed `argument` reads.
+        `id` identifies the press of a button: a second one with the same returns the first result. `arguments` go by name with a command
+        that is sent as a code. `expected` is what the person saw the setpoint at [EU]. `confirmed`: the dialog was answered; `proven`:
+        with the password. `language` is how typed values read.
 
         Raises:
             Question: the person has to confirm (`why.confirm`), give a reason (`why.reason_needed`) or the password
@@ -158,7 +174,7 @@ class Gate:
         """
         order = Order(
             person, equipment, command, argument, id or uuid.uuid4().hex, nonce, expected, confirmed, proven, reason, address,
-            language, self._clock.micros(),
+            language, self._clock.micros(), arguments,
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.commands.get(command))
 
@@ -371,11 +387,12 @@ class Gate:
             reason=refusal.reason,
             params=refusal.params,
             argument=argument,
+            arguments={name: value for name, value in order.arguments.items() if isinstance(value, int | float)},
         )
         machine = self._machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
-        self._record(order, progress, new=order.argument)
+        self._record(order, progress, new=_told(order.arguments) or order.argument)
 
     # ---- writing --------------------------------------------------------------------------------------
 
@@ -411,13 +428,18 @@ class Gate:
                 old=plan.old,
                 limit=max(plan.limit, STOP_LIMIT) if command.stop else plan.limit,
                 telegrams=plan.telegrams,
+                arguments=plan.arguments,
             ),
             prepared.feedback.true(look, argument=plan.argument) if prepared.feedback else None,
             tuple(c for c in prepared.interlocks if interlocks.met(c, look)),
             tuple(
-                a for a in machine.item.alarms if a.alarm_class == DRIVE_FAULT and _holds(a.expression, look) is False
+                alarm
+                for alarm in machine.item.alarms
+                if alarm.alarm_class == DRIVE_FAULT and alarm.expression and _holds(alarm.expression, look) is False
             ),
             now,
+            words=plan.words,
+            expected=plan.expected,
         )
         if self.dry_run:
             return job
@@ -437,6 +459,7 @@ class Gate:
             new.asked = old.asked
         if old.lease is not None:
             self.hold.drop(old.lease, "stop")
+        new.clears = old.clears or bool(old.prepared.command.hold_bits)
         key = "why.superseded"
         self._end(machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person})
 
@@ -445,7 +468,7 @@ class Gate:
         item = machine.item
         job.writing += 1
         try:
-            broke = await self._transmit(machine, job, telegrams)
+            broke = await self._delivery.send(machine, job, telegrams)
         finally:
             job.writing -= 1
         if job.ending is not None:
@@ -461,34 +484,8 @@ class Gate:
             job.echoed = True
             self._mark(item.id)
             self._read_back(machine, job)
-            if job.prepared.feedback is None:
+            if job.prepared.feedback is None and (job.answer is None or job.answer.state is AnswerState.DONE):
                 self._end(machine, job, State.CONFIRMED)
-
-    async def _transmit(
-        self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]
-    ) -> tuple[State, str, Mapping[str, object]] | None:
-        """What became of the telegrams when not every one was echoed."""
-        item = machine.item
-        try:
-            for point, value in telegrams:
-                if job.progress.over or job.ending is not None:
-                    return None
-                await self._writers[item.link].write(item.id, point, value)
-                if job.lease is None:
-                    machine.restore.pop(point, None)
-        except DeviceException as error:
-            if error.code in MAY_HAVE_ACTED:
-                return State.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
-            return State.FAILED, "why.device_refused", {"code": error.code}
-        except Overtaken:
-            return State.SUPERSEDED, "why.overtaken", {}
-        except Refused as refusal:  # the link knows better than we that its device is live
-            return State.FAILED, "why.writes_off", refusal.params
-        except LinkError as error:
-            return State.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
-        except KeyError:
-            return State.FAILED, "why.no_link", {"link": item.link}
-        return None
 
     def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
         """A telegram was refused, never sent, or not answered."""
@@ -526,8 +523,8 @@ class Gate:
         job.stopping += 1
         job.last_write = now
         try:
-            for point, value in telegrams:
-                await self._writers[item.link].write(item.id, point, value, urgent=True)
+            if not await self._delivery.stop(machine, job, telegrams):
+                return
         except (LinkError, Refused, KeyError) as error:
             log.info("stop not answered equipment=%s error=%s", item.id, error)
             return
@@ -553,12 +550,29 @@ class Gate:
             job.other = None
             if job.prepared.command.stop or job.ending is not None:
                 job.since, job.last_write = None, float("-inf")
+        if job.lease is not None and job.ending is None and now - job.held > HOLD_TIMEOUT:
+            self.hold.end(job.lease, "write")
         if job.ending is not None:
             self._follow_ending(machine, job, now, job.ending)
         elif job.prepared.command.stop:
             self._follow_stop(machine, job, now)
         elif job.progress.state in (State.ACCEPTED, State.UNKNOWN) and job.since is not None:
-            self._follow_feedback(machine, job, now, job.since)
+            self._follow_answer(machine, job, now)
+            if not job.progress.over:
+                self._follow_feedback(machine, job, now, job.since)
+
+    def _follow_answer(self, machine: Machine, job: Job, now: float) -> None:
+        """What the device says about a code that it has taken."""
+        answer = job.answer
+        if answer is None:
+            return
+        refusal = refusal_of(machine.item.type, answer)
+        if refusal is not None:
+            self._end(machine, job, *refusal)
+        elif answer.state is AnswerState.DONE and job.prepared.feedback is None:
+            self._end(machine, job, State.CONFIRMED)
+        elif answer.state is not AnswerState.DONE and not job.asking and now - job.last_ask >= ASK_AGAIN:
+            self._spawn(self._delivery.ask(machine, job), f"answer {machine.item.id}")
 
     def _follow_feedback(self, machine: Machine, job: Job, now: float, since: float) -> None:
         fresh = self._read_since(machine, job.prepared.watched, since)
@@ -697,9 +711,33 @@ class Gate:
         previous = self._checks.previous(machine, prepared)
         job = self._begin(order, machine, prepared, plan)
         job.lease = lease
+        if prepared.command.hold_bits:
+            job.held = self._clock.monotonic()
         for point, value in previous.items():
             machine.restore.setdefault(point, value)
         self._spawn(self._write(machine, job, plan.telegrams), f"hold {lease.equipment}")
+
+    def _pass_on(self, lease: Lease) -> None:
+        """A keep-alive of the browser goes on to a device that watches request bits itself."""
+        machine = self._machines.get(lease.equipment)
+        job = machine.job if machine else None
+        if machine is None or job is None or job.lease is not lease or not job.prepared.command.hold_bits:
+            return
+        if not job.writing and self._clock.monotonic() - job.last_hold >= HOLD_EVERY:
+            self._spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
+
+    async def _hold_on(self, machine: Machine, job: Job) -> None:
+        """One more telegram with the bits. One that is lost is made up for by the next, as long as the device itself goes on."""
+        job.writing += 1
+        try:
+            broke = await self._delivery.send(machine, job, ())
+        finally:
+            job.writing -= 1
+        if job.ending is not None:
+            # it may have moved the machine after the first stop
+            job.since, job.last_write = None, float("-inf")
+        elif broke is not None and broke[0] is State.FAILED and job.lease is not None:
+            self.hold.end(job.lease, "write")
 
     def _stop_hold(self, lease: Lease) -> None:
         """The motion ends: stop now, and go on stopping for 2 s and until it is read back."""
@@ -833,7 +871,7 @@ class Gate:
             machine.job = None
         machine.last = job.progress
         machine.history.append(job.progress)
-        self._record(job.order, job.progress, new=job.progress.argument)
+        self._record(job.order, job.progress, new=_told(job.progress.arguments) or job.progress.argument)
         self._tell_end(job.progress)
         self._mark(machine.item.id)
 
@@ -862,6 +900,7 @@ class Gate:
             "ended": progress.ended,
             "telegrams": [list(telegram) for telegram in progress.telegrams],
         }
+        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
         try:
             result = self._audit(kind, person, what, old, new, str(progress.state), progress.reason, **params)
             if asyncio.iscoroutine(result):
@@ -943,6 +982,12 @@ class Gate:
         self._tasks.discard(task)
         if not task.cancelled() and task.exception() is not None:
             log.error("task of the gate failed task=%s", task.get_name(), exc_info=task.exception())
+
+
+def _told(arguments: Mapping[str, str | float]) -> str:
+    """Arguments in one line of the audit trail: `product = 5, head = 100.5`."""
+    written = (f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}" for name, value in arguments.items())
+    return ", ".join(written)[:LONGEST_LINE]
 
 
 def _holds(text: str, look: expression.Look) -> bool | None:

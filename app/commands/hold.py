@@ -84,13 +84,17 @@ class HoldToRun:
         start: Callable[[Lease], None],
         stop: Callable[[Lease], None],
         lost: Callable[[Lease], str],
+        kept: Callable[[Lease], None] = lambda lease: None,
     ) -> None:
-        """`start` begins the motion or raises Refused; `stop` ends it; `lost` names the cause that forbids going on, or is empty."""
+        """`start` begins the motion or raises Refused; `stop` ends it; `lost` names the cause that forbids going on, or is empty; `kept` is
+        called with every keep-alive that counts but the first.
+        """
         self._clock = clock
         self._admit = admit
         self._start = start
         self._stop = stop
         self._lost = lost
+        self._kept = kept
         self._leases: dict[str, Lease] = {}
         self._released: dict[str, tuple[str, float]] = {}
         self._ticked = clock.monotonic()
@@ -160,6 +164,7 @@ class HoldToRun:
             self.end(lease, "lost")
             raise Refused("why.lease_over", 410, cause="lost")
         lease.counter, lease.last = counter, now
+        self._kept(lease)
         return True
 
     def release(self, token: str, session: str, cause: str = "released") -> None:

@@ -7,8 +7,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from app.plant import expression
-from app.plant.definitions import Command, Condition, Equipment, EquipmentType, Link, Point, Scan, Setpoint, Write
+from app.plant.definitions import (
+    Argument,
+    Command,
+    Condition,
+    Equipment,
+    EquipmentType,
+    Link,
+    Point,
+    Scan,
+    Setpoint,
+    Type,
+    Write,
+)
 from app.plant.expression import Expression, Look
+from app.registers.plc_map import real
 from app.tags import quality
 from app.tags.batch import Value
 
@@ -63,6 +76,7 @@ def prepare(item: Equipment, command: Command) -> Prepared:
     sentences = [command.timeout, *(c.expression for c in (*permissives, *interlocks))]
     sentences += [command.level_when[0]] if command.level_when else []
     sentences += [setpoint.low, setpoint.high] if setpoint else []
+    sentences += [limit for argument in command.arguments for limit in (argument.low, argument.high) if limit]
     names = {name for text in sentences for name in expression.parse(text).names}
     names |= feedback.names if feedback else frozenset()
     names |= {command.argument} if command.argument else set()
@@ -74,7 +88,8 @@ def prepare(item: Equipment, command: Command) -> Prepared:
 def setting(item: Equipment, setpoint: Setpoint) -> Command:
     """Writing the parameter `setpoint` as a command with read-back: engineers' parameters and those with a warning are C2."""
     point = item.points[setpoint.key]
-    step = abs(point.register.scale) if point.register else 10.0**-point.decimals
+    whole = point.register is not None and point.register.type is not Type.F32
+    step = abs(point.register.scale) if point.register and whole else 10.0**-point.decimals
     return Command(
         key=setpoint.key,
         label=point.label,
@@ -203,6 +218,51 @@ def wrong_value(prepared: Prepared, value: float, look: Look) -> Reason | None:
     if round(value, point.decimals) != value:
         return Reason("why.decimals", {**unit, "decimals": point.decimals}, point.label)
     return None
+
+
+RANGE: Mapping[Type, tuple[float, float]] = {Type.U32: (0, 2**32 - 1), Type.I32: (-(2**31), 2**31 - 1)}
+"""What fits into an argument; anything that is a number fits into f32."""
+LARGEST_F32 = 3.4e38
+
+
+def argument_limits(argument: Argument, look: Look) -> tuple[float | None, float | None, bool]:
+    """Least and greatest value of `argument` now [EU], None = none; and whether they are known."""
+    low, high = RANGE.get(argument.type, (None, None))
+    known = True
+    for name, text in (("low", argument.low), ("high", argument.high)):
+        if not text:
+            continue
+        limit = expression.number(text, look)
+        known = known and limit is not None
+        if name == "low":
+            low = limit
+        else:
+            high = limit
+    return low, high, known
+
+
+def wrong_argument(argument: Argument, value: float, look: Look) -> Reason | None:
+    """Why `value` [EU] cannot be `argument`; None when it can."""
+    low, high, known = argument_limits(argument, look)
+    params: dict[str, object] = {"argument": argument.name, "unit": argument.unit, "value": value}
+    if not known:
+        return Reason("why.limits_unknown", {**params, "point": argument.name}, argument.label)
+    if not abs(value) <= LARGEST_F32:
+        return Reason("why.not_a_number", {**params, "text": str(value)}, argument.label)
+    if low is not None and high is not None and not low <= value <= high:
+        return Reason("why.out_of_limits", {**params, "min": low, "max": high}, argument.label)
+    if low is not None and value < low:
+        return Reason("why.too_low", {**params, "min": low}, argument.label)
+    if high is not None and value > high:
+        return Reason("why.too_high", {**params, "max": high}, argument.label)
+    if round(value, argument.decimals) != value:
+        return Reason("why.decimals", {**params, "decimals": argument.decimals}, argument.label)
+    return None
+
+
+def raw(argument: Argument, value: float) -> int:
+    """`value` as the 32 bits that are sent."""
+    return real(value) if argument.type is Type.F32 else int(value) & 0xFFFF_FFFF
 
 
 def level(prepared: Prepared, look: Look, value: float | None = None) -> tuple[str, tuple[str, ...]]:

@@ -70,7 +70,9 @@ class Progress:
     limit: float = 0.0
     """Time within which the feedback must come, from accepted on [s]."""
     telegrams: tuple[tuple[str, float], ...] = ()
-    """(point, value) that are or, in a dry run, would be written."""
+    """(point, value) that are or, in a dry run, would be written; of a command sent as a code `code` and its arguments."""
+    arguments: Mapping[str, float] = field(default_factory=dict)
+    """Name → value, of a command that takes several."""
 
     @property
     def over(self) -> bool:

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from secrets import randbelow
 from typing import Any, Protocol
 
 from app.access.roles import Person
@@ -11,6 +12,7 @@ from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress
 from app.errors import Refused
 from app.plant.definitions import Alarm, Condition, Equipment, Link
+from app.registers.plc_map import Answer
 from app.tags.batch import Value
 
 HISTORY = 50
@@ -38,6 +40,47 @@ class Writer(Protocol):
 
         Raises:
             LinkError: they could not be read.
+        """
+        ...
+
+
+class MapWriter(Writer, Protocol):
+    """What the gate needs besides of a link to a machine with a map of ours (registers/plc_map.py)."""
+
+    async def order(
+        self,
+        equipment: str,
+        code: int,
+        arguments: Sequence[int] = (),
+        *,
+        expected: int = 0,
+        owner: int = 0,
+        request: int = 0,
+        urgent: bool = False,
+    ) -> Answer:
+        """Send one command with up to four raw 32-bit arguments; its first answer, within 1 s. `expected`: state that the device must
+        be in, 0 = any; `request` 0: the link takes a fresh id.
+
+        Raises:
+            NoAnswer: nobody knows; LinkError itself: it did not arrive; DeviceException: the device refused the telegram; Overtaken.
+        """
+        ...
+
+    async def answer(self, equipment: str, id: int) -> Answer | None:
+        """What the device says now about the command `id`; None when it no longer remembers.
+
+        Raises:
+            LinkError: not read.
+        """
+        ...
+
+    async def hold(
+        self, equipment: str, bits: int, counter: int, argument: float = 0.0, *, urgent: bool = False
+    ) -> None:
+        """Write the request of a hold-to-run; returns when the echo was checked.
+
+        Raises:
+            LinkError: no valid answer.
         """
         ...
 
@@ -84,6 +127,8 @@ class Order:
     language: str
     asked: int
     """[µs UTC]"""
+    arguments: Mapping[str, str | float] = field(default_factory=dict)
+    """Name → value, of a command that takes several."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +140,11 @@ class Task:
     old: Value
     limit: float
     level: str
+    arguments: Mapping[str, float] = field(default_factory=dict)
+    words: tuple[int, ...] = ()
+    """The arguments as they are sent."""
+    expected: int = 0
+    """State of the device as it was seen; 0 = any."""
 
 
 @dataclass(slots=True)
@@ -127,6 +177,19 @@ class Job:
     """When a hold-to-run began to stop, monotonic [s]."""
     moved: bool = False
     echoed: bool = False
+    words: tuple[int, ...] = ()
+    expected: int = 0
+    answer: Answer | None = None
+    """What the device last said about a code."""
+    asking: bool = False
+    """Whether its answer is being read."""
+    last_ask: float = float("-inf")
+    clears: bool = False
+    """A Stop over a hold-to-run by request bits: it clears them, too."""
+    last_hold: float = float("-inf")
+    """When request bits were last sent, monotonic [s]."""
+    held: float = float("inf")
+    """When they were last echoed; until the first echo, when they were first sent."""
 
 
 @dataclass(slots=True)
@@ -147,6 +210,8 @@ class Machine:
     restore: dict[str, float] = field(default_factory=dict)
     """Point → what it held before a hold-to-run wrote it."""
     restoring: bool = False
+    counter: int = field(default_factory=lambda: randbelow(0xFFFF))
+    """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
     signature: object = None
     dirty: bool = True
     told: float = float("-inf")

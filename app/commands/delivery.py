@@ -1,0 +1,142 @@
+"""What a command is sent as, and what came of it: telegrams to registers, one code with arguments, or request bits of a hold-to-run.
+
+A code is answered by the device itself (registers/plc_map.py): accepted, running, done, or why not. Without an answer nobody knows; a
+command that is proven not to have arrived has failed. Nothing is sent twice here.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+from app.clock import Clock
+from app.commands.lifecycle import State
+from app.commands.orders import Job, Machine, MapWriter, Writer
+from app.errors import DeviceException, LinkError, Overtaken, Refused
+from app.plant.definitions import Equipment, EquipmentType
+from app.registers.plc_map import Answer, AnswerState
+
+log = logging.getLogger(__name__)
+
+MAY_HAVE_ACTED = (5, 11)
+"""Refusals of a write that do not say that nothing happened: "accepted, it will take a while", and a gateway that lost the answer."""
+TAKEN = (AnswerState.ACCEPTED, AnswerState.RUNNING, AnswerState.DONE)
+REFUSED = (AnswerState.REJECTED, AnswerState.FAILED, AnswerState.EXPIRED)
+LARGEST_COUNTER = 0xFFFF
+
+Outcome = tuple[State, str, Mapping[str, object]]
+"""What became of a command that was not simply taken: state, text key, what fills it."""
+
+
+class Delivery:
+    """The one place from which the gate writes."""
+
+    def __init__(self, writers: Mapping[str, Writer], clock: Clock) -> None:
+        """`writers` by link, looked up at every write."""
+        self._writers = writers
+        self._clock = clock
+
+    async def send(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> Outcome | None:
+        """Send the command; None = every telegram was echoed, or the device has accepted the code. A Stop in between ends it."""
+        command = job.prepared.command
+        try:
+            if command.code:
+                answer = await self._mapped(machine).order(
+                    machine.item.id, command.code, job.words, expected=job.expected, owner=owner_of(job)
+                )
+                job.answer = answer
+                return refusal_of(machine.item.type, answer)
+            if command.hold_bits:
+                if not job.progress.over and job.ending is None:
+                    await self._bits(machine, job, command.hold_bits)
+                return None
+            for point, value in telegrams:
+                if job.progress.over or job.ending is not None:
+                    return None
+                await self._writers[machine.item.link].write(machine.item.id, point, value)
+                if job.lease is None:
+                    machine.restore.pop(point, None)
+        except (LinkError, Refused, KeyError) as error:
+            return outcome_of(error, machine.item, told=bool(command.code))
+        return None
+
+    async def stop(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> bool:
+        """Send a Stop, or the release of a hold-to-run, before everything that waits. False: the device did not take it.
+
+        Raises:
+            LinkError, Refused, KeyError: it may not have arrived.
+        """
+        command, item = job.prepared.command, machine.item
+        if command.hold_bits:
+            await self._bits(machine, job, 0, urgent=True)
+            return True
+        if not command.code:
+            for point, value in telegrams:
+                await self._writers[item.link].write(item.id, point, value, urgent=True)
+            return True
+        try:
+            answer = await self._mapped(machine).order(item.id, command.code, owner=owner_of(job), urgent=True)
+        finally:
+            if job.clears:
+                await self._bits(machine, job, 0, urgent=True)
+        job.answer = answer
+        if answer.state not in TAKEN:
+            log.warning("stop not taken equipment=%s state=%s reason=%s", item.id, answer.state.name, answer.reason)
+        return answer.state in TAKEN
+
+    async def ask(self, machine: Machine, job: Job) -> None:
+        """Read again what the device says about a code that it has taken."""
+        assert job.answer is not None
+        job.asking = True
+        job.last_ask = self._clock.monotonic()
+        try:
+            found = await self._mapped(machine).answer(machine.item.id, job.answer.id)
+            job.answer = found or job.answer
+        except (LinkError, KeyError) as error:
+            log.info("answer not read equipment=%s error=%s", machine.item.id, error)
+        finally:
+            job.asking = False
+
+    async def _bits(self, machine: Machine, job: Job, bits: int, *, urgent: bool = False) -> None:
+        """Request bits with a counter that no telegram before had."""
+        job.last_hold = self._clock.monotonic()
+        machine.counter = machine.counter % LARGEST_COUNTER + 1
+        await self._mapped(machine).hold(machine.item.id, bits, machine.counter, urgent=urgent)
+        job.held = self._clock.monotonic()
+
+    def _mapped(self, machine: Machine) -> MapWriter:
+        return cast(MapWriter, self._writers[machine.item.link])
+
+
+def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: bool) -> Outcome:
+    """What an error of the link says about a command; `told`: it was a code, of which a link proves that it did not arrive."""
+    match error:
+        case DeviceException() if error.code in MAY_HAVE_ACTED:
+            return State.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
+        case DeviceException():
+            return State.FAILED, "why.device_refused", {"code": error.code}
+        case Overtaken():
+            return State.SUPERSEDED, "why.overtaken", {}
+        case Refused():  # the link knows better than we that its device is live
+            return State.FAILED, "why.writes_off", error.params
+        case LinkError() if told and error.kind == LinkError.kind:
+            return State.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
+        case LinkError():
+            return State.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
+        case _:
+            return State.FAILED, "why.no_link", {"link": item.link}
+
+
+def refusal_of(kind: EquipmentType, answer: Answer) -> Outcome | None:
+    """Why the device did not carry it out, in its own words; None when it did not say so."""
+    if answer.state not in REFUSED:
+        return None
+    params: dict[str, object] = {"code": answer.reason, "detail": answer.detail, "answer": answer.state.name.lower()}
+    name = kind.reasons.get(answer.reason)
+    if name is None:
+        return State.FAILED, "why.device_rejected_code", params
+    return State.FAILED, "why.device_rejected", {**params, "label": f"reason.{name}"}
+
+
+def owner_of(job: Job) -> int:
+    """Who asks, for the device's own records: the number of the person, cut to a word."""
+    return job.order.person.id & 0xFFFF if job.order.person else 0
