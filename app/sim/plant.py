@@ -13,9 +13,13 @@ from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant, Problem
 from app.plant.loader import PLANT_FILE, read_plant
+from app.sim import conveyor_machine
 from app.sim.bus import Bus, damaged
+from app.sim.conveyor import VirtualConveyor
+from app.sim.conveyor_machine import Geometry
 from app.sim.device import DT, VirtualDevice
 from app.sim.e800 import FAULTS, VirtualE800
+from app.sim.plc import VirtualPlc
 
 CATCH_UP = 20
 """Most steps in one go."""
@@ -41,9 +45,48 @@ def _eura_e800(item: Equipment, seed: int) -> VirtualDevice:
     )
 
 
-VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800}
+def _conveyor(item: Equipment, seed: int) -> VirtualDevice:
+    """A line as the plant file describes it: its measures, and `simulation` = start, arrivals (1 or 0), interval [s], shortest,
+    longest [mm] and settings by name."""
+    simulation = _table(item, "simulation")
+    start = str(simulation.pop("start", "stopped"))
+    if start not in ("automatic", "stopped"):
+        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or stopped")
+    given = {key: _number(f"simulation.{key}", value) for key, value in simulation.items()}
+    world = {key: given.pop(key) for key in ("interval", "shortest", "longest") if key in given}
+    arrivals = bool(given.pop("arrivals", 1.0))
+
+    def measure(key: str, default: float) -> float:
+        return _number(key, item.options.get(key, default))
+
+    plain = Geometry()
+    ends = [measure(f"belt_{n}_end", plain.belt_ends[n - 1]) for n in (1, 2)]
+    sensors = [measure(f"sensor_{n}", plain.sensors[n - 1]) for n in (1, 2, 3, 4)]
+    geometry = Geometry(
+        (ends[0], ends[1], measure("line_length", plain.length)),
+        (sensors[0], sensors[1], sensors[2], sensors[3]),
+        measure("roller_radius", plain.roller_radius),
+        measure("rated_speed", plain.rated_speed),
+        round(measure("resolution", plain.resolution)),
+        bool(measure("intact_is_one", plain.intact_is_one)),
+    )
+    try:
+        return VirtualConveyor(
+            geometry,
+            seed=seed,
+            slots=round(measure("product_slots", 20)),
+            start=start,
+            arrivals=arrivals,
+            settings=given,
+            **world,
+        )
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from error
+
+
+VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800, "conveyor": _conveyor}
 """Equipment type → what builds its virtual device."""
-MACHINE_FAULTS: Mapping[str, Sequence[int]] = {"eura_e800": tuple(FAULTS)}
+MACHINE_FAULTS: Mapping[str, Sequence[int]] = {"eura_e800": tuple(FAULTS), "conveyor": conveyor_machine.FAULTS}
 """Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
 
 
@@ -105,6 +148,7 @@ class SimPlant:
         }
         """By link."""
         self._clock = clock
+        self._measure_scans()
         self._seed = seed
         self._factories = factories
         self._turnaround = turnaround
@@ -147,6 +191,12 @@ class SimPlant:
         for name, bus in buses.items():
             bus.devices = {item.unit: devices[id] for id, item in equipment.items() if item.link == name}
         self.equipment, self.devices, self.buses = equipment, devices, buses
+        self._measure_scans()
+
+    def _measure_scans(self) -> None:
+        for device in self.devices.values():
+            if isinstance(device, VirtualPlc):
+                device.stopwatch = self._clock.monotonic
 
     def step(self) -> None:
         """Advance every device by one step."""
