@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from string import Formatter
 
 import pytest
 
@@ -227,6 +228,15 @@ def test_an_event_raises_the_alarm_of_its_own_belt_or_sensor(line: EquipmentType
             seen.add((alarm.event, alarm.source))
             if alarm.key[-1].isdigit():
                 assert alarm.source == int(alarm.key[-1]), alarm.key
+
+
+def test_a_text_names_only_what_an_event_brings(line: EquipmentType) -> None:
+    brought = {"product", "second", "source", "second_value", "value"}
+    for language in LANGUAGES:
+        for alarm in line.alarms:
+            for key in (alarm.label, alarm.consequence, alarm.cause, alarm.response):
+                named = {name for _, name, _, _ in Formatter().parse(line.texts[language][key]) if name}
+                assert named <= (brought if alarm.event else set()), key
 
 
 def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType) -> None:
