@@ -38,7 +38,7 @@ class Encoder:
     pulses: int = 0
     """Accumulated, signed 32 bit: after 2³¹ − 1 follows −2³¹."""
     fraction: float = 0.0
-    """Of a pulse, 0 ≤ fraction < 1."""
+    """Of a pulse, 0 to 1."""
 
     def __post_init__(self) -> None:
         for name in ("resolution", "rated_speed", "radius"):

@@ -88,10 +88,15 @@ class SRamp:
         v, a = self.speed, self.acceleration
         if v == 0.0 and a == 0.0:
             return 0.0
+        if a == 0.0:
+            # the usual case, the same path in one formula
+            limit, size = self.acceleration_limit, abs(v)
+            long = size * self.jerk >= limit * limit
+            return v / 2 * (size / limit + limit / self.jerk) if long else v * sqrt(size / self.jerk)
         x = turn = 0.0
         for jerk, duration in _plan(v, a, 0.0, self.acceleration_limit, self.jerk):
             crossing = _zero(v, a, jerk, duration)
-            if crossing is not None:
+            if crossing is not None and not turn:
                 turn = x + crossing * (v + crossing * (a / 2 + crossing * jerk / 6))
             x += duration * (v + duration * (a / 2 + duration * jerk / 6))
             v += duration * (a + duration * jerk / 2)

@@ -1,4 +1,4 @@
-"""A true line for tests: belts that follow their ramps, products that lie on them, beams and encoders. It knows where everything really is."""
+"""A true line for tests: belts that follow their ramps, products on them, beams and encoders; it knows where everything really is."""
 
 from dataclasses import dataclass, field
 
