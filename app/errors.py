@@ -7,7 +7,8 @@
     │   ├── NotConnected     the line or the socket is not there
     │   ├── BadAnswer        an answer came and is not one to this request (length, unit, function, check sum)
     │   ├── DeviceException  the device answered with a Modbus exception code
-    │   └── Overtaken        a write that was never sent, because a Stop came before it
+    │   ├── Overtaken        a write that was never sent, because a Stop came before it
+    │   └── Rejected         the device understood and did not take it, with its own reason
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
 
@@ -79,6 +80,18 @@ class Overtaken(LinkError):
     """A write that was never sent, because a Stop to the same device came before it."""
 
     kind = "overtaken"
+
+
+class Rejected(LinkError):
+    """The device understood a command and did not carry it out. `reason` is its own code, a key of the type's `reasons`."""
+
+    kind = "rejected"
+
+    def __init__(self, what: str, reason: int, detail: int = 0, state: str = "rejected") -> None:
+        super().__init__(f"{what}: {state} by the device, reason {reason}" + (f" ({detail})" if detail else ""))
+        self.reason = reason
+        self.detail = detail
+        self.state = state
 
 
 class Refused(PogonError):

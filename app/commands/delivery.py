@@ -11,7 +11,7 @@ from typing import cast
 from app.clock import Clock
 from app.commands.lifecycle import State
 from app.commands.orders import Job, Machine, MapWriter, Writer
-from app.errors import DeviceException, LinkError, Overtaken, Refused
+from app.errors import DeviceException, LinkError, Overtaken, Refused, Rejected
 from app.plant.definitions import Equipment, EquipmentType
 from app.registers.plc_map import Answer, AnswerState
 
@@ -116,6 +116,9 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
             return State.FAILED, "why.device_refused", {"code": error.code}
         case Overtaken():
             return State.SUPERSEDED, "why.overtaken", {}
+        case Rejected():
+            answer = Answer(0, AnswerState.REJECTED, error.reason, error.detail)
+            return refusal_of(item.type, answer) or (State.FAILED, "why.unknown", {"cause": "link.error.rejected"})
         case Refused():  # the link knows better than we that its device is live
             return State.FAILED, "why.writes_off", error.params
         case LinkError() if told and error.kind == LinkError.kind:

@@ -85,7 +85,9 @@ def reads_of(station: Station, statistics: UnitStatistics) -> Reads:
     """What is read of `station` now, with what its telegrams were seen to take."""
     device = station.device
     limit = min(device.max_read, device.group_read.get(Scan.FAST.value, MAX_READ), station.learned.limit, MAX_READ)
-    periodic = {scan: [(b.block.count, b.period) for b in station.blocks if b.scan is scan] for scan in Scan}
+    periodic = {
+        scan: [(b.block.count, b.period) for b in station.blocks if b.scan is scan and b.wanted] for scan in Scan
+    }
     return Reads(
         station.number,
         max(1, limit),

@@ -6,10 +6,12 @@ points in order of address). Overhead is what a telegram costs beside its regist
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 
 from app.links.contract import Block
-from app.plant.definitions import Device, Link, Point, Register, Scan
+from app.plant.definitions import Device, Link, Point, Register, Scan, TableMap
 from app.registers.pdu import MAX_READ, READ_HOLDING, READ_INPUT
+from app.registers.plc_map import TABLE_HEAD
 from app.registers.rtu import character_time, read_time
 
 NETWORK_OVERHEAD = 10_000.0
@@ -22,6 +24,32 @@ Span = tuple[int, int]
 """First and last address."""
 
 
+class Part(Enum):
+    """What a block of a machine with a map of ours is, beyond values (links/plc.py)."""
+
+    HEADER = "header"
+    IMAGE = "image"
+    RING = "ring"
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Whole rows of a table that are read in one telegram."""
+
+    equipment: str
+    table: TableMap
+    slots: int
+    """Rows of the whole table on this machine."""
+    first: int
+    """First row in the block, from 0."""
+    rows: int
+
+    @property
+    def head(self) -> int:
+        """Words before the first row: the head of the table stands before row 0."""
+        return TABLE_HEAD if self.first == 0 else 0
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """One block of a plan and the points that lie in it."""
@@ -29,6 +57,8 @@ class Reading:
     block: Block
     scan: Scan
     points: tuple[Point, ...]
+    part: Part | Rows | None = None
+    """None for plain registers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +107,16 @@ def plan(points: Iterable[Point], device: Device, cost: float, learned: Learned 
         if register is None or not register.readable:
             continue
         function = FUNCTIONS[register.table]
-        if _is_unreadable(register, function, device, learned) or register.words > _limit(device, point.scan, learned):
+        if _is_unreadable(register, function, device, learned) or register.words > limit_of(
+            device, point.scan, learned
+        ):
             unreadable.append(point)
         else:
             classes.setdefault((point.scan, function), []).append(point)
     for scan in Scan:
         for function in sorted(set(FUNCTIONS.values())):
             wanted = classes.get((scan, function), [])
-            limit = _limit(device, scan, learned)
+            limit = limit_of(device, scan, learned)
             wanted = _ride(wanted, readings, function, limit)
             walls = _walls(device, function, learned)
             for group in _cut(wanted, limit, walls, cost):
@@ -97,7 +129,8 @@ def span_of(register: Register) -> Span:
     return register.address, register.address + register.words - 1
 
 
-def _limit(device: Device, scan: Scan, learned: Learned) -> int:
+def limit_of(device: Device, scan: Scan, learned: Learned) -> int:
+    """Most registers of one read."""
     return max(1, min(device.max_read, device.group_read.get(scan.value, MAX_READ), learned.limit, MAX_READ))
 
 

@@ -12,6 +12,9 @@ from typing import cast
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
 from app.links.contract import Block, Exchange, Transport
+from app.links.events import LastSeen, OnEvents
+from app.links.orders import merged
+from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner
 from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Priority
@@ -22,6 +25,7 @@ from app.links.transports import TRANSPORTS
 from app.plant.definitions import Equipment, Link, Point, Register
 from app.registers.codec import encode
 from app.registers.pdu import WRITE_MULTIPLE, WRITE_SINGLE
+from app.registers.plc_map import Answer, Request
 from app.tags.database import TagDatabase
 
 UNITS = range(1, 248)
@@ -83,6 +87,28 @@ class RegisterLink:
         """The units, for pages that show how they are read."""
         return self._runner.stations
 
+    @property
+    def on_events(self) -> OnEvents | None:
+        """Takes the events of machines with a map of ours, in order, with the number that was lost before them.
+
+        They are acknowledged to the device after it has returned; what it raises means that they are handed over again. While it is
+        None the rings are not read.
+        """
+        return self._runner.on_events
+
+    @on_events.setter
+    def on_events(self, take: OnEvents | None) -> None:
+        self._runner.on_events = take
+
+    @property
+    def last_seen(self) -> LastSeen | None:
+        """Tells (boot, sequence) of the last event that was taken of a machine; without it the device's own acknowledgement counts."""
+        return self._runner.last_seen
+
+    @last_seen.setter
+    def last_seen(self, tell: LastSeen | None) -> None:
+        self._runner.last_seen = tell
+
     async def run(self) -> None:
         """Connect, scan, publish, back off, for ever."""
         await self._runner.run()
@@ -111,9 +137,11 @@ class RegisterLink:
         """Write `value` [EU] to the point with key `point`; returns when the device has echoed it (accepted, not confirmed).
 
         Never repeated here. `urgent` (Stop) goes before everything, is also tried on a silent unit, and takes writes to the same
-        unit that still wait out of the queue.
+        unit that still wait out of the queue. A setpoint of a machine with a map of ours is put into the set that is in effect
+        there, and the device takes the set as a whole; this returns when it has.
 
         Raises:
+            Rejected: the device took none of the set, with its own reason.
             Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
@@ -127,12 +155,67 @@ class RegisterLink:
         except ValueError as error:
             raise LinkError(f"{definition.name}: {error}") from error
         station = self._runner.stations[item.unit]
+        plc = station.plc
+        settings = plc.map.settings if plc else None
+        if plc and settings and settings.address <= register.address < settings.address + settings.words:
+            self._check_writable(station, urgent=urgent)
+            await plc.orders.set(plc.map, register, words, definition.name)
+            self._runner.written(station, settings.address, settings.words)
+            return
         function = self._write_function(station, definition.name, words)
         self._check_writable(station, urgent=urgent)
         if register.mask is not None and register.readable:
             words = await self._merged(station, register, words)
         await self._send(item.unit, register.address, words, function, urgent=urgent)
         self._runner.written(station, register.address, len(words))
+
+    async def order(
+        self,
+        equipment: str,
+        code: int,
+        arguments: Sequence[int] = (),
+        *,
+        expected: int = 0,
+        owner: int = 0,
+        request: int = 0,
+        urgent: bool = False,
+    ) -> Answer:
+        """Send command `code` of a machine with a map of ours, once; returns its first word about it, which may be REJECTED.
+
+        `arguments`: raw 32-bit words (`plc_map.real`); `expected`: state that the person saw, 0 = any; `request`: id, 0 = the next
+        one. When the echo is lost the answers of the device tell whether it arrived. `urgent` as in `write`.
+
+        Raises:
+            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            LinkError: it did not arrive, or nobody knows (NoAnswer). It is never sent again by itself.
+        """
+        station, plc = self._plc_of(equipment)
+        self._check_writable(station, urgent=urgent)
+        return await plc.orders.order(Request(code, owner, expected, tuple(arguments), request), urgent=urgent)
+
+    async def answer(self, equipment: str, id: int) -> Answer | None:
+        """What the device says now about its command `id`; None when it does not know it, or no longer.
+
+        Raises:
+            LinkError: it could not be asked.
+        """
+        station, plc = self._plc_of(equipment)
+        if station.state is State.CONFIGURATION:
+            raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
+        return await plc.orders.answer(id)
+
+    async def hold(
+        self, equipment: str, bits: int, counter: int, argument: float = 0.0, *, urgent: bool = False
+    ) -> None:
+        """Ask for hold-to-run: request bits, a counter that must rise at least every 500 ms, an argument; bits 0 release it.
+
+        Raises:
+            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            LinkError: it was not accepted, or nobody knows (NoAnswer).
+        """
+        station, plc = self._plc_of(equipment)
+        self._check_writable(station, urgent=urgent)
+        await plc.orders.hold(bits, counter, argument, urgent=urgent)
 
     async def refresh(self, equipment: str, points: Iterable[str]) -> None:
         """Read the blocks of these points (keys) now; they are published before it returns.
@@ -147,6 +230,8 @@ class RegisterLink:
             raise NoAnswer(f"link {self.name}: unit {item.unit} is silent")
         blocks = station.covering(names)
         missing = names.difference(*(block.names for block in blocks))
+        if station.plc is not None:
+            blocks = station.plc.worth_reading(blocks)
         if missing:
             raise LinkError(f"link {self.name}: {', '.join(sorted(missing))} cannot be read")
         results = await asyncio.gather(*(self._refresh(station, block) for block in blocks), return_exceptions=True)
@@ -206,11 +291,14 @@ class RegisterLink:
         return Station(self.link, unit, items, f"link.{self.name}", lambda: next(self._numbers))
 
     async def _refresh(self, station: Station, block: ScanBlock) -> None:
-        try:
-            await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
-        except (NoAnswer, BadAnswer):
-            self.statistics.retries += 1
-            await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
+        for more in range(TORN_TRIES if block.part else 1, -1, -1):
+            try:
+                await self._runner.ask(self._runner.job(station.number, block.block, scan=block), Priority.REFRESH)
+                return
+            except (NoAnswer, BadAnswer):
+                if not more:
+                    raise
+                self.statistics.retries += 1
 
     async def _send(
         self,
@@ -230,22 +318,17 @@ class RegisterLink:
         """`words` with the bits of the register that belong to others as they are now."""
         block = Block(register.address, register.words, 3)
         now = await self._runner.ask(self._runner.job(station.number, block), Priority.WRITE)
-        raw = ((register.mask or 0) << register.shift).to_bytes(2 * register.words, "big")
-        own = [int.from_bytes(raw[2 * index : 2 * index + 2], "big") for index in range(register.words)]
-        return [(old & ~bits) | (new & bits) for old, new, bits in zip(now, words, own, strict=True)]
+        return merged(register, now, words)
 
     def _check_writable(self, station: Station, *, urgent: bool) -> None:
         if not self._runner.connected:
             raise NotConnected(f"link {self.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
         if station.state is State.CONFIGURATION:
             raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
-        if station.state is not State.UP and not (urgent and self._may_write(station)):
+        if station.state is not State.UP and not (urgent and station.may_write):
             raise NoAnswer(f"link {self.name}: unit {station.number} is silent")
-        if not self._may_write(station):
+        if not station.may_write:
             raise Refused("command.writes_off", link=self.name)
-
-    def _may_write(self, station: Station) -> bool:
-        return self.link.writes or self.link.simulated or station.simulated
 
     def _write_function(self, station: Station, name: str, words: Sequence[int]) -> int:
         device = station.device
@@ -257,6 +340,13 @@ class RegisterLink:
             f"{name}: {len(words)} words cannot be written with functions {list(device.write_functions)}, "
             f"at most {device.max_write} at once"
         )
+
+    def _plc_of(self, equipment: str) -> tuple[Station, PlcUnit]:
+        item = self._equipment_named(equipment)
+        station = self._runner.stations[item.unit]
+        if station.plc is None:
+            raise LinkError(f"{equipment} takes no commands by code: its type {item.type.name} has no map of ours")
+        return station, station.plc
 
     def _is_training(self, unit: int, address: int) -> bool:
         station = self._runner.stations.get(unit)
@@ -291,4 +381,4 @@ def _lanes(link: Link, equipment: Sequence[Equipment]) -> int:
 
 def _wiring(equipment: Iterable[Equipment]) -> list[object]:
     """All of these machines that matters to who reads them."""
-    return [(item.id, item.type.name, item.type.device, dict(item.points)) for item in equipment]
+    return [(item.id, item.type.name, item.type.device, dict(item.points), dict(item.tables)) for item in equipment]

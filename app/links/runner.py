@@ -16,6 +16,8 @@ from typing import Any
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
 from app.links.contract import Block, StillOwed, Transport
+from app.links.events import LastSeen, OnEvents
+from app.links.plc import TORN_TRIES, PlcUnit, Seen
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority, Schedule
 from app.links.station import Finding, Station, spans_of
@@ -65,6 +67,10 @@ NO_REGISTER = (2, 3)
 PERMANENT_CODES = (1, 7)
 
 
+class Torn(BadAnswer):
+    """An image that the device was changing while it was read."""
+
+
 @dataclass(slots=True)
 class _Lane:
     """One connection."""
@@ -92,7 +98,7 @@ class LinkRunner:
         self.statistics = LinkStatistics(units={number: UnitStatistics() for number in stations})
         self.demanded: frozenset[str] = frozenset()
         self._tags = tags
-        self._clock = clock
+        self.clock = clock
         self._build = build
         self._lanes = lanes
         self._schedule = Schedule()
@@ -100,6 +106,8 @@ class LinkRunner:
         self._sleepers: set[asyncio.Future[None]] = set()
         self._failed: asyncio.Future[None] | None = None
         self._publisher = StatisticsPublisher(link.name, self.statistics, tags, clock)
+        self.on_events: OnEvents | None = None
+        self.last_seen: LastSeen | None = None
         self._told_up: bool | None = None
         self._heard = False
         """Whether anybody answered since the connection was opened, or since all were silent."""
@@ -108,7 +116,7 @@ class LinkRunner:
         self._reopened = 0.0
         self._reopen: set[int] = set()
         for station in stations.values():
-            station.plan()
+            self._prepare(station)
 
     async def run(self) -> None:
         """Keep every connection open and used until cancelled."""
@@ -126,6 +134,7 @@ class LinkRunner:
                 task.cancel()
             await asyncio.gather(*own, return_exceptions=True)
             self._close(ENDED)
+            await asyncio.gather(*(station.plc.events.end() for station in self.stations.values() if station.plc))
             if not self._failed.done():
                 self._failed.cancel()
 
@@ -145,6 +154,8 @@ class LinkRunner:
         if not self._open:
             raise NotConnected(f"link {self.link.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
         if job.urgent:
+            if (station := self.stations.get(job.unit)) is not None:
+                station.stops += 1
             for overtaken in self._schedule.overtake(job.unit):
                 _fail(
                     overtaken,
@@ -160,6 +171,11 @@ class LinkRunner:
         timeout = station.timeout if station else self.link.timeout or _default_timeout(self.stations)
         done: asyncio.Future[list[int]] = asyncio.get_running_loop().create_future()
         return Job(unit, timeout, done, read, scan, liveness=liveness)
+
+    def schedule(self, block: ScanBlock, due: float) -> None:
+        """Scan `block` at `due` [s]; one that is not wanted loses its place."""
+        self._schedule.at(block, due)
+        self._wake()
 
     def written(self, station: Station, address: int, count: int) -> None:
         """What holds these registers is read again now."""
@@ -192,9 +208,12 @@ class LinkRunner:
                 self._schedule.drop(block)
         for station in fresh:
             self.statistics.units.setdefault(station.number, UnitStatistics())
-            station.plan()
+            self._prepare(station)
+            before = next((old for old in gone if old.number == station.number), None)
+            if station.plc is not None and before is not None and before.plc is not None:
+                station.plc.adopt(before.plc)
             if self._open:
-                self._attend(station, self._bring_up(station))
+                self.attend(station, self._bring_up(station))
             else:
                 station.state = State.DOWN if self._told_up is not None else State.CONNECTING
         self._settle()
@@ -278,7 +297,7 @@ class LinkRunner:
             self._heard = False
             for station in self.stations.values():
                 station.state = State.CONNECTING
-                self._attend(station, self._bring_up(station))
+                self.attend(station, self._bring_up(station))
             if not self.stations:
                 self._note(up=True)
         self._settle()
@@ -315,9 +334,11 @@ class LinkRunner:
                 words = await transport.read(job.unit, job.read, job.timeout)
             elif station is not None:
                 async with station.writing:
+                    job.sent = True
                     await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
             else:
+                job.sent = True
                 await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
         except BaseException as error:
@@ -338,7 +359,11 @@ class LinkRunner:
         self.statistics.busy += self._now() - started
         self._answered(station, started, job.liveness, self._wire(job.read, len(job.words), job.function))
         if job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
-            self._publish(station, job.scan, words, started)
+            seen = Seen.WHOLE if job.scan.part is None else self._look(station, job.scan, words, started)
+            if seen is Seen.TORN:
+                _fail(job, Torn(f"unit {job.unit}: {job.scan.block.address:#06x} changed while it was read"))
+            elif seen is not Seen.NOTHING:
+                self.publish(station, job.scan, words, started)
         if not job.done.done():
             job.done.set_result(words)
 
@@ -375,10 +400,26 @@ class LinkRunner:
             if block.scanned:
                 self.statistics.fast_scan(ended - block.scanned)
             block.scanned = ended
+        seen = Seen.WHOLE
+        if block.part is not None and station.state is State.UP and block.alive:
+            seen = self._look(station, block, words, started)
+            if seen in (Seen.TORN, Seen.PARTLY) and block.torn < TORN_TRIES and ticket == block.ticket:
+                block.torn += 1
+                self._schedule.at(block, block.due, first=True)
+                return
+            block.torn = 0
         if ticket == block.ticket:
             self._again(block)
-        if station.state is State.UP and block.alive:
-            self._publish(station, block, words, started)
+        if seen <= Seen.PARTLY and station.state is State.UP and block.alive:
+            self.publish(station, block, words, started)
+
+    def _look(self, station: Station, block: ScanBlock, words: list[int], started: float) -> Seen:
+        """What words of a machine with a map of ours are worth."""
+        assert station.plc is not None
+        seen = station.plc.seen(block, words, started)
+        if seen in (Seen.TORN, Seen.PARTLY):
+            self.statistics.torn += 1
+        return seen
 
     def _again(self, block: ScanBlock) -> None:
         """The next place of a block: one period after the last, or now and counted when that is over."""
@@ -390,12 +431,13 @@ class LinkRunner:
             due = now
         self._schedule.at(block, due)
 
-    def _publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
+    def publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
+        """Publish `words` as read by a telegram sent at `started` [s]."""
         if started < block.started:  # a later request was answered before this one, on another connection
             return
         block.started = started
         block.bind(self._tags.handles, self._tags.revision)
-        self._tags.publish(block.seen(words, self._clock.micros(), station.origin))
+        self._tags.publish(block.seen(words, self.clock.micros(), station.origin))
 
     def _publish_lost(self, station: Station, quality: int) -> None:
         for block in station.blocks:
@@ -405,7 +447,7 @@ class LinkRunner:
         block.bind(self._tags.handles, self._tags.revision)
         block.attempts, block.scanned = 0, 0.0
         block.started = self._now()
-        batch = block.lost(self._clock.micros(), quality | station.origin)
+        batch = block.lost(self.clock.micros(), quality | station.origin)
         if batch is not None:
             self._tags.publish(batch)
 
@@ -435,14 +477,40 @@ class LinkRunner:
         else:
             block.attempts = 0
             if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
-                self._attend(station, self._try_smaller(station, block, error))
+                self.attend(station, self._try_smaller(station, block, error))
             else:
                 self._silent(station, error)
 
+    def refuse(self, station: Station, block: ScanBlock, reason: str) -> None:
+        """What `block` holds is not what the plant file says: bad, and looked at again later."""
+        log.debug("block refused link=%s unit=%d: %s", self.link.name, station.number, reason)
+        self._publish_block_lost(station, block, CONFIGURATION)
+        self._schedule.at(block, self._now() + PERMANENT)
+
+    def misconfigured(self, station: Station, reason: str) -> None:
+        """The unit is not the device of the plant file: all bad, no writes, until it is."""
+        asyncio.get_running_loop().call_soon(self._misconfigured, station)
+
+    def _misconfigured(self, station: Station) -> None:
+        if station.state is not State.UP or self.stations.get(station.number) is not station:
+            return
+        station.end_tasks()
+        for block in station.blocks:
+            self._schedule.drop(block)
+        self._to_configuration(station)
+        self.attend(station, self._bring_up(station))
+
+    def _to_configuration(self, station: Station) -> None:
+        station.state = State.CONFIGURATION
+        self._publish_lost(station, CONFIGURATION)
+        self._settle()
+
     def _refused(self, station: Station, block: ScanBlock, error: DeviceException) -> None:
         now = self._now()
-        if error.code in NO_REGISTER:
-            self._attend(station, self._examine(station, block))
+        if error.code in NO_REGISTER and block.part is not None:
+            self.refuse(station, block, str(error))
+        elif error.code in NO_REGISTER:
+            self.attend(station, self._examine(station, block))
         elif error.code in PERMANENT_CODES:
             self._publish_block_lost(station, block, CONFIGURATION if error.code == 1 else DEVICE)
             self._schedule.at(block, now + PERMANENT)
@@ -468,7 +536,7 @@ class LinkRunner:
         self._publish_lost(station, COMM_FAILURE)
         if self._several:
             log.warning("unit silent link=%s unit=%d reason=%s", self.link.name, station.number, error)
-        self._attend(station, self._probe(station))
+        self.attend(station, self._probe(station))
         if self._all_silent:
             self._heard = False
             self._note(up=False, reason=str(error))
@@ -498,7 +566,7 @@ class LinkRunner:
                 pass
             started = self._now()
             try:
-                await self._read(station, station.probe())
+                await self.read(station, station.probe())
                 break
             except DeviceException as error:
                 if error.code not in GATEWAY:
@@ -522,13 +590,18 @@ class LinkRunner:
 
     async def _bring_up(self, station: Station) -> None:
         """Find out what the unit is, then scan it."""
-        while not await self._identify(station):
-            station.state = State.CONFIGURATION
-            self._publish_lost(station, CONFIGURATION)
-            self._settle()
-            await asyncio.sleep(LAST_PAUSE)
+        try:
+            while not (await self._identify(station) and (station.plc is None or await station.plc.identify())):
+                self._to_configuration(station)
+                await asyncio.sleep(LAST_PAUSE)
+        except NoAnswer as error:
+            station.state = State.CONNECTING
+            self._later(station, error)
+            return
         station.state = State.UP
-        station.tell_unreadable(self._tags, self._clock.micros())
+        if station.plc is not None:
+            station.plc.begin()
+        station.tell_unreadable(self._tags, self.clock.micros())
         now = self._now()
         for block in station.blocks:
             self._schedule.at(block, now)
@@ -574,7 +647,7 @@ class LinkRunner:
             except StillOwed:
                 continue
             return words[:TRAINING_WORDS]
-        return await self._read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
+        return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
 
     async def _try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         """Silence at a size that the device never answered: is it the size, or is nobody there?"""
@@ -586,7 +659,7 @@ class LinkRunner:
             return
         self._schedule.drop(block)
         try:
-            await self._read(station, Block(block.block.address, 1, block.block.function))
+            await self.read(station, Block(block.block.address, 1, block.block.function))
         except DeviceException:
             pass
         except LinkError:
@@ -638,7 +711,7 @@ class LinkRunner:
         """Whether the device answers the registers from the first to the last of `spans` in one read."""
         first, last = spans[0][0], max(end for _, end in spans)
         try:
-            await self._read(station, Block(first, last - first + 1, function))
+            await self.read(station, Block(first, last - first + 1, function))
             return True
         except DeviceException as error:
             if error.code not in NO_REGISTER:
@@ -661,7 +734,7 @@ class LinkRunner:
 
     def _start_recheck(self, station: Station) -> None:
         if station.learned.bad and station.recheck is None:
-            station.recheck = self._attend(station, self._recheck(station))
+            station.recheck = self.attend(station, self._recheck(station))
 
     async def _recheck(self, station: Station) -> None:
         """Look now and then at a refused register; when it is there after all, everything is tried again."""
@@ -671,7 +744,7 @@ class LinkRunner:
             pause = min(2 * pause, RECHECK)
             function, first, last = min(station.learned.bad)
             try:
-                await self._read(station, Block(first, last - first + 1, function))
+                await self.read(station, Block(first, last - first + 1, function))
             except LinkError:
                 continue
             station.learned.bad.clear()
@@ -681,7 +754,12 @@ class LinkRunner:
 
     # small things
 
-    async def _read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
+    def _prepare(self, station: Station) -> None:
+        station.plan()
+        if station.device.plc is not None:
+            station.plc = PlcUnit(self, station, station.device.plc)
+
+    async def read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
         """One read for a task that can wait, also for the line to forget an earlier request."""
         while True:
             try:
@@ -701,13 +779,13 @@ class LinkRunner:
             gone.alive = False
             self._schedule.drop(gone)
         now = self._now()
-        station.tell_unreadable(self._tags, self._clock.micros())
+        station.tell_unreadable(self._tags, self.clock.micros())
         for block in station.blocks:
             if id(block) not in before and station.state is State.UP:
                 self._schedule.at(block, now)
         self._wake()
 
-    def _attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` for a station beside its scans."""
         task = asyncio.get_running_loop().create_task(work)
         station.tasks.add(task)

@@ -3,7 +3,7 @@
 Unchanged words are not decoded, unchanged values not published; an empty batch says that the whole block was seen.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 
 from app.links.contract import Block
@@ -35,6 +35,8 @@ class ScanBlock:
         self.reading = reading
         self.block: Block = reading.block
         self.scan: Scan = reading.scan
+        self.part = reading.part
+        """None for plain registers; else `links.plc` looks at what was read before it is published."""
         self.points: tuple[Point, ...] = reading.points
         self.names = frozenset(point.name for point in reading.points)
         self.period = period
@@ -58,6 +60,10 @@ class ScanBlock:
         """Waiting for its turn."""
         self.alive = True
         """False once a new plan has replaced it."""
+        self.wanted = True
+        """False for rows of a table that its head does not count: they are not read."""
+        self.torn = 0
+        """Tries of the scan that is due whose answer the device was changing."""
         self._revision = -1
         self._quick: list[_Quick] = []
         self._entries: list[_Entry] = []
@@ -69,7 +75,10 @@ class ScanBlock:
         self._revision = revision
         self.words = self.quality = None
         self._quick, self._entries = [], []
-        for point in self.points:
+        self._bind(self.points, handles)
+
+    def _bind(self, points: Iterable[Point], handles: Mapping[str, int]) -> None:
+        for point in points:
             register, handle = point.register, handles.get(point.name)
             if register is None or handle is None:
                 continue
@@ -93,7 +102,20 @@ class ScanBlock:
         handles: list[int] = []
         values: list[Value] = []
         uneven: dict[int, int] = {}
-        before = old or [-1] * len(words)
+        self._collect(words, old or [-1] * len(words), quality, handles, values, uneven)
+        qualities = [uneven.get(index, quality) for index in range(len(handles))] if uneven else None
+        return Batch(self.source, self.number, time, time, handles, values, quality, qualities)
+
+    def _collect(
+        self,
+        words: list[int],
+        before: list[int],
+        quality: int,
+        handles: list[int],
+        values: list[Value],
+        uneven: dict[int, int],
+    ) -> None:
+        """Append what changed; `uneven` gets the quality of those that have one of their own."""
         for offset, handle, quick, low, high in self._quick:
             word = words[offset]
             if word != before[offset]:
@@ -112,8 +134,6 @@ class ScanBlock:
                     uneven[len(handles)] = OUT_OF_RANGE | quality & 0xF00
                 handles.append(handle)
                 values.append(value)
-        qualities = [uneven.get(index, quality) for index in range(len(handles))] if uneven else None
-        return Batch(self.source, self.number, time, time, handles, values, quality, qualities)
 
     def lost(self, time: int, quality: int) -> Batch | None:
         """The batch that takes all values away, with a bad `quality`; None when it was published already."""
@@ -121,8 +141,11 @@ class ScanBlock:
         if quality == self.quality:
             return None
         self.quality = quality
-        handles = [entry[1] for entry in self._quick] + [entry[2] for entry in self._entries]
+        handles = self._handles()
         return Batch(self.source, self.number, time, time, handles, [None] * len(handles), quality)
+
+    def _handles(self) -> list[int]:
+        return [entry[1] for entry in self._quick] + [entry[2] for entry in self._entries]
 
 
 def word_decoder(register: Register) -> WordDecoder | None:

@@ -44,6 +44,8 @@ class Job:
     """Written, when there is no `read`."""
     function: int = 6
     urgent: bool = False
+    sent: bool = False
+    """Whether a transport was given it: from then on nobody knows whether the device acted, until it says so."""
     liveness: bool = field(default=True)
     """Whether an answer shows that the unit is there; training registers answer with the cable pulled."""
 
@@ -69,8 +71,14 @@ class Schedule:
         return overtaken
 
     def at(self, block: ScanBlock, due: float, *, first: bool = False) -> None:
-        """Give `block` its place at `due` [s], instead of the one that it had. `first`: before all other scans."""
+        """Give `block` its place at `due` [s], instead of the one that it had; `first`: before all other scans.
+
+        A block that is not wanted gets none.
+        """
         block.ticket += 1
+        if not block.wanted:
+            block.queued = False
+            return
         block.due = due
         block.queued = True
         if first:

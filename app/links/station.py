@@ -4,15 +4,21 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import inf
+from typing import TYPE_CHECKING
 
 from app.links.contract import Block
-from app.links.planner import FUNCTIONS, Learned, Plan, Reading, overhead, plan, span_of
+from app.links.map_plan import plan_map
+from app.links.planner import FUNCTIONS, Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
 from app.links.statistics import State
+from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
 from app.tags.batch import Batch
 from app.tags.database import TagDatabase
 from app.tags.quality import NOT_CONNECTED, Origin
+
+if TYPE_CHECKING:
+    from app.links.plc import PlcUnit
 
 
 @dataclass(slots=True)
@@ -41,6 +47,10 @@ class Station:
     probe_now: asyncio.Event = field(default_factory=asyncio.Event)
     writing: asyncio.Lock = field(default_factory=asyncio.Lock)
     """One write at a time, so that a Stop on a second connection never overtakes a start on the first."""
+    stops: int = 0
+    """Urgent writes so far: what was prepared before one of them is not sent after it."""
+    plc: "PlcUnit | None" = None
+    """Of a machine with a map of ours."""
     unreadable: tuple[Point, ...] = ()
     _unreadable_block: int = -1
     _unreadable_told: tuple[object, ...] = ()
@@ -59,6 +69,11 @@ class Station:
     def origin(self) -> int:
         """Origin flag of its values."""
         return Origin.SIMULATED if self.simulated else 0
+
+    @property
+    def may_write(self) -> bool:
+        """Whether anything may be written to it: the plant file allows it, or nothing real is behind it."""
+        return self.link.writes or self.link.simulated or self.simulated
 
     def plan(self) -> list[ScanBlock]:
         """Plan the reads anew; blocks that stay as they are keep their number and state. Returns those that are gone."""
@@ -119,6 +134,8 @@ class Station:
 
     def _plan_of(self, items: Sequence[Equipment]) -> Plan:
         device = items[0].type.device
+        if device.plc is not None:
+            return plan_map(items, device, device.plc, overhead(self.link, device), self.learned)
         points = (point for item in items for point in item.points.values())
         return plan(points, device, overhead(self.link, device), self.learned)
 
@@ -126,6 +143,8 @@ class Station:
         device = self.device
         fast, slow = self.link.fast or device.fast, self.link.slow or device.slow
         period = {Scan.FAST: fast, Scan.SLOW: slow, Scan.PAGE: slow, Scan.ONCE: inf}[reading.scan]
+        if isinstance(reading.part, Rows):
+            return TableBlock(self.source, self.next_block(), self.number, reading, period, reading.part)
         return ScanBlock(self.source, self.next_block(), self.number, reading, period)
 
 

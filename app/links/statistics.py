@@ -10,6 +10,7 @@
 | last_error | index in `ERROR_KINDS`, 0 = none yet |
 | damaged | telegrams with a wrong check sum, and noise, counted since the start |
 | late_answers | answers that came when nobody waited for them any more |
+| torn | images that the device was changing while they were read, counted since the start |
 | connections | open now |
 | simulated | 1 when every unit says that it is simulated |
 
@@ -41,13 +42,23 @@ LINK_KEYS: Sequence[str] = (
     "late_scans",
     "damaged",
     "late_answers",
+    "torn",
     "last_error",
     "connections",
     "simulated",
 )
 UNIT_KEYS: Sequence[str] = ("state", "answer_time", "timeouts", "exceptions")
 
-ERROR_KINDS: Sequence[str] = ("", "failed", "no_answer", "not_connected", "bad_answer", "exception", "overtaken")
+ERROR_KINDS: Sequence[str] = (
+    "",
+    "failed",
+    "no_answer",
+    "not_connected",
+    "bad_answer",
+    "exception",
+    "overtaken",
+    "rejected",
+)
 """`LinkError.kind` by its code in `last_error`; a text key `link.error.<kind>`."""
 
 SMOOTHING = 0.1
@@ -109,6 +120,8 @@ class LinkStatistics:
     exceptions: int = 0
     retries: int = 0
     late_scans: int = 0
+    torn: int = 0
+    """Answers that the device was changing."""
     wire: Counts = field(default_factory=Counts)
     """Counted by the connections themselves."""
     last_error: str = ""
@@ -208,6 +221,7 @@ class StatisticsPublisher:
             "late_scans": s.late_scans,
             "damaged": s.wire.damaged,
             "late_answers": s.wire.late,
+            "torn": s.torn,
             "last_error": ERROR_KINDS.index(s.last_error) if s.last_error in ERROR_KINDS else 1,
             "connections": s.connections,
             "simulated": int(s.simulated),

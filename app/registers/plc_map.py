@@ -67,6 +67,9 @@ SNAPSHOT_WORDS = 6
 TABLE_HEAD = 4
 """Words before the rows of a table: generation of its structure, capacity, rows to read, words per row."""
 
+ROW_GENERATION, ROW_STATE = 2, 3
+"""Words of a row behind its id; the last word of a row repeats its generation."""
+
 COMMIT_SETTINGS = 0x00F0
 """Command code that makes staged setpoints valid: arguments count, CRC of the staged words."""
 

@@ -34,7 +34,7 @@ MOST_REGISTERS = 10_000
 DEFAULT_REGISTERS = 25
 GROUPS: Sequence[tuple[str, Sequence[str]]] = (
     ("communication.pace", ("polls", "scan_time", "bus_share", "connections")),
-    ("communication.trouble", ("timeouts", "exceptions", "retries", "late_scans", "damaged", "late_answers")),
+    ("communication.trouble", ("timeouts", "exceptions", "retries", "late_scans", "damaged", "late_answers", "torn")),
 )
 """Heading → counters of a link (links/statistics.py)."""
 SERIAL_ONLY = ("damaged", "late_answers")

@@ -1,0 +1,368 @@
+"""The event ring of a machine with a map of ours: what happened between two scans, in its order and with the device's own time.
+
+Rows are handed over in order and acknowledged to the device once whoever takes them has returned: what he did not take comes again. What
+the ring overwrote before it was read is counted and told with the next events, never left out in silence.
+"""
+
+import asyncio
+import inspect
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from app.errors import DeviceException, LinkError
+from app.links.contract import Block
+from app.links.schedule import Priority
+from app.plant.definitions import Equipment, Scan
+from app.registers import plc_map
+from app.registers.pdu import MAX_READ, WRITE_MULTIPLE
+from app.registers.plc_map import DeviceEvent, TimeQuality
+
+if TYPE_CHECKING:
+    from app.links.road import Road
+    from app.links.station import Station
+
+log = logging.getLogger(__name__)
+
+DRIFT = 50_000
+"""The offset between the device's time and ours is kept until it is wrong by more than this [µs]."""
+AGAIN = 1.0
+"""Before events that were not taken are handed over again [s]."""
+ABSENT_TRIES = 5
+"""How often a row is read that the head counts and that is not there, before it counts as lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostEvent:
+    """One event of a device, in our time."""
+
+    sequence: int
+    time: int
+    """When it happened [µs UTC]; two of one start differ by exactly what they differ in the device's time."""
+    seen: int
+    """When it was read [µs UTC]."""
+    code: int
+    source: int
+    value: float
+    """NaN = no value."""
+    snapshot: tuple[int, ...]
+    """Raw words; what they mean is the type's."""
+    boot: int
+    """Start of the device that it belongs to."""
+
+
+OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
+"""Takes events in order, and how many were lost before the first; what it raises means: not taken."""
+LastSeen = Callable[[Equipment], Awaitable[tuple[int, int] | None] | tuple[int, int] | None]
+"""(boot, sequence) of the last event that was taken of a machine; None = nobody knows."""
+
+
+class DeviceClock:
+    """Device time → UTC. A device that keeps UTC itself is believed; of others the offset is measured with every header and kept."""
+
+    def __init__(self) -> None:
+        self.boots: int | None = None
+        self._offset: int | None = None
+        self._time = 0
+        self._before: tuple[int, int, int] | None = None
+        """Of the start before this one: last device time, offset, boot count."""
+
+    def header(self, words: Sequence[int], first: int, asked: int, answered: int) -> bool:
+        """Take header words from `first` on, read between `asked` and `answered` [µs UTC]; whether the device was restarted."""
+        boots = words[plc_map.AT_BOOTS - first]
+        time = plc_map.time_of(words[plc_map.AT_TIME - first : plc_map.AT_TIME_QUALITY - first])
+        quality = words[plc_map.AT_TIME_QUALITY - first]
+        restarted = self.boots is not None and (boots != self.boots or time < self._time)
+        if restarted and self._offset is not None and self.boots is not None:
+            self._before, self._offset = (self._time, self._offset, self.boots), None
+        self.boots, self._time = boots, time
+        low, high = asked - time, answered - time
+        if quality != TimeQuality.FREE:
+            self._offset = 0
+        elif self._offset is None or not low - DRIFT <= self._offset <= high + DRIFT:
+            self._offset = (low + high) // 2
+        return restarted
+
+    def utc(self, time: int) -> int:
+        """Device time `time` [µs] as µs UTC."""
+        if self._before and self._is_before(time):
+            return time + self._before[1]
+        return time + (self._offset or 0)
+
+    def boot(self, time: int) -> int:
+        """Start of the device in which `time` was."""
+        return self._before[2] if self._before and self._is_before(time) else self.boots or 0
+
+    def _is_before(self, time: int) -> bool:
+        """Whether `time` belongs to the start before this one; what happened after its last header is taken for this one."""
+        assert self._before is not None
+        until = self._before[0]
+        return time <= until if self._time >= until else time > self._time
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What the head of the ring says."""
+
+    capacity: int
+    words: int
+    """Per row."""
+    oldest: int
+    newest: int
+    acknowledged: int
+
+
+def head_of(words: Sequence[int]) -> Head | None:
+    """The head in a whole image of it, None when it was being changed."""
+    if not plc_map.is_whole(words):
+        return None
+    at = (plc_map.AT_OLDEST, plc_map.AT_NEWEST, plc_map.AT_ACKNOWLEDGED)
+    return Head(words[1], words[2], *(words[n] << 16 | words[n + 1] for n in at))
+
+
+class EventReader:
+    """Follows the ring of one unit."""
+
+    def __init__(self, road: "Road", station: "Station", clock: DeviceClock) -> None:
+        self.position: int | None = None
+        """Sequence of the last event that was taken; None until somebody was asked where to begin."""
+        self.lost = 0
+        """Overwritten before they were read, not told yet."""
+        self._road = road
+        self._station = station
+        self._clock = clock
+        self._last: DeviceEvent | None = None
+        """The event at `position`, to see whether the ring is still the same one."""
+        self._suspect = True
+        """Whether that is to be looked at."""
+        self._busy: object = None
+        self._head: Head | None = None
+        self._delivery: tuple[asyncio.Task[None], DeviceEvent, int] | None = None
+        self._acknowledged = 0
+        """The last acknowledgement that the device took, or refused."""
+        self._absent = 0
+        self._told = False
+
+    @property
+    def equipment(self) -> Equipment:
+        """The machine that the ring belongs to."""
+        return self._station.equipment[0]
+
+    def begin(self) -> None:
+        """The unit is there, again: it may be another one, or have been started anew."""
+        self._suspect, self._busy, self._acknowledged, self._absent, self._told = True, None, 0, 0, False
+
+    def adopt(self, before: "EventReader") -> None:
+        """Go on where another reader of the same ring was."""
+        self.position, self.lost, self._last, self._delivery = (
+            before.position,
+            before.lost,
+            before._last,
+            before._delivery,
+        )
+
+    async def end(self) -> None:
+        """Whoever takes events is still given the time to finish with those that he has."""
+        if self._delivery is not None:
+            await asyncio.wait([self._delivery[0]], timeout=AGAIN)
+            self._delivery[0].cancel()
+
+    def restarted(self) -> None:
+        """The device was started anew; its ring may be."""
+        self._suspect, self._acknowledged = True, 0
+
+    def seen(self, head: Head) -> None:
+        """The head was read: fetch and acknowledge what is new."""
+        if self._road.on_events is None or self._busy is not None:
+            return
+        if not head.capacity or head.words != plc_map.EVENT_WORDS:
+            if not self._told:
+                self._told = True
+                log.error(
+                    "event ring not understood link=%s unit=%d capacity=%d words=%d expected=%d words",
+                    self._station.link.name,
+                    self._station.number,
+                    head.capacity,
+                    head.words,
+                    plc_map.EVENT_WORDS,
+                )
+            return
+        if self._suspect or head.newest != self.position or self._to_acknowledge(head):
+            self._head = head
+            self._busy = token = object()
+            self._road.attend(self._station, self._follow(token))
+
+    async def _follow(self, token: object) -> None:
+        try:
+            await self._finish_delivery()
+            while await self._take_some():
+                pass
+            await self._acknowledge()
+        except LinkError as error:  # the next head tries again
+            log.debug("events not read link=%s unit=%d: %s", self._station.link.name, self._station.number, error)
+        finally:
+            if self._busy is token:
+                self._busy = None
+
+    async def _take_some(self) -> bool:
+        """Read what is new and hand it over; whether the ring has to be looked at once more."""
+        head = self._head
+        assert head is not None
+        if self.position is None:
+            self.position = await self._start(head)
+        if not self._suspect and head.newest == self.position:
+            return False
+        await self._read_clock()
+        if await self._is_another_ring(head):
+            self._tell("event ring begins anew link=%s unit=%d newest=%d last taken=%d", head.newest, self.position)
+            self.position, self._last = 0, None
+        self._suspect = False
+        if head.newest and head.oldest > self.position + 1:
+            self._skip(head.oldest - 1)
+        found = await self._new_rows(head)
+        if found:
+            await self._deliver(found)
+        if self.position >= head.newest:
+            self._absent = 0
+            return False
+        again = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS)))
+        if again is None:
+            return False
+        self._head = again
+        if again.oldest > self.position + 1 or again.newest < self.position:
+            return True  # they were overwritten while they were read
+        self._absent += 1
+        if self._absent >= ABSENT_TRIES:
+            self._absent = 0
+            self._skip(self.position + 1)
+        return False
+
+    async def _start(self, head: Head) -> int:
+        """Sequence of the last event that needs not be taken."""
+        if self._road.last_seen is not None:
+            try:
+                known = self._road.last_seen(self.equipment)
+                if inspect.isawaitable(known):
+                    known = await known
+            except Exception:
+                log.exception("last event not known equipment=%s", self.equipment.id)
+                known = None
+            if known is not None:
+                return known[1]
+        if 0 < head.acknowledged <= head.newest:
+            return head.acknowledged
+        return max(0, head.oldest - 1)  # nobody ever took one: what is there is the beginning
+
+    async def _is_another_ring(self, head: Head) -> bool:
+        """Whether the event at `position` is not the one that was taken."""
+        assert self.position is not None
+        if head.newest < self.position:
+            return True
+        last = self._last
+        if not self._suspect or last is None or not head.oldest <= last.sequence:
+            return False
+        there = (await self._rows(head, last.sequence, 1))[0]
+        return (there.sequence, there.time, there.code) != (last.sequence, last.time, last.code)
+
+    async def _new_rows(self, head: Head) -> list[DeviceEvent]:
+        """The rows behind `position`, up to the first that is not what the head says."""
+        assert self.position is not None
+        found: list[DeviceEvent] = []
+        while (following := self.position + len(found) + 1) <= head.newest:
+            for number, event in enumerate(await self._rows(head, following, head.newest - following + 1)):
+                if event.sequence != following + number:
+                    return found
+                found.append(event)
+        return found
+
+    async def _rows(self, head: Head, sequence: int, count: int) -> list[DeviceEvent]:
+        """At most `count` rows from `sequence` on, as many as one telegram takes without cutting one."""
+        size, slot = plc_map.EVENT_WORDS, sequence % head.capacity
+        device = self._station.device
+        limit = min(
+            device.max_read, device.group_read.get(Scan.FAST.value, MAX_READ), self._station.learned.limit, MAX_READ
+        )
+        count = max(1, min(count, limit // size, head.capacity - slot))
+        cuts = tuple(range(size, count * size, size))
+        words = await self._road.read(self._station, Block(plc_map.EVENT_ROWS + slot * size, count * size, cuts=cuts))
+        return [plc_map.event_of(words[at : at + size]) for at in range(0, count * size, size)]
+
+    async def _read_clock(self) -> None:
+        """The device's time and start as they are now: the header may be a second old."""
+        first, last = plc_map.AT_BOOTS, plc_map.AT_TIME_QUALITY
+        asked = self._road.clock.micros()
+        words = await self._road.read(self._station, Block(plc_map.HEADER + first, last - first + 1))
+        if self._clock.header(words, first, asked, self._road.clock.micros()):
+            self._suspect = True
+
+    def _skip(self, to: int) -> None:
+        """Everything up to `to` is lost."""
+        assert self.position is not None
+        lost = to - self.position
+        self.lost, self.position, self._last = self.lost + lost, to, None
+        self._tell("events lost link=%s unit=%d count=%d up to=%d", lost, to)
+
+    async def _deliver(self, found: Sequence[DeviceEvent]) -> None:
+        """Hand over until they are taken."""
+        seen = self._road.clock.micros()
+        events = [
+            HostEvent(
+                event.sequence,
+                self._clock.utc(event.time),
+                seen,
+                event.code,
+                event.source,
+                event.value,
+                event.snapshot,
+                self._clock.boot(event.time),
+            )
+            for event in found
+        ]
+        while True:
+            work = self._hand_over(self.equipment, events, self.lost)
+            self._delivery = asyncio.get_running_loop().create_task(work), found[-1], self.lost
+            if await self._finish_delivery():
+                return
+            await asyncio.sleep(AGAIN)
+
+    async def _hand_over(self, equipment: Equipment, events: Sequence[HostEvent], lost: int) -> None:
+        if self._road.on_events is not None:
+            await self._road.on_events(equipment, events, lost)
+
+    async def _finish_delivery(self) -> bool:
+        """Wait for whoever takes the events. A lost connection ends the waiting, not his work; the next reader waits on."""
+        if self._delivery is None:
+            return True
+        task, last, lost = self._delivery
+        await asyncio.wait([task])
+        self._delivery = None
+        error = asyncio.CancelledError() if task.cancelled() else task.exception()
+        if error is not None:
+            log.error("events not taken, handed over again equipment=%s", self.equipment.id, exc_info=error)
+            return False
+        self.position, self._last = last.sequence, last
+        self.lost -= lost
+        return True
+
+    def _to_acknowledge(self, head: Head) -> bool:
+        position = self.position
+        if position is None or not self._station.may_write or position == self._acknowledged:
+            return False
+        return head.acknowledged < position <= head.newest
+
+    async def _acknowledge(self) -> None:
+        head, position = self._head, self.position
+        if head is None or position is None or not self._to_acknowledge(head):
+            return
+        job = self._road.job(self._station.number)
+        job.address, job.function = plc_map.EVENTS + plc_map.AT_ACKNOWLEDGED, WRITE_MULTIPLE
+        job.words = plc_map.long_words(position)
+        try:
+            await self._road.ask(job, Priority.WRITE)
+        except DeviceException as error:
+            self._tell("acknowledgement refused link=%s unit=%d sequence=%d: %s", position, error)
+        self._acknowledged = position
+
+    def _tell(self, text: str, *values: object) -> None:
+        log.warning(text, self._station.link.name, self._station.number, *values)

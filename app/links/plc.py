@@ -1,0 +1,272 @@
+"""What is looked at in the registers of a machine with a map of ours before anything of them is published, and what follows from it.
+
+- Header: read at connecting and with every slow scan. Magic, major version and type must be those of the plant file, else the whole unit
+  is bad (configuration) and takes no writes. Another boot count or check sum: everything that is read once is read again.
+- Images: unequal or odd generations are read again at once, at most `TORN_TRIES` times; after that the old values stay and grow old
+  (uncertain, stale) until a scan is whole. A torn image is never published.
+- Tables: a torn row likewise, while the other rows of its telegram are published. Telegrams beyond the `count` of the head are not read,
+  their rows are empty.
+- Event ring: links/events.py. Host heartbeat: written every second while writes are allowed.
+"""
+
+import asyncio
+import logging
+from collections.abc import Sequence
+from enum import IntEnum
+from math import inf
+from random import randrange
+
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer
+from app.links.contract import Block
+from app.links.events import DeviceClock, EventReader, head_of
+from app.links.orders import Orders
+from app.links.planner import Part
+from app.links.road import Road
+from app.links.scan_block import ScanBlock
+from app.links.schedule import Priority
+from app.links.station import Station
+from app.links.statistics import State
+from app.links.table_block import TableBlock
+from app.plant.definitions import PlcMap
+from app.registers import plc_map
+from app.registers.pdu import WRITE_SINGLE
+
+log = logging.getLogger(__name__)
+
+TORN_TRIES = 3
+"""How often an answer that the device was changing is asked for again at once."""
+HEARTBEAT = 1.0
+"""Period of the host's heartbeat [s]."""
+NO_HEARTBEAT = 60.0
+"""Before a device that refused the heartbeat gets another [s]."""
+TOUCH = 1.0
+"""Rows that are not read because there are none are said to be empty this often [s], so that they do not count as old."""
+TRIES = 3
+BUSY_PAUSE = 0.1
+NO_HEADER = (1, 2, 3)
+"""Refusals that mean: this device has no header."""
+
+
+class Seen(IntEnum):
+    """What a block of the map is worth."""
+
+    WHOLE = 0
+    PARTLY = 1
+    """The torn rows were made what they were before."""
+    TORN = 2
+    NOTHING = 3
+    """Not to be published."""
+
+
+def header_fault(words: Sequence[int], map: PlcMap) -> str:
+    """Why this header is not one of the device of the plant file; empty when it is. A newer minor version is."""
+    magic, major, kind = words[plc_map.AT_MAGIC], words[plc_map.AT_MAJOR], words[plc_map.AT_TYPE]
+    if magic != plc_map.MAGIC:
+        return f"word 0 of the header is {magic:#06x}, expected {plc_map.MAGIC:#06x}"
+    if major != plc_map.MAJOR:
+        return f"its map has version {major}.{words[plc_map.AT_MINOR]}, expected {plc_map.MAJOR}.x"
+    if kind != map.type_code:
+        return f"its type is {kind}, expected {map.type_code}"
+    return ""
+
+
+class PlcUnit:
+    """One unit with a map of ours."""
+
+    def __init__(self, road: Road, station: Station, map: PlcMap) -> None:
+        self.map = map
+        self.clock = DeviceClock()
+        self.events = EventReader(road, station, self.clock)
+        self.orders = Orders(road, station, self.clock)
+        self.crc: int | None = None
+        """Check sum of its configuration."""
+        self._road = road
+        self._station = station
+        self._told = ""
+        self._heartbeat = randrange(0x10000)
+
+    def adopt(self, before: "PlcUnit") -> None:
+        """The plant file has changed around the same device: go on where `before` was."""
+        if before.map.type_code == self.map.type_code:
+            self.events.adopt(before.events)
+            self.orders.adopt(before.orders)
+
+    # connecting
+
+    async def identify(self) -> bool:
+        """Whether it is the device of the plant file.
+
+        Raises:
+            NoAnswer: it did not say.
+        """
+        station = self._station
+        last: LinkError = NoAnswer(f"unit {station.number}: no header")
+        for _ in range(TRIES):
+            asked = self._road.clock.micros()
+            try:
+                words = await self._road.read(station, Block(plc_map.HEADER, self._header_words))
+            except DeviceException as error:
+                last = error
+                if error.code not in NO_HEADER:
+                    await asyncio.sleep(BUSY_PAUSE)
+                    continue
+                fault = f"it has no header ({error})"
+            except (NoAnswer, BadAnswer) as error:
+                last = error
+                continue
+            else:
+                fault = header_fault(words, self.map)
+            if fault:
+                self._tell(fault)
+                return False
+            self._told = ""
+            self._header(words, asked)
+            return True
+        raise NoAnswer(str(last))
+
+    def begin(self) -> None:
+        """It is there, and is the right one."""
+        for block in self._station.blocks:
+            if isinstance(block, TableBlock) and block.rows.first:
+                block.wanted, block.touched = False, 0.0
+        self.events.begin()
+        self._road.attend(self._station, self.orders.begin())
+        if self._station.may_write:
+            self._road.attend(self._station, self._beat())
+
+    # scans
+
+    def seen(self, block: ScanBlock, words: list[int], started: float) -> Seen:
+        """What `words`, read by a telegram sent at `started` [s], are worth; they may be put right."""
+        match block.part:
+            case Part.IMAGE:
+                return Seen.WHOLE if plc_map.is_whole(words) else Seen.TORN
+            case Part.RING:
+                head = head_of(words)
+                if head is None:
+                    return Seen.TORN
+                self.events.seen(head)
+                return Seen.WHOLE if block.points else Seen.NOTHING
+            case Part.HEADER:
+                fault = header_fault(words, self.map)
+                if fault:
+                    self._tell(fault)
+                    self._road.misconfigured(self._station, fault)
+                    return Seen.NOTHING
+                now = asyncio.get_running_loop().time()
+                self._header(words, self._road.clock.micros() - round((now - started) * 1e6))
+                return Seen.WHOLE
+        return self._rows_seen(block, words, started) if isinstance(block, TableBlock) else Seen.WHOLE
+
+    def worth_reading(self, blocks: Sequence[ScanBlock]) -> list[ScanBlock]:
+        """`blocks`, and for rows that the head of their table does not count the head instead."""
+        found: dict[int, ScanBlock] = {}
+        for block in blocks:
+            if isinstance(block, TableBlock) and not block.wanted:
+                found.update((each.number, each) for each in self._of_table(block) if not each.rows.first)
+            else:
+                found[block.number] = block
+        return list(found.values())
+
+    def _header(self, words: Sequence[int], asked: int) -> None:
+        restarted = self.clock.header(words, 0, asked, self._road.clock.micros())
+        crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
+        changed, self.crc = self.crc is not None and crc != self.crc, crc
+        station = self._station
+        if changed:
+            log.warning("configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
+        if restarted:
+            log.warning("device was restarted link=%s unit=%d boots=%d", *self._where, self.clock.boots)
+            self.events.restarted()
+            self._road.attend(station, self.orders.begin())
+        if (restarted or changed) and station.state is State.UP:
+            now = asyncio.get_running_loop().time()
+            for block in station.blocks:
+                if block.period == inf:
+                    self._road.schedule(block, now)
+
+    def _rows_seen(self, block: TableBlock, words: list[int], started: float) -> Seen:
+        if not block.wanted:
+            return Seen.NOTHING
+        if block.rows.first == 0:
+            table = block.rows.table
+            generation, _, count, size = words[: plc_map.TABLE_HEAD]
+            if generation % 2:
+                return Seen.TORN
+            if size != table.row:
+                reason = f"a row of table {table.key} has {size} words, expected {table.row}"
+                for each in self._of_table(block):
+                    self._road.refuse(self._station, each, reason)
+                self._tell(reason)
+                return Seen.NOTHING
+            if count > block.rows.slots:
+                self._tell(f"table {table.key} has {count} rows in use, the plant file only {block.rows.slots}")
+            self._count(block, count, started)
+        torn, unknown = block.settle(words)
+        if unknown:
+            return Seen.TORN
+        return Seen.PARTLY if torn else Seen.WHOLE
+
+    def _count(self, head: TableBlock, count: int, started: float) -> None:
+        """The head counts so many rows: what lies behind is not read, what is new at once."""
+        for block in self._of_table(head):
+            rows = block.rows
+            block.used = max(0, min(rows.rows, count - rows.first))
+            if block is head:
+                continue
+            wanted = block.used > 0
+            if wanted and not block.wanted:
+                block.wanted = True
+                self._road.schedule(block, started)
+            elif not wanted and (
+                block.wanted or block.words is None or started - block.touched >= max(TOUCH, head.period)
+            ):
+                block.wanted, block.touched = False, started
+                self._road.schedule(block, started)  # takes its place away
+                self._road.publish(self._station, block, [0] * block.block.count, started)
+
+    def _of_table(self, head: TableBlock) -> list[TableBlock]:
+        rows = head.rows
+        return [
+            block
+            for block in self._station.blocks
+            if isinstance(block, TableBlock)
+            and block.rows.table.key == rows.table.key
+            and block.rows.equipment == rows.equipment
+        ]
+
+    # heartbeat
+
+    async def _beat(self) -> None:
+        """Show the device that its host is there."""
+        while True:
+            self._heartbeat = self._heartbeat + 1 & 0xFFFF
+            job = self._road.job(self._station.number)
+            job.address, job.words, job.function = (
+                plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT,
+                (self._heartbeat,),
+                WRITE_SINGLE,
+            )
+            pause = HEARTBEAT
+            try:
+                await self._road.ask(job, Priority.WRITE)
+            except DeviceException as error:
+                if error.code in NO_HEADER:
+                    log.warning("host heartbeat refused link=%s unit=%d: %s", *self._where, error)
+                    pause = NO_HEARTBEAT
+            except LinkError:
+                pass  # silence is for the scans to judge
+            await asyncio.sleep(pause)
+
+    @property
+    def _header_words(self) -> int:
+        return next(block.block.count for block in self._station.blocks if block.part is Part.HEADER)
+
+    @property
+    def _where(self) -> tuple[str, int]:
+        return self._station.link.name, self._station.number
+
+    def _tell(self, fault: str) -> None:
+        if fault != self._told:
+            self._told = fault
+            log.error("device is not that of the plant file link=%s unit=%d: %s", *self._where, fault)

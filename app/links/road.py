@@ -1,0 +1,53 @@
+"""What those who care for one unit (links/plc.py, orders.py, events.py) need of the loop around the link."""
+
+from collections.abc import Coroutine
+from typing import Any, Protocol
+
+from app.clock import Clock
+from app.links.contract import Block
+from app.links.events import LastSeen, OnEvents
+from app.links.scan_block import ScanBlock
+from app.links.schedule import Job, Priority
+from app.links.station import Station
+from app.links.statistics import LinkStatistics
+
+
+class Road(Protocol):
+    """The loop around the link (links/runner.py)."""
+
+    statistics: LinkStatistics
+    clock: Clock
+    on_events: OnEvents | None
+    last_seen: LastSeen | None
+
+    async def ask(self, job: Job, priority: Priority) -> list[int]:
+        """Send the telegram of `job` when it is its turn."""
+        ...
+
+    def job(self, unit: int, read: Block | None = None, *, liveness: bool = True, scan: ScanBlock | None = None) -> Job:
+        """A read of `unit`, or the start of a write."""
+        ...
+
+    async def read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
+        """One read for a task that can wait, also for the line to forget an earlier request."""
+        ...
+
+    def schedule(self, block: ScanBlock, due: float) -> None:
+        """Scan `block` at `due` [s]."""
+        ...
+
+    def publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
+        """Publish `words` as read by a telegram sent at `started` [s]."""
+        ...
+
+    def refuse(self, station: Station, block: ScanBlock, reason: str) -> None:
+        """What `block` holds is not what the plant file says: bad, and looked at again later."""
+        ...
+
+    def misconfigured(self, station: Station, reason: str) -> None:
+        """The unit is not the device of the plant file."""
+        ...
+
+    def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> object:
+        """Do `work` for a station beside its scans, until the connection or the unit is lost."""
+        ...
