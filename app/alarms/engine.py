@@ -520,7 +520,6 @@ class AlarmEngine:
         watch = self._watches.get(f"{SYSTEM}.events_lost.{equipment}")
         waits = watch is not None and watch.life.state is not State.NORMAL
         self._lost[equipment] = lost + (self._lost.get(equipment, 0) if waits else 0)
-        log.warning("events lost equipment=%s count=%d", equipment, lost)
         self.raise_system("events_lost", equipment, params={"count": self._lost[equipment]})
         for one in self._members.get(equipment, ()):
             told = one.condition

@@ -8,7 +8,7 @@ were lost are counted in every passage that was under way. Codes are those of ma
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
@@ -48,7 +48,11 @@ class Code(IntEnum):
     CONFIRMED = 9
     TOLERANCE = 10
     LOST = 11
+    UNEXPECTED = 12
+    WITHDRAWN = 15
+    LEFT_BACKWARDS = 16
     GAP_STOP = 20
+    GAP_CLEAR = 21
 
 
 class Outcome(StrEnum):
@@ -59,11 +63,16 @@ class Outcome(StrEnum):
     UNLOADED = "unloaded"
     DELETED = "deleted"
     LOST = "lost"
+    RETURNED = "returned"
+    """It went back past the beginning."""
     UNKNOWN = "unknown"
     """Its end was not seen: events were lost, or another product came with its number."""
 
 
 ENTRIES = (Code.ARRIVED, Code.INSERTED)
+"""With these a passage begins; with `UNEXPECTED` when nothing is known of the product."""
+PAIRS = (Code.GAP_STOP, Code.GAP_CLEAR)
+NOT_OVER = ("open", "lost", "unknown")
 BY_COMMAND: Mapping[int, int] = {
     5: Code.DELETED,
     6: Code.EDITED,
@@ -135,10 +144,11 @@ class Passages:
         except StorageError as error:
             log.warning("marks of events not read reason=%s", error)
 
-    def configure(self, machines: Collection[Equipment]) -> None:
+    def configure(self, machines: Iterable[Equipment]) -> None:
         """Take the machines of a plant: those that track products, and which of their events are alarms."""
-        self._tracking = frozenset(item.id for item in machines if tracks_products(item))
-        self._alarms = {item.id: frozenset(one.event for one in item.alarms if one.event) for item in machines}
+        tracking = [item for item in machines if tracks_products(item)]
+        self._tracking = frozenset(item.id for item in tracking)
+        self._alarms = {item.id: frozenset(one.event for one in item.alarms if one.event) for item in tracking}
 
     def last(self, equipment: str) -> Mark | None:
         """The last event of a machine that is stored; None = none ever was."""
@@ -301,36 +311,40 @@ def _put(connection: Connection, equipment: str, event: RingEvent, alarms: Colle
         return
     number = _passage(connection, equipment, event, said.product)
     _step(connection, number, event, said, alarms)
-    if event.code == Code.GAP_STOP and said.second and said.second != said.product:
+    if event.code in PAIRS and said.second and said.second != said.product:
         # the one in front is part of it, too; its step names the one behind
         front = _passage(connection, equipment, event, said.second)
         _step(connection, front, event, Snapshot(said.second, said.product, said.value), alarms)
     match event.code:
         case Code.IDENTIFIED if math.isfinite(event.value):
             connection.exec_driver_sql("UPDATE passage SET length = ? WHERE id = ?", (event.value, number))
-        case Code.HEAD | Code.TAIL if math.isfinite(event.value):
-            # who is seen at a sensor is not lost
-            connection.exec_driver_sql(
-                "UPDATE passage SET corrections = corrections + 1, greatest = max(coalesce(greatest, 0), ?), "
-                "ended = iif(outcome = 'lost', NULL, ended), outcome = iif(outcome = 'lost', 'open', outcome) WHERE id = ?",
-                (abs(event.value), number),
-            )
+        case Code.HEAD | Code.TAIL:
+            _found(connection, number)
+            if math.isfinite(event.value):
+                connection.exec_driver_sql(
+                    "UPDATE passage SET corrections = corrections + 1, greatest = max(coalesce(greatest, 0), ?) WHERE id = ?",
+                    (abs(event.value), number),
+                )
+        case Code.UNEXPECTED:
+            _found(connection, number)
         case Code.TOLERANCE if math.isfinite(event.value):
             connection.exec_driver_sql(
                 "UPDATE passage SET greatest = max(coalesce(greatest, 0), ?) WHERE id = ?", (abs(event.value), number)
             )
         case Code.UNLOADED:
-            _end(connection, number, Outcome.UNLOADED, event.time, "open", "lost")
-            # on one line nobody leaves before those who came earlier: of these the end was among the lost events
+            _end(connection, number, Outcome.UNLOADED, event.time, *NOT_OVER)
+            # of those who arrived, nobody leaves before who came earlier: of these the end was among the lost events
             connection.exec_driver_sql(
                 "UPDATE passage SET outcome = 'unknown', ended = ? WHERE equipment = ? AND outcome = 'open' AND missed > 0 "
-                "AND entered < (SELECT entered FROM passage WHERE id = ?)",
+                "AND entry = 1 AND entered < (SELECT entered FROM passage WHERE id = ? AND entry = 1)",
                 (event.time, equipment, number),
             )
         case Code.DELETED:
-            _end(connection, number, Outcome.DELETED, event.time, "open")
+            _end(connection, number, Outcome.DELETED, event.time, "open", "unknown")
+        case Code.WITHDRAWN | Code.LEFT_BACKWARDS:
+            _end(connection, number, Outcome.RETURNED, event.time, *NOT_OVER)
         case Code.LOST:
-            _end(connection, number, Outcome.LOST, event.time, "open")
+            _end(connection, number, Outcome.LOST, event.time, "open", "unknown")
 
 
 def _passage(connection: Connection, equipment: str, event: RingEvent, product: int) -> int:
@@ -350,7 +364,7 @@ def _passage(connection: Connection, equipment: str, event: RingEvent, product: 
         connection.exec_driver_sql(
             "INSERT INTO passage (equipment, boot, product, entered, entry, corrections, alarms, outcome, missed) "
             "VALUES (?, ?, ?, ?, ?, 0, '', 'open', 0) RETURNING id",
-            (equipment, event.boot, product, event.time, event.code if begins else 0),
+            (equipment, event.boot, product, event.time, event.code if begins or event.code == Code.UNEXPECTED else 0),
         ).scalar_one()
     )
 
@@ -369,6 +383,13 @@ def _step(connection: Connection, number: int, event: RingEvent, said: Snapshot,
             "UPDATE passage SET alarms = iif(alarms = '', ?, alarms || ?) WHERE id = ? AND instr(alarms, ?) = 0",
             (mark, f"{event.code} ", number, mark),
         )
+
+
+def _found(connection: Connection, number: int) -> None:
+    """Who is seen at a sensor is not lost."""
+    connection.exec_driver_sql(
+        "UPDATE passage SET outcome = 'open', ended = NULL WHERE id = ? AND outcome = 'lost'", (number,)
+    )
 
 
 def _end(connection: Connection, number: int, outcome: Outcome, time: int, *before: str) -> None:

@@ -109,6 +109,39 @@ async def test_who_is_seen_again_was_not_lost(kept: Passages, history: Database)
     assert ask(history)[0].outcome == "unloaded"
 
 
+@pytest.mark.parametrize("code", [15, 16])
+async def test_who_goes_back_past_the_beginning_has_returned(kept: Passages, history: Database, code: int) -> None:
+    ring = Ring()
+    ring.tell(1, 5)
+    ring.tell(code, 5)
+    await kept.take("c1", ring.drain())
+    assert (ask(history)[0].outcome, ask(history)[0].ended) == ("returned", ring.time)
+
+
+async def test_an_unexpected_product_begins_with_being_seen(kept: Passages, history: Database) -> None:
+    ring = Ring()
+    ring.tell(12, 5, source=3)
+    ring.tell(12, 0, source=3)
+    ring.tell(1, 6)
+    ring.tell(11, 6, source=2)
+    ring.tell(12, 6, source=2, value=12.0)
+    await kept.take("c1", ring.drain())
+    lost, put = ask(history)
+    assert (put.product, put.entry, put.outcome) == (5, 12, "open")
+    assert (lost.product, lost.outcome, len(steps(history, lost))) == (6, "open", 3), "it was found where nobody looked"
+
+
+async def test_who_was_inserted_in_front_says_nothing_about_those_behind(kept: Passages, history: Database) -> None:
+    ring = Ring()
+    ring.tell(1, 1)
+    await kept.take("c1", ring.drain())
+    ring.sequence += 3
+    ring.tell(8, 2)
+    ring.tell(5, 2)
+    await kept.take("c1", ring.drain(), 3)
+    assert {one.product: one.outcome for one in ask(history)} == {1: "open", 2: "unloaded"}
+
+
 async def test_a_lost_product_that_is_deleted_stays_lost_and_says_so(kept: Passages, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
