@@ -550,8 +550,10 @@ class Gate:
             job.other = None
             if job.prepared.command.stop or job.ending is not None:
                 job.since, job.last_write = None, float("-inf")
-        if job.lease is not None and job.ending is None and now - job.held > HOLD_TIMEOUT:
-            self.hold.end(job.lease, "write")
+        if job.lease is not None and job.ending is None and job.lease.last - job.held > HOLD_TIMEOUT:
+            self.hold.end(
+                job.lease, "write"
+            )  # the button is held, but nothing gets through: the device has let go by itself
         if job.ending is not None:
             self._follow_ending(machine, job, now, job.ending)
         elif job.prepared.command.stop:
@@ -724,6 +726,7 @@ class Gate:
         if machine is None or job is None or job.lease is not lease or not job.prepared.command.hold_bits:
             return
         if not job.writing and self._clock.monotonic() - job.last_hold >= HOLD_EVERY:
+            job.last_hold = self._clock.monotonic()
             self._spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
 
     async def _hold_on(self, machine: Machine, job: Job) -> None:

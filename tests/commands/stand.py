@@ -132,14 +132,17 @@ class Line:
 class Stand:
     """Gate, tags, drives and clock together. `pass_time` moves all of them."""
 
+    drive_class = Drive
+    link_class = FakeLink
+
     def __init__(self, *, dry_run: bool = False, plant: Plant | None = None) -> None:
         self.plant = plant or demo_plant()
         self.clock = ManualClock()
         self.tags = TagDatabase(self.clock)
         points = [p for p in self.plant.points.values() if p.register is None or p.register.readable]
         self.tags.configure(Tag(p.name, p.id, "derived" if p.derived else "link.hall") for p in points)
-        self.drives = {name: Drive() for name in self.plant.equipment}
-        self.link = FakeLink(self)
+        self.drives = {name: self.drive_class() for name in self.plant.equipment}
+        self.link = self.link_class(self)
         self.lines: list[Line] = []
         self.alarms: list[str] = []
         self.scanning = True
