@@ -11,7 +11,7 @@ from typing import cast
 from app.clock import Clock
 from app.commands.lifecycle import State
 from app.commands.orders import Job, Machine, MapWriter, Writer
-from app.errors import DeviceException, LinkError, Overtaken, Refused, Rejected
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused, Rejected
 from app.plant.definitions import Equipment, EquipmentType
 from app.registers.plc_map import Answer, AnswerState
 
@@ -116,12 +116,11 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
             return State.FAILED, "why.device_refused", {"code": error.code}
         case Overtaken():
             return State.SUPERSEDED, "why.overtaken", {}
-        case Rejected():
-            answer = Answer(0, AnswerState.REJECTED, error.reason, error.detail)
-            return refusal_of(item.type, answer) or (State.FAILED, "why.unknown", {"cause": "link.error.rejected"})
         case Refused():  # the link knows better than we that its device is live
             return State.FAILED, "why.writes_off", error.params
-        case LinkError() if told and error.kind == LinkError.kind:
+        case Rejected():
+            return rejection(item.type, error.reason, error.detail, error.state)
+        case LinkError() if told and not isinstance(error, NoAnswer | BadAnswer):
             return State.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case LinkError():
             return State.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
@@ -133,8 +132,13 @@ def refusal_of(kind: EquipmentType, answer: Answer) -> Outcome | None:
     """Why the device did not carry it out, in its own words; None when it did not say so."""
     if answer.state not in REFUSED:
         return None
-    params: dict[str, object] = {"code": answer.reason, "detail": answer.detail, "answer": answer.state.name.lower()}
-    name = kind.reasons.get(answer.reason)
+    return rejection(kind, answer.reason, answer.detail, answer.state.name.lower())
+
+
+def rejection(kind: EquipmentType, reason: int, detail: int, state: str) -> Outcome:
+    """The device's own reason: its text, or its number when the type has none."""
+    params: dict[str, object] = {"code": reason, "detail": detail, "answer": state}
+    name = kind.reasons.get(reason)
     if name is None:
         return State.FAILED, "why.device_rejected_code", params
     return State.FAILED, "why.device_rejected", {**params, "label": f"reason.{name}"}

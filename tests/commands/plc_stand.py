@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from app.access.roles import Person
-from app.errors import DeviceException, LinkError, NoAnswer, Overtaken
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
 from app.plant.definitions import Plant, Scan
 from app.plant.loader import read_plant
 from app.registers.plc_map import HOLD_TIMEOUT, Answer, AnswerState
@@ -102,6 +102,8 @@ class PlcLink(FakeLink):
             "not_arrived": LinkError("no trace of it"),
             "refused": DeviceException(2),
             "busy": DeviceException(5),
+            "not_connected": NotConnected("never sent"),
+            "bad_answer": BadAnswer("half an answer"),
             "overtaken": Overtaken("a stop came first"),
         }
         if reply in errors:

@@ -46,7 +46,8 @@ ANA, IVO, EVA, VIT = person(), person("ivo"), person("eva", "operator", "enginee
 def read_demo() -> Plant:
     plant, problems = read_plant(ROOT / "plants" / "demo")
     assert plant is not None, problems
-    return plant
+    drives = {name: item for name, item in plant.equipment.items() if item.type.name == "eura_e800"}
+    return replace(plant, equipment=drives)
 
 
 def demo_plant(**link: object) -> Plant:

@@ -7,7 +7,7 @@ import pytest
 from app.commands.gate import Question
 from app.commands.interlocks import Reason, raw, wrong_argument
 from app.commands.lifecycle import Progress, State
-from app.errors import LinkError, NoAnswer, Refused
+from app.errors import LinkError, NoAnswer, Refused, Rejected
 from app.plant.definitions import Argument, Type
 from app.registers.plc_map import AnswerState
 from app.tags.quality import GOOD, NO_DATA
@@ -59,6 +59,8 @@ SWEEP = [
     ("clear", "none", False, [], "unknown", "unknown", "why.unknown"),
     ("clear", "lost", True, [], "unknown", "unknown", "why.unknown"),
     ("clear", "not_arrived", False, [], "failed", "failed", "why.not_arrived"),
+    ("clear", "not_connected", False, [], "failed", "failed", "why.not_arrived"),
+    ("clear", "bad_answer", False, [], "unknown", "unknown", "why.unknown"),
 ]
 
 
@@ -352,6 +354,14 @@ async def test_two_products_may_be_edited_at_once_but_one_press_is_one_command()
             EVA, "edit", arguments={**GIVEN, "product": product}, confirmed=True, reason="x", id=f"press-{product}"
         )
     assert [arguments[0] for _, arguments, _, _ in stand.plc.orders] == [5, 6]
+
+
+async def test_a_set_of_setpoints_that_the_device_does_not_take_says_why() -> None:
+    stand = PlcStand()
+    stand.link.spoil = lambda equipment, point, value: Rejected(point, 7, 3)
+    found = await stand.set(EVA, "speed", 31, "k1", confirmed=True)
+    assert (found.state, found.reason) == (State.FAILED, "why.device_rejected")
+    assert (found.params["label"], found.params["detail"]) == ("reason.no_such_product", 3)
 
 
 async def test_a_setpoint_of_one_decimal_is_not_confirmed_by_its_neighbour() -> None:
