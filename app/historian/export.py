@@ -97,57 +97,39 @@ class Wish:
             )
 
 
-class Export:
-    """One export under way. `read` gives portion after portion until `done`."""
+class Sheet:
+    """A CSV file on its way out, in the separators of a language: `read` gives portion after portion until `done`."""
 
-    def __init__(self, wish: Wish) -> None:
-        """Raises:
-        ConfigurationError: `wish` cannot be.
-        """
-        wish.check()
-        self.wish = wish
+    def __init__(self, locale: str, zone: ZoneInfo) -> None:
         self.rows = 0
         """Rows so far."""
-        self.reached = wish.begin
-        """Up to which time [µs UTC]: of the range, so that progress can be shown."""
         self.done = False
         self.complete = True
         """False when the limit of rows ended it."""
         self._connection: Connection | None = None
-        self._points: list[Recorded] = []
-        self._separator, self._decimal = FORMATS[wish.locale]
+        self._zone = zone
+        self._separator, self._decimal = FORMATS[locale]
         self._digest = hashlib.sha256()
         self._lines = self._all()
         self._minute = -1
         self._stamps = ("", "", "")
-        self._qualities: dict[int, str] = {}
-
-    @property
-    def progress(self) -> float:
-        """How far it has come, 0 to 1."""
-        return 1.0 if self.done else (self.reached - self.wish.begin) / (self.wish.end - self.wish.begin)
 
     @property
     def file_name(self) -> str:
         """A name for the file that says what is in it."""
-        begin = to_datetime(self.wish.begin).astimezone(self.wish.zone)
-        return f"pogon-{'history' if len(self.wish.tags) > 1 else self.wish.tags[0]}-{begin:%Y%m%d-%H%M%S}.csv"
+        raise NotImplementedError
+
+    @property
+    def progress(self) -> float:
+        """How far it has come, 0 to 1."""
+        raise NotImplementedError
 
     def open(self, connection: Connection) -> None:
-        """Find the points.
-
-        Raises:
-            ConfigurationError: one of them was never recorded.
-        """
-        known = query.recorded(connection)
-        missing = [tag for tag in self.wish.tags if tag not in known]
-        if missing:
-            raise ConfigurationError(f"tags: {', '.join(missing)}: nothing was ever recorded of it")
-        self._points = [known[tag] for tag in self.wish.tags]
+        """Find what is to be read."""
 
     def read(self, connection: Connection) -> bytes:
         """The next portion; it may be empty before `done`."""
-        if not self._points:
+        if self._connection is None:
             self.open(connection)
         self._connection = connection
         lines: list[str] = []
@@ -172,6 +154,80 @@ class Export:
                 yield data
 
     def _all(self) -> Iterator[str | None]:
+        raise NotImplementedError
+
+    def _times(self, time: int) -> str:
+        """UTC and local time with its offset [ISO 8601, ms]; rows of one minute share all but the seconds."""
+        minute, rest = divmod(time, MINUTE)
+        if minute != self._minute:
+            utc = to_datetime(minute * MINUTE)
+            local = utc.astimezone(self._zone)
+            offset = local.isoformat(timespec="minutes")[16:]
+            self._minute = minute
+            self._stamps = (f"{utc:%Y-%m-%dT%H:%M:}", f"{self._separator}{local:%Y-%m-%dT%H:%M:}", offset)
+        utc_head, local_head, offset = self._stamps
+        seconds = f"{rest // 1_000_000:02d}.{rest // 1000 % 1000:03d}"
+        return f"{utc_head}{seconds}Z{local_head}{seconds}{offset}"
+
+    def _number(self, value: float) -> str:
+        text = str(int(value)) if value.is_integer() and abs(value) < 1e15 else f"{value:.12g}"
+        if "e" in text:
+            text = f"{Decimal(text):f}"
+        return text if self._decimal == "." else text.replace(".", self._decimal)
+
+    def _cell(self, text: str) -> str:
+        """A text as one cell: no formula, no end of line, quoted where it must be."""
+        if text.startswith(FORMULA):
+            text = "'" + text
+        return self._quoted(text)
+
+    def _quoted(self, text: str) -> str:
+        text = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]", " ", text)
+        return '"' + text.replace('"', '""') + '"' if re.search('[;,"]', text) else text
+
+    def _comment(self, text: str) -> str:
+        return self._quoted(f"# {text}") + "\r\n"
+
+
+class Export(Sheet):
+    """One export of samples under way."""
+
+    def __init__(self, wish: Wish) -> None:
+        """Raises:
+        ConfigurationError: `wish` cannot be.
+        """
+        wish.check()
+        self.wish = wish
+        self.reached = wish.begin
+        """Up to which time [µs UTC]: of the range, so that progress can be shown."""
+        self._points: list[Recorded] = []
+        self._qualities: dict[int, str] = {}
+        super().__init__(wish.locale, wish.zone)
+
+    @property
+    def progress(self) -> float:
+        """How far it has come, 0 to 1."""
+        return 1.0 if self.done else (self.reached - self.wish.begin) / (self.wish.end - self.wish.begin)
+
+    @property
+    def file_name(self) -> str:
+        """A name for the file that says what is in it."""
+        begin = to_datetime(self.wish.begin).astimezone(self.wish.zone)
+        return f"pogon-{'history' if len(self.wish.tags) > 1 else self.wish.tags[0]}-{begin:%Y%m%d-%H%M%S}.csv"
+
+    def open(self, connection: Connection) -> None:
+        """Find the points.
+
+        Raises:
+            ConfigurationError: one of them was never recorded.
+        """
+        known = query.recorded(connection)
+        missing = [tag for tag in self.wish.tags if tag not in known]
+        if missing:
+            raise ConfigurationError(f"tags: {', '.join(missing)}: nothing was ever recorded of it")
+        self._points = [known[tag] for tag in self.wish.tags]
+
+    def _all(self) -> Iterator[str | None]:
         if self.wish.bom:
             yield BOM
         yield from map(self._comment, self._head())
@@ -182,7 +238,7 @@ class Export:
             if line is not None:
                 if self.rows == self.wish.most_rows > 0:
                     self.complete = False
-                    reached = _iso(self.reached, self.wish.zone)
+                    reached = iso(self.reached, self.wish.zone)
                     yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows, at {reached}")
                     break
                 self.rows += 1
@@ -199,9 +255,9 @@ class Export:
         if wish.person:
             yield f"user: {wish.person}"
         if wish.created:
-            yield f"created: {_iso(wish.created, wish.zone)}"
-        yield f"from: {_iso(wish.begin, wish.zone)}"
-        yield f"to: {_iso(wish.end, wish.zone)}"
+            yield f"created: {iso(wish.created, wish.zone)}"
+        yield f"from: {iso(wish.begin, wish.zone)}"
+        yield f"to: {iso(wish.end, wish.zone)}"
         yield f"time zone: {wish.zone.key}"
         yield f"values: aggregated every {wish.interval} s" if wish.interval else "values: raw"
         yield f"tags: {' '.join(wish.tags)}"
@@ -245,44 +301,12 @@ class Export:
                 yield separator.join((self._times(begin), tag, *cells, unit, good, str(one.count))) + "\r\n"
             self.reached = end
 
-    def _times(self, time: int) -> str:
-        """UTC and local time with its offset [ISO 8601, ms]; rows of one minute share all but the seconds."""
-        minute, rest = divmod(time, MINUTE)
-        if minute != self._minute:
-            utc = to_datetime(minute * MINUTE)
-            local = utc.astimezone(self.wish.zone)
-            offset = local.isoformat(timespec="minutes")[16:]
-            self._minute = minute
-            self._stamps = (f"{utc:%Y-%m-%dT%H:%M:}", f"{self._separator}{local:%Y-%m-%dT%H:%M:}", offset)
-        utc_head, local_head, offset = self._stamps
-        seconds = f"{rest // 1_000_000:02d}.{rest // 1000 % 1000:03d}"
-        return f"{utc_head}{seconds}Z{local_head}{seconds}{offset}"
-
     def _quality(self, quality: int) -> str:
         known = self._qualities.get(quality)
         if known is None:
             flags = "".join(letter for flag, letter in FLAGS if origin(quality) & flag)
             known = self._qualities[quality] = f"{name(quality)}{self._separator}{flags}"
         return known
-
-    def _number(self, value: float) -> str:
-        text = str(int(value)) if value.is_integer() and abs(value) < 1e15 else f"{value:.12g}"
-        if "e" in text:
-            text = f"{Decimal(text):f}"
-        return text if self._decimal == "." else text.replace(".", self._decimal)
-
-    def _cell(self, text: str) -> str:
-        """A text as one cell: no formula, no end of line, quoted where it must be."""
-        if text.startswith(FORMULA):
-            text = "'" + text
-        return self._quoted(text)
-
-    def _quoted(self, text: str) -> str:
-        text = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]", " ", text)
-        return '"' + text.replace('"', '""') + '"' if re.search('[;,"]', text) else text
-
-    def _comment(self, text: str) -> str:
-        return self._quoted(f"# {text}") + "\r\n"
 
 
 RAW = ("time_utc", "time_local", "tag", "value", "unit", "quality", "flags")
@@ -406,7 +430,7 @@ def _utc(local: datetime, zone: ZoneInfo) -> int:
     return to_micros(local.replace(tzinfo=zone))
 
 
-def _iso(micros: int, zone: ZoneInfo) -> str:
+def iso(micros: int, zone: ZoneInfo) -> str:
     return to_datetime(micros // 1000 * 1000).astimezone(zone).isoformat(timespec="milliseconds")
 
 
