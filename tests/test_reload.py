@@ -183,7 +183,7 @@ async def test_an_error_while_taking_them_brings_the_former_plant_back(
         monkeypatch.setattr(gate, "configure", fail)
         answer = await plant.take(DEMO + M3)
         assert not answer.done and answer.refused == "plant.refused.failed" and "no room" in answer.error
-        assert set(runtime.plant.equipment) == {"m1", "m2"}  # type: ignore[union-attr]
+        assert set(runtime.plant.equipment) == {"m1", "m2", "c1"}  # type: ignore[union-attr]
         assert plant.good("m1.frequency")
         await asyncio.sleep(0.5)
         assert plant.good("m1.frequency") and "m3.frequency" not in runtime.tags
@@ -209,7 +209,7 @@ async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path
         await plant.until(lambda: plant.good("m2.frequency"))
         assert (await plant.take(DEMO)).done
         await plant.until(lambda: plant.good("m2.frequency"))
-        assert "link.yard" not in runtime.keeper.kept and set(runtime.links) == {"hall"}
+        assert "link.yard" not in runtime.keeper.kept and set(runtime.links) == {"hall", "line"}
 
 
 async def test_a_plant_that_was_broken_at_the_start_is_started_when_it_is_mended(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def test_a_pulled_cable_is_not_ready_but_healthy(tmp_path: Path, free_port: int)
     with TestClient(create_app(settings), base_url=HOST) as client:
         answer = client.get("/readyz")
         assert answer.status_code == 503
-        assert answer.json() == {"status": "not ready", "plant": True, "links_down": ["hall"]}
+        assert answer.json() == {"status": "not ready", "plant": True, "links_down": ["hall", "line"]}
         assert client.get("/healthz").status_code == 200
 
 
