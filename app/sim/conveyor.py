@@ -8,20 +8,20 @@ Written from the map's description (issue 3) and the thesis' program, never from
 | jam | driven with the drive at its torque limit and without a pulse for the jam time; the belt's drive goes off, the others ramp down |
 | encoder | what it counted differs from what the ramp must have moved; the products on its belt are uncertain from 1 mm on |
 | faults | stay until reset, which tries again: a fault whose cause is still there comes back |
-| gap stop, automatic | released when the belts stood for the restart delay and starting again would not bring a pair too near |
+| gap stop, automatic | released when the belts stood for the restart delay (reset: at once) and a start would not bring a pair too near |
 | gap stop, manual | released when nothing is held |
 | buffer full | in automatic belt 1 waits until a slot is free |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
-| first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; one that ended by itself gives way to the next |
+| first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; a gap stop that ended by itself for 10 s |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
-| slip | deviation at a sensor as part of the way from the sensor before it; warning 0 = off |
+| slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
 | edit, insert | only while the belts stand |
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from math import exp, isfinite, nan
+from math import exp, inf, isfinite, nan
 from random import Random
 from struct import Struct
 from types import MappingProxyType
@@ -266,6 +266,8 @@ IMPLAUSIBLE, PULSES_OFF = 0.6, 0.3
 """An encoder has failed when it differs by more than this part of the way in the jam time, and this [mm]."""
 DRIVEN = 1.0
 """A drive with a setpoint above this must turn [%]."""
+FORGOTTEN = 10_000_000
+"""A first-out that ended by itself is shown for so long [µs]."""
 SPEED_SCANS = 10
 """Scans over which speeds are measured."""
 
@@ -280,8 +282,8 @@ class FirstOut:
     front: int = 0
     time: int = 0
     value: float = 0.0
-    over: bool = False
-    """It ended by itself."""
+    ended: int = 0
+    """When it ended by itself; 0 = it has not."""
 
 
 class _Belt:
@@ -394,6 +396,7 @@ class VirtualConveyor(VirtualPlc):
         self.line = tracking.Line(self.geometry.belt_ends, self.geometry.sensors, self.geometry.area_ends, slots)
         self._seed, self._start_in = seed, start
         given = dict(settings or {})
+        _require_settings(given)
         self._table = Table(TABLE, ROW_WORDS, slots, self._row)
         self._millimetres = self.geometry.full_speed / 100
         self._follow = 1 - exp(-DT / DRIVE_TIME)
@@ -468,12 +471,20 @@ class VirtualConveyor(VirtualPlc):
             self._renew_table()
 
     def _watch_slip(self, event: TrackingEvent) -> None:
+        product = next((product for product in self.tracking.slots if product and product.id == event.id), None)
+        warning = self._values["slip_warning"]
+        if product is None or product.entered_us == self.time or not warning:
+            return
         sensors = self.geometry.sensors
-        way = sensors[event.source - 1] - sensors[event.source - 2]
+        end = sensors[event.source - 1]
+        if event.code == tracking.Code.TAIL_AT_SENSOR:
+            end += product.length
+            way = product.length
+        else:
+            way = end - sensors[event.source - 2]
         slip = 100 * abs(event.value) / way
-        if 0 < self._values["slip_warning"] < slip and event.id:
-            middle = sensors[event.source - 1] - way / 2
-            belt = next(n for n, end in enumerate(self.geometry.belt_ends, 1) if middle <= end)
+        if slip > warning:
+            belt = next((n for n, last in enumerate(self.geometry.belt_ends, 1) if end - way / 2 <= last), BELTS)
             self.event(Event.SLIP, belt, slip, _words(event.id))
 
     def _look_at_the_grip(self) -> None:
@@ -580,6 +591,8 @@ class VirtualConveyor(VirtualPlc):
         )
         if self._stopping and not self._moving:
             self._stopping = False
+        if self._first_out.ended and self.time - self._first_out.ended > FORGOTTEN:
+            self._first_out = FirstOut()
         if self.tracking.gap_stop:
             self._hold_the_gap()
 
@@ -609,7 +622,7 @@ class VirtualConveyor(VirtualPlc):
         for event in self.tracking.release_gap_stop():
             self._tell(event)
         if self._first_out.code == tracking.Code.GAP_STOP:
-            self._first_out.over = True
+            self._first_out.ended = self.time
 
     def _drive(self) -> None:
         """Choose every belt's speed and follow it with the ramp."""
@@ -714,8 +727,10 @@ class VirtualConveyor(VirtualPlc):
             belt.jam_age = belt.differs = 0.0
             belt.model = belt.ramp.speed * self._millimetres
         self._faulty = False
-        if self.tracking.gap_stop and self._modes.mode is not Mode.AUTOMATIC:
-            self._release_gap()
+        if self.tracking.gap_stop:
+            self._gap_age = inf
+            if self._modes.mode is not Mode.AUTOMATIC:
+                self._release_gap()
         self._first_out = FirstOut()
         if self._pressed:
             self._first(Event.EMERGENCY_STOP)
@@ -744,7 +759,7 @@ class VirtualConveyor(VirtualPlc):
         self.event(event.code, event.source, event.value, _words(event.id, event.second, event.value2))
 
     def _first(self, code: int, source: int = 0, value: float = 0.0, *, rear: int = 0, front: int = 0) -> None:
-        if not self._first_out.code or self._first_out.over:
+        if not self._first_out.code or self._first_out.ended:
             self._first_out = FirstOut(code, source, rear, front, self.time, value)
 
     # ---- settings, training, power
@@ -985,6 +1000,15 @@ _CONFIGURATION = Struct(">3H3f4f4ffffIHHf50x")
 _ROW = Struct(">IHHfffHHfIfHQH")
 _CERTAIN = (ProductState.TRACKED, ProductState.OUTSIDE)
 _AT_SENSOR = (tracking.Code.HEAD_AT_SENSOR, tracking.Code.TAIL_AT_SENSOR, tracking.Code.UNEXPECTED)
+
+
+def _require_settings(given: Mapping[str, float]) -> None:
+    limits = {setting.name: setting for setting in SETTINGS}
+    for name, value in given.items():
+        if name not in limits:
+            raise ValueError(f"setting {name}: expected one of {', '.join(limits)}")
+        if not limits[name].low <= value <= limits[name].high:
+            raise ValueError(f"{name} takes {limits[name].low:g} to {limits[name].high:g}, not {value:g}")
 
 
 def _bits(*flags: bool | int) -> int:

@@ -67,8 +67,8 @@ def _conveyor(item: Equipment, seed: int) -> VirtualDevice:
         (sensors[0], sensors[1], sensors[2], sensors[3]),
         measure("roller_radius", plain.roller_radius),
         measure("rated_speed", plain.rated_speed),
-        round(measure("resolution", plain.resolution)),
-        bool(measure("intact_is_one", plain.intact_is_one)),
+        round(measure("resolution", float(plain.resolution))),
+        bool(measure("intact_is_one", float(plain.intact_is_one))),
     )
     try:
         return VirtualConveyor(

@@ -398,6 +398,7 @@ class VirtualPlc(ABC):
         if initial:
             self._forget_all()
             self._start_up()
+            self.steps = 1
         elif cycle:
             self.power_cycle()
 
@@ -472,6 +473,7 @@ class VirtualPlc(ABC):
         self._ring = [0] * (EVENT_CAPACITY * plc_map.EVENT_WORDS)
         for table in self._tables.values():
             table.clear()
+            table.generation = 0
         self._initial = True
 
     def _start_up(self) -> None:

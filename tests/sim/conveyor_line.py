@@ -243,8 +243,13 @@ class Witness:
         self.worst = 0.0
         """Greatest distance between a record whose position counts and its product [mm]."""
         self.worst_flagged = 0.0
-        self._before = (0, 0, 0, 0)
+        self.worst_place = 0.0
+        """The same, whichever product is nearest [mm]: identities may change places once something unknown is on the line."""
+        machine = line.device.machine
+        self._before = (machine.unloaded, machine.removed, machine.fallen, machine.backed_out)
+        self.here = {product.number: product for product in machine.products}
         self._newest = line.device.newest
+        self._match({product.id: product for product in line.device.tracking.products})
         line.watch = self.look
 
     def look(self) -> None:
@@ -275,6 +280,9 @@ class Witness:
             if settled in CERTAIN:
                 if error > self.worst:
                     self.worst = error
+                if error > self.worst_place:
+                    nearest = min(abs(record.right - other.head) for other in machine.products)
+                    self.worst_place = max(self.worst_place, nearest)
             elif error > self.worst_flagged:
                 self.worst_flagged = error
         if len(self.record) > 60:
@@ -332,7 +340,7 @@ class Operator:
             row = matched.get(product.number)
             if row is None and product.head < sensor - 1:
                 continue
-            doubtful = row is not None and row["state"] not in (1, 4, 6)
+            doubtful = row is not None and row["state"] not in (1, 2, 4, 6)
             inside = product.tail >= 0 and product.head <= line.device.geometry.length
             if row is not None and not doubtful and abs(row["head"] - product.head) < 2:
                 continue
@@ -342,7 +350,7 @@ class Operator:
                     self.edited += 1
                     continue
             await self._take_off(product.number)
-            if row is not None:
+            if row is not None and int(row["id"]) in await line.products():
                 await line.done(Command.DELETE, int(row["id"]))
                 self.deleted += 1
 
