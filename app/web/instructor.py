@@ -62,7 +62,7 @@ TRAINERS: Mapping[str, Trainer] = {
     "conveyor": Trainer(
         world={
             "arrivals": (training.REG_ARRIVALS, ""),
-            "interval": (training.REG_INTERVAL, "0.1 s"),
+            "interval": (training.REG_INTERVAL, "× 0.1 s"),
             "shortest": (training.REG_SHORTEST, "mm"),
             "longest": (training.REG_LONGEST, "mm"),
         },

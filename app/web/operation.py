@@ -18,7 +18,7 @@ from app.commands.lifecycle import Progress, State
 from app.errors import Refused
 from app.plant.definitions import Condition, Equipment
 from app.web import format as fmt
-from app.web.points import CommandView, EquipmentView
+from app.web.points import CommandView, EquipmentView, PointView
 
 if TYPE_CHECKING:
     from app.access.roles import Person
@@ -134,6 +134,15 @@ class Operation:
     def url(self) -> str:
         """Address of the machine."""
         return f"/equipment/{quote(self.id)}"
+
+    def moment(self, point: PointView) -> str:
+        """A time of the device itself [µs since it was first switched on] as time of day; empty when not known."""
+        link = self.runtime.links.get(self.equipment.link)
+        station = link.stations.get(self.equipment.unit_address) if link else None
+        if station is None or station.plc is None or not point.usable or not isinstance(point.value, int | float):
+            return ""
+        time = station.plc.clock.utc(int(point.value))
+        return fmt.clock_time(time, self.zone, milliseconds=True)
 
     @property
     def instructs(self) -> bool:

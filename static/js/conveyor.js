@@ -9,7 +9,10 @@ const { commands, parts } = window.pogon;
 const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
 const valued = (tag) => (usable(tag) ? tag.value : null);
 const round = (value) => Math.round(value * 100) / 100;
-const move = (element, x, scale) => { element.style.transform = `translate(${round(x)}px,0)${scale === undefined ? "" : ` scale(${round(scale)},1)`}`; };
+const move = (element, x, width) => {
+  element.style.transform = `translate(${round(x)}px,0)`;
+  if (width !== undefined) element.style.width = `${round(width)}px`;
+};
 
 class Line {
   constructor(svg) {
@@ -99,8 +102,8 @@ class Line {
     move(product.box, left, width);
     move(product.edge, edge + (backwards ? 1.5 : -1.5));
     move(product.alarm, product.middle);
-    const stops = (this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor;
-    move(product.dts, backwards ? edge - stops : edge, Math.max(stops, 0.01));
+    const stops = Math.abs(this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor;
+    move(product.dts, backwards ? edge - stops : edge, Math.max(stops, 0));
     if (state === STATE.LOST) product.cross.setAttribute("d", `M${round(left)} 88L${round(left + width)} 130M${round(left)} 130L${round(left + width)} 88`);
     return true;
   }
@@ -138,7 +141,7 @@ class Line {
     gap.dataset.of = key;
     move(gap.querySelector(".g-a"), a);
     move(gap.querySelector(".g-b"), b);
-    move(gap.querySelector(".g-l"), a, Math.max(b - a, 0.01));
+    move(gap.querySelector(".g-l"), a, Math.max(b - a, 0));
     const text = gap.querySelector(".g-t"), written = `${number(size, size < 10 ? 1 : 0, lang)}\u00a0mm`;
     if (text.textContent !== written) text.textContent = written;
     move(text, (a + b) / 2);
