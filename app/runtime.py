@@ -2,9 +2,10 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 from app import __version__
 from app.access.access import Access, prepare
@@ -18,16 +19,18 @@ from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
+from app.historian.passages import BY_COMMAND, Passages, Told, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
 from app.live.frames import Live
 from app.plant.changes import Change, compare, digest, renamed, same_line
-from app.plant.definitions import Equipment, Plant, Point, Problem
+from app.plant.definitions import Equipment, Link, Plant, Point, Problem
 from app.plant.derive import Derivation
+from app.plant.events import RingEvent
 from app.plant.retained import RetainedStates
-from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_points
+from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_point, system_points
 from app.plant.texts import Texts
 from app.settings import Settings, host_and_port
 from app.sim.bus import Bus
@@ -47,6 +50,10 @@ SIMULATION_LATE = 1.0
 """The virtual plant is behind by more than this [s]: an alarm."""
 PLANT_TASKS = ("simulation", "retained", "commands")
 """Tasks that there are only while there is a plant; beside them one for each link."""
+PRODUCTS = "products"
+"""`sys.products.<equipment>` counts changes of the passages of its products."""
+STORE_LIMIT = 2.0
+"""Events of a machine wait this long for the history, then in memory [s]: alarms and communication wait for no disk."""
 SWEEP_PERIOD = 0.25
 """How often overdue values are looked for and the loop lag is measured [s]."""
 
@@ -87,6 +94,8 @@ class Runtime:
         """`history.db`, from `start` on; one that cannot be opened is told by the recorder and does not stop the plant."""
         self.recorder: Recorder
         """What writes it, from `start` on."""
+        self.passages: Passages
+        """What became of each product, from `start` on."""
         self.access: Access
         """People, sessions and the audit, from `start` on."""
         self.alarms: AlarmEngine
@@ -106,6 +115,8 @@ class Runtime:
         self._reloading = asyncio.Lock()
         self._numbers: Mapping[str, int] = {}
         self._command_revisions: dict[str, int] = {}
+        self._product_revisions: dict[str, int] = {}
+        self._storing: set[asyncio.Task[None]] = set()
 
     # ---- start and stop -------------------------------------------------------------------------------
 
@@ -129,6 +140,11 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
+        self.passages = Passages(self.history, self.clock, self._products_changed)
+        await self.recorder.register(
+            ()
+        )  # brings the history to the newest schema, before a link asks for the last events
+        await self.passages.load()
         self.tags.subscribe(self._derive)
         self.access.sessions.subscribe(self._sessions_ended)
         self.keeper.keep("audit", self.access.audit.watch)
@@ -145,6 +161,7 @@ class Runtime:
             self._configure()
         await self._record()
         self.keeper.keep("recorder", self.recorder.run)
+        self.keeper.keep("passages", self.passages.run)
 
     async def stop(self) -> None:
         """Stop what is held to run, end all tasks and close what is open."""
@@ -157,6 +174,7 @@ class Runtime:
         await self.alarms.close()
         with suppress(StorageError):
             await self._retain_now()
+        await self.passages.close()
         await self.recorder.close()
         await asyncio.to_thread(self.history.close)
         await self.access.stop()
@@ -182,7 +200,7 @@ class Runtime:
         self.keeper.keep("retained", self._retain)
         for name, link in plant.links.items():
             bus = self.sim.buses.get(name) if self.sim else None
-            self.links[name] = RegisterLink(link, self.on_link(name), self.tags, self.clock, exchange=_carried_by(bus))
+            self.links[name] = self._link(link, self.on_link(name), bus)
         self._configure()
         self.gate = self._make_gate(plant)
         self.keeper.keep("commands", self.gate.run)
@@ -199,7 +217,7 @@ class Runtime:
             self.tags,
             self.clock,
             writers=self.links,
-            audit=self.access.audit.record,
+            audit=self._audited,
             dry_run=self.settings.dry_run,
         )
         gate.configure(plant)
@@ -216,6 +234,103 @@ class Runtime:
                 self.alarms.raise_system(
                     "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
                 )
+
+    async def _audited(
+        self,
+        kind: str,
+        person: Person | None,
+        object: str,
+        old: Any,
+        new: Any,
+        result: str,
+        reason: str,
+        address: str = "",
+        **params: Any,
+    ) -> None:
+        """One line of the audit; what it says of a product is also told to its passage."""
+        arguments = params.get("arguments")
+        if kind == "command" and person is not None and isinstance(arguments, Mapping):
+            self._product_told(person, object, result, arguments, params)
+        await self.access.audit.record(kind, person, object, old, new, result, reason, address, **params)
+
+    def _product_told(
+        self, person: Person, what: str, result: str, arguments: Mapping[str, Any], params: Mapping[str, Any]
+    ) -> None:
+        equipment, _, key = what.partition(".")
+        item = self.plant.equipment.get(equipment) if self.plant else None
+        command = item.type.commands.get(key) if item is not None and tracks_products(item) else None
+        if command is None or command.code not in BY_COMMAND or result in (Progressed.REFUSED, Progressed.DRY_RUN):
+            return
+        self.passages.told(
+            Told(
+                equipment,
+                BY_COMMAND[command.code],
+                int(arguments.get("product", 0)) or None,
+                person.display or person.name,
+                str(params.get("why", "")),
+                int(params["requested"]),
+                int(params["ended"]) or self.clock.micros(),
+            )
+        )
+
+    def _products_changed(self, equipment: str) -> None:
+        """Passages of a machine are other ones now: whoever looks at them fetches them again."""
+        name = f"{SYSTEM}.{PRODUCTS}.{equipment}"
+        if name not in self.tags:
+            return
+        count = self._product_revisions[equipment] = self._product_revisions.get(equipment, 0) + 1
+        now = self.clock.micros()
+        self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
+
+    # ---- events of machines ---------------------------------------------------------------------------
+
+    def _link(self, link: Link, machines: list[Equipment], bus: Bus | None) -> RegisterLink:
+        made = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
+        made.on_events = self._take_events
+        made.last_seen = self._last_seen
+        return made
+
+    async def _take_events(self, item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
+        """Alarms at once, then what is kept: returns when it is, so that the device may forget it.
+
+        A history that takes nothing, or for long, holds nothing up: the events wait in memory and are in the ring still.
+        """
+        self._log_events(item, events, lost)
+        self.alarms.take_events(item.id, events, lost)
+        task = asyncio.create_task(self._store_events(item.id, events, lost))
+        self._storing.add(task)
+        task.add_done_callback(self._storing.discard)
+        await asyncio.wait([task], timeout=STORE_LIMIT)
+        await self.alarms.settle()
+
+    async def _store_events(self, equipment: str, events: Sequence[RingEvent], lost: int) -> None:
+        with suppress(StorageError):  # told by the passages, which try again
+            await self.passages.take(equipment, events, lost)
+
+    def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
+        """Where the ring of a machine is to be read from: behind what both the alarms and the passages have."""
+        marks = [self.alarms.last_event(item.id)]
+        if tracks_products(item):
+            marks.append(self.passages.last(item.id))
+        known = [mark for mark in marks if mark is not None]
+        return min(known, key=lambda mark: mark.time).seen if len(known) == len(marks) else None
+
+    @staticmethod
+    def _log_events(item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
+        if lost:
+            log.warning("events lost machine=%s count=%d", item.id, lost)
+        alarming = {code for alarm in item.alarms for code in (alarm.event, alarm.event_clear) if code}
+        for event in events:
+            log.log(
+                logging.INFO if event.code in alarming else logging.DEBUG,
+                "event machine=%s sequence=%d time=%d event=%s source=%d value=%g",
+                item.id,
+                event.sequence,
+                event.time,
+                item.type.events.get(event.code, str(event.code)),
+                event.source,
+                event.value,
+            )
 
     def _sessions_ended(self, sessions: Collection[str]) -> None:
         for session in sessions:
@@ -237,6 +352,7 @@ class Runtime:
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
         self.alarms.configure(self.plant, self.texts, person)
+        self.passages.configure(self.plant.equipment.values() if self.plant else ())
         inputs = self._derivation.inputs if self._derivation else ()
         self._derivation_inputs = frozenset(self.tags.handle(name) for name in inputs)
         self.live.renew()
@@ -255,7 +371,13 @@ class Runtime:
             for name in statistic_names(link, {item.unit for item in machines if item.link == link})
         ]
         points = [point for item in machines for point in item.points.values() if _has_value(point)]
-        return [*points, *system_points(plant, statistics), *alarm_points(plant.equipment if plant else ())]
+        tracking = [system_point(f"{PRODUCTS}.{item.id}", label=PRODUCTS) for item in machines if tracks_products(item)]
+        return [
+            *points,
+            *system_points(plant, statistics),
+            *tracking,
+            *alarm_points(plant.equipment if plant else ()),
+        ]
 
     def _tag(self, point: Point) -> Tag:
         if point.equipment == SYSTEM:
@@ -432,7 +554,7 @@ class Runtime:
                 links[name] = running
             else:
                 bus = taken[2].get(name) if sim is not None and taken is not None else None
-                links[name] = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
+                links[name] = self._link(link, machines, bus)
         return links
 
     def _exchange_plant(
@@ -490,7 +612,7 @@ class Runtime:
         return [item for item in self.plant.equipment.values() if item.link == name] if self.plant else []
 
     def page_names(self, kind: str) -> list[str]:
-        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `tags/<name>,…`; the frame's are in each.
+        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `products`, `tags/<name>,…`; the frame's are in each.
         Cells of tables are on the page of their machine only.
 
         Raises:
@@ -521,6 +643,9 @@ class Runtime:
                 names = []
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
+            case "products":
+                names = [f"{SYSTEM}.{PRODUCTS}.{key}" for key in self.plant.equipment]
+                names = [name for name in names if name in self.points]
             case "storage":
                 names = [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
             case _:
@@ -607,7 +732,7 @@ class Runtime:
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
         recorder = self.recorder
-        tell("history_full", active=recorder.full)
+        tell("history_full", active=recorder.full or self.passages.failed)
         tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
         tell("disk_low", active=recorder.disk_low)
 

@@ -13,7 +13,7 @@ from starlette.types import Receive, Scope, Send
 
 from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
-from app.historian.export import FORMATS, Export, Wish, moment
+from app.historian.export import FORMATS, Export, Sheet, Wish, moment
 from app.plant.definitions import Kind, Point
 from app.web.guard import address_of, allow, person_of
 from app.web.language import language_of
@@ -96,7 +96,7 @@ async def export(request: Request) -> Response:
         end=wish.end,
         interval=wish.interval,
     )
-    return _Download(made, runtime, lambda: exports.pop(made, None))
+    return Download(made, runtime, lambda: exports.pop(made, None))
 
 
 @router.get("/export/size", dependencies=[allow("export")])
@@ -139,12 +139,12 @@ async def read(runtime: "Runtime", work: Callable[[Connection], T]) -> T:
         raise Refused("history.unavailable", 503) from error
 
 
-def exports_of(app: FastAPI) -> dict[Export, int]:
+def exports_of(app: FastAPI) -> dict[Sheet, int]:
     """Exports under way, and whose they are."""
     state = app.state
     if not hasattr(state, "exports"):
         state.exports = {}
-    found: dict[Export, int] = state.exports
+    found: dict[Sheet, int] = state.exports
     return found
 
 
@@ -154,10 +154,10 @@ def runtime_of(request: Request) -> "Runtime":
     return runtime
 
 
-class _Download(StreamingResponse):
+class Download(StreamingResponse):
     """A stream that says when it is over, also when its reader went away before the first byte."""
 
-    def __init__(self, made: Export, runtime: "Runtime", over: Callable[[], object]) -> None:
+    def __init__(self, made: Sheet, runtime: "Runtime", over: Callable[[], object]) -> None:
         super().__init__(
             made.stream(runtime.history),
             media_type="text/csv; charset=utf-8",

@@ -1,0 +1,427 @@
+"""What became of each product: the list of passages with its filter, the steps of one, CSV."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+import orjson
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+from sqlalchemy import Connection
+from starlette.exceptions import HTTPException
+
+from app.errors import Refused
+from app.historian import passage_query as query
+from app.historian.export import FORMATS
+from app.historian.passage_export import COLUMNS, MOST_SENSORS, SENSOR_COLUMNS, PassageExport, PassageWish
+from app.historian.passage_query import ANY_ALARM, OUTCOMES, Passage, Step, Wanted
+from app.historian.passages import Code, Outcome, tracks_products
+from app.plant.definitions import Equipment, Plant
+from app.web import format as fmt
+from app.web.audit import read_time
+from app.web.guard import address_of, allow, person_of
+from app.web.history import MOST_EXPORTS, Download, exports_of, read
+from app.web.language import language_of
+from app.web.pages import view_of
+from app.web.signin import zone_of
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+router = APIRouter()
+
+PAGE = 50
+"""Passages on a page."""
+MOST_COUNTED = 100_000
+"""More are not counted."""
+NAMES = ("equipment", "product", "outcome", "since", "until", "correction", "alarm", "before")
+MILLIMETRES = frozenset(
+    (
+        Code.IDENTIFIED,
+        Code.HEAD,
+        Code.TAIL,
+        Code.TOLERANCE,
+        Code.LOST,
+        14,
+        Code.WITHDRAWN,
+        Code.GAP_STOP,
+        Code.GAP_CLEAR,
+    )
+)
+SIGNED = frozenset((Code.HEAD, Code.TAIL, Code.TOLERANCE))
+"""Events whose value is a correction."""
+SECONDS = frozenset((Code.UNLOADED, Code.LEFT_BACKWARDS))
+AT_SENSOR = frozenset((Code.ARRIVED, Code.HEAD, Code.TAIL, Code.TOLERANCE, Code.LOST, Code.UNEXPECTED))
+
+
+@router.get("/products", dependencies=[allow("view")], name="products")
+async def products(request: Request) -> Response:
+    """The list of passages, newest first: of all machines, or of one."""
+    typed, wanted = _wanted(request)
+    view, runtime = view_of(request), view_of(request).runtime(request)
+    item = runtime.plant.equipment.get(typed["equipment"]) if runtime.plant else None
+    return view.page(
+        request,
+        "pages/products.html",
+        title=view.text(request, "products.title"),
+        kind="products",
+        area=item.area if item else "",
+        up=f"/equipment/{item.id}" if item else "/",
+        chip=item.id if item else "",
+        **_tools(request, typed),
+        **await _list(request, typed, wanted),
+    )
+
+
+@router.get("/products/list", dependencies=[allow("view")])
+async def rows(request: Request) -> Response:
+    """The rows alone, after a change."""
+    typed, wanted = _wanted(request)
+    return view_of(request).fragment(request, "fragments/product_rows.html", **await _list(request, typed, wanted))
+
+
+@router.get("/products/detail/{number}", dependencies=[allow("view")])
+async def detail(request: Request, number: int) -> Response:
+    """All steps of one passage.
+
+    Raises:
+        HTTPException: 404, it is not there.
+    """
+    runtime = view_of(request).runtime(request)
+
+    def work(connection: Connection) -> tuple[Passage | None, list[Step]]:
+        one = query.get(connection, number)
+        return one, query.steps(connection, [number])[number] if one else []
+
+    one, steps = await read(runtime, work)
+    if one is None:
+        raise HTTPException(404)
+    return view_of(request).fragment(
+        request, "fragments/product_detail.html", detail=_Words(request).detail(one, steps)
+    )
+
+
+@router.get("/products/export.csv", dependencies=[allow("export")])
+async def export(request: Request) -> Response:
+    """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
+    typed, wanted = _wanted(request)
+    runtime, person, lang = view_of(request).runtime(request), person_of(request), language_of(request)
+    locale = request.query_params.get("locale", "") or lang
+    if locale not in FORMATS:
+        raise Refused("history.locale", 422, value=locale[:40], expected=", ".join(FORMATS))
+    exports = exports_of(request.app)
+    if len(exports) >= MOST_EXPORTS:
+        raise Refused("history.busy", 503, n=MOST_EXPORTS)
+    filters = "; ".join(f"{name}={value}" for name, value in typed.items() if value and name != "before")
+    plant, spoken = runtime.plant, locale != "machine"
+    made = PassageExport(
+        PassageWish(
+            _without_page(wanted),
+            zone_of(request),
+            locale,
+            bom=request.query_params.get("bom", "") in ("1", "on"),
+            sensors=sensors(plant, typed["equipment"]),
+            **(words(runtime, locale) if spoken else {}),
+            most_rows=runtime.settings.export_rows,
+            filters=filters,
+            plant=runtime.texts.label(lang, plant.name) if plant else "",
+            person=person.name,
+            created=runtime.clock.micros(),
+            simulated=runtime.simulated,
+        )
+    )
+    await read(runtime, made.open)
+    exports[made] = person.id
+    await runtime.access.audit.record(
+        "products.exported", person, typed["equipment"], address=address_of(request.scope), filters=filters
+    )
+    return Download(made, runtime, lambda: exports.pop(made, None))
+
+
+@router.get("/products/export/size", dependencies=[allow("export")])
+async def size(request: Request) -> Response:
+    """How many rows an export would have, and the limit."""
+    _, wanted = _wanted(request)
+    runtime = view_of(request).runtime(request)
+    limit = runtime.settings.export_rows
+    found = await read(runtime, lambda connection: query.count(connection, _without_page(wanted), limit or 10**9))
+    return Response(orjson.dumps({"rows": found, "limit": limit}), media_type="application/json")
+
+
+# ---- the filter -------------------------------------------------------------------------------------------
+
+
+def _wanted(request: Request) -> tuple[dict[str, str], Wanted]:
+    """What the address asks for, as typed and as understood.
+
+    Raises:
+        Refused: 422, a field is there twice, is none of its choices or cannot be read.
+    """
+    given = request.query_params
+    for name in NAMES:
+        if len(given.getlist(name)) > 1:
+            raise Refused("access.form_field", 422, field=name)
+    typed = {name: given.get(name, "").strip()[:80] for name in NAMES}
+    if typed["outcome"] not in ("", *OUTCOMES):
+        raise Refused("access.form_field", 422, field="outcome")
+    product = _whole(typed["product"].removeprefix("#"), "product", 2**32)
+    if typed["alarm"] != ANY_ALARM:
+        _whole(typed["alarm"], "alarm", 2**16)
+    return typed, Wanted(
+        equipment=typed["equipment"],
+        begin=read_time(request, typed["since"], "since"),
+        end=read_time(request, typed["until"], "until"),
+        product=product,
+        outcome=typed["outcome"],
+        correction=_millimetres(typed["correction"]),
+        alarm=typed["alarm"],
+        before=_page(typed["before"]),
+    )
+
+
+def _whole(text: str, field: str, limit: int) -> int | None:
+    if not text:
+        return None
+    if not (text.isascii() and text.isdecimal() and len(text) <= 10 and int(text) < limit):
+        raise Refused("access.form_field", 422, field=field)
+    return int(text)
+
+
+def _millimetres(text: str) -> float | None:
+    """A distance with the sign of either language."""
+    if not text:
+        return None
+    try:
+        value = float(text.replace(",", ".")) if len(text) <= 12 and text.isascii() else -1.0
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < 1e6:
+        raise Refused("access.form_field", 422, field="correction")
+    return value
+
+
+def _page(text: str) -> tuple[int, int] | None:
+    if not text:
+        return None
+    entered, _, number = text.partition("-")
+    if not all(one.isascii() and one.isdecimal() and len(one) <= 18 for one in (entered, number)):
+        raise Refused("access.form_field", 422, field="before")
+    return int(entered), int(number)
+
+
+def _without_page(wanted: Wanted) -> Wanted:
+    return Wanted(
+        wanted.equipment, wanted.begin, wanted.end, wanted.product, wanted.outcome, wanted.correction, wanted.alarm
+    )
+
+
+def _query(typed: dict[str, str]) -> dict[str, str]:
+    return {name: value for name, value in typed.items() if value and name != "before"}
+
+
+def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
+    view = view_of(request)
+    runtime = view.runtime(request)
+    machines = tracking(runtime.plant)
+    lang, person = language_of(request), request.state.person
+    codes: dict[int, str] = {}
+    for item in machines:
+        if typed["equipment"] in ("", item.id):
+            codes |= {
+                alarm.event: runtime.texts.of_type(lang, item.type, _event_key(item, alarm.event))
+                for alarm in item.alarms
+                if alarm.event and _of_product(alarm.event)
+            }
+    chosen = _query(typed)
+    link = urlencode(chosen | {"locale": lang, "bom": "1"})
+    return {
+        "typed": typed,
+        "machine_choices": [(item.id, runtime.texts.label(lang, item.label)) for item in machines],
+        "outcome_choices": [(one, view.text(request, f"products.outcome.{one}")) for one in OUTCOMES],
+        "alarm_choices": [
+            (ANY_ALARM, view.text(request, "products.any_alarm")),
+            *((str(c), t) for c, t in codes.items()),
+        ],
+        "filtered": bool(set(chosen) - {"equipment"}),
+        "all_url": "/products" + (f"?{urlencode({'equipment': typed['equipment']})}" if typed["equipment"] else ""),
+        "export_url": f"/products/export.csv?{link}" if person is not None and person.may("export") else "",
+        "changes": [
+            (name, runtime.tags.value(runtime.tags.handle(name)) or 0)
+            for item in machines
+            if typed["equipment"] in ("", item.id) and (name := f"sys.products.{item.id}") in runtime.tags
+        ],
+    }
+
+
+def _of_product(code: int) -> bool:
+    """Whether an event is about a product: of the rest none gets into a passage."""
+    return code < 20 or code in (Code.GAP_STOP, Code.GAP_CLEAR)
+
+
+async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
+    runtime = view_of(request).runtime(request)
+    chosen = _query(typed)
+
+    def work(connection: Connection) -> tuple[list[Passage], int, int]:
+        return (
+            query.find(connection, wanted, PAGE + 1),
+            query.count(connection, _without_page(wanted), MOST_COUNTED + 1),
+            query.lost(connection, wanted.equipment, wanted.begin, wanted.end),
+        )
+
+    found, count, lost = await read(runtime, work)
+    draw = _Words(request)
+    last = found[PAGE - 1] if len(found) > PAGE else None
+    return {
+        "passages": [draw.row(one) for one in found[:PAGE]],
+        "found": min(count, MOST_COUNTED),
+        "more": count > MOST_COUNTED,
+        "lost": lost,
+        "several": not typed["equipment"],
+        "older": "/products?" + urlencode(chosen | {"before": f"{last.entered}-{last.id}"}) if last else "",
+        "newest": "/products?" + urlencode(chosen) if typed["before"] else "",
+        "list_url": "/products/list?" + urlencode({name: value for name, value in typed.items() if value}),
+        "live": not typed["before"],
+    }
+
+
+# ---- words ------------------------------------------------------------------------------------------------
+
+
+def tracking(plant: Plant | None) -> list[Equipment]:
+    """The machines that track products."""
+    return [item for item in plant.equipment.values() if tracks_products(item)] if plant else []
+
+
+def sensors(plant: Plant | None, equipment: str = "") -> int:
+    """How many sensors the machine (or the one with the most) has, at most 8."""
+    numbers = [
+        sum(key.startswith("beam_") for key in item.points) for item in tracking(plant) if equipment in ("", item.id)
+    ]
+    return min(MOST_SENSORS, max(numbers, default=4) or 4)
+
+
+def words(runtime: "Runtime", lang: str) -> dict[str, Any]:
+    """Headers, outcomes and events of an export in a language."""
+    text = runtime.texts.text
+    return {
+        "headers": {name: text(lang, f"products.csv.{name}") for name in (*COLUMNS, *SENSOR_COLUMNS)},
+        "outcomes": {one: text(lang, f"products.outcome.{one}") for one in OUTCOMES},
+        "events": {
+            (item.id, code): runtime.texts.of_type(lang, item.type, f"event.{key}")
+            for item in tracking(runtime.plant)
+            for code, key in item.type.events.items()
+        },
+    }
+
+
+def _event_key(item: Equipment, code: int) -> str:
+    return f"event.{item.type.events.get(code, str(code))}"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One passage as a line of the list."""
+
+    id: int
+    product: str
+    equipment: str
+    machine: str
+    """Its name."""
+    entered: str
+    iso: str
+    seen: bool
+    """Whether its entry was seen."""
+    length: str
+    corrections: int
+    greatest: str
+    alarms: str
+    priority: int
+    """Of the most important alarm; 0 = none."""
+    outcome: str
+    """Key of the outcome."""
+    outcome_text: str
+    duration: str
+    missed: int
+    mark: str
+    """Another one when there is more to tell in its detail."""
+
+
+class _Words:
+    """Passages in the language of a request."""
+
+    def __init__(self, request: Request) -> None:
+        self.view, self.request = view_of(request), request
+        self.runtime = self.view.runtime(request)
+        self.lang, self.zone = language_of(request), zone_of(request)
+        self.now = self.runtime.clock.micros()
+
+    def row(self, one: Passage) -> Line:
+        item = self._item(one.equipment)
+        priorities = {alarm.event: alarm.priority for alarm in item.alarms if alarm.event} if item else {}
+        return Line(
+            id=one.id,
+            product=f"#{one.product}",
+            equipment=one.equipment,
+            machine=self.runtime.texts.label(self.lang, item.label) if item else one.equipment,
+            entered=self.moment(one.entered),
+            iso=fmt.iso(one.entered, self.zone),
+            seen=one.entry > 0,
+            length="–" if one.length is None else fmt.quantity(one.length, 1, "mm", self.lang),
+            corrections=one.corrections,
+            greatest="–" if one.greatest is None else fmt.quantity(one.greatest, 1, "mm", self.lang),
+            alarms=", ".join(self.event(item, code) for code in one.alarms),
+            priority=min((priorities.get(code, 4) for code in one.alarms), default=0),
+            outcome=one.outcome,
+            outcome_text=self.view.text(self.request, f"products.outcome.{one.outcome}"),
+            duration="" if one.duration is None else fmt.duration(one.duration, self.lang),
+            missed=one.missed,
+            mark=f"{one.outcome}-{one.corrections}-{one.codes}-{one.length}-{one.missed}",
+        )
+
+    def detail(self, one: Passage, steps: list[Step]) -> dict[str, Any]:
+        item = self._item(one.equipment)
+        return {
+            "row": self.row(one),
+            "ended": "" if one.ended is None else self.moment(one.ended),
+            "boot": one.boot,
+            "steps": [self._step(item, one, step) for step in steps],
+            "url": f"/equipment/{one.equipment}" if item else "",
+            "open": one.outcome == Outcome.OPEN,
+        }
+
+    def _step(self, item: Equipment | None, one: Passage, step: Step) -> dict[str, Any]:
+        alarms = {alarm.event: alarm.priority for alarm in item.alarms if alarm.event} if item else {}
+        return {
+            "time": fmt.clock_time(step.time, self.zone, milliseconds=True),
+            "iso": fmt.iso(step.time, self.zone),
+            "after": fmt.duration(max(0, step.time - one.entered) / 1e6, self.lang) if step.time > one.entered else "",
+            "text": self.event(item, step.code),
+            "sensor": f"S{step.source}" if step.code in AT_SENSOR and step.source else "",
+            "value": self._value(step),
+            "other": f"#{step.second}" if step.second else "",
+            "priority": alarms.get(step.code, 0),
+            "person": step.person,
+            "reason": step.reason,
+        }
+
+    def _value(self, step: Step) -> str:
+        if step.value is None or step.code not in MILLIMETRES | SECONDS:
+            return ""
+        if step.code in SECONDS:
+            return fmt.duration(step.value, self.lang)
+        sign = "+" if step.code in SIGNED and step.value > 0 else ""
+        return sign + fmt.quantity(step.value, 2 if step.code in SIGNED else 1, "mm", self.lang)
+
+    def event(self, item: Equipment | None, code: int) -> str:
+        if item is None or code not in item.type.events:
+            return self.view.text(self.request, "products.event", n=code)
+        return self.runtime.texts.of_type(self.lang, item.type, _event_key(item, code))
+
+    def moment(self, micros: int) -> str:
+        if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
+            return fmt.clock_time(micros, self.zone, milliseconds=True)
+        return fmt.date_time(micros, self.zone, self.lang, self.now)
+
+    def _item(self, equipment: str) -> Equipment | None:
+        return self.runtime.plant.equipment.get(equipment) if self.runtime.plant else None
