@@ -1,8 +1,9 @@
 """Gap supervision: whether two adjacent products would collide if the line were not stopped now."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 
-from .tracked import Gap, Product, share
+from .tracked import Gap, Product
 
 SMALL_CLOSING = 0.5
 """Pairs that come nearer by less than this [mm] get a margin in proportion: equal speeds that differ by a hair do not stop a line."""
@@ -24,40 +25,57 @@ def nearest(
 
     With the front one at rest that is the reference's rule and the margin. With both at one speed closing is 0 and nothing stops; when
     the front one brakes, closing grows while it slows down, so the stop comes in time for both. Belts against each other add up. A
-    product on two belts has the mean by its share on each. Adjacent products on any belts are compared (decision 15); a product that
-    two sensors missed is not.
+    product that lies on several belts, or gets onto another one before it stands, may go as little or as far as any of them: the worst
+    of both counts. Adjacent products on any belts are compared (decision 15); a product that two sensors missed is not.
 
     Source: thesis 003, spacing; reference/theses-facts.md section 3 and conflict 15.
     """
     found: Gap | None = None
     reserve = 0.0
     front: Product | None = None
-    front_stop = front_left = 0.0
-    first = stop_distances[0]
-    uniform = all(distance == first for distance in stop_distances)
+    front_least = front_most = front_left = 0.0
+    least = most = stop_distances[0]
+    uniform = all(distance == least for distance in stop_distances)
     end = belt_ends[-1]
     for rear in products:
-        if rear.missed.bit_count() > 1:
+        if rear.missed and rear.missed.bit_count() > 1:
             continue
         right = rear.right
         left = right - rear.length
-        stop = first if uniform and left < end and right > 0.0 else share(left, right, belt_ends, stop_distances)
+        if not uniform or left >= end or right <= 0.0:
+            least, most = _stop_range(left, right, belt_ends, stop_distances)
         if front is not None:
             gap = front_left - right
-            closing = stop - front_stop
-            limit = 0.0
-            if closing > 0.0:
-                limit = closing + (margin if closing >= SMALL_CLOSING else margin * closing / SMALL_CLOSING)
-            else:
-                closing = 0.0
+            closing = max(0.0, most - front_least)
+            limit = closing + margin * min(1.0, closing / SMALL_CLOSING)
             if found is None or gap - limit < reserve:
                 reserve = gap - limit
-                way = stop + front_stop
+                way = least + most + front_least + front_most
                 backwards = way < 0.0 or (way == 0.0 and rear.swapped)
-                found = (
-                    Gap(gap, closing, limit, front.id, rear.id)
-                    if backwards
-                    else Gap(gap, closing, limit, rear.id, front.id)
-                )
-        front, front_stop, front_left = rear, stop, left
+                first, second = (front.id, rear.id) if backwards else (rear.id, front.id)
+                found = Gap(gap, closing, limit, first, second)
+        front, front_least, front_most, front_left = rear, least, most, left
+        if uniform:
+            least = most = stop_distances[0]
     return found
+
+
+def _stop_range(
+    left: float, right: float, belt_ends: Sequence[float], stop_distances: Sequence[float]
+) -> tuple[float, float]:
+    """Least and greatest distance to stop of the belts that a product lies on, or comes to before it stands."""
+    last = len(belt_ends) - 1
+    if left >= belt_ends[last] or right <= 0.0:
+        return 0.0, 0.0
+    low = min(bisect_right(belt_ends, left), last)
+    high = min(bisect_left(belt_ends, right), last)
+    least = most = stop_distances[low]
+    for belt in range(low + 1, high + 1):
+        least, most = min(least, stop_distances[belt]), max(most, stop_distances[belt])
+    while high < last and most > 0.0 and right + most > belt_ends[high]:
+        high += 1
+        least, most = min(least, stop_distances[high]), max(most, stop_distances[high])
+    while low > 0 and least < 0.0 and left + least < belt_ends[low - 1]:
+        low -= 1
+        least, most = min(least, stop_distances[low]), max(most, stop_distances[low])
+    return least, most

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import pairwise
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from .gap_supervision import nearest
 from .tracked import (
@@ -65,6 +65,16 @@ _COUNTERS = (
 
 _TRACKED, _ENTERING, _UNCERTAIN = ProductState.TRACKED, ProductState.ENTERING, ProductState.UNCERTAIN
 _OUTSIDE, _LOST, _UNLOADING = ProductState.OUTSIDE, ProductState.LOST, ProductState.UNLOADING
+
+
+class _Cut(NamedTuple):
+    """A beam that became free before the product could be through."""
+
+    product: Product
+    risen: int
+    since: float
+    measured: float
+    travel: float
 
 
 class ProductTracking:
@@ -162,7 +172,7 @@ class ProductTracking:
             for x in line.sensors
         ]
         self._risen = [0.0] * count
-        self._cut: list[tuple[Product, float, float] | None] = [None] * count
+        self._cut: list[_Cut | None] = [None] * count
         self._in_beam: list[tuple[Product, int, float] | None] = [None] * count
         self._misses = [0] * count
         self._strangers = [0] * count
@@ -224,6 +234,8 @@ class ProductTracking:
                     self._falling(n)
         if moving:
             self._look_for_missed()
+            if any(self._cut):
+                self._look_for_short(beams)
             if True in beams:
                 self._look_for_stuck(beams)
             self._leave()
@@ -274,6 +286,8 @@ class ProductTracking:
         product = self._by_id(id)
         right = self._right_of(head, length, product.swapped)
         self._require_room(right, length, product)
+        if product.state is _UNLOADING:
+            self._end_unloading()
         self._forget_beams(product)
         product.shifted += right - product.right
         product.right, product.length = right, length
@@ -537,12 +551,10 @@ class ProductTracking:
             if over.state is _LOST and over.lost_at == n + 1:
                 self._find(over, n, x - (over.right if (over.moving or 1) > 0 else over.left))
                 return
-            cut = self._cut[n]
-            if not (cut and cut[0] is over and abs(self._travel(n) - cut[2]) >= self.settings.shortest):
-                if cut and cut[0] is over:
-                    self._cut[n] = None
-                return
-            self._shorten(over, cut[1])
+            cut, self._cut[n] = self._cut[n], None
+            if cut and cut.product is over:
+                self._in_beam[n] = (over, cut.risen, cut.since)
+            return
         self._stranger(n)
 
     def _expected_edge(self, product: Product, n: int, by: float) -> None:
@@ -668,11 +680,9 @@ class ProductTracking:
             return
         if not whole or measured < self.settings.shortest:
             return
-        if by * end > 0:
-            # the end is not at the sensor yet: shorter than tracked, or a hole in it
-            self._cut[n] = (product, measured, self._travel(n))
-            self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
-            self._mark(product, _UNCERTAIN)
+        if by * end < 0:
+            # the end is not at the sensor yet: shorter than tracked, or a hole in it; the way that the beam stays free will tell
+            self._cut[n] = _Cut(product, risen, since, measured, self._travel(n))
         else:
             self._take_length(product, n, measured, end)
 
@@ -688,13 +698,24 @@ class ProductTracking:
         self._mark(product, _UNCERTAIN)
         self._separate(product)
 
-    def _shorten(self, product: Product, length: float) -> None:
-        """Its leading end is right, the rest of the length is another product's."""
+    def _look_for_short(self, beams: tuple[bool, ...]) -> None:
+        """The beam has been free for the shortest product's way although a product should be in it: that one is shorter."""
+        for n, cut in enumerate(self._cut):
+            if cut and not beams[n] and abs(self._travel(n) - cut.travel) >= self.settings.shortest:
+                self._cut[n] = None
+                self._shorten(cut.product, n, cut.measured)
+
+    def _shorten(self, product: Product, n: int, length: float) -> None:
+        """Its leading end is right; what was behind the measured length is not there."""
+        self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, length - product.length, length)
+        self._mark(product, _UNCERTAIN)
+        if length >= product.length:
+            return
         if (product.moving or 1) < 0:
             right = product.left + length
             product.shifted += right - product.right
             product.right = right
-        product.length = min(product.length, length)
+        product.length = length
         self._set_passed(product)
 
     def _close(self, product: Product, n: int) -> None:
@@ -713,7 +734,7 @@ class ProductTracking:
         self._tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
         if product.length > limits.longest:
             self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - limits.longest, product.length)
-            product.state = _UNCERTAIN
+            self._doubt(product)
 
     # what did not happen
 
@@ -780,7 +801,8 @@ class ProductTracking:
             product.right = right
         self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - length, product.length)
         product.length, product.length_known, product.open_at = length, False, -1
-        product.state = _UNCERTAIN
+        if product.state is not _LOST:
+            product.state = _UNCERTAIN
         self._set_passed(product)
         self._separate(None)
 
@@ -805,7 +827,8 @@ class ProductTracking:
             for other in range(len(self.line.sensors)):
                 if elsewhere & 1 << other:
                     self._suspect(other, BLIND)
-            product.state = _TRACKED
+            arriving = product.open_at == 0 and not product.open_right
+            product.state = _ENTERING if arriving else _TRACKED
         product.missed = product.lost_at = 0
 
     # leaving
@@ -817,13 +840,13 @@ class ProductTracking:
         while products and products[0].left >= end:
             product = products[0]
             if product.state is _LOST:
-                products.pop(0)
+                self._forget_beams(products.pop(0))
             else:
                 self._unloaded(product)
         while products and products[-1].right <= 0.0:
             product = products[-1]
             if product.state is _LOST:
-                products.pop()
+                self._forget_beams(products.pop())
             else:
                 self.left += 1
                 self._tell(Code.LEFT_BACKWARDS, 0, product.id, 0, product.age(self._now))
@@ -934,7 +957,7 @@ class ProductTracking:
             cut = self._cut[n]
             if held and held[0] is product:
                 self._in_beam[n] = None
-            if cut and cut[0] is product:
+            if cut and cut.product is product:
                 self._cut[n] = None
 
     def _by_id(self, id: int) -> Product:
@@ -965,12 +988,20 @@ class ProductTracking:
         self.products.sort(key=_place, reverse=True)
 
     def _set_passed(self, product: Product) -> None:
-        sensors = self.line.sensors
-        product.passed_right = (1 << bisect_left(sensors, product.right)) - 1
-        product.passed_left = (1 << bisect_left(sensors, product.left)) - 1
+        """From the position alone; an end within the tolerance of a free beam may still come to it."""
+        near = self.settings.sensor_tolerance
+        product.passed_right = product.passed_left = 0
+        for n, x in enumerate(self.line.sensors):
+            interrupted = bool(self._beams and self._beams[n])
+            if product.right > (x if interrupted else x + near):
+                product.passed_right |= 1 << n
+            if product.left > (x if interrupted else x - near):
+                product.passed_left |= 1 << n
 
     def _pass(self, product: Product, n: int, way: int, end: int = 0) -> None:
-        """The end (1 right, −1 left; 0 = the leading one) has passed sensor `n` in this direction."""
+        """The end (1 right, −1 left; 0 = the leading one) passes sensor `n` in this direction, the trailing one last."""
+        if end == -way:
+            self._pass(product, n, way)
         if (end or way) > 0:
             product.passed_right = product.passed_right | 1 << n if way > 0 else product.passed_right & ~(1 << n)
         else:
@@ -1033,8 +1064,8 @@ class ProductTracking:
             raise ValueError(f"moved is {moved}, stop_distances is {stops}, finite numbers expected")
 
 
-def _place(product: Product) -> tuple[float, float]:
-    return product.right, product.left
+def _place(product: Product) -> float:
+    return product.right - product.length / 2
 
 
 def _row(product: Product) -> dict[str, Any]:
