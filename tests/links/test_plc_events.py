@@ -1,0 +1,321 @@
+"""The event ring: everything in order, with the device's own time, once; what is lost is counted."""
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+
+import pytest
+
+from app.clock import SystemClock
+from app.links.events import DeviceClock, HostEvent
+from app.plant.definitions import Equipment
+from app.registers import plc_map
+from app.registers.plc_map import long_words
+from app.sim.plc import EVENT_CAPACITY
+from tests.links.devices import Line, until
+from tests.links.plc_devices import KINDS, FaultyBus, SmallPlc, plant, small
+
+
+class Taker:
+    """Whoever takes events: remembers them, and can fail."""
+
+    def __init__(self) -> None:
+        self.events: list[HostEvent] = []
+        self.lost: list[int] = []
+        self.calls = 0
+        self.failures = 0
+        self.delay = 0.0
+        self.equipment: set[str] = set()
+
+    async def __call__(self, equipment: Equipment, events: Sequence[HostEvent], lost: int) -> None:
+        self.calls += 1
+        await asyncio.sleep(self.delay)
+        if self.failures:
+            self.failures -= 1
+            raise OSError("the disk is full")
+        self.equipment.add(equipment.id)
+        self.events += events
+        self.lost.append(lost)
+
+    @property
+    def codes(self) -> list[int]:
+        return [event.code for event in self.events]
+
+    @property
+    def sequences(self) -> list[int]:
+        return [event.sequence for event in self.events]
+
+
+@asynccontextmanager
+async def followed(
+    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[int, int] | None = None
+) -> AsyncIterator[tuple[Line, FaultyBus]]:
+    async with plant(device, kind, start=False) as (line, bus):
+        line.link.on_events = taker
+        if last is not None:
+            line.link.last_seen = lambda equipment: last
+        task = asyncio.create_task(line.link.run())
+        try:
+            yield line, bus
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+
+def acknowledged(device: SmallPlc) -> int:
+    return device._acknowledged
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_ten_events_of_one_scan_come_in_order_with_the_time_of_the_device(kind: str) -> None:
+    device, taker, clock = SmallPlc(), Taker(), SystemClock()
+    async with followed(device, taker, kind) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1, 5, 2.5, [*long_words(77), 1, 2, 3, 4])
+        began = clock.micros()
+        first = device.time
+        for code in range(2, 11):
+            device.event(code)
+        await asyncio.sleep(0.05)
+        device.event(11)
+        second = device.time
+        await until(lambda: taker.codes == list(range(1, 12)))
+        event = taker.events[0]
+        assert (event.sequence, event.source, event.value, event.boot) == (1, 5, 2.5, 1)
+        assert event.snapshot == (0, 77, 1, 2, 3, 4)
+        assert {event.time for event in taker.events[:10]} == {event.time}
+        assert taker.events[10].time - event.time == second - first, "differences are the device's own"
+        assert abs(event.time - began) < 100_000 and event.seen >= event.time - 50_000
+        assert sum(taker.lost) == 0 and taker.equipment == {"p"}
+        await until(lambda: acknowledged(device) == 11)
+
+
+async def test_a_full_ring_is_read_over_its_seam_in_whole_rows() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        for round in range(4):
+            for _ in range(EVENT_CAPACITY - 5):
+                device.event(1)
+            total = (round + 1) * (EVENT_CAPACITY - 5)
+            await until(lambda total=total: len(taker.events) == total)
+        assert taker.sequences == list(range(1, 4 * (EVENT_CAPACITY - 5) + 1)) and sum(taker.lost) == 0
+        rows = [read for read in device.reads if plc_map.EVENT_ROWS <= read[0] < 0x0800]
+        assert rows
+        for address, count in rows:
+            assert (address - plc_map.EVENT_ROWS) % 16 == 0 and count % 16 == 0 and count <= 112
+
+
+async def test_what_the_ring_overwrote_is_counted_and_told() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, bus):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await until(lambda: taker.codes == [1])
+        bus.fault = lambda pdu: "request"
+        await asyncio.sleep(0.1)
+        for _ in range(EVENT_CAPACITY + 20):
+            device.event(2)
+        bus.fault = lambda pdu: ""
+        await until(lambda: len(taker.events) == EVENT_CAPACITY + 1, limit=8)
+        assert sum(taker.lost) == 20
+        assert taker.sequences == [1, *range(22, EVENT_CAPACITY + 22)]
+
+
+async def test_events_that_nobody_took_come_again_and_are_not_acknowledged(caplog: pytest.LogCaptureFixture) -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        taker.failures = 1
+        device.event(1)
+        await until(lambda: taker.calls == 1)
+        await asyncio.sleep(0.3)
+        assert not device.acknowledgements
+        device.event(2)
+        await until(lambda: taker.codes == [1, 2])
+        await until(lambda: acknowledged(device) == 2)
+        assert any("events not taken" in message for message in caplog.messages)
+
+
+async def test_without_a_taker_nothing_is_read_and_nothing_acknowledged() -> None:
+    device = SmallPlc()
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await asyncio.sleep(0.2)
+        assert not [read for read in device.reads if read[0] >= plc_map.EVENT_ROWS and read[0] < 0x0800]
+        assert not device.acknowledgements
+
+
+async def test_it_begins_behind_what_the_device_was_told() -> None:
+    device, taker = SmallPlc(), Taker()
+    for code in range(1, 6):
+        device.event(code)
+    device._acknowledged = 3
+    async with followed(device, taker):
+        await until(lambda: taker.codes == [4, 5])
+        await until(lambda: acknowledged(device) == 5)
+
+
+async def test_it_begins_behind_what_the_owner_has_and_that_counts_more() -> None:
+    device, taker = SmallPlc(), Taker()
+    for code in range(1, 6):
+        device.event(code)
+    device._acknowledged = 4
+    async with followed(device, taker, last=(1, 2)):
+        await until(lambda: taker.codes == [3, 4, 5])
+        assert sum(taker.lost) == 0
+
+
+async def test_a_ring_that_nobody_ever_read_has_lost_nothing() -> None:
+    device, taker = SmallPlc(), Taker()
+    for _ in range(200):
+        device.event(1)
+    async with followed(device, taker):
+        await until(lambda: len(taker.events) == EVENT_CAPACITY)
+        assert taker.events[0].sequence == 200 - EVENT_CAPACITY + 1 and sum(taker.lost) == 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_lost_connection_loses_and_doubles_nothing(kind: str) -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker, kind) as (line, bus):
+        await until(lambda: line.value("p.state") == 1)
+        for number in range(1, 31):
+            device.event(number)
+            if number % 10 == 5:
+                bus.fault = lambda pdu: "answer"
+            if number % 10 == 9:
+                bus.fault = lambda pdu: ""
+            await asyncio.sleep(0.02)
+        await until(lambda: len(taker.events) == 30, limit=25)
+        assert taker.codes == list(range(1, 31)) and sum(taker.lost) == 0
+
+
+async def test_a_connection_lost_while_events_are_taken_does_not_hand_them_over_twice() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker, "tcp") as (line, bus):
+        await until(lambda: line.value("p.state") == 1)
+        taker.delay = 1.5
+        device.event(1)
+        await until(lambda: taker.calls == 1)
+        bus.fault = lambda pdu: "request"
+        await asyncio.sleep(0.6)
+        bus.fault = lambda pdu: ""
+        device.event(2)
+        await until(lambda: taker.codes == [1, 2], limit=10)
+        assert taker.calls == 2
+
+
+async def test_a_restart_goes_on_in_the_ring_and_tells_the_start_of_each_event() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await asyncio.sleep(0.25)
+        device.power_cycle()
+        await asyncio.sleep(0.02)
+        device.event(2)
+        await until(lambda: taker.codes == [1, 2])
+        assert [event.boot for event in taker.events] == [1, 2]
+        await until(lambda: acknowledged(device) == 2)
+
+
+@pytest.mark.parametrize("more", [1, 30])
+async def test_a_ring_that_begins_anew_is_read_from_its_beginning(more: int) -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        for code in range(1, 11):
+            device.event(code)
+        await until(lambda: len(taker.events) == 10)
+        await until(lambda: acknowledged(device) == 10)
+        device._forget_all()
+        device._start_up()
+        for number in range(more):
+            device.event(100 + number)
+        await until(lambda: len(taker.events) == 10 + more)
+        assert taker.codes[10:] == [100 + number for number in range(more)]
+        assert sum(taker.lost) == 0
+
+
+async def test_a_row_that_the_head_counts_and_that_is_not_there_yet_is_waited_for() -> None:
+    class Slow(SmallPlc):
+        behind = 0
+
+        def read(self, function: int, address: int, count: int) -> list[int]:
+            words = super().read(function, address, count)
+            if plc_map.EVENT_ROWS <= address < 0x0800 and self.behind:
+                self.behind -= 1
+                words[-16:] = [0] * 16
+            return words
+
+    device, taker = Slow(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.behind = 2
+        device.event(1)
+        device.event(2)
+        await until(lambda: taker.codes == [1, 2])
+        device.behind = 1000
+        device.event(3)
+        await asyncio.sleep(0.6)
+        device.behind = 0
+        device.event(4)
+        await until(lambda: taker.codes == [1, 2, 4])
+        assert sum(taker.lost) == 1, "it never was there, and that is told"
+
+
+async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await until(lambda: taker.codes == [1])
+        line.link.renew([small()])
+        device.event(2)
+        await until(lambda: taker.codes == [1, 2])
+        line.link.last_seen = lambda equipment: (1, 0)  # would begin anew
+        line.link.renew([small(slots=10)])
+        device.event(3)
+        await until(lambda: taker.codes == [1, 2, 3])
+        assert sum(taker.lost) == 0
+
+
+# the clock
+
+
+def header(boots: int, time: int, quality: int = 0) -> list[int]:
+    words = [0] * plc_map.HEADER_WORDS
+    words[plc_map.AT_BOOTS], words[plc_map.AT_TIME_QUALITY] = boots, quality
+    words[plc_map.AT_TIME : plc_map.AT_TIME_QUALITY] = plc_map.time_words(time)
+    return words
+
+
+def test_the_offset_is_kept_until_it_is_wrong_by_more_than_50_ms() -> None:
+    clock = DeviceClock()
+    assert not clock.header(header(1, 1_000_000), 0, 50_000_000, 50_002_000)
+    assert clock.utc(1_000_000) == 50_001_000
+    clock.header(header(1, 2_000_000), 0, 51_040_000, 51_041_000)
+    assert clock.utc(2_000_000) == 51_001_000, "40 ms are not worth a jump"
+    clock.header(header(1, 3_000_000), 0, 52_000_000, 53_000_000)
+    assert clock.utc(3_000_000) == 52_001_000, "a slow answer says nothing against it"
+    clock.header(header(1, 4_000_000), 0, 53_080_000, 53_082_000)
+    assert clock.utc(4_000_000) == 53_081_000
+
+
+def test_a_device_that_keeps_utc_is_believed() -> None:
+    clock = DeviceClock()
+    clock.header(header(1, 1_700_000_000_000_000, 2), 0, 5, 6)
+    assert clock.utc(1_700_000_000_000_123) == 1_700_000_000_000_123
+
+
+def test_what_happened_before_a_restart_keeps_the_time_that_it_had() -> None:
+    clock = DeviceClock()
+    clock.header(header(1, 1_000_000), 0, 50_000_000, 50_000_000)
+    assert clock.header(header(2, 1_200_000), 0, 80_000_000, 80_000_000)
+    assert (clock.utc(900_000), clock.boot(900_000)) == (49_900_000, 1)
+    assert (clock.utc(1_200_000), clock.boot(1_200_000)) == (80_000_000, 2)
+    assert clock.header(header(1, 10_000), 0, 90_000_000, 90_000_000), "its time began anew"
+    assert (clock.utc(5_000), clock.boot(5_000)) == (89_995_000, 1)
+    assert clock.utc(1_100_000) == 79_900_000

@@ -1,0 +1,228 @@
+"""Header, images and tables of a machine with a map of ours: what is published is whole, and is of the right device."""
+
+import asyncio
+
+import pytest
+
+from app.errors import LinkError
+from app.links.map_plan import plan_map
+from app.links.planner import NETWORK_OVERHEAD, Part, Rows
+from app.links.statistics import State
+from app.plant.definitions import Scan
+from app.registers import plc_map
+from app.tags.quality import CONFIGURATION as BAD_CONFIGURATION
+from app.tags.quality import GOOD, Origin, is_good
+from tests.links.devices import until
+from tests.links.plc_devices import (
+    CONFIGURATION,
+    DEVICE,
+    KINDS,
+    MAP,
+    SETTINGS,
+    SETTINGS_WORDS,
+    STATUS,
+    STATUS_WORDS,
+    TABLE,
+    SmallPlc,
+    plant,
+    small,
+)
+
+SIMULATED = int(Origin.SIMULATED)
+WRONG = BAD_CONFIGURATION | SIMULATED
+
+
+# the plan
+
+
+def test_every_image_is_one_read_and_no_row_is_cut() -> None:
+    readings = plan_map([small()], DEVICE, MAP, NETWORK_OVERHEAD).readings
+    blocks = {(r.block.address, r.block.count): r for r in readings}
+    assert blocks[(0, 32)].part is Part.HEADER and blocks[(0, 32)].scan is Scan.SLOW
+    assert blocks[(STATUS, STATUS_WORDS)].scan is Scan.FAST
+    assert blocks[(CONFIGURATION, 6)].scan is Scan.ONCE
+    assert blocks[(SETTINGS, SETTINGS_WORDS)].scan is Scan.SLOW
+    assert blocks[(plc_map.EVENTS, plc_map.EVENTS_WORDS)].part is Part.RING
+    rows = [r for r in readings if isinstance(r.part, Rows)]
+    assert [(r.block.address, r.block.count) for r in rows] == [
+        (TABLE, 4 + 15 * 8),
+        (TABLE + 4 + 15 * 8, 15 * 8),
+        (TABLE + 4 + 30 * 8, 10 * 8),
+    ]
+    placed = [p.name for r in readings for p in r.points]
+    assert sorted(placed) == sorted(p.name for p in small().points.values())
+    assert readings[0].part is Part.HEADER, "a silent unit is asked for its first word"
+
+
+# values
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_values_of_all_parts_arrive(kind: str) -> None:
+    device = SmallPlc()
+    device.put(11, value=2.5)
+    device.put(12)
+    async with plant(device, kind) as (line, _):
+        await until(lambda: line.value("p.thing_2_id") == 12 and line.value("p.c") == 3.0 and line.value("p.size"))
+        assert (line.value("p.boots"), line.value("p.size"), line.value("p.level")) == (1, 5, 1.5)
+        assert (line.value("p.thing_1_id"), line.value("p.thing_1_value"), line.value("p.thing_count")) == (11, 2.5, 2)
+        assert is_good(line.quality("p.thing_1_value")) and is_good(line.quality("p.thing_40_value"))
+        assert (line.value("p.thing_40_id"), line.value("p.thing_40_value")) == (0, None)
+        before = line.value("p.counter")
+        await until(lambda: line.value("p.counter") > before)  # type: ignore[operator]
+
+
+async def test_a_torn_image_is_asked_for_again_and_never_published() -> None:
+    device = SmallPlc()
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.counter") is not None)
+        device.torn.add(STATUS)
+        await asyncio.sleep(0.05)
+        before = line.value("p.counter")
+        published = len([b for b in line.batches if line.tags.handle("p.counter") in b.handles])
+        torn, device.reads = line.link.statistics.torn, []
+        await asyncio.sleep(0.3)
+        reads = device.reads.count((STATUS, STATUS_WORDS))
+        assert reads > 2.5 * 0.3 / 0.03, "each scan is tried again at once"
+        assert line.link.statistics.torn - torn == pytest.approx(reads, abs=1)
+        assert line.value("p.counter") == before and is_good(line.quality("p.counter"))
+        assert published == len([b for b in line.batches if line.tags.handle("p.counter") in b.handles])
+        assert line.tags.age(line.tags.handle("p.counter")) > 0.25, "it grows old, and is stale some time"
+        with pytest.raises(LinkError, match="changed while it was read"):
+            await line.link.refresh("p", ["counter"])
+        device.torn.clear()
+        await until(lambda: line.value("p.counter") != before)
+
+
+# tables
+
+
+async def test_rows_that_are_not_counted_are_not_read_and_are_read_at_once_when_they_are() -> None:
+    device = SmallPlc()
+    second = (TABLE + 4 + 15 * 8, 15 * 8)
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.thing_40_id") == 0)
+        assert line.quality("p.thing_40_state") == GOOD | SIMULATED
+        await asyncio.sleep(0.2)
+        assert second not in device.reads
+        device.put(77, slot=20, value=4.0)
+        took = await until(lambda: line.value("p.thing_21_id") == 77)
+        assert took < 0.2 and line.value("p.thing_21_value") == 4.0
+        assert (line.value("p.thing_21_state"), line.value("p.thing_22_state")) == (3, 0)
+        device.table.ids[20] = 0
+        await until(lambda: line.value("p.thing_21_id") == 0)
+        assert (line.value("p.thing_21_value"), line.quality("p.thing_21_value")) == (None, GOOD | SIMULATED)
+        await asyncio.sleep(0.1)
+        device.reads = []
+        await asyncio.sleep(0.2)
+        assert second not in device.reads
+        await line.link.refresh("p", ["thing_21_id"])
+        assert second not in device.reads and line.value("p.thing_21_id") == 0
+
+
+async def test_cells_that_are_not_read_do_not_grow_old() -> None:
+    async with plant(SmallPlc()) as (line, _):
+        await until(lambda: line.value("p.thing_40_id") == 0)
+        handle = line.tags.handle("p.thing_40_value")
+        for _ in range(20):
+            await asyncio.sleep(0.1)
+            assert line.tags.age(handle) < 1.5
+
+
+async def test_a_torn_row_keeps_what_it_was_while_the_others_go_on() -> None:
+    device = SmallPlc()
+    for id in (1, 2, 3):
+        device.put(id, value=1.0)
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.thing_3_value") == 1.0)
+        device.torn_rows.add(1)
+        await asyncio.sleep(0.05)
+        device.things.update({0: 5.0, 1: 5.0, 2: 5.0})
+        await until(lambda: line.value("p.thing_3_value") == 5.0)
+        assert (line.value("p.thing_1_value"), line.value("p.thing_2_value")) == (5.0, 1.0)
+        assert line.link.statistics.torn >= 3
+        device.torn_rows.clear()
+        await until(lambda: line.value("p.thing_2_value") == 5.0)
+
+
+async def test_a_table_with_other_rows_than_the_plant_file_says_is_bad_and_the_rest_lives() -> None:
+    device = SmallPlc()
+    device.put(1)
+    device.row_size = 9
+    async with plant(device) as (line, _):
+        await until(lambda: line.quality("p.thing_1_id") == WRONG)
+        await until(lambda: line.quality("p.thing_40_id") == WRONG)
+        assert is_good(line.quality("p.counter"))
+
+
+# the header
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [(plc_map.AT_MAGIC, 0x1234), (plc_map.AT_MAJOR, 2), (plc_map.AT_TYPE, 78)],
+)
+async def test_another_device_gives_no_value_and_takes_no_write(kind: str, word: int, value: int) -> None:
+    device = SmallPlc()
+    device.header[word] = value
+    async with plant(device, kind) as (line, _):
+        quality = WRONG if kind == "memory" else BAD_CONFIGURATION
+        await until(lambda: line.quality("p.counter") & 0xFF == BAD_CONFIGURATION)
+        assert line.quality("p.thing_40_id") & 0xFF == quality & 0xFF
+        assert line.link.statistics.state is State.CONFIGURATION
+        for call in (
+            line.link.order("p", 1),
+            line.link.order("p", 2, urgent=True),
+            line.link.hold("p", 1, 1),
+            line.link.write("p", "a", 5.0),
+            line.link.answer("p", 1),
+        ):
+            with pytest.raises(LinkError, match="not the device of the plant file"):
+                await call
+        assert not device.executed and not device.heartbeats and not device.holds
+
+
+async def test_a_device_that_is_exchanged_while_running_is_noticed_and_comes_back() -> None:
+    device = SmallPlc()
+    async with plant(device) as (line, _):
+        await until(lambda: is_good(line.quality("p.counter")))
+        device.header[plc_map.AT_TYPE] = 78
+        await until(lambda: line.quality("p.counter") == WRONG and line.quality("p.thing_40_id") == WRONG)
+        assert {line.value("p.counter"), line.value("p.size"), line.value("p.thing_40_id")} == {None}
+        device.header.clear()
+        await until(lambda: is_good(line.quality("p.counter")) and is_good(line.quality("p.size")), limit=8)
+
+
+async def test_a_newer_minor_version_is_fine() -> None:
+    device = SmallPlc()
+    device.header[plc_map.AT_MINOR] = 9
+    async with plant(device) as (line, _):
+        await until(lambda: is_good(line.quality("p.counter")))
+
+
+async def test_after_a_restart_and_after_another_configuration_what_is_read_once_is_read_again() -> None:
+    device = SmallPlc()
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.size") == 5)
+        crc = line.value("p.crc")
+        device.size = 6
+        await until(lambda: line.value("p.size") == 6)
+        assert line.value("p.crc") != crc
+        await asyncio.sleep(0.3)
+        device.reads = []
+        device.power_cycle()
+        await until(lambda: line.value("p.boots") == 2)
+        await until(lambda: (CONFIGURATION, 6) in device.reads)
+        assert (plc_map.ANSWERS, plc_map.ANSWERS_WORDS) in device.reads
+
+
+# the heartbeat of the host
+
+
+async def test_the_host_shows_every_second_that_it_is_there_when_it_may_write() -> None:
+    device = SmallPlc()
+    async with plant(device):
+        await until(lambda: len(device.heartbeats) == 3)
+        first, second, third = device.heartbeats
+        assert (second - first & 0xFFFF, third - second & 0xFFFF) == (1, 1)
