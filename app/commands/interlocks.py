@@ -225,25 +225,10 @@ RANGE: Mapping[Type, tuple[float, float]] = {Type.U32: (0, 2**32 - 1), Type.I32:
 LARGEST_F32 = 3.4e38
 
 
-def argument_limits(argument: Argument, look: Look) -> tuple[float | None, float | None, bool]:
-    """Least and greatest value of `argument` now [EU], None = none; and whether they are known."""
-    low, high = RANGE.get(argument.type, (None, None))
-    known = True
-    for name, text in (("low", argument.low), ("high", argument.high)):
-        if not text:
-            continue
-        limit = expression.number(text, look)
-        known = known and limit is not None
-        if name == "low":
-            low = limit
-        else:
-            high = limit
-    return low, high, known
-
-
 def wrong_argument(argument: Argument, value: float, look: Look) -> Reason | None:
     """Why `value` [EU] cannot be `argument`; None when it can."""
-    low, high, known = argument_limits(argument, look)
+    low, high = (expression.number(text, look) if text else None for text in (argument.low, argument.high))
+    known = (low is not None or not argument.low) and (high is not None or not argument.high)
     params: dict[str, object] = {"argument": argument.name, "unit": argument.unit, "value": value}
     if not known:
         return Reason("why.limits_unknown", {**params, "point": argument.name}, argument.label)
@@ -255,6 +240,10 @@ def wrong_argument(argument: Argument, value: float, look: Look) -> Reason | Non
         return Reason("why.too_low", {**params, "min": low}, argument.label)
     if high is not None and value > high:
         return Reason("why.too_high", {**params, "max": high}, argument.label)
+    least, most = RANGE.get(argument.type, (value, value))
+    if not least <= value <= most:
+        bounds = {"min": least if low is None else low, "max": most if high is None else high}
+        return Reason("why.out_of_limits", {**params, **bounds}, argument.label)
     if round(value, argument.decimals) != value:
         return Reason("why.decimals", {**params, "decimals": argument.decimals}, argument.label)
     return None

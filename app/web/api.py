@@ -21,6 +21,7 @@ from app.commands.lifecycle import Progress
 from app.errors import Refused
 from app.historian import query
 from app.plant.definitions import Equipment, Point
+from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
 from app.web.guard import address_of, allow, person_of
 from app.web.history import read
@@ -151,6 +152,9 @@ class CommandIn(BaseModel):
     id: str = Field(description="made once per press: the same id is not executed again", min_length=8, max_length=64)
     nonce: str = Field("", description="from POST /nonce, lives 10 s, single use; Stop needs none", max_length=128)
     value: float | None = Field(None, description="argument, in the unit of its point", allow_inf_nan=False)
+    arguments: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        {}, description="of a command that takes several, by name", max_length=MOST_ARGUMENTS
+    )
     expected: float | None = Field(
         None, description="what the setpoint was seen at; 409 when it is not", allow_inf_nan=False
     )
@@ -172,6 +176,7 @@ class CommandOut(BaseModel):
     accepted: datetime | None
     ended: datetime | None
     value: float | None
+    arguments: dict[str, float]
     reason: str = Field(description="key of the text")
 
 
@@ -371,7 +376,7 @@ async def setpoint(request: Request, key: str, setpoint: str, order: CommandIn) 
     item = item_of(request, key)
     if setpoint not in item.type.setpoints:
         raise HTTPException(404)
-    if order.value is None:
+    if order.value is None or order.arguments:
         raise HTTPException(422)
     progress = await gate_of(request).set_value(
         person_of(request), item.id, setpoint, order.value, **_given(request, order)
@@ -451,9 +456,13 @@ def point_of(runtime: "Runtime", name: str) -> Point:
 
 
 async def _ask(request: Request, item: Equipment, command: str, order: CommandIn) -> CommandOut:
-    return _progress(
-        await gate_of(request).ask(person_of(request), item.id, command, argument=order.value, **_given(request, order))
-    )
+    given = _given(request, order) | {"argument": order.value, "arguments": order.arguments}
+    try:
+        return _progress(await gate_of(request).ask(person_of(request), item.id, command, **given))
+    except Refused as error:
+        if label := error.params.get("label"):
+            error.params["label"] = runtime_of(request).texts.of_type(language_of(request), item.type, str(label))
+        raise
 
 
 def _given(request: Request, order: CommandIn) -> dict[str, Any]:
@@ -569,6 +578,7 @@ def _progress(progress: Progress) -> CommandOut:
         accepted=to_datetime(progress.accepted) if progress.accepted else None,
         ended=to_datetime(progress.ended) if progress.ended else None,
         value=progress.argument,
+        arguments=dict(progress.arguments),
         reason=progress.reason,
     )
 

@@ -155,6 +155,7 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
         "text": _text(request, line),
         "result": _known(request, f"audit.result.{line.result}", line.result),
         "reason": _reason(request, line),
+        "why": line.parameters.get("why", ""),
     }
 
 
@@ -168,7 +169,14 @@ def _text(request: Request, line: Record) -> str:
 
 
 def _reason(request: Request, line: Record) -> str:
-    return _known(request, line.reason, line.reason, **line.parameters) if line.reason else ""
+    """Why it came to this end, filled with what the gate wrote down as `reason_…`; labels are text keys of the machine's type."""
+    params = dict(line.parameters)
+    params |= {name.removeprefix("reason_"): value for name, value in params.items() if name.startswith("reason_")}
+    runtime = view_of(request).runtime(request)
+    item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
+    if item is not None and params.get("label"):
+        params["label"] = runtime.texts.of_type(language.language_of(request), item.type, params["label"])
+    return _known(request, line.reason, line.reason, **params) if line.reason else ""
 
 
 def _known(request: Request, key: str, otherwise: str, /, **params: str) -> str:

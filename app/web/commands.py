@@ -353,6 +353,9 @@ def _question(
 ) -> Response:
     """What the gate asks back: a dialog, or for a value the card with now and new."""
     params = question.params
+    if "argument" in params:  # the field stays; the person writes it so that it means one thing
+        text = operation.refusal(question)
+        return _answered(request, operation, form, text, "error", 422, key, field=True)
     machine = operation.equipment
     commands = machine.equipment.type.commands
     command = commands.get(key)
@@ -372,6 +375,7 @@ def _question(
         "question": question.reason,
         "why": [machine.text(str(line)) for line in why] if isinstance(why, tuple) else [],
         "warning": machine.t(str(warning)) if warning else "",
+        "needs_reason": bool(params.get("needs_reason")) or str(params.get("level", "")) >= "C3",
         "point": point,
         "old": old if isinstance(old, int | float) else None,
         "new": new if isinstance(new, int | float) else None,

@@ -51,7 +51,9 @@ def answer(request: Request, status: int, key: str, reference: str = "", **param
     view: View = request.app.state.view
     text = view.text(request, key, **params)
     if request.url.path.startswith("/api/"):
-        return JSONResponse({"error": key, "text": text} | ({"reference": reference} if reference else {}), status)
+        more = {"reference": reference} if reference else {}
+        more |= {"argument": str(params["argument"])} if "argument" in params else {}
+        return JSONResponse({"error": key, "text": text} | more, status)
     if request.headers.get("hx-request") == "true":
         return view.fragment(request, "fragments/error.html", status=status, text=text, reference=reference)
     return view.page(

@@ -279,7 +279,21 @@ class Operation:
         key = error.reason
         if key in ("why.condition", "why.condition_unknown") and more > 0:
             return self.words("why.condition_more", {**error.params, "n": more})
-        return self.words(key, error.params)
+        text = self.words(key, error.params)
+        label = str(error.params.get("label", "")) if "argument" in error.params else ""
+        named = self.equipment.t(label) if label else ""
+        return text if named in text else f"{named}: {text}"
+
+    def told(self, progress: Progress) -> str:
+        """The arguments of a command in words: Product 5, Head 100.5 mm."""
+        command = self.equipment.equipment.type.commands.get(progress.command)
+        parts = []
+        for argument in command.arguments if command else ():
+            if argument.name in progress.arguments:
+                value = fmt.number(progress.arguments[argument.name], argument.decimals, self.equipment.lang)
+                unit = fmt.unit_symbol(argument.unit, self.equipment.text)
+                parts.append(f"{self.equipment.t(argument.label)} {value}\u00a0{unit}".rstrip())
+        return ", ".join(parts)
 
     @cached_property
     def story(self) -> Story | None:
@@ -303,6 +317,8 @@ class Operation:
             key = command.argument if command else progress.command
             point = self.equipment.point(key) if self.equipment.has(key) else None
             argument = f" = {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
+        elif progress.arguments:
+            argument = f" ({self.told(progress)})"
         who = f" · {self.named(progress.person)}" if progress.person else ""
         what = f"{self.id.upper()} {self.equipment.t(progress.label)}{argument}"
         line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"

@@ -264,7 +264,7 @@ async def test_what_a_person_types_is_read_in_the_person_s_language() -> None:
 @pytest.mark.parametrize(
     ("changed", "reason", "argument"),
     [
-        ({"product": 0}, "why.out_of_limits", "product"),
+        ({"product": 0}, "why.too_low", "product"),
         ({"product": 4294967296}, "why.out_of_limits", "product"),
         ({"product": 5.5}, "why.decimals", "product"),
         ({"product": ""}, "why.argument_missing", "product"),
@@ -298,7 +298,7 @@ def test_a_limit_on_one_side_is_told_alone() -> None:
     found = wrong_argument(lowest, 9, look), wrong_argument(highest, -4, look), wrong_argument(unknown, 9, look)
     assert [reason.key if reason else "" for reason in found] == [
         "why.too_low",
-        "why.out_of_limits",
+        "why.too_high",
         "why.limits_unknown",
     ]
     assert found[0] is not None
