@@ -12,6 +12,7 @@ Written from the map's description (issue 3) and the thesis' program, never from
 | gap stop, manual | released when nothing is held |
 | buffer full | in automatic belt 1 waits until a slot is free |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
+| length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
 | first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; a gap stop that ended by itself for 10 s |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
@@ -370,6 +371,8 @@ class VirtualConveyor(VirtualPlc):
     _moving: bool
     _direction: int
     _gap_age: float
+    _length_doubted: set[int]
+    """Ids of products of which two sensors measured different lengths."""
     _restart_speed: float
     _restart_way: float
 
@@ -468,7 +471,23 @@ class VirtualConveyor(VirtualPlc):
             elif event.source > 1 and event.code in _AT_SENSOR:
                 self._watch_slip(event)
         if happened:
+            self._doubt_lengths(happened)
             self._renew_table()
+
+    def _doubt_lengths(self, happened: Sequence[TrackingEvent]) -> None:
+        """Two sensors that disagree on a length leave the product uncertain until a third agrees with one of them."""
+        differing = {
+            event.id
+            for event in happened
+            if event.code == tracking.Code.LENGTH_DIFFERS and abs(event.value) > self._values["sensor_tolerance"]
+        }
+        agreeing = {event.id for event in happened if event.code == tracking.Code.TAIL_AT_SENSOR} - differing
+        self._length_doubted = (self._length_doubted | differing) - agreeing
+        if self._length_doubted:
+            doubted = [product for product in self.tracking.products if product.id in self._length_doubted]
+            self._length_doubted = {product.id for product in doubted}
+            for product in doubted:
+                _make_uncertain(product)
 
     def _watch_slip(self, event: TrackingEvent) -> None:
         product = next((product for product in self.tracking.slots if product and product.id == event.id), None)
@@ -560,10 +579,7 @@ class VirtualConveyor(VirtualPlc):
         begin, end = ends[belt - 1] if belt else 0.0, ends[belt]
         for product in self.tracking.products:
             if product.right > begin and product.left < end:
-                if product.state in _CERTAIN:
-                    product.state = ProductState.UNCERTAIN
-                elif product.state is not ProductState.LOST:
-                    product.settled = ProductState.UNCERTAIN
+                _make_uncertain(product)
 
     def _modes_and_gaps(self) -> None:
         bits = self.hold
@@ -697,6 +713,7 @@ class VirtualConveyor(VirtualPlc):
         except EditRefused as refusal:
             return no(refusal.reason)
         self._tell(event)
+        self._length_doubted = set() if code == Command.CONFIRM and not first else self._length_doubted - {first}
         self._renew_table()
         return Verdict(detail=event.id)
 
@@ -848,6 +865,7 @@ class VirtualConveyor(VirtualPlc):
         self._direction = self._unloading = 0
         self._taken = self.machine.unloaded
         self._gap_age = 0.0
+        self._length_doubted = set()
         self._restart_speed = nan
         self._restart_way = 0.0
         self._take_settings()
@@ -1000,6 +1018,13 @@ _CONFIGURATION = Struct(">3H3f4f4ffffIHHf50x")
 _ROW = Struct(">IHHfffHHfIfHQH")
 _CERTAIN = (ProductState.TRACKED, ProductState.OUTSIDE)
 _AT_SENSOR = (tracking.Code.HEAD_AT_SENSOR, tracking.Code.TAIL_AT_SENSOR, tracking.Code.UNEXPECTED)
+
+
+def _make_uncertain(product: Product) -> None:
+    if product.state in _CERTAIN:
+        product.state = ProductState.UNCERTAIN
+    elif product.state is not ProductState.LOST:
+        product.settled = ProductState.UNCERTAIN
 
 
 def _require_settings(given: Mapping[str, float]) -> None:

@@ -35,8 +35,8 @@ INFEED_GAP = 30.0
 """Least distance that the infeed keeps [mm]."""
 UNLOAD_ZONE = 40.0
 """From the end of the line [mm]."""
-STANDS = 0.05
-"""Below this a belt stands [%]."""
+STANDS = 1.0
+"""The unloader takes from a belt that is slower [%]."""
 
 EMERGENCY_STOP, HOST_OFF = 50, 60
 FAULTS = (1, 2, 3, 11, 12, 13, 21, 22, 23, 24, 31, 32, 33, 34, 41, 42, 43, EMERGENCY_STOP, HOST_OFF)

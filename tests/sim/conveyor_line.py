@@ -220,7 +220,7 @@ class TestLine:
     async def stand(self) -> None:
         """Stop, and wait until nothing moves."""
         await self.done(Command.STOP)
-        await self.until(lambda: self.device.state in (State.STOPPED, State.EMERGENCY_STOP, State.FAULT, State.GAP), 20)
+        await self.until(lambda: not any(self.device.machine.speeds), 20)
         self.go(0.2)
 
     # ---- the truth
@@ -249,8 +249,13 @@ class Witness:
         self._before = (machine.unloaded, machine.removed, machine.fallen, machine.backed_out)
         self.here = {product.number: product for product in machine.products}
         self._newest = line.device.newest
-        self._match({product.id: product for product in line.device.tracking.products})
+        self.rematch()
         line.watch = self.look
+
+    def rematch(self) -> None:
+        """Which record is which product's now, whatever it was: an operator has put the records right."""
+        self.record.clear()
+        self._match({product.id: product for product in self.line.device.tracking.products})
 
     def look(self) -> None:
         device = self.line.device

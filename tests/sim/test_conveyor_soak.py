@@ -1,0 +1,228 @@
+"""Thousands of products with every fault in turn, each put right as an operator would: none is lost unnoticed.
+
+What is counted at the end, of products (things) and of records (what the PLC knows):
+
+- things: fed + put by hand = unloaded + taken off + fallen over the end + still there;
+- records: entered + found + inserted = unloaded + empty grips + deleted + withdrawn + left backwards + still in the table;
+- each thing that vanished without the PLC's doing has its event: lost (11) or, where a thing came from nowhere, unexpected (12).
+"""
+
+import random
+from dataclasses import dataclass, field
+
+import pytest
+
+from app.registers.plc_map import AnswerState
+from app.sim import training
+from app.sim.conveyor import Command, Event, State, VirtualConveyor
+from app.sim.conveyor_machine import FAULTS, Geometry
+from tests.sim.conveyor_line import Operator, TestLine, Witness, tcp_port
+
+QUICK = {
+    "automatic_speed": 80.0,
+    "unload_dwell": 0.1,
+    "restart_delay": 0.1,
+    "acceleration": 300.0,
+    "jerk": 2000.0,
+    "host_timeout": 2.0,
+    "slip_warning": 10.0,
+}
+TOLERANCE = 5.0
+EXPECTED = {
+    **{belt: (Event.JAM, belt) for belt in (1, 2, 3)},
+    **{10 + belt: (10, None) for belt in (1, 2, 3)},
+    21: (12, 2),
+    **{20 + sensor: (11, sensor) for sensor in (2, 3, 4)},
+    **{30 + sensor: (28, sensor) for sensor in (1, 2, 3, 4)},
+    **{40 + belt: (Event.ENCODER, belt) for belt in (1, 2, 3)},
+    50: (Event.EMERGENCY_STOP, 0),
+    60: (Event.HOST_SILENT, 0),
+}
+"""What the PLC must tell of each fault: event and source."""
+REMOVED, PUT = -1, -2
+"""Deeds by hand, among the faults."""
+
+
+@dataclass
+class Soak:
+    """One run until so many products were unloaded."""
+
+    line: TestLine
+    seed: int
+    goal: int
+    told: dict[int, int] = field(default_factory=dict)
+    """Fault → how often it was caused and told."""
+    taken_silently: int = 0
+    worst: float = 0.0
+    beat: int = 0
+
+    async def run(self) -> None:
+        line = self.line
+        self.chance = random.Random(self.seed)
+        self.witness = Witness(line)
+        self.operator = Operator(line)
+        self.counts = {code: 0 for code in (5, 11, 12)}
+        assert (await line.order(Command.START)).state is AnswerState.DONE
+        faults = [*FAULTS, REMOVED, PUT]
+        while line.device.machine.unloaded < self.goal:
+            self.chance.shuffle(faults)
+            for fault in faults:
+                await self.quiet(self.chance.uniform(3, 9))
+                if fault == REMOVED:
+                    await self.remove()
+                elif fault == PUT:
+                    await self.put()
+                else:
+                    await self.cause(fault)
+                await self.recover()
+                if line.device.machine.unloaded >= self.goal:
+                    break
+        await self.quiet(20)
+
+    async def pass_time(self, seconds: float) -> list[tuple[int, int]]:
+        """Let it run with a living host; what the ring told."""
+        told = []
+        for _ in range(max(1, round(seconds))):
+            self.beat = self.beat % 65535 + 1
+            await self.line.port.write(9, [self.beat], 6)
+            self.line.go(1)
+            for event in await self.line.fetch():
+                told.append((int(event.code), event.source))
+        # the whole of 10 000 products is not kept
+        del self.line.events[:-1]
+        return told
+
+    async def quiet(self, seconds: float) -> None:
+        """Normal running: whatever position counts is right."""
+        self.witness.worst = self.witness.worst_place = 0.0
+        await self.pass_time(seconds)
+        self.worst = max(self.worst, self.witness.worst)
+        assert self.witness.worst <= TOLERANCE, f"step {self.line.device.steps}"
+
+    async def cause(self, fault: int) -> None:
+        line = self.line
+        code, source = EXPECTED[fault]
+        self.witness.worst = self.witness.worst_place = 0.0
+        await line.train(training.REG_MACHINE_FAULT, fault)
+        for _ in range(60):
+            if any(c == code and source in (None, s) for c, s in await self.pass_time(1)):
+                break
+            if line.device.state in (State.STOPPED, State.FAULT):
+                raise AssertionError(f"fault {fault}: the line stands, event {code} from {source} not told")
+        else:
+            raise AssertionError(f"fault {fault}: event {code} from {source} not told within 60 s")
+        self.told[fault] = self.told.get(fault, 0) + 1
+        await self.pass_time(self.chance.uniform(0, 4))
+        assert self.witness.worst_place <= TOLERANCE, f"fault {fault}: {self.witness.worst_place:.1f} mm, not flagged"
+        if fault in (1, 2, 3, 11, 12, 13, 24, 41, 42, 43, 50, 60):
+            assert self.witness.worst <= TOLERANCE, f"fault {fault}: {self.witness.worst:.1f} mm, not flagged"
+        await line.train(training.REG_MACHINE_FAULT, 0)
+
+    async def remove(self) -> None:
+        """Somebody takes a product away; the next sensor, or the empty grip, tells it."""
+        line = self.line
+        first = Geometry().sensors[0]
+        for _ in range(60):
+            if known := [n for n, product in enumerate(line.true(), 1) if product.tail > first + 5]:
+                break
+            await self.pass_time(1)
+        number = self.chance.choice(known)
+        gone = line.true()[number - 1].number
+        id = self.witness.record[gone]
+        await line.train(training.REG_REMOVE, number)
+        self.taken_silently += 1
+        for _ in range(60):
+            self.line.go(1)
+            for event in await line.fetch():
+                if event.code == 11 and event.snapshot[0] << 16 | event.snapshot[1] == id:
+                    self.told[REMOVED] = self.told.get(REMOVED, 0) + 1
+                    return
+            self.beat += 1
+            await line.port.write(9, [self.beat & 0xFFFF or 1], 6)
+        raise AssertionError(f"product {gone}, record {id}: taken away and never missed")
+
+    async def put(self) -> None:
+        """Somebody puts a product between two sensors; the next sensor tells it."""
+        line = self.line
+        for _ in range(60):
+            spots = [x for x in range(130, 520, 5) if not 205 < x < 250 and not 435 < x < 480]
+            room = [x for x in spots if all(x + 25 < other.tail or x - 45 > other.head for other in line.true())]
+            if room:
+                break
+            await self.pass_time(1)
+        else:
+            raise AssertionError("no room to put a product for 60 s: the line stands")
+        before = line.device.machine.put
+        await line.train(training.REG_PUT, self.chance.choice(room))
+        assert line.device.machine.put == before + 1
+        for _ in range(60):
+            if any(code == 12 for code, _ in await self.pass_time(1)):
+                self.told[PUT] = self.told.get(PUT, 0) + 1
+                return
+        raise AssertionError("a product was put by hand and never told")
+
+    async def recover(self) -> None:
+        """The operator; first let a host that was silent be back."""
+        self.beat = self.beat % 65535 + 1
+        await self.line.port.write(9, [self.beat], 6)
+        await self.operator.recover()
+        self.witness.rematch()
+
+    def settle(self) -> None:
+        """The books must balance."""
+        device, witness = self.line.device, self.witness
+        machine, tracking = device.machine, device.tracking
+        fates = witness.fates
+        assert machine.entered + machine.put == sum(fates.values()) + len(machine.products)
+        assert fates["unloaded"] == machine.unloaded and fates["removed"] == machine.removed
+        assert machine.removed == self.taken_silently + self.operator.taken_off
+        records = sum(1 for slot in tracking.slots if slot)
+        grips = (
+            tracking.entered
+            + tracking.found
+            + tracking.inserted
+            - (tracking.unloaded + tracking.deleted + tracking.withdrawn + tracking.left + records)
+        )
+        assert grips >= 0, "records that ended in an empty grip"
+        assert tracking.unloaded == machine.unloaded, "what the PLC says was unloaded, was"
+        # whatever fell over the end was a record that was declared lost, or was never one and told as unexpected
+        assert fates["fallen"] <= tracking.lost + tracking.unexpected
+        assert fates["backed out"] == 0
+        assert tracking.refused == 0
+        assert machine.collisions == 0 or tracking.lost + tracking.unexpected > 0
+        assert set(self.told) >= {*FAULTS, REMOVED, PUT}, "every fault came and was told"
+
+
+def device(seed: int, geometry: Geometry | None = None) -> VirtualConveyor:
+    return VirtualConveyor(geometry, seed=seed, interval=2.0, settings=QUICK)
+
+
+@pytest.mark.parametrize("road", ["memory", "tcp"])
+async def test_three_hundred_products_with_every_fault(road: str) -> None:
+    line = TestLine(device(11))
+    soak = Soak(line, seed=5, goal=300)
+    if road == "tcp":
+        async with tcp_port(line.device) as port:
+            line.port = port
+            await soak.run()
+    else:
+        await soak.run()
+    soak.settle()
+    assert soak.worst < TOLERANCE
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("preset", ["model", "simulation"])
+async def test_ten_thousand_products_with_every_fault_again_and_again(preset: str) -> None:
+    simulation = Geometry(sensors=(150.0, 215.0, 445.0, 560.0), rated_speed=60.0, resolution=1024, intact_is_one=False)
+    line = TestLine(device(21, simulation if preset == "simulation" else None))
+    soak = Soak(line, seed=8, goal=10_000)
+    await soak.run()
+    soak.settle()
+    tracking, machine = line.device.tracking, line.device.machine
+    print(
+        f"\n{preset}: {machine.entered} fed, {machine.put} put, {dict(soak.witness.fates)}; worst position error "
+        f"{soak.worst:.2f} mm in normal running; greatest correction {tracking.greatest_correction:.2f} mm; lost "
+        f"{tracking.lost}, unexpected {tracking.unexpected}; each fault at least {min(soak.told.values())} times; "
+        f"{line.device.steps * 0.01 / 3600:.1f} h of the line"
+    )
