@@ -52,6 +52,7 @@ class Parameter:
 
     key: str
     code: str
+    """The maker's name for it, else its key."""
     point: PointView
     low: float | None
     """Least value now [EU]; None = not known."""
@@ -65,6 +66,11 @@ class Parameter:
     stopped_only: bool
     reason: str
     """Why this person cannot write it at all; empty = they can."""
+
+    @property
+    def mark(self) -> str:
+        """The maker's name for it, as it is shown; empty when there is none."""
+        return "" if self.code == self.key else self.code
 
     @property
     def permitted(self) -> str:
@@ -85,8 +91,8 @@ class Group:
     @property
     def codes(self) -> str:
         """First and last code: `F900 – F905`."""
-        codes = sorted(row.code for row in self.rows)
-        return codes[0] if len(codes) == 1 else f"{codes[0]} – {codes[-1]}"
+        codes = sorted(row.mark for row in self.rows)
+        return codes[0] if codes[0] == codes[-1] else f"{codes[0]} – {codes[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +100,7 @@ class Row:
     """What became of one parameter that was written."""
 
     code: str
+    """The maker's name for it, else its key."""
     label: str
     done: bool
     text: str
@@ -124,7 +131,7 @@ def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
         reason = machine.text("par.engineers_write")
     return Parameter(
         key,
-        setpoint.code or key.upper(),
+        setpoint.code or key,
         point,
         low,
         high,
@@ -320,7 +327,7 @@ def _refused_row(operation: Operation, key: str, refusal: Refused) -> Row:
     machine = operation.equipment
     setpoint = machine.equipment.type.setpoints.get(key)
     label = machine.point(key).label if setpoint and machine.has(key) else ""
-    return Row(setpoint.code if setpoint else key[:20], label, False, operation.refusal(refusal), "")
+    return Row((setpoint.code or key) if setpoint else key[:20], label, False, operation.refusal(refusal), "")
 
 
 async def _read(runtime: "Runtime", operation: Operation) -> int:

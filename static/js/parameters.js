@@ -47,7 +47,7 @@ function review() {
   list.replaceChildren(...found.map(({ row, field, value, choice, out }) => {
     const data = row.dataset, item = element("li", `rv ${out ? "rv-bad" : "rv-ok"}`);
     const head = element("div", "row"), line = element("div", "rv-v num"), old = raw(row);
-    head.append(element("span", "mono", data.code), element("b", "", data.name));
+    head.append(element("span", "mono", data.mark), element("b", "", data.name));
     const was = choice ? row.querySelector(".val b").textContent : old === null ? "–" : number(old, +data.decimals, lang);
     const now = choice ? field.selectedOptions[0].textContent : field.value.trim();
     line.append(element("span", "sp-c", was), arrow(), element("b", "sp-c", now), element("span", "unit", data.unit));
@@ -142,7 +142,7 @@ function filter() {
   for (const part of document.querySelectorAll("tbody[data-group]")) {
     let inside = 0;
     for (const row of part.querySelectorAll("tr[data-key]")) {
-      const text = `${row.dataset.code} ${row.dataset.name} ${row.querySelector(".val b").textContent}`.toLocaleLowerCase(lang);
+      const text = `${row.dataset.mark} ${row.dataset.name} ${row.querySelector(".val b").textContent}`.toLocaleLowerCase(lang);
       row.hidden = (group !== "" && part.dataset.group !== group) || !words.every((word) => text.includes(word));
       inside += !row.hidden;
     }
