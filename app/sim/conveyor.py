@@ -13,6 +13,7 @@ Written from the map's description (issue 3) and the thesis' program, never from
 | buffer full | in automatic belt 1 waits until a slot is free |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
 | length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
+| sensor that was suspected | the product of its first edge stays uncertain until the next sensor |
 | first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; a gap stop that ended by itself for 10 s |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
@@ -472,6 +473,7 @@ class VirtualConveyor(VirtualPlc):
                 self._watch_slip(event)
         if happened:
             self._doubt_lengths(happened)
+            self._doubt_first_edges(happened)
             self._renew_table()
 
     def _doubt_lengths(self, happened: Sequence[TrackingEvent]) -> None:
@@ -487,6 +489,16 @@ class VirtualConveyor(VirtualPlc):
             doubted = [product for product in self.tracking.products if product.id in self._length_doubted]
             self._length_doubted = {product.id for product in doubted}
             for product in doubted:
+                _make_uncertain(product)
+
+    def _doubt_first_edges(self, happened: Sequence[TrackingEvent]) -> None:
+        """A sensor that has just begun to work again may have done so in the middle of a product."""
+        again = {event.source for event in happened if event.code == tracking.Code.SENSOR_OK}
+        if not again:
+            return
+        seen = {event.id for event in happened if event.source in again and event.id}
+        for product in self.tracking.products:
+            if product.id in seen:
                 _make_uncertain(product)
 
     def _watch_slip(self, event: TrackingEvent) -> None:
