@@ -11,7 +11,7 @@ from app.errors import ConfigurationError
 from app.plant import expression, plc, types
 from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, TableMap, Texts
 from app.plant.derive import order_problem
-from app.plant.tables import MISSING, NONE, Source, Table, one_of
+from app.plant.tables import MISSING, NONE, Plain, Source, Table, one_of
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -298,6 +298,11 @@ class _PlantReader:
                     table.note(name, value, "a whole number")
             elif table.has(name):
                 options[name] = self._option_table(table.table(name), name, data)
+        numbers = {name: value for name, value in options.items() if isinstance(value, float)}
+        for check in data.checks:
+            if not types.holds(check, numbers):
+                shown = {name: f"{value:g}" for name, value in numbers.items()}
+                table.note(check.option, Plain(shown[check.option]), check.expected.format(**shown))
         return options
 
     def _option_table(self, table: Table, name: str, data: types.TypeData) -> dict[str, object]:

@@ -1,8 +1,8 @@
 """Equipment types: the folders of app/equipment, read once.
 
-`device.toml` limits of the device, options of an instance and presets of them; `points.toml` values; `setpoints.toml` parameters (each is
-a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`; of a
-machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py).
+`device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
+(each is a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`;
+`texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py).
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
 `command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
 data wins.
@@ -69,6 +69,18 @@ class PointData:
 
 
 @dataclass(frozen=True, slots=True)
+class Check:
+    """What must hold between the options of a machine: `[[checks]]` of device.toml."""
+
+    expression: str
+    """A sentence over options that are numbers."""
+    option: str
+    """The one that is blamed."""
+    expected: str
+    """What was expected of it; `{name}` is an option's value."""
+
+
+@dataclass(frozen=True, slots=True)
 class TypeData:
     """An equipment type with what only the loader needs."""
 
@@ -82,6 +94,7 @@ class TypeData:
     """Options that are tables: key → least and greatest number."""
     columns: Mapping[str, Mapping[str, PointData]] = field(default_factory=dict)
     """Table → column → the cell of slot 1, its key still that of the column."""
+    checks: Sequence[Check] = ()
 
 
 def names(folder: Path = EQUIPMENT) -> list[str]:
@@ -119,6 +132,7 @@ class _TypeReader:
         label, area = head.text("label", "type"), head.text("area", "")
         choices, parameters = self._options(head)
         presets = self._presets(head)
+        checks = tuple(self._checks(head, presets))
         self.map = plc.read_plc(head, device)
         device = replace(device, plc=self.map)
         head.done()
@@ -178,6 +192,7 @@ class _TypeReader:
             {key: codes if takes else frozenset() for key, takes in parameters.items()},
             self.numbers,
             columns,
+            checks,
         )
 
     def _file(self, name: str, *, optional: bool = False) -> Table:
@@ -265,6 +280,23 @@ class _TypeReader:
         for key, value in given.items():
             if isinstance(value, float) and not value.is_integer():
                 head.note(key, value, "a whole number: it is the capacity of a table")
+
+    def _checks(self, head: Table, presets: Mapping[str, Mapping[str, float]]) -> Iterator[Check]:
+        """`[[checks]]`: what must hold between options; the defaults, and every preset, must meet them."""
+        defaults = {key: value for key, value in self.options.items() if isinstance(value, float)}
+        for row in head.rows("checks"):
+            check = Check(row.text("expression"), row.text("option", choices=list(defaults)), row.text("expected"))
+            self._option_expression(row, "expression", check.expression)
+            try:
+                check.expected.format(**defaults)
+            except (LookupError, ValueError) as error:
+                row.note("expected", check.expected, f"options in braces only ({error})")
+                continue
+            for name, given in {"default": {}, **presets}.items():
+                if not row.source.problems and not holds(check, {**defaults, **given}):
+                    row.note("expression", check.expression, f"a sentence that holds for the options of {name}")
+            row.done()
+            yield check
 
     def _tables(self, file: Table) -> tuple[dict[str, TableMap], dict[str, dict[str, PointData]]]:
         tables: dict[str, TableMap] = {}
@@ -740,6 +772,11 @@ def text_keys(data: TypeData) -> Iterator[str]:
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from plc.text_keys(kind.events, kind.reasons)
+
+
+def holds(check: Check, options: Mapping[str, float]) -> bool:
+    """Whether `options` meet `check`."""
+    return expression.parse(check.expression).true(options) is True
 
 
 def check_expression(

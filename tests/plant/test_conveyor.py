@@ -330,3 +330,59 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
     assert parse(derived.when).true(same) is False
     for key in ("belt_end_2", "device_line_length", "sensor_position_3", "device_resolution", "slots"):
         assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("sensor_2 = 90", "sensor_2 = 90: expected a position behind sensor_1, which is 100 mm"),
+        ("sensor_1 = 300", "sensor_2 = 215: expected a position behind sensor_1, which is 300 mm"),
+        ("belt_1_end = 500", "belt_2_end = 445: expected a position behind belt_1_end, which is 500 mm"),
+        ("line_length = 400", "line_length = 400: expected a position behind belt_2_end, which is 445 mm"),
+        ("sensor_4 = 700", "sensor_4 = 700: expected a position on belt 3, between 445 and 660 mm"),
+        ("sensor_4 = 660", "sensor_4 = 660: expected a position on belt 3"),
+        ("product_slots = 3", "product_slots = 3: expected a number from 5 to 250"),
+        ("product_slots = 7.5", "product_slots = 7.5: expected a whole number"),
+        ("intact_is_one = 0.5", "intact_is_one = 0.5: expected 0 or 1"),
+        ('preset = "wood"', 'preset = "wood": expected one of model, simulation'),
+    ],
+)
+def test_a_line_that_nobody_could_build_is_told(tmp_path: Path, options: str, told: str) -> None:
+    (tmp_path / "plant.toml").write_text(PLANT + options, "utf-8")
+    plant, problems = read_plant(tmp_path)
+    assert plant is None
+    assert any(f"equipment.c1.{told}" in str(problem) for problem in problems), list(map(str, problems))
+
+
+def test_a_line_of_other_measures_is_fine_when_they_go_together(tmp_path: Path) -> None:
+    more = (
+        "belt_1_end = 2000\nbelt_2_end = 5000\nline_length = 9000\nsensor_1 = 300\nsensor_2 = 2000\nsensor_3 = 5000\n"
+    )
+    assert points(tmp_path, more + "sensor_4 = 8000")["smallest_gap"].scale_high == 9000
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('expression = "sensor_1 < sensor_2"', 'expression = "sensor_1 < sensor_9"', "sensor_9 is none"),
+        (
+            'expression = "sensor_1 < sensor_2"',
+            'expression = "sensor_1 > sensor_2"',
+            "holds for the options of default",
+        ),
+        ('option = "sensor_2"', 'option = "sensor_9"', "sensor_2"),
+        ("which is {sensor_1} mm", "which is {sensor_9} mm", "options in braces only"),
+        ("sensor_1 = 150 ", "sensor_1 = 250 ", "holds for the options of simulation"),
+    ],
+)
+def test_a_mistake_in_the_checks_of_a_type_is_told(tmp_path: Path, old: str, new: str, told: str) -> None:
+    folder = tmp_path / "conveyor"
+    folder.mkdir()
+    for source in (types.EQUIPMENT / "conveyor").glob("*.toml"):
+        text = source.read_text("utf-8")
+        if source.name == "device.toml":
+            assert old in text
+            text = text.replace(old, new, 1)
+        (folder / source.name).write_text(text, "utf-8")
+    problems = [str(problem) for problem in types.read_type("conveyor", LANGUAGES, tmp_path)[1]]
+    assert any(told in problem and problem.startswith("conveyor/device.toml:") for problem in problems), problems
