@@ -38,7 +38,7 @@ def nearest(
     uniform = all(distance == least for distance in stop_distances)
     end = belt_ends[-1]
     for rear in products:
-        if rear.missed and rear.missed.bit_count() > 1:
+        if rear.missed and not rear.may_be_there:
             continue
         right = rear.right
         left = right - rear.length

@@ -100,10 +100,11 @@ class ProductTracking:
     sensor, length measured to the falling edge, uncertain until the next sensor or a person confirms it. So it takes part in gap
     supervision and is unloaded.
 
-    **Lost.** An end that should have made a rising edge and is `lost_after` past the sensor without: event, state lost. The record
-    moves on with the belts and stays in the table until a sensor finds it or a person deletes or confirms it; past either end of the
-    line it only keeps its slot. While the beam is interrupted no edge can come: then it is only uncertain. After the next sensor of a
-    lost product has missed it too it does not count for gaps; lost products do not count for areas and unloading.
+    **Lost.** An end that should have made a rising edge and is `lost_after` past the sensor without: event, state lost. The record moves
+    on with the belts and stays in the table until a sensor finds it or a person deletes, edits or confirms it; past either end of the
+    line it only keeps its slot. Missed by one sensor it may still be there (`Product.may_be_there`): it counts for gaps and areas, and
+    the belt brakes for it at the end, where it waits for a person instead of being unloaded. Missed by two it is in nobody's way. Where
+    the beam is interrupted (no edge can come) or the sensor is suspected already, a product is only uncertain.
 
     **Sensors.** One that two products in a row were lost at, or that missed a product which the next one saw, or before which two
     unknown products in a row appear at the next, is suspected blind; one that is interrupted for more than the longest product is
@@ -157,7 +158,7 @@ class ProductTracking:
         self.sensor_faults = 0
         """Bit n: sensor n + 1 is suspected blind or stuck."""
         self.brake = False
-        """The last belt must stop (or stay): a product is being unloaded."""
+        """The last belt must stop (or stay): a product is being unloaded, or a lost one that may be there waits for a person."""
         self.gap: Gap | None = None
         """Adjacent pair with the least reserve; None with fewer than two products."""
         self.gap_stop = False
@@ -178,6 +179,7 @@ class ProductTracking:
         self._strangers = [0] * count
         self._stuck = 0
         self._stands_since = _NEVER
+        self._braking = 0
         self._now = 0
         self._events: list[TrackingEvent] = []
         self._changed = True
@@ -286,7 +288,7 @@ class ProductTracking:
         product = self._by_id(id)
         right = self._right_of(head, length, product.swapped)
         self._require_room(right, length, product)
-        if product.state is _UNLOADING:
+        if product.id == self._braking:
             self._end_unloading()
         self._forget_beams(product)
         product.shifted += right - product.right
@@ -359,6 +361,7 @@ class ProductTracking:
         self._risen = [0.0] * len(self._risen)
         self._odometer = [0.0] * len(self._odometer)
         self.brake = self.gap_stop = False
+        self._braking = 0
         self._stands_since = _NEVER
         self._changed = True
 
@@ -618,12 +621,8 @@ class ProductTracking:
         product.open_at, product.open_right = n, way < 0
         product.swapped = way < 0
         product.moving = way
-        product.passed_right = product.passed_left = (1 << n) - 1
-        if way > 0:
-            product.passed_right |= 1 << n
-        else:
-            product.passed_right |= 1 << n
-            product.settled = _UNCERTAIN
+        product.passed_left = (1 << n) - 1
+        product.passed_right = (1 << n + 1) - 1
         self._in_order()
         if arrival:
             self.entered += 1
@@ -765,7 +764,7 @@ class ProductTracking:
         for n in range(len(self.line.sensors)):
             if not bits & 1 << n:
                 continue
-            if beams[n]:
+            if beams[n] or self.sensor_faults & 1 << n:
                 if product.state is _TRACKED:
                     product.state = _UNCERTAIN
                 continue
@@ -854,31 +853,37 @@ class ProductTracking:
 
     def _unload(self, moved: float, stop: float) -> None:
         product = self._front()
+        if self.brake and (product is None or product.id != self._braking):
+            self._end_unloading()
         if product is None:
-            self.brake = False
             return
         remaining = self.line.length - product.right
         stands = moved == 0.0 and abs(stop) < _STANDS
         if not self.brake:
             due = remaining <= 0.0 if stands else moved >= 0.0 and stop >= 0.0 and remaining <= stop + moved
-            if due and product.open_at < 0 and product.right > self._last_part():
-                self.brake = True
-                self._stands_since = _NEVER
-                product.settled, product.state = product.state, _UNLOADING
-                self._changed = True
-        elif product.state is not _UNLOADING or moved < 0.0 or (stands and remaining > self.settings.sensor_tolerance):
+            if not due or product.right <= self._last_part():
+                return
+            self.brake, self._braking = True, product.id
+            self._stands_since = _NEVER
+        elif moved < 0.0 or (stands and remaining > self.settings.sensor_tolerance):
             self._end_unloading()
-        if not self.brake:
             return
+        if product.state is _LOST:
+            self._stands_since = _NEVER
+            return
+        if product.state is not _UNLOADING:
+            product.settled, product.state = product.state, _UNLOADING
+            self._changed = True
         if not stands:
             self._stands_since = _NEVER
-        elif self._stands_since == _NEVER:
+            return
+        if self._stands_since == _NEVER:
             self._stands_since = self._now
-        if stands and self._now - self._stands_since >= self.settings.unload_dwell * 1e6:
+        if self._now - self._stands_since >= self.settings.unload_dwell * 1e6:
             self._unloaded(product)
 
     def _end_unloading(self) -> None:
-        self.brake = False
+        self.brake, self._braking = False, 0
         self._changed = True
         for product in self.products:
             if product.state is _UNLOADING:
@@ -896,7 +901,7 @@ class ProductTracking:
 
     def _front(self) -> Product | None:
         for product in self.products:
-            if product.state is not _LOST:
+            if product.may_be_there:
                 return product
         return None
 
@@ -913,7 +918,7 @@ class ProductTracking:
                 continue
             area = min(bisect_left(ends, head), len(ends) - 1)
             product.area = area + 1
-            if product.state is not _LOST:
+            if product.may_be_there:
                 areas |= 1 << area
         self.areas = areas
 
@@ -944,7 +949,7 @@ class ProductTracking:
         return self.slots.index(None) if None in self.slots else None
 
     def _remove(self, product: Product) -> None:
-        if product.state is _UNLOADING:
+        if product.id == self._braking:
             self._end_unloading()
         self.slots[product.slot] = None
         if product in self.products:

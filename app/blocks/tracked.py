@@ -229,6 +229,11 @@ class Product:
         """Trailing end [mm]."""
         return self.right if self.swapped else self.right - self.length
 
+    @property
+    def may_be_there(self) -> bool:
+        """Not lost, or missed by one sensor only (which may be blind)."""
+        return self.state is not ProductState.LOST or self.missed.bit_count() < 2
+
     def age(self, time_us: int) -> float:
         """[s] since it entered."""
         return max(0, time_us - self.entered_us) / 1e6

@@ -387,7 +387,7 @@ def test_not_seen_at_a_sensor_is_lost_after_the_way_that_was_set() -> None:
 
 def test_a_lost_product_is_never_deleted_by_itself() -> None:
     bench = Bench()
-    product = put(bench, 500.0, 30.0)
+    product = put(bench, 400.0, 30.0)
     bench.move(400)
     assert product.state is ProductState.LOST and product in bench.tracking.slots
     assert product not in bench.tracking.products, "past the end it is in nobody's way"
@@ -397,6 +397,38 @@ def test_a_lost_product_is_never_deleted_by_itself() -> None:
     assert refused.value.reason is Reason.OUTSIDE_LINE
     assert bench.tracking.delete(product.id).code is Code.DELETED
     assert not any(bench.tracking.slots)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_lost_at_the_last_sensor_it_waits_at_the_end_for_a_person(there: bool) -> None:
+    bench = Bench(unload_dwell=1.0)
+    product = put(bench, 550.0, 30.0)
+    bench.stops = (2.0, 2.0, 2.0)
+    bench.move(108)
+    assert product.state is ProductState.LOST and bench.tracking.brake
+    bench.move(2)
+    bench.stops = STANDING
+    for _ in range(500):
+        assert not bench.scan(0.0)
+    assert bench.tracking.brake and bench.tracking.areas == 0b1000
+    if there:
+        bench.tracking.confirm(product.id)
+        events = [event for _ in range(102) for event in bench.scan(0.0)]
+        assert [(e.code, e.id) for e in events] == [(Code.UNLOADED, product.id)]
+    else:
+        bench.tracking.delete(product.id)
+    assert not bench.tracking.brake
+
+
+def test_a_sensor_suspected_blind_makes_products_uncertain_not_lost() -> None:
+    bench = Bench()
+    for _ in range(2):
+        put(bench, 214.0, 20.0)
+        bench.move(40)
+    assert (bench.tracking.sensor_faults, bench.tracking.lost) == (0b0010, 2)
+    third = put(bench, 205.0, 20.0)
+    bench.move(40)
+    assert third.state is ProductState.UNCERTAIN and bench.tracking.lost == 2
 
 
 def test_a_lost_product_that_the_next_sensor_sees_is_tracked_and_its_sensor_suspected() -> None:

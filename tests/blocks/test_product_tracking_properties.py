@@ -53,7 +53,8 @@ def held_together(tracking: ProductTracking) -> None:
     went = tracking.unloaded + tracking.deleted + tracking.withdrawn + tracking.left
     assert came == len(inside) + went
     assert tracking.buffer_full is (len(inside) == tracking.line.slots)
-    assert not tracking.brake or any(product.state is ProductState.UNLOADING for product in inside)
+    unloading = [product for product in inside if product.state is ProductState.UNLOADING]
+    assert len(unloading) <= tracking.brake and (inside or not tracking.brake)
 
 
 def act_on(tracking: ProductTracking, act: str, number: int, time_us: int) -> ProductTracking:
