@@ -336,6 +336,70 @@ class EquipmentType:
 
 
 @dataclass(frozen=True, slots=True)
+class SequencePermissive:
+    """One bit of a permissive word, in positive wording; a bit that nobody names counts as fulfilled."""
+
+    key: str
+    bit: int
+    """0–15"""
+    label: Texts
+    when: str
+    """Sentence of the grammar over the points of the sequence's machine."""
+    value: str = ""
+    """Point of the machine whose value is kept with a first-out; empty = none."""
+    forceable: bool = True
+    """False for what is relevant to safety."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceStep:
+    """One step of a sequence."""
+
+    key: str
+    label: Texts
+    minimum: float = 0.0
+    """[s]"""
+    maximum: float = 0.0
+    """[s]; 0 = stay."""
+    loss_aborts: bool = False
+    actions: Sequence[str] = ()
+    """What it asks of the machine while its output is on."""
+    permissives: Sequence[SequencePermissive] = ()
+    """In order of their bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceTest:
+    """A given/when/then of a sequence, run on the simulator by `pogon check`."""
+
+    name: str
+    given: Mapping[str, float] = field(default_factory=dict)
+    """Preset of the simulated machine → value."""
+    when: Sequence[Mapping[str, object]] = ()
+    """In order of time: `at` [s] with one of `command`, `fault`, `set` (a table of presets)."""
+    then: Sequence[Mapping[str, object]] = ()
+    """What must be seen: `within` or `at` [s] with `state`, `step`, `expect` or `first_out`; `never` with a sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceDefinition:
+    """A sequence as its file says: `<plant>/sequences/<name>.toml`."""
+
+    name: str
+    label: Texts
+    steps: Sequence[SequenceStep]
+    abort: Sequence[SequencePermissive] = ()
+    """Abort conditions; true = healthy."""
+    output_while_suspended: bool = False
+    stall_after: float = 1.0
+    """[s]"""
+    keep_forces: bool = False
+    longest_force: float = 28800.0
+    """[s]"""
+    tests: Sequence[SequenceTest] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Equipment:
     """One machine of the plant."""
 
@@ -351,6 +415,10 @@ class Equipment:
     options: Mapping[str, object] = field(default_factory=dict)
     tables: Mapping[str, int] = field(default_factory=dict)
     """Table of the type → slots that this machine has."""
+    sequence: SequenceDefinition | None = None
+    """Of an equipment that runs one."""
+    machine: str = ""
+    """Equipment whose signals and actions its sequence uses; empty = none."""
     preset: str = ""
     """Preset of the type that its options come from; empty = none."""
 
