@@ -1,0 +1,355 @@
+"""The screen of a line of belts over HTTP: whole in every language, products as rows, deeds with a reason, an instructor's hand."""
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app import bundled
+from app.access.audit import Filter
+from app.plant.loader import read_plant
+from app.sim import training
+from app.sim.plant import MACHINE_FAULTS
+from app.web.drawing import Scale
+from app.web.points import EquipmentView
+from app.web.tables import TableView
+from tests.web.conftest import _running
+from tests.web.operating import Operator, button, line_of, runtime_of, until, words
+from tests.web.people import Staff
+
+LANGUAGES = ("hr", "en", "de", "cs")
+PLANT = """
+[plant]
+name = { hr = "Pogon", en = "Plant", de = "Werk", cs = "Závod" }
+timezone = "Europe/Zagreb"
+languages = ["hr", "en", "de", "cs"]
+
+[links.hall]
+transport = "memory"
+writes = true
+
+[equipment.c1]
+type = "conveyor"
+link = "hall"
+unit = 10
+preset = "model"
+label = { hr = "Traka 1", en = "Conveyor 1", de = "Förderer 1", cs = "Dopravník 1" }
+simulation = { start = "automatic", interval = 5 }
+
+[equipment.c2]
+type = "conveyor"
+link = "hall"
+unit = 11
+preset = "simulation"
+line_length = 1800
+belt_1_end = 600
+belt_2_end = 1200
+sensor_1 = 200
+sensor_2 = 600
+sensor_3 = 1200
+sensor_4 = 1500
+product_slots = 12
+label = { hr = "Traka 2", en = "Conveyor 2", de = "Förderer 2", cs = "Dopravník 2" }
+simulation = { start = "stopped", arrivals = 0 }
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("plant")
+    (found / "plant.toml").write_text(PLANT, "utf-8")
+    return found
+
+
+@pytest.fixture(scope="module")
+def line(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    with _running(tmp_path_factory.mktemp("line") / "data", folder) as client:
+        tags = runtime_of(client).tags
+        assert until(lambda: tags.sample("c1.product_1_id").value and tags.sample("c2.state").value == 0, 30)
+        yield client
+
+
+@pytest.fixture(scope="module")
+def crew(line: TestClient) -> Staff:
+    return Staff(line)
+
+
+@pytest.fixture
+def ivo(crew: Staff) -> Iterator[Operator]:
+    """An engineer who holds both lines."""
+    person = Operator(crew, "ivo", ("engineer", "operator"))
+    for machine in ("c1", "c2"):
+        person.take(machine)
+    gate = runtime_of(crew.client).gate
+    assert gate is not None
+    gate._rate.take = lambda _person: True  # type: ignore[method-assign]
+    yield person
+    for machine in ("c1", "c2"):
+        person.post(f"/equipment/{machine}/token/release")
+        assert until(lambda: (p := gate.progress(machine)) is None or p.over)
+
+
+def value(client: TestClient, name: str) -> Any:
+    return runtime_of(client).tags.sample(name).value
+
+
+def table(client: TestClient, machine: str) -> TableView:
+    runtime = runtime_of(client)
+    assert runtime.plant
+    return TableView(EquipmentView(runtime.plant.equipment[machine], runtime, "en", lambda key, **_: key), "product")
+
+
+def press_until_a_product_stands(person: Operator, machine: str, head: str, length: str) -> None:
+    """Insert a product into the table of a line that stands still."""
+    answer = person.press(
+        f"/equipment/{machine}/command/insert_product", arg_head=head, arg_length=length, confirmed="1", reason="test"
+    )
+    assert answer.status_code in (200, 202), line_of(answer)
+
+
+# ---- the page ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize(
+    "path", ["/equipment/c1", "/equipment/c1/faceplate", "/", "/equipment/c1/part/products", "/equipment/c1/part/first"]
+)
+def test_every_page_of_a_line_is_whole_in_every_language(crew: Staff, line: TestClient, lang: str, path: str) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", lang)
+    answer = line.get(path)
+    assert answer.status_code == 200
+    assert not re.findall(r"[>\"]\s*\[[a-z_.]+\]", answer.text), "a key shows where a text is missing"
+    assert not re.findall(r"\[(?:hr|en|de|cs)\] ", answer.text)
+    assert not re.search(r"<[^>]*\s(style|on[a-z]+)=", answer.text)
+
+
+def test_the_picture_is_drawn_to_the_scale_of_each_line(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    short, long = line.get("/equipment/c1").text, line.get("/equipment/c2").text
+    for page, total, sensors in ((short, 660, (100, 215, 445, 560)), (long, 1800, (200, 600, 1200, 1500))):
+        scale = Scale(0, total, 40, 872)
+        assert f'data-factor="{scale.factor:.6f}"' in page
+        for place in sensors:
+            assert f'd="M{scale.at(place)} 60V164"' in page
+    assert 'data-ends="215.0 445.0 660.0"' in short and 'data-ends="600.0 1200.0 1800.0"' in long
+    assert short.count('class="prod"') == 20 and long.count('class="prod"') == 12
+
+
+def test_the_ruler_ends_with_the_line_and_its_numbers_keep_apart() -> None:
+    for length in (660, 610, 1800, 345.5, 25000):
+        scale = Scale(0, length, 40, 872)
+        assert scale.labels[0] == 0 and scale.labels[-1] == length
+        places = [scale.at(label) for label in scale.labels]
+        assert min(b - a for a, b in itertools.pairwise(places)) > 40
+        assert scale.ticks[0] == 0 and scale.ticks[-1] <= length
+
+
+def test_products_stand_in_the_table_in_the_order_of_the_line(line: TestClient) -> None:
+    assert until(lambda: (value(line, "c1.products") or 0) >= 3, 40)
+    rows = table(line, "c1").by("head")
+    heads = [row.number("head") or 0 for row in rows]
+    assert len(rows) >= 3 and heads == sorted(heads)
+    ids = [row.id for row in rows]
+    assert ids == sorted(ids, reverse=True), "first in, furthest along"
+    page = line.get("/equipment/c1/part/products").text
+    assert re.findall(r'data-product="(\d+)"', page)
+
+
+def test_only_the_page_of_the_line_carries_every_cell(line: TestClient) -> None:
+    runtime = runtime_of(line)
+    assert "c1.product_1_head" in runtime.page_names("equipment/c1")
+    for kind in ("overview", "faceplate/c1", "parameters/c1"):
+        names = runtime.page_names(kind)
+        assert "c1.products" in names and "c1.product_1_head" not in names
+
+
+def test_a_product_that_has_gone_is_said_to_be_gone(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    answer = line.get("/equipment/c1/table/product/999999", headers={"HX-Request": "true"})
+    assert answer.status_code == 404 and "no longer there" in answer.text
+    assert line.get("/equipment/c1/table/nothing/1").status_code == 404
+    assert line.get("/equipment/c1/part/..%2Fpage").status_code == 404
+    assert line.get("/equipment/c1/part/nothing").status_code == 404
+
+
+def test_one_product_is_told_with_what_can_be_done(ivo: Operator) -> None:
+    line = ivo.staff.client
+    assert until(lambda: table(line, "c1").rows, 30)
+    answer = ivo.get(f"/equipment/c1/table/product/{table(line, 'c1').rows[0].id}")
+    assert answer.status_code == 200
+    text = words(answer.text)
+    assert "Head position" in text and "Entered at" in text and re.search(r"Entered at \d\d:\d\d:\d\d\.\d{3}", text)
+    assert "/ask/delete_product?product=" in answer.text
+
+
+# ---- deeds ----------------------------------------------------------------------------------------------------
+
+
+def test_the_dialog_asks_for_what_the_command_needs_and_knows_the_row(ivo: Operator) -> None:
+    press_until_a_product_stands(ivo, "c2", "400", "50")
+    line = ivo.staff.client
+    assert until(lambda: table(line, "c2").rows)
+    row = table(line, "c2").rows[-1]
+    answer = ivo.get(f"/equipment/c2/ask/edit_product?product={row.id}")
+    assert answer.status_code == 200
+    assert f'name="arg_product" value="{row.id}"' in answer.text
+    assert 'name="arg_head" value="400.0"' in answer.text and 'name="arg_length" value="50.0"' in answer.text
+    assert "0 – 1 800 mm" in words(answer.text)
+    assert 'name="reason"' in answer.text and f"#{row.id}" in words(answer.text)
+    ivo.language = "de"
+    assert 'value="400,0"' in ivo.get(f"/equipment/c2/ask/edit_product?product={row.id}").text
+    ivo.language = "en"
+
+
+def test_an_engineer_moves_and_deletes_a_product_and_the_audit_says_why(ivo: Operator) -> None:
+    line = ivo.staff.client
+    press_until_a_product_stands(ivo, "c2", "900", "40")
+    assert until(lambda: any(row.number("head") == 900 for row in table(line, "c2").rows))
+    row = next(row for row in table(line, "c2").rows if row.number("head") == 900)
+    given = {"arg_product": str(row.id), "arg_head": "1000.5", "arg_length": "42", "confirmed": "1"}
+    answer = ivo.press("/equipment/c2/command/edit_product", **given, reason="measured by hand")
+    assert answer.status_code in (200, 202), line_of(answer)
+    assert until(lambda: (found := table(line, "c2").row(row.id)) is not None and found.number("head") == 1000.5)
+    given = {"arg_product": str(row.id), "confirmed": "1"}
+    answer = ivo.press("/equipment/c2/command/delete_product", **given, reason="taken off the belt")
+    assert answer.status_code in (200, 202), line_of(answer)
+    assert until(lambda: table(line, "c2").row(row.id) is None)
+
+    def told() -> list[str]:
+        lines = ivo.staff.wait(ivo.staff.access.audit.find, Filter(), 60)
+        return [str(line) for line in lines if "delete_product" in str(line)]
+
+    assert until(lambda: any("taken off the belt" in line and f"product = {row.id}" in line for line in told())), told()
+
+
+def test_without_a_reason_nothing_is_deleted(ivo: Operator) -> None:
+    line = ivo.staff.client
+    press_until_a_product_stands(ivo, "c2", "300", "40")
+    assert until(lambda: table(line, "c2").rows)
+    row = table(line, "c2").rows[0]
+    answer = ivo.press("/equipment/c2/command/delete_product", arg_product=str(row.id), confirmed="1")
+    assert answer.status_code in (409, 422)
+    assert table(line, "c2").row(row.id) is not None
+
+
+def test_what_is_out_of_range_is_named_with_the_range(ivo: Operator) -> None:
+    answer = ivo.press(
+        "/equipment/c2/command/insert_product", arg_head="5000", arg_length="50", confirmed="1", reason="x"
+    )
+    assert answer.status_code == 422 and "0 to 1 800 mm" in line_of(answer)
+
+
+def test_an_operator_may_not_touch_the_record_of_products(crew: Staff, line: TestClient) -> None:
+    ana = Operator(crew, "ana", ("operator",))
+    ana.take("c1")
+    try:
+        page = ana.get("/equipment/c1/commands").text
+        assert 'aria-disabled="true"' in button(type("Page", (), {"text": page})(), "c1.delete_product")
+        row = table(line, "c1").rows[0]
+        assert ana.get(f"/equipment/c1/ask/delete_product?product={row.id}").status_code == 409
+        given = {"arg_product": str(row.id), "confirmed": "1", "reason": "because"}
+        answer = ana.press("/equipment/c1/command/delete_product", **given)
+        assert answer.status_code == 403
+        assert table(line, "c1").row(row.id) is not None
+    finally:
+        ana.post("/equipment/c1/token/release")
+
+
+def test_a_command_without_arguments_has_no_dialog_for_them(ivo: Operator) -> None:
+    assert ivo.get("/equipment/c1/ask/stop").status_code == 404
+    assert ivo.get("/equipment/c1/ask/nothing").status_code == 404
+
+
+# ---- the instructor --------------------------------------------------------------------------------------------
+
+
+def test_an_instructor_finds_every_fault_of_a_line_by_its_name(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    for lang in LANGUAGES:
+        line.cookies.set("pogon_lang", lang)
+        page = line.get("/instructor/c1").text
+        assert not re.findall(r"[>\"]\s*\[[a-z_.0-9]+\]", page)
+        for code in MACHINE_FAULTS["conveyor"]:
+            assert re.search(rf'value="{code}"[^>]*><span><b>[^<\d]*[^<]+</b><small>[^<]{{20,}}', page), code
+
+
+def test_a_jam_is_caused_stops_the_line_and_is_told_as_the_first_cause(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    assert crew.post("/instructor/c1/fault", {"code": "2"}).status_code == 303
+    try:
+        assert until(lambda: value(line, "c1.motor_2") == 4 and value(line, "c1.first_out"))
+        told = words(line.get("/equipment/c1/part/first").text)
+        assert re.match(r"first Stopped: belt 2 jammed \d\d:\d\d:\d\d\.\d{3}", told)
+        assert "Belt 2 jams" in line.get("/instructor/c1/active").text
+    finally:
+        crew.post("/instructor/c1/fault", {"code": "0"})
+
+
+def test_a_sensor_pressed_by_hand_stays_pressed_until_it_is_pressed_again(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    for pressed in (1, 0):
+        answer = crew.post("/instructor/c2/act", {"act": "sensor", "value": "3"}, **{"HX-Request": "true"})
+        assert answer.status_code == 200 and "Read back" in answer.text
+        states = re.findall(r'value="(\d)" form="hand-sensor-c2" aria-pressed="(\w+)"', answer.text)
+        assert dict(states)["3"] == ("true" if pressed else "false")
+        assert until(lambda wanted=pressed: value(line, "c2.beam_3") == wanted)
+
+
+def test_a_product_put_by_hand_is_seen_by_nobody_until_a_sensor_sees_it(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    before = value(line, "c2.products")
+    answer = crew.post("/instructor/c2/act", {"act": "put", "value": "210"}, **{"HX-Request": "true"})
+    assert answer.status_code == 200
+    assert until(lambda: value(line, "c2.beam_1") == 1)
+    assert crew.post("/instructor/c2/act", {"act": "remove", "value": "1"}).status_code == 303
+    assert until(lambda: value(line, "c2.beam_1") == 0)
+    assert before is not None
+
+
+@pytest.mark.parametrize(
+    ("given", "status"),
+    [
+        ({"act": "sensor", "value": "5"}, 422),
+        ({"act": "sensor", "value": "0"}, 422),
+        ({"act": "put", "value": "-1"}, 422),
+        ({"act": "remove", "value": ""}, 422),
+        ({"act": "explode", "value": "1"}, 422),
+    ],
+)
+def test_a_hand_that_means_nothing_is_refused(
+    crew: Staff, line: TestClient, given: dict[str, str], status: int
+) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    assert crew.post("/instructor/c2/act", given).status_code == status
+
+
+def test_arrivals_and_lengths_are_set_and_read_back(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    given = {"arrivals": "0", "interval": "80", "shortest": "25", "longest": "45"}
+    assert crew.post("/instructor/c2/world", given).status_code == 303
+    link = runtime_of(line).links["hall"]
+    area = crew.wait(link.raw_read, 11, training.REG_ARRIVALS, 4)
+    assert list(area) == [0, 80, 25, 45]
+
+
+def test_an_operator_is_no_instructor(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ana", "operator"))
+    assert "c-sim" not in line.get("/equipment/c1").text
+    assert crew.post("/instructor/c1/act", {"act": "sensor", "value": "1"}).status_code == 403
+    crew.have(crew.enter("ivana", "engineer"))
+    assert "c-sim" in line.get("/equipment/c1").text
+
+
+def test_the_plant_of_these_tests_is_without_mistakes(folder: Path) -> None:
+    plant, problems = read_plant(folder)
+    assert plant is not None and not problems
+    assert (bundled("templates") / "screens" / "conveyor" / "page.html").is_file()
