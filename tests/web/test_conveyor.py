@@ -86,11 +86,11 @@ def ivo(crew: Staff) -> Iterator[Operator]:
         person.take(machine)
     gate = runtime_of(crew.client).gate
     assert gate is not None
-    gate._rate.take = lambda _person: True  # type: ignore[method-assign]
+    gate._rate.take = lambda person: True  # type: ignore[method-assign]
     yield person
     for machine in ("c1", "c2"):
         person.post(f"/equipment/{machine}/token/release")
-        assert until(lambda: (p := gate.progress(machine)) is None or p.over)
+        assert until(lambda name=machine: (p := gate.progress(name)) is None or p.over)
 
 
 def value(client: TestClient, name: str) -> Any:
