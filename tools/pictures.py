@@ -44,6 +44,7 @@ SCREENS = {
     "parameters": "/equipment/m1/parameters",
     "trends": "/trends",
     "alarms": "/alarms",
+    "products": "/products?equipment=c1",
     "communication": "/communication",
     "users": "/users",
     "tokens": "/tokens",

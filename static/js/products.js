@@ -61,7 +61,10 @@ function replace(fresh) {
 
 document.addEventListener("click", ({ target }) => {
   const row = target.closest("#product-list tr[data-row]");
-  if (row && !target.closest("a")) show(row.dataset.row);
+  if (!row || target.closest("a")) return;
+  show(row.dataset.row).then(() => { // on a phone the steps stand below the list
+    if (panel.getBoundingClientRect().top > innerHeight - 80) panel.scrollIntoView({ block: "start" });
+  });
 });
 document.addEventListener("pointerdown", ({ target }) => { pressed = Boolean(target.closest?.("#product-list tbody")); }, true);
 for (const end of ["pointerup", "pointercancel"])
