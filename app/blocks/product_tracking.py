@@ -500,6 +500,12 @@ class ProductTracking:
     def _separate(self, fixed: Product | None) -> None:
         """No two products overlap: hold back what ran in, else push what is ahead, else cut; `fixed` was seen by a sensor and stays."""
         products = self.products
+        for front, rear in list(pairwise(products)):
+            if rear.right - front.left > _TOUCH:
+                if front.open_at >= 0 and not front.open_right and rear.open_at < 0:
+                    self._end_of_open(front, rear.right)
+                elif rear.open_at >= 0 and rear.open_right and front.open_at < 0:
+                    self._end_of_open(rear, front.left)
         for front, rear in pairwise(products):
             over = rear.right - front.left
             if over <= _TOUCH or rear is fixed or front.state is _LOST:
@@ -522,6 +528,27 @@ class ProductTracking:
                 if over > _TOUCH:
                     rear.length = max(0.0, rear.length - over)
                     self._doubt(rear)
+
+    def _end_of_open(self, product: Product, end: float) -> None:
+        """A known product is where the unknown end was thought to be: there it ends, whatever the beam says (it may be stuck)."""
+        n, limits = product.open_at, self.settings
+        if product.open_right:
+            left = product.left
+            product.shifted += end - product.right
+            product.right, product.length = end, max(0.0, end - left)
+        else:
+            product.length = max(0.0, product.right - end)
+        if product.length < limits.shortest:
+            self.withdrawn += 1
+            self._tell(Code.WITHDRAWN, n + 1, product.id, 0, product.furthest)
+            self._remove(product)
+            return
+        product.open_at, product.length_known = -1, False
+        self._doubt(product)
+        if product.state is _ENTERING:
+            product.state = _UNCERTAIN
+        self._set_passed(product)
+        self._tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
 
     # edges
 
