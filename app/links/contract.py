@@ -30,6 +30,8 @@ class Block:
     """03 holding, 04 input registers."""
     cuts: tuple[int, ...] = field(default=(), compare=False)
     """Counts of registers after which it may be read in two telegrams without tearing a value."""
+    again: bool = field(default=False, compare=False)
+    """Whether an older answer to the very same read may stand for a newer one that does not come: an image tells its own generation."""
 
     @property
     def last(self) -> int:

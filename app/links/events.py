@@ -226,7 +226,7 @@ class EventReader:
         if self.position >= head.newest:
             self._absent = 0
             return False
-        again = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS)))
+        again = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS, again=True)))
         if again is None:
             return False
         self._head = again
@@ -285,7 +285,9 @@ class EventReader:
         )
         count = max(1, min(count, limit // size, head.capacity - slot))
         cuts = tuple(range(size, count * size, size))
-        words = await self._road.read(self._station, Block(plc_map.EVENT_ROWS + slot * size, count * size, cuts=cuts))
+        words = await self._road.read(
+            self._station, Block(plc_map.EVENT_ROWS + slot * size, count * size, cuts=cuts, again=True)
+        )
         return [plc_map.event_of(words[at : at + size]) for at in range(0, count * size, size)]
 
     async def _read_clock(self) -> None:

@@ -42,7 +42,7 @@ def plan_map(
             readings.append(_image(image, inside))
     if map.events:
         inside, rest = _inside(rest, EVENTS, EVENTS_WORDS)
-        readings.append(Reading(Block(EVENTS, EVENTS_WORDS), Scan.FAST, inside, Part.RING))
+        readings.append(Reading(Block(EVENTS, EVENTS_WORDS, again=True), Scan.FAST, inside, Part.RING))
     for item in equipment:
         for key, slots in item.tables.items():
             table = item.type.tables[key]
@@ -59,7 +59,7 @@ def plan_map(
                 count = head + rows.rows * table.row
                 cells, others = _inside(others, begin, count)
                 cuts = tuple(head + row * table.row for row in range(rows.rows) if head + row)
-                readings.append(Reading(Block(begin, count, cuts=cuts), Scan.FAST, cells, rows))
+                readings.append(Reading(Block(begin, count, cuts=cuts, again=True), Scan.FAST, cells, rows))
                 first += rows.rows
             rest += others
     plain = plan(rest, device, cost, learned)
@@ -67,7 +67,7 @@ def plan_map(
 
 
 def _image(image: Image, points: Sequence[Point]) -> Reading:
-    return Reading(Block(image.address, image.words), _fastest(points), tuple(points), Part.IMAGE)
+    return Reading(Block(image.address, image.words, again=True), _fastest(points), tuple(points), Part.IMAGE)
 
 
 def _inside(points: Iterable[Point], address: int, words: int) -> tuple[tuple[Point, ...], list[Point]]:

@@ -46,25 +46,34 @@ class Owed:
     """Memory of one line. It outlives a reconnection: what the device was asked before, it may answer after."""
 
     def __init__(self) -> None:
-        self._marks: list[tuple[Mark, float]] = []
+        self._marks: list[tuple[Mark, float, int]] = []
         self._proven: dict[tuple[int, int], list[tuple[int, int]]] = {}
 
-    def unanswered(self, mark: Mark, now: float) -> None:
-        """The request whose answer looks like `mark` was given up at `now` [s]."""
-        self._marks.append((mark, now + LATEST))
+    def unanswered(self, mark: Mark, now: float, address: int = -1, *, until: float = 0.0) -> None:
+        """The request whose answer looks like `mark` was given up at `now` [s]; `address` of a read, `until` when not `LATEST` from now."""
+        self._marks.append((mark, until or now + LATEST, address))
 
     def settle(self, mark: Mark, now: float) -> bool:
         """An answer that looks like `mark` came: whether one was owed; the oldest is paid."""
-        for index, (owed, until) in enumerate(self._marks):
+        return self.settled(mark, now) > 0
+
+    def settled(self, mark: Mark, now: float) -> float:
+        """`settle`, and until when that one was owed [s]; 0 = none was."""
+        for index, (owed, until, _) in enumerate(self._marks):
             if owed == mark and until > now:
                 del self._marks[index]
-                return True
-        return False
+                return until
+        return 0.0
+
+    def only(self, unit: int, block: Block, now: float) -> bool:
+        """Whether everything that an answer to `block` could be taken for is an earlier read of the same registers."""
+        mark = mark_of_request(unit, Request(block.function, block.address, block.count))
+        return all(address == block.address for owed, until, address in self._marks if owed == mark and until > now)
 
     def owes(self, unit: int, function: int, now: float) -> bool:
         """Whether an answer of this unit and function may still come: a refusal could be meant for that one."""
         self._marks = [entry for entry in self._marks if entry[1] > now]
-        return any(mark[:2] == (unit, function) for mark, _ in self._marks)
+        return any(mark[:2] == (unit, function) for mark, _, _ in self._marks)
 
     def proven(self, unit: int, block: Block) -> None:
         """The unit has answered `block`."""
@@ -86,7 +95,7 @@ class Owed:
         """
         if not self.owes(unit, block.function, now):
             return [Piece(block, 0, block.count)], 0.0
-        taken = {mark[2][0] // 2: until for mark, until in self._marks if mark[:2] == (unit, block.function)}
+        taken = {mark[2][0] // 2: until for mark, until, _ in self._marks if mark[:2] == (unit, block.function)}
         if block.count not in taken:
             return [Piece(block, 0, block.count)], 0.0
         found = self._grown(unit, block, taken) or _cut(block, taken)

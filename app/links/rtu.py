@@ -55,6 +55,10 @@ class _Telegram:
     request: Request
     mark: Mark
     answer: asyncio.Future[bytes]
+    again: bool = False
+    """`Block.again`."""
+    older: tuple[bytes, float] | None = None
+    """An answer that counts as the one to an earlier read of the same registers, and until when that was owed [s]."""
     deadline: float = 0.0
     timer: asyncio.TimerHandle | None = None
 
@@ -107,7 +111,10 @@ class RtuTransport:
         """
         self._check(unit)
         async with self._turn:
-            pieces, wait = self._owed.pieces(unit, block, asyncio.get_running_loop().time())
+            now = asyncio.get_running_loop().time()
+            pieces, wait = self._owed.pieces(unit, block, now)
+            if not pieces and block.again and self._owed.only(unit, block, now):
+                pieces = [Piece(block, 0, block.count)]
             if not pieces:
                 raise StillOwed(f"{self._path} unit {unit}", wait)
             words: list[int] = []
@@ -130,21 +137,22 @@ class RtuTransport:
     async def _read(self, unit: int, piece: Piece, patience: float) -> list[int]:
         block = piece.block
         try:
-            words = await self._ask(unit, Request(block.function, block.address, block.count), patience)
+            request = Request(block.function, block.address, block.count)
+            words = await self._ask(unit, request, patience, again=block.again)
         except DeviceException:
             self._owed.refused(unit, block)
             raise
         self._owed.proven(unit, block)
         return words[piece.skip : piece.skip + piece.count]
 
-    async def _ask(self, unit: int, request: Request, patience: float) -> list[int]:
+    async def _ask(self, unit: int, request: Request, patience: float, *, again: bool = False) -> list[int]:
         try:
             frame = build_frame(unit, build_request(request))
         except ValueError as error:
             raise BadAnswer(f"unit {unit}: {error}") from error
         await self._wait_for_silence()
         loop = asyncio.get_running_loop()
-        telegram = _Telegram(unit, request, mark_of_request(unit, request), loop.create_future())
+        telegram = _Telegram(unit, request, mark_of_request(unit, request), loop.create_future(), again)
         self._telegram = telegram
         answered = False
         try:
@@ -170,7 +178,7 @@ class RtuTransport:
             elif not telegram.answer.cancelled():
                 telegram.answer.exception()  # nobody waits for it when the task was ended at that moment
             if not answered:
-                self._owed.unanswered(telegram.mark, loop.time())
+                self._owed.unanswered(telegram.mark, loop.time(), request.address)
 
     async def _wait_for_silence(self) -> None:
         """Until nothing has been heard for 3.5 characters, and for longer behind half a frame."""
@@ -215,6 +223,13 @@ class RtuTransport:
         loop = asyncio.get_running_loop()
         if self._framer.pending and loop.time() < self._heard + GAP:
             telegram.timer = loop.call_at(self._heard + GAP, self._time_is_up, telegram, patience)
+        elif telegram.older is not None and not telegram.answer.done():
+            pdu, until = (
+                telegram.older
+            )  # one answer came to two reads of the same registers: it stands, the other is still owed
+            self.counts.late -= 1
+            self._owed.unanswered(telegram.mark, loop.time(), telegram.request.address, until=until)
+            telegram.answer.set_result(pdu)
         else:
             self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s"))
 
@@ -276,8 +291,10 @@ class RtuTransport:
             else:
                 telegram.answer.set_result(pdu)
         elif mark_of_answer(unit, pdu) == telegram.mark:
-            if self._owed.settle(telegram.mark, now):
-                self.counts.late += 1  # one echo for each write like this one: ours is the last
+            if until := self._owed.settled(telegram.mark, now):
+                self.counts.late += 1  # one answer for each telegram like this one: ours is the last
+                if telegram.again:
+                    telegram.older = pdu, until
             else:
                 telegram.answer.set_result(pdu)
         elif self._owed.settle(mark_of_answer(unit, pdu), now):

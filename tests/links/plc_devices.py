@@ -27,7 +27,7 @@ from app.sim.server import TcpServer, serve_pty
 from tests.links.devices import Line, on_bus, point, running
 
 STATUS, CONFIGURATION, SETTINGS, STAGING, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0800
-STATUS_WORDS, CONFIGURATION_WORDS, SETTINGS_WORDS, ROW_WORDS = 8, 6, 10, 8
+STATUS_WORDS, CONFIGURATION_WORDS, SETTINGS_WORDS, ROW_WORDS = 8, 6, 12, 8
 TYPE_CODE = 77
 KINDS = ("memory", "tcp", "rtu")
 
@@ -61,7 +61,12 @@ class SmallPlc(VirtualPlc):
         self._state = 1
         self.table = Table(TABLE, ROW_WORDS, slots, self._row)
         super().__init__(
-            settings=[Setting("a", 1.0, 0.0, 10.0), Setting("b", 2.0, 0.0, 10.0), Setting("c", 3.0, 0.0, 10.0)],
+            settings=[
+                Setting("a", 1.0, 0.0, 10.0),
+                Setting("b", 2.0, 0.0, 10.0),
+                Setting("c", 3.0, 0.0, 10.0),
+                Setting("d", 0.0, 0.0, 1.0),
+            ],
             settings_at=SETTINGS,
             staging_at=STAGING,
             images=[
@@ -151,6 +156,8 @@ class FaultyBus(Bus):
         super().__init__({1: device})
         self.fault: Fault = lambda pdu: ""
         self.spoiled = 0
+        self.late = 0.4
+        """How late a late answer is [s]."""
 
     def answer(self, unit: int, pdu: bytes) -> Answer:
         kind = self.fault(pdu)
@@ -162,7 +169,7 @@ class FaultyBus(Bus):
         said = super().answer(unit, pdu)
         if kind == "answer":
             return Answer(unit, None)
-        return Answer(unit, said.pdu, 0.4)
+        return Answer(unit, said.pdu, self.late)
 
 
 def command_of(pdu: bytes) -> int:

@@ -76,3 +76,15 @@ def test_a_span_that_is_refused_later_is_not_grown_into_any_more() -> None:
     assert owed.pieces(1, Block(105, 1), 1.0)[0][0].block.count == 2
     owed.refused(1, Block(108, 1))
     assert owed.pieces(1, Block(105, 1), 1.0) == ([], LATEST - 1.0)
+
+
+def test_only_an_earlier_read_of_the_same_registers_may_stand_for_a_newer_one() -> None:
+    owed, block = Owed(), Block(0x100, 96)
+    mark = mark_of_request(1, Request(3, 0x100, 96))
+    owed.unanswered(mark, 0.0, 0x100)
+    assert owed.only(1, block, 1.0) and not owed.only(1, Block(0x200, 96), 1.0)
+    owed.unanswered(mark, 2.0, 0x200)
+    assert not owed.only(1, block, 3.0)
+    assert owed.settled(mark, 3.0) == LATEST and owed.settled(mark, 3.0) == LATEST + 2.0
+    owed.unanswered(mark, 5.0, 0x100, until=6.0)
+    assert owed.settled(mark, 7.0) == 0.0

@@ -287,7 +287,7 @@ async def test_setpoints_written_at_once_do_not_lose_each_other(kind: str) -> No
         await asyncio.gather(
             line.link.write("p", "a", 4.0), line.link.write("p", "b", 5.0), line.link.write("p", "c", 6.0)
         )
-        assert device.settings == {"a": 4.0, "b": 5.0, "c": 6.0}
+        assert device.settings == {"a": 4.0, "b": 5.0, "c": 6.0, "d": 0.0}
         assert device.commits == 3
         await until(lambda: (line.value("p.a"), line.value("p.b"), line.value("p.c")) == (4.0, 5.0, 6.0), limit=1)
 
@@ -299,7 +299,7 @@ async def test_a_set_that_the_device_rejects_changes_nothing_and_says_why() -> N
         with pytest.raises(Rejected) as error:
             await line.link.write("p", "b", 50.0)
         assert (error.value.reason, error.value.detail, error.value.kind) == (21, 2, "rejected")
-        assert device.settings == {"a": 1.0, "b": 2.0, "c": 3.0}
+        assert device.settings == {"a": 1.0, "b": 2.0, "c": 3.0, "d": 0.0}
 
 
 FAULTS: dict[str, Callable[[bytes], object]] = {
@@ -321,7 +321,7 @@ async def test_a_set_whose_telegram_is_spoiled_is_all_or_none_and_told(what: str
         else:
             with pytest.raises(LinkError):
                 await line.link.write("p", "b", 7.0)
-            assert device.settings == {"a": 1.0, "b": 2.0, "c": 3.0}
+            assert device.settings == {"a": 1.0, "b": 2.0, "c": 3.0, "d": 0.0}
         assert device.commits <= 1
         await line.link.write("p", "a", 8.0)
         assert device.settings["a"] == 8.0 and device.settings["c"] == 3.0
@@ -334,7 +334,7 @@ async def test_the_settings_are_composed_from_what_the_device_has_now() -> None:
         device._values = {**device._values, "c": 9.0}  # somebody else has changed it, we have not seen it yet
         device._cached.clear()
         await line.link.write("p", "a", 4.0)
-        assert device.settings == {"a": 4.0, "b": 2.0, "c": 9.0}
+        assert device.settings == {"a": 4.0, "b": 2.0, "c": 9.0, "d": 0.0}
 
 
 async def test_a_refused_command_telegram_is_told_as_such() -> None:

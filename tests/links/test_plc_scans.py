@@ -24,6 +24,7 @@ from tests.links.plc_devices import (
     STATUS_WORDS,
     TABLE,
     SmallPlc,
+    once,
     plant,
     small,
 )
@@ -92,6 +93,26 @@ async def test_a_torn_image_is_asked_for_again_and_never_published() -> None:
             await line.link.refresh("p", ["counter"])
         device.torn.clear()
         await until(lambda: line.value("p.counter") != before)
+
+
+async def test_on_a_serial_line_a_lost_answer_does_not_end_the_scans_of_an_image() -> None:
+    device = SmallPlc()
+    async with plant(device, "rtu") as (line, bus):
+        await until(lambda: line.value("p.counter") is not None)
+        bus.fault = once("answer", lambda pdu: pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") == STATUS)
+        await until(lambda: bus.spoiled == 1)
+        for _ in range(5):
+            before = line.value("p.counter")
+            await until(lambda before=before: line.value("p.counter") > before, limit=1)
+            shown = line.value("p.counter")
+            assert device.counter - shown < 60, "and what is shown is as old as a telegram"  # type: ignore[operator]
+        bus.late = 0.22
+        for _ in range(3):
+            bus.fault = once("late", lambda pdu: pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") == STATUS)
+            for _ in range(4):
+                before = line.value("p.counter")
+                await until(lambda before=before: line.value("p.counter") > before, limit=2)
+        assert {line.value("p.level"), line.value("p.state")} == {1.5, 1}
 
 
 # tables
