@@ -12,7 +12,7 @@ from app.commands.interlocks import Age, Prepared, Reason
 from app.commands.orders import Machine, Order, Question, Task, Writer, may_write
 from app.errors import LinkError, Refused
 from app.plant import expression
-from app.plant.definitions import Scan
+from app.plant.definitions import Condition, Scan
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA, is_good, reason
@@ -30,7 +30,7 @@ STOP = "stop"
 
 
 class Checks:
-    """Judges orders; changes nothing."""
+    """Judges orders and conditions; sends nothing."""
 
     def __init__(
         self,
@@ -253,6 +253,29 @@ class Checks:
             await writer.refresh(machine.item.id, keys)
         except LinkError as error:
             raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
+
+    def watch(self, machine: Machine) -> bool:
+        """Judge every condition of the machine; whether anything that a screen says about its commands is other than before."""
+        look, age, kind = self.look(machine), self.age(machine), machine.item.type
+        for condition in (*kind.permissives, *kind.interlocks):
+            self.condition(machine, condition)
+        used = dict.fromkeys(key for prepared in machine.commands.values() for key in prepared.used)
+        signature = (
+            tuple(value for value, _ in machine.met.values()),
+            tuple((r.key, r.label) for r in interlocks.stale(machine.item, machine.link, used, look, age)),
+            tuple(interlocks.level(prepared, look)[0] for prepared in machine.commands.values()),
+        )
+        changed = signature != machine.signature
+        machine.signature = signature
+        return changed
+
+    def condition(self, machine: Machine, condition: Condition) -> tuple[Condition, bool | None, int]:
+        """`condition`, whether it is met (None = not known), and since when [µs UTC]."""
+        value = interlocks.met(condition, self.look(machine), age=self.age(machine))
+        before = machine.met.get(condition.key)
+        if before is None or before[0] is not value:
+            machine.met[condition.key] = before = (value, self._clock.micros())
+        return condition, value, before[1]
 
     def previous(self, machine: Machine, prepared: Prepared) -> dict[str, float]:
         look = self.look(machine)

@@ -30,6 +30,7 @@ from app.commands.lifecycle import Facts, Progress, State, advance, judge
 from app.commands.nonce import Nonces, Once, Rate
 from app.commands.orders import Audit, Job, Machine, Order, Task, Writer
 from app.commands.orders import Question as Question
+from app.commands.trail import Trail
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Condition, Plant, Scan
@@ -65,7 +66,6 @@ ASK_AGAIN = 0.2
 DRIVE_FAULT = "drive"
 """Alarm class of what stops a machine by itself."""
 NOTHING: Mapping[str, str | float] = MappingProxyType({})
-LONGEST_LINE = 200
 
 
 class Gate:
@@ -83,8 +83,9 @@ class Gate:
     ) -> None:
         """`writers` by link, looked up at every write; `on_stop_unconfirmed` is called with the machine."""
         self.dry_run = dry_run
+        self._trail = Trail(audit, self._spawn)
         self.nonces = Nonces(clock)
-        self.control = ControlToken(clock, moving=self._holding, changed=self._mark, journal=self._journal)
+        self.control = ControlToken(clock, moving=self._holding, changed=self._mark, journal=self._trail.control)
         self.hold = HoldToRun(
             clock,
             admit=self._admit_hold,
@@ -99,7 +100,6 @@ class Gate:
         self._tags = tags
         self._clock = clock
         self._writers = writers
-        self._audit = audit
         self._once: Once[Progress] = Once(clock)
         self._rate = Rate(clock)
         self._refused_rate: dict[str, tuple[float, int]] = {}
@@ -222,12 +222,12 @@ class Gate:
     def permissives(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true to start: (condition, met or None for not known, since [µs UTC])."""
         machine = self._machines[equipment]
-        return [self._line(machine, condition) for condition in machine.item.type.permissives]
+        return [self._checks.condition(machine, condition) for condition in machine.item.type.permissives]
 
     def interlocks(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true at any time, as `permissives`."""
         machine = self._machines[equipment]
-        return [self._line(machine, condition) for condition in machine.item.type.interlocks]
+        return [self._checks.condition(machine, condition) for condition in machine.item.type.interlocks]
 
     def progress(self, equipment: str) -> Progress | None:
         """The command at work, else the last one that was carried out."""
@@ -273,7 +273,8 @@ class Gate:
         if now - self._looked >= LOOK:
             self._looked = now
             for machine in self._machines.values():
-                self._look_at(machine)
+                if self._checks.watch(machine):
+                    self._mark(machine.item.id)
         for machine in self._machines.values():
             if machine.dirty and now - machine.told >= TELL:
                 self._tell(machine, now)
@@ -392,7 +393,7 @@ class Gate:
         machine = self._machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
-        self._record(order, progress, new=_told(order.arguments) or order.argument)
+        self._trail.command(order, progress, refused=True)
 
     # ---- writing --------------------------------------------------------------------------------------
 
@@ -857,7 +858,7 @@ class Gate:
             machine.history.append(progress)
             machine.last = progress
             self._tell_end(progress)
-            self._record_line("command", None, f"{item.id}.{point}", None, held[point], progress)
+            self._trail.line(None, f"{item.id}.{point}", None, held[point], progress)
 
     def _holding(self, equipment: str) -> bool:
         return self.hold.active(equipment) is not None
@@ -874,7 +875,7 @@ class Gate:
             machine.job = None
         machine.last = job.progress
         machine.history.append(job.progress)
-        self._record(job.order, job.progress, new=_told(job.progress.arguments) or job.progress.argument)
+        self._trail.command(job.order, job.progress)
         self._tell_end(job.progress)
         self._mark(machine.item.id)
 
@@ -884,40 +885,6 @@ class Gate:
                 callback(progress)
             except Exception:
                 log.exception("subscriber of command ends failed command=%s", progress.id)
-
-    def _record(self, order: Order, progress: Progress, new: Value) -> None:
-        self._record_line(
-            "command", order.person, f"{order.equipment}.{order.key}", progress.old, new, progress,
-            address=order.address, why=order.reason,
-        )  # fmt: skip
-
-    def _record_line(
-        self, kind: str, person: Person | None, what: str, old: Value, new: Value, progress: Progress, **more: str
-    ) -> None:
-        params: dict[str, Any] = {f"reason_{key}": value for key, value in progress.params.items()}
-        params |= {key: value for key, value in more.items() if value}
-        params |= {
-            "id": progress.id,
-            "requested": progress.requested,
-            "accepted": progress.accepted,
-            "ended": progress.ended,
-            "telegrams": [list(telegram) for telegram in progress.telegrams],
-        }
-        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
-        try:
-            result = self._audit(kind, person, what, old, new, str(progress.state), progress.reason, **params)
-            if asyncio.iscoroutine(result):
-                self._spawn(result, "audit")
-        except Exception:
-            log.exception("audit failed object=%s", what)
-
-    def _journal(self, person: Person | None, equipment: str, what: str, former: str) -> None:
-        try:
-            result = self._audit("control", person, equipment, former or None, None, what, f"control.{what}")
-            if asyncio.iscoroutine(result):
-                self._spawn(result, "audit")
-        except Exception:
-            log.exception("audit failed object=%s", equipment)
 
     def _mark(self, equipment: str) -> None:
         """Something about the machine changed: tell at once, or with the next tick when that was just done."""
@@ -936,30 +903,6 @@ class Gate:
                 callback(machine.item.id)
             except Exception:
                 log.exception("subscriber of the gate failed equipment=%s", machine.item.id)
-
-    def _look_at(self, machine: Machine) -> None:
-        """Judge every condition of the machine and notice what changed."""
-        look, age, kind = self._checks.look(machine), self._checks.age(machine), machine.item.type
-        for condition in (*kind.permissives, *kind.interlocks):
-            value = interlocks.met(condition, look, age=age)
-            if condition.key not in machine.met or machine.met[condition.key][0] is not value:
-                machine.met[condition.key] = (value, self._clock.micros())
-        used = dict.fromkeys(key for prepared in machine.commands.values() for key in prepared.used)
-        signature = (
-            tuple(value for value, _ in machine.met.values()),
-            tuple((r.key, r.label) for r in interlocks.stale(machine.item, machine.link, used, look, age)),
-            tuple(interlocks.level(prepared, look)[0] for prepared in machine.commands.values()),
-        )
-        if signature != machine.signature:
-            machine.signature = signature
-            self._mark(machine.item.id)
-
-    def _line(self, machine: Machine, condition: Condition) -> tuple[Condition, bool | None, int]:
-        value = interlocks.met(condition, self._checks.look(machine), age=self._checks.age(machine))
-        before = machine.met.get(condition.key)
-        if before is None or before[0] is not value:
-            machine.met[condition.key] = before = (value, self._clock.micros())
-        return condition, value, before[1]
 
     # ---- small things ---------------------------------------------------------------------------------
 
@@ -985,12 +928,6 @@ class Gate:
         self._tasks.discard(task)
         if not task.cancelled() and task.exception() is not None:
             log.error("task of the gate failed task=%s", task.get_name(), exc_info=task.exception())
-
-
-def _told(arguments: Mapping[str, str | float]) -> str:
-    """Arguments in one line of the audit trail: `product = 5, head = 100.5`."""
-    written = (f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}" for name, value in arguments.items())
-    return ", ".join(written)[:LONGEST_LINE]
 
 
 def _holds(text: str, look: expression.Look) -> bool | None:

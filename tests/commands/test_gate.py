@@ -700,7 +700,7 @@ async def test_a_broken_audit_or_subscriber_does_not_keep_the_gate_from_working(
     def breaks(*anything: object, **more: object) -> None:
         raise RuntimeError("full")
 
-    stand.gate._audit = breaks
+    stand.gate._trail._audit = breaks
     stand.gate.subscribe(breaks)
     stand.gate.subscribe_ends(breaks)
     await stand.ask(ANA, "forward")

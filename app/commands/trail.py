@@ -1,0 +1,76 @@
+"""What the gate writes into the audit trail: one line for every command that is over, and one for every change of control."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Any
+
+from app.access.roles import Person
+from app.commands.lifecycle import Progress
+from app.commands.orders import Audit, Order
+from app.tags.batch import Value
+
+log = logging.getLogger(__name__)
+
+LONGEST_LINE = 200
+Spawn = Callable[[Coroutine[Any, Any, None], str], None]
+"""Runs something without waiting for it, under a name."""
+
+
+class Trail:
+    """The audit trail of the gate. What goes wrong with it is logged and keeps no command from going on."""
+
+    def __init__(self, audit: Audit, spawn: Spawn) -> None:
+        self._audit = audit
+        self._spawn = spawn
+
+    def command(self, order: Order, progress: Progress, *, refused: bool = False) -> None:
+        """What became of `order`; of a refused one what was typed, of another what was sent."""
+        arguments = order.arguments if refused else progress.arguments
+        new = told(arguments) or (order.argument if refused else progress.argument)
+        self.line(
+            order.person, f"{order.equipment}.{order.key}", progress.old, new, progress,
+            address=order.address, why=order.reason,
+        )  # fmt: skip
+
+    def line(self, person: Person | None, what: str, old: Value, new: Value, progress: Progress, **more: str) -> None:
+        """One line about `what` (`equipment.command`)."""
+        params: dict[str, Any] = {f"reason_{key}": value for key, value in progress.params.items()}
+        params |= {key: value for key, value in more.items() if value}
+        params |= {
+            "id": progress.id,
+            "requested": progress.requested,
+            "accepted": progress.accepted,
+            "ended": progress.ended,
+            "telegrams": [list(telegram) for telegram in progress.telegrams],
+        }
+        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
+        self._write("command", person, what, old, new, str(progress.state), progress.reason, params)
+
+    def control(self, person: Person | None, equipment: str, what: str, former: str) -> None:
+        """Control of a machine was taken, released, handed over, refused or lost."""
+        self._write("control", person, equipment, former or None, None, what, f"control.{what}", {})
+
+    def _write(
+        self,
+        kind: str,
+        person: Person | None,
+        what: str,
+        old: Value,
+        new: Value,
+        result: str,
+        reason: str,
+        params: Mapping[str, Any],
+    ) -> None:
+        try:
+            found = self._audit(kind, person, what, old, new, result, reason, **params)
+            if asyncio.iscoroutine(found):
+                self._spawn(found, "audit")
+        except Exception:
+            log.exception("audit failed object=%s", what)
+
+
+def told(arguments: Mapping[str, str | float]) -> str:
+    """Arguments in one line: `product = 5, head = 100.5`."""
+    written = (f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}" for name, value in arguments.items())
+    return ", ".join(written)[:LONGEST_LINE]
