@@ -18,7 +18,7 @@ from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, RingEvent, Snapshot, is_new, mark_of, snapshot_of
+from app.plant.events import Mark, RingEvent, Snapshot, begins_again, is_new, mark_of, snapshot_of
 
 log = logging.getLogger(__name__)
 
@@ -267,8 +267,11 @@ def store(connection: Connection, delivery: Delivery, alarms: Collection[int], n
     ).first()
     mark = None if row is None else Mark(row[0], row[1], row[2])
     fresh: list[RingEvent] = []
+    again: list[RingEvent] = []
     for event in delivery.events:
         if is_new(event, mark):
+            if mark is not None and begins_again(event, mark):
+                again.append(event)
             fresh.append(event)
             mark = mark_of(event)
     if delivery.events and not fresh:
@@ -277,6 +280,11 @@ def store(connection: Connection, delivery: Delivery, alarms: Collection[int], n
     if delivery.lost > 0 and (not fresh or fresh[0] is delivery.events[0]):
         _lose(connection, equipment, delivery.lost, fresh[0] if fresh else None, mark, now)
     for event in fresh:
+        if event in again:  # the device knows nothing any more of what was on it
+            connection.exec_driver_sql(
+                "UPDATE passage SET outcome = 'unknown', ended = ? WHERE equipment = ? AND outcome = 'open'",
+                (event.time, equipment),
+            )
         _put(connection, equipment, event, alarms)
     if fresh and mark is not None:
         connection.exec_driver_sql(

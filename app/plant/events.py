@@ -7,9 +7,8 @@ from typing import Protocol
 from app.registers.plc_map import real_of
 
 RESTARTED = 1_000_000
-"""After another boot, an event this much later than the last one is new although its number is not [µs]: the ring began again."""
-RESTARTED_SAME_BOOT = 60_000_000
-"""The same when the number of boots did not change [µs]."""
+"""An event this much later than the last one is new although its number is not [µs]: the ring began again. Delivered again, an event has
+the time that it had, within the few ms of how well the device's clock is known."""
 HALF = 2**31
 
 
@@ -71,13 +70,17 @@ def mark_of(event: RingEvent) -> Mark:
 
 
 def is_new(event: RingEvent, mark: Mark | None) -> bool:
-    """Whether `event` comes after `mark`.
+    """Whether `event` comes after `mark`; numbers wrap after 2³²−1."""
+    return mark is None or _ahead(event, mark) or begins_again(event, mark)
 
-    Numbers wrap after 2³²−1. A device that lost what it retains counts from 1 again: then its time is what says that it is new.
-    """
-    if mark is None or 0 < (event.sequence - mark.sequence) % 2**32 < HALF:
-        return True
-    return event.time > mark.time + (RESTARTED_SAME_BOOT if event.boot == mark.boot else RESTARTED)
+
+def begins_again(event: RingEvent, mark: Mark) -> bool:
+    """Whether `event` is of a ring that counts from 1 again: its device has lost what it retains, or is another one."""
+    return not _ahead(event, mark) and event.time > mark.time + RESTARTED
+
+
+def _ahead(event: RingEvent, mark: Mark) -> bool:
+    return 0 < (event.sequence - mark.sequence) % 2**32 < HALF
 
 
 def snapshot_of(words: Sequence[int]) -> Snapshot:

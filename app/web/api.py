@@ -4,7 +4,7 @@ A program sends `Authorization: Bearer <token>` (made on the page of tokens); a 
 `X-CSRF-Token`. Numbers are plain JSON numbers in the unit of the tag, times ISO 8601 UTC with µs. The socket is in docs/api.md.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +19,8 @@ from app.clock import to_datetime, to_micros
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
 from app.errors import Refused
-from app.historian import query
+from app.historian import passage_query, query
+from app.historian.passage_query import Passage, Step
 from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
@@ -133,6 +134,48 @@ class AlarmOut(BaseModel):
     value: float | None
     limit: float | None
     count: int
+
+
+class StepOut(BaseModel):
+    """One event of a product's passage."""
+
+    time: datetime
+    sequence: int
+    code: int
+    event: str = Field(description="key of the code", examples=["head"])
+    source: int
+    value: float | None
+    second: int = Field(description="another product that is part of it; 0 = none")
+    second_value: float | None
+    person: str = Field(description="who asked for it")
+    reason: str
+
+
+class ProductOut(BaseModel):
+    """What became of one product on one machine."""
+
+    id: int
+    equipment: str
+    product: int
+    boot: int
+    entered: datetime
+    entry_seen: bool
+    length: float | None = Field(description="mm")
+    outcome: str = Field(description=", ".join(passage_query.OUTCOMES))
+    ended: datetime | None
+    duration: float | None = Field(description="s")
+    corrections: int
+    greatest_correction: float | None = Field(description="greatest amount [mm]")
+    alarms: list[str] = Field(description="keys of its events that are alarms")
+    events_lost: int = Field(description="events lost while it was under way")
+    steps: list[StepOut]
+
+
+class ProductsOut(BaseModel):
+    """A page of passages, newest first; `next` is the `before` of the next page."""
+
+    products: list[ProductOut]
+    next: str | None
 
 
 class AckOut(BaseModel):
@@ -295,6 +338,48 @@ async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
     return [_alarm(request, runtime, standing) for standing in runtime.alarms.standing()]
+
+
+@router.get("/products", dependencies=[allow("view")])
+async def products(
+    request: Request,
+    equipment: Annotated[str, Query(description="machine; empty: all", max_length=64)] = "",
+    begin: Annotated[datetime | None, Query(alias="from", description="entered at or after")] = None,
+    end: Annotated[datetime | None, Query(alias="to", description="entered before")] = None,
+    product: Annotated[int | None, Query(ge=1, lt=2**32)] = None,
+    outcome: Annotated[str, Query(description=", ".join(passage_query.OUTCOMES), max_length=20)] = "",
+    correction: Annotated[float | None, Query(ge=0, description="greatest correction above [mm]")] = None,
+    alarm: Annotated[str, Query(description="any, or the code of an event", pattern="^(|any|[0-9]{1,5})$")] = "",
+    before: Annotated[str, Query(description="`next` of the page before", pattern="^(|[0-9]{1,18}-[0-9]{1,18})$")] = "",
+    steps: Annotated[bool, Query(description="with all events of each")] = True,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> ProductsOut:
+    """What became of each product, newest first."""
+    runtime = runtime_of(request)
+    if outcome not in ("", *passage_query.OUTCOMES) or any(one and one.tzinfo is None for one in (begin, end)):
+        raise HTTPException(422)
+    entered, _, number = before.partition("-")
+    wanted = passage_query.Wanted(
+        equipment,
+        to_micros(begin) if begin else None,
+        to_micros(end) if end else None,
+        product,
+        outcome,
+        correction,
+        alarm,
+        (int(entered), int(number)) if before else None,
+    )
+
+    def work(connection: Connection) -> tuple[list[Passage], Mapping[int, list[Step]]]:
+        found = passage_query.find(connection, wanted, limit + 1)
+        return found, passage_query.steps(connection, [one.id for one in found[:limit]] if steps else [])
+
+    found, told = await read(runtime, work)
+    last = found[limit - 1] if len(found) > limit else None
+    return ProductsOut(
+        products=[_product(runtime, one, told.get(one.id, [])) for one in found[:limit]],
+        next=f"{last.entered}-{last.id}" if last else None,
+    )
 
 
 @router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
@@ -564,6 +649,42 @@ def _alarm(request: Request, runtime: "Runtime", one: "Standing") -> AlarmOut:
         value=one.value,
         limit=one.limit,
         count=one.count,
+    )
+
+
+def _product(runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> ProductOut:
+    item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
+    keys = item.type.events if item else {}
+    return ProductOut(
+        id=one.id,
+        equipment=one.equipment,
+        product=one.product,
+        boot=one.boot,
+        entered=to_datetime(one.entered),
+        entry_seen=one.entry > 0,
+        length=one.length,
+        outcome=one.outcome,
+        ended=None if one.ended is None else to_datetime(one.ended),
+        duration=one.duration,
+        corrections=one.corrections,
+        greatest_correction=one.greatest,
+        alarms=[keys.get(code, str(code)) for code in one.alarms],
+        events_lost=one.missed,
+        steps=[
+            StepOut(
+                time=to_datetime(step.time),
+                sequence=step.sequence,
+                code=step.code,
+                event=keys.get(step.code, str(step.code)),
+                source=step.source,
+                value=step.value,
+                second=step.second,
+                second_value=step.second_value,
+                person=step.person,
+                reason=step.reason,
+            )
+            for step in steps
+        ],
     )
 
 

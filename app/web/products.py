@@ -121,7 +121,7 @@ async def export(request: Request) -> Response:
             locale,
             bom=request.query_params.get("bom", "") in ("1", "on"),
             sensors=sensors(plant, typed["equipment"]),
-            **(words(runtime, locale) if spoken else {}),
+            **(words(runtime, locale) if spoken else {"events": keys(plant)}),
             most_rows=runtime.settings.export_rows,
             filters=filters,
             plant=runtime.texts.label(lang, plant.name) if plant else "",
@@ -313,6 +313,11 @@ def words(runtime: "Runtime", lang: str) -> dict[str, Any]:
             for code, key in item.type.events.items()
         },
     }
+
+
+def keys(plant: Plant | None) -> dict[tuple[str, int], str]:
+    """(machine, code) → key of the event, for programs."""
+    return {(item.id, code): key for item in tracking(plant) for code, key in item.type.events.items()}
 
 
 def _event_key(item: Equipment, code: int) -> str:
