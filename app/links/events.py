@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 
 DRIFT = 50_000
 """The offset between the device's time and ours is kept until it is wrong by more than this [µs]."""
+SCAN = 100_000
+"""Longest scan of a device: two answers may be so much out of order [µs]."""
 AGAIN = 1.0
 """Before events that were not taken are handed over again [s]."""
 ABSENT_TRIES = 5
@@ -65,6 +67,7 @@ class DeviceClock:
         self.boots: int | None = None
         self._offset: int | None = None
         self._time = 0
+        self._asked = 0
         self._before: tuple[int, int, int] | None = None
         """Of the start before this one: last device time, offset, boot count."""
 
@@ -73,7 +76,11 @@ class DeviceClock:
         boots = words[plc_map.AT_BOOTS - first]
         time = plc_map.time_of(words[plc_map.AT_TIME - first : plc_map.AT_TIME_QUALITY - first])
         quality = words[plc_map.AT_TIME_QUALITY - first]
-        restarted = self.boots is not None and (boots != self.boots or time < self._time)
+        if asked < self._asked:  # overtaken on another connection
+            return False
+        self._asked = asked
+        went_back = time + (answered - asked) + SCAN < self._time
+        restarted = self.boots is not None and (boots != self.boots or went_back)
         if restarted and self._offset is not None and self.boots is not None:
             self._before, self._offset = (self._time, self._offset, self.boots), None
         self.boots, self._time = boots, time
@@ -213,14 +220,19 @@ class EventReader:
             self.position = await self._start(head)
         if not self._suspect and head.newest == self.position:
             return False
+        if head.newest < self.position:  # is it, or is this head older than what was read since?
+            head = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS))) or head
+            self._head = head
         await self._read_clock()
-        if await self._is_another_ring(head):
-            self._tell("event ring begins anew link=%s unit=%d newest=%d last taken=%d", head.newest, self.position)
-            self.position, self._last = 0, None
-        self._suspect = False
+        if head.newest < self.position:
+            self._begin_anew(head)
         if head.newest and head.oldest > self.position + 1:
             self._skip(head.oldest - 1)
         found = await self._new_rows(head)
+        if found is None:
+            self._begin_anew(head)
+            return True
+        self._suspect = False
         if found:
             await self._deliver(found)
         if self.position >= head.newest:
@@ -254,26 +266,30 @@ class EventReader:
             return head.acknowledged
         return max(0, head.oldest - 1)  # nobody ever took one: what is there is the beginning
 
-    async def _is_another_ring(self, head: Head) -> bool:
-        """Whether the event at `position` is not the one that was taken."""
-        assert self.position is not None
-        if head.newest < self.position:
-            return True
-        last = self._last
-        if not self._suspect or last is None or not head.oldest <= last.sequence:
-            return False
-        there = (await self._rows(head, last.sequence, 1))[0]
-        return (there.sequence, there.time, there.code) != (last.sequence, last.time, last.code)
+    def _begin_anew(self, head: Head) -> None:
+        """The ring is not the one that was read before."""
+        self._tell("event ring begins anew link=%s unit=%d newest=%d last taken=%s", head.newest, self.position)
+        self.position, self._last = 0, None
 
-    async def _new_rows(self, head: Head) -> list[DeviceEvent]:
-        """The rows behind `position`, up to the first that is not what the head says."""
+    async def _new_rows(self, head: Head) -> list[DeviceEvent] | None:
+        """The rows behind `position`, up to the first that is not what the head says; None when it is another ring.
+
+        The row of the last event taken is read with them: of the same ring it is the same event.
+        """
         assert self.position is not None
-        found: list[DeviceEvent] = []
-        while (following := self.position + len(found) + 1) <= head.newest:
-            for number, event in enumerate(await self._rows(head, following, head.newest - following + 1)):
-                if event.sequence != following + number:
+        last, found = self._last, list[DeviceEvent]()
+        following = self.position + (last is None or head.oldest > self.position)
+        while following <= head.newest:
+            for event in await self._rows(head, following, head.newest - following + 1):
+                if following == self.position and last is not None:
+                    same = (event.time, event.code, event.source) == (last.time, last.code, last.source)
+                    if event.sequence == following and not same:
+                        return None
+                elif event.sequence != following:
                     return found
-                found.append(event)
+                else:
+                    found.append(event)
+                following += 1
         return found
 
     async def _rows(self, head: Head, sequence: int, count: int) -> list[DeviceEvent]:

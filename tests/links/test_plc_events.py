@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from app.clock import SystemClock
-from app.links.events import DeviceClock, HostEvent
+from app.links.events import DeviceClock, Head, HostEvent
 from app.plant.definitions import Equipment
 from app.registers import plc_map
 from app.registers.plc_map import long_words
@@ -282,6 +282,21 @@ async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
         assert sum(taker.lost) == 0
 
 
+async def test_a_head_that_comes_late_on_another_connection_is_not_another_ring() -> None:
+    device, taker = SmallPlc(), Taker()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        for code in range(1, 6):
+            device.event(code)
+        await until(lambda: len(taker.events) == 5)
+        unit = line.link.stations[1].plc
+        assert unit is not None
+        unit.events.seen(Head(EVENT_CAPACITY, 16, 1, 3, 0))
+        await asyncio.sleep(0.2)
+        device.event(6)
+        await until(lambda: taker.codes == [1, 2, 3, 4, 5, 6])
+
+
 # the clock
 
 
@@ -316,6 +331,9 @@ def test_what_happened_before_a_restart_keeps_the_time_that_it_had() -> None:
     assert clock.header(header(2, 1_200_000), 0, 80_000_000, 80_000_000)
     assert (clock.utc(900_000), clock.boot(900_000)) == (49_900_000, 1)
     assert (clock.utc(1_200_000), clock.boot(1_200_000)) == (80_000_000, 2)
+    assert not clock.header(header(2, 1_100_000), 0, 79_990_000, 80_000_000), "overtaken on another connection"
+    assert not clock.header(header(2, 1_190_000), 0, 80_000_000, 80_001_000), "served out of order"
+    clock.header(header(2, 1_200_000), 0, 80_000_000, 80_000_000)
     assert clock.header(header(1, 10_000), 0, 90_000_000, 90_000_000), "its time began anew"
     assert (clock.utc(5_000), clock.boot(5_000)) == (89_995_000, 1)
     assert clock.utc(1_100_000) == 79_900_000
