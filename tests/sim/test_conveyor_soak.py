@@ -124,7 +124,7 @@ class Soak:
     async def remove(self) -> None:
         """Somebody takes a product away; the next sensor, or the empty grip, tells it."""
         line = self.line
-        first = Geometry().sensors[0]
+        first = line.device.geometry.sensors[0]
         for _ in range(60):
             if known := [n for n, product in enumerate(line.true(), 1) if product.tail > first + 5]:
                 break
@@ -147,8 +147,9 @@ class Soak:
     async def put(self) -> None:
         """Somebody puts a product between two sensors; the next sensor tells it."""
         line = self.line
+        first = round(line.device.geometry.sensors[0])
         for _ in range(60):
-            spots = [x for x in range(130, 520, 5) if not 205 < x < 250 and not 435 < x < 480]
+            spots = [x for x in range(first + 30, 520, 5) if not 205 < x < 250 and not 435 < x < 480]
             room = [x for x in spots if all(x + 25 < other.tail or x - 45 > other.head for other in line.true())]
             if room:
                 break
