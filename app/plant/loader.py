@@ -285,7 +285,9 @@ class _PlantReader:
                 self.ids.setdefault(lasting, f"{id}.{cell.key}")
                 points[cell.key] = replace(cell, name=f"{id}.{cell.key}", id=lasting, equipment=id)
         alarms = tuple(data.type.alarms)
-        self.equipment[id] = Equipment(id, data.type, link, unit, label, area, points, alarms, options, tables, preset)
+        self.equipment[id] = Equipment(
+            id, data.type, link, unit, label, area, points, alarms, options, tables, preset=preset
+        )
 
     def _options(self, table: Table, data: types.TypeData, preset: Mapping[str, float]) -> dict[str, object]:
         options = {**data.type.options, **preset}
