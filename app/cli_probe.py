@@ -21,13 +21,15 @@ from app.links.rtu import NotSupported
 from app.plant.definitions import Equipment, Link, Plant
 from app.plant.loader import read_plant
 from app.settings import host_and_port, read_settings
+from app.sim.conveyor_machine import FAULT_NAMES
 from app.sim.e800 import FAULTS
 
 AUTO = "auto"
 MACHINE_FAULTS: Mapping[str, Mapping[str, int]] = {
     "eura_e800": {keypad: code for code, (keypad, _) in FAULTS.items()},
+    "conveyor": FAULT_NAMES,
 }
-"""Equipment type → name on its keypad → status code to cause."""
+"""Equipment type → name of a fault (of a drive: on its keypad) → code to cause."""
 
 
 def probe(
@@ -69,7 +71,7 @@ def inject(
         str,
         typer.Argument(
             metavar="FAULT",
-            help=f"A machine fault by its keypad name or code (OC, 0x04), {', '.join(injecting.LINE_FAULTS)}, or clear.",
+            help=f"A machine fault by its name or code (OC, 0x04, jam_1), {', '.join(injecting.LINE_FAULTS)}, or clear.",
         ),
     ],
     tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the simulated plant answers Modbus TCP.")] = "",

@@ -14,10 +14,12 @@ The program behind the virtual PLC sees none of this but pulses, beams and the t
 | products | cannot pass through one another: the moving one is held back, both are marked |
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import exp, floor, pi
 from random import Random
+from types import MappingProxyType
 
 BELTS, SENSORS = 3, 4
 
@@ -39,8 +41,19 @@ STANDS = 1.0
 """The unloader takes from a belt that is slower [%]."""
 
 EMERGENCY_STOP, HOST_OFF = 50, 60
-FAULTS = (1, 2, 3, 11, 12, 13, 21, 22, 23, 24, 31, 32, 33, 34, 41, 42, 43, EMERGENCY_STOP, HOST_OFF)
-"""Machine faults that the instructor can cause (`training`)."""
+FAULT_NAMES: Mapping[str, int] = MappingProxyType(
+    {
+        **{f"jam_{belt}": belt for belt in (1, 2, 3)},
+        **{f"slip_{belt}": 10 + belt for belt in (1, 2, 3)},
+        **{f"blind_{sensor}": 20 + sensor for sensor in (1, 2, 3, 4)},
+        **{f"stuck_{sensor}": 30 + sensor for sensor in (1, 2, 3, 4)},
+        **{f"encoder_{belt}": 40 + belt for belt in (1, 2, 3)},
+        "emergency_stop": EMERGENCY_STOP,
+        "host_off": HOST_OFF,
+    }
+)
+"""Machine faults that the instructor can cause (`training`), by name."""
+FAULTS = tuple(FAULT_NAMES.values())
 
 
 @dataclass(frozen=True, slots=True)
