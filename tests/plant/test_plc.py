@@ -10,6 +10,7 @@ import pytest
 from app.plant import changes, types
 from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Problem, Scan, TableMap, Type
 from app.plant.loader import LANGUAGES, read_plant
+from app.plant.texts import read_product
 from tests.plant.line import FILES, PLANT, write_type
 
 
@@ -297,3 +298,12 @@ def test_an_order_without_code_needs_telegrams(tmp_path: Path) -> None:
 def test_the_files_of_the_test_are_toml() -> None:
     for name, text in FILES.items():
         assert tomllib.loads(text), name
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", types.names())
+def test_every_text_that_a_type_asks_for_is_there_in_every_language(name: str, language: str) -> None:
+    data, problems = types.read_type(name, LANGUAGES)
+    assert problems == []
+    product = read_product()[language]
+    assert [key for key in types.text_keys(data) if key not in data.type.texts[language] and key not in product] == []
