@@ -67,12 +67,22 @@ _TRACKED, _ENTERING, _UNCERTAIN = ProductState.TRACKED, ProductState.ENTERING, P
 _OUTSIDE, _LOST, _UNLOADING = ProductState.OUTSIDE, ProductState.LOST, ProductState.UNLOADING
 
 
-class _Cut(NamedTuple):
-    """A beam that became free before the product could be through."""
+class _Held(NamedTuple):
+    """Who interrupts a beam."""
 
     product: Product
     risen: int
+    """End that did it: 1 right, −1 left."""
     since: float
+    """Its displacement then [mm]."""
+    sure: bool = True
+    """False: the edge came where it was not expected, the beam may have been late."""
+
+
+class _Cut(NamedTuple):
+    """A beam that became free before the product could be through."""
+
+    held: _Held
     measured: float
     travel: float
 
@@ -174,7 +184,7 @@ class ProductTracking:
         ]
         self._risen = [0.0] * count
         self._cut: list[_Cut | None] = [None] * count
-        self._in_beam: list[tuple[Product, int, float] | None] = [None] * count
+        self._in_beam: list[_Held | None] = [None] * count
         self._misses = [0] * count
         self._strangers = [0] * count
         self._stuck = 0
@@ -582,8 +592,8 @@ class ProductTracking:
                 self._find(over, n, x - (over.right if (over.moving or 1) > 0 else over.left))
                 return
             cut, self._cut[n] = self._cut[n], None
-            if cut and cut.product is over:
-                self._in_beam[n] = (over, cut.risen, cut.since)
+            if cut and cut.held.product is over:
+                self._in_beam[n] = cut.held
             return
         self._stranger(n)
 
@@ -602,7 +612,7 @@ class ProductTracking:
         self._tell(Code.UNEXPECTED, n + 1, product.id, 0, by)
         self._seen(product, n)
         self._pass(product, n, product.moving or 1)
-        self._in_beam[n] = (product, product.moving or 1, product.displacement)
+        self._in_beam[n] = _Held(product, product.moving or 1, product.displacement, False)
         self._place_at(product, n, by)
         self._mark(product, _UNCERTAIN)
 
@@ -611,7 +621,7 @@ class ProductTracking:
         way = product.moving or 1
         self._seen(product, n)
         if code is Code.HEAD_AT_SENSOR:
-            self._in_beam[n] = (product, end, product.displacement)
+            self._in_beam[n] = _Held(product, end, product.displacement)
         self._pass(product, n, way, end)
         self._place_at(product, n, by)
         self.corrections += 1
@@ -677,7 +687,7 @@ class ProductTracking:
             return
         held, self._in_beam[n] = self._in_beam[n], None
         if held:
-            self._trailing_edge(n, *held)
+            self._trailing_edge(n, held)
             return
         x = self.line.sensors[n]
         for product in self.products:
@@ -687,30 +697,36 @@ class ProductTracking:
                 self._correct(product, n, by, Code.TAIL_AT_SENSOR, end)
                 return
 
-    def _trailing_edge(self, n: int, product: Product, risen: int, since: float) -> None:
-        """The beam is free again: of the product that interrupted it with its `risen` end (1 right, −1 left)."""
+    def _trailing_edge(self, n: int, held: _Held) -> None:
+        """The beam is free again, of the product that interrupted it."""
+        product, limits = held.product, self.settings
         x = self.line.sensors[n]
         end = -(product.moving or 1)
         by = x - (product.right if end > 0 else product.left)
         if self._now - product.moved_us > _RECENT_US:
             return
-        whole = end != risen
-        measured = abs(product.displacement - since)
-        if whole and not product.length_known and measured >= self.settings.shortest:
+        whole = end != held.risen
+        measured = abs(product.displacement - held.since)
+        near = abs(by) <= max(limits.sensor_tolerance, limits.lost_after)
+        if whole and not product.length_known and limits.shortest <= measured <= limits.longest:
             self._take_length(product, n, measured, end)
-            return
-        if abs(by) <= max(self.settings.sensor_tolerance, self.settings.lost_after):
+        elif near or (whole and not held.sure and measured >= limits.shortest):
             self._correct(product, n, by, Code.TAIL_AT_SENSOR, end)
-            if whole and abs(measured - product.length) > self.settings.alarm_tolerance:
+            if whole and abs(measured - product.length) > limits.alarm_tolerance:
                 self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
+            if not near:
+                self._mark(product, _UNCERTAIN)
+        elif not whole or measured < limits.shortest:
             return
-        if not whole or measured < self.settings.shortest:
-            return
-        if by * end < 0:
+        elif by * end < 0:
             # the end is not at the sensor yet: shorter than tracked, or a hole in it; the way that the beam stays free will tell
-            self._cut[n] = _Cut(product, risen, since, measured, self._travel(n))
-        else:
+            self._cut[n] = _Cut(held, measured, self._travel(n))
+        elif measured <= limits.longest and not self._covered(x, product):
             self._take_length(product, n, measured, end)
+
+    def _covered(self, x: float, but: Product) -> bool:
+        """Another product is at `x`, so what a beam says there is about that one."""
+        return any(other is not but and other.left < x < other.right for other in self.products)
 
     def _take_length(self, product: Product, n: int, measured: float, end: int) -> None:
         """The trailing end (1 right, −1 left) is at the sensor, the length is what was measured there."""
@@ -729,7 +745,7 @@ class ProductTracking:
         for n, cut in enumerate(self._cut):
             if cut and not beams[n] and abs(self._travel(n) - cut.travel) >= self.settings.shortest:
                 self._cut[n] = None
-                self._shorten(cut.product, n, cut.measured)
+                self._shorten(cut.held.product, n, cut.measured)
 
     def _shorten(self, product: Product, n: int, length: float) -> None:
         """Its leading end is right; what was behind the measured length is not there."""
@@ -794,6 +810,9 @@ class ProductTracking:
             if beams[n] or self.sensor_faults & 1 << n:
                 if product.state is _TRACKED:
                     product.state = _UNCERTAIN
+                held = self._in_beam[n]
+                if held and held.product is not product:
+                    self._in_beam[n] = None
                 continue
             product.missed |= 1 << n
             product.lost_at = n + 1
@@ -987,9 +1006,9 @@ class ProductTracking:
     def _forget_beams(self, product: Product) -> None:
         for n, held in enumerate(self._in_beam):
             cut = self._cut[n]
-            if held and held[0] is product:
+            if held and held.product is product:
                 self._in_beam[n] = None
-            if cut and cut.product is product:
+            if cut and cut.held.product is product:
                 self._cut[n] = None
 
     def _by_id(self, id: int) -> Product:
