@@ -555,6 +555,49 @@ def test_two_unknown_in_a_row_make_the_sensor_before_suspected() -> None:
     assert not events
 
 
+def test_a_ghost_of_a_stuck_beam_ends_where_a_known_product_is() -> None:
+    bench = Bench()
+    product = put(bench, 190.0, 30.0)
+    bench.move(1)
+    bench.beam(2, True)
+    bench.move(60)
+    ghost = bench.tracking.products[0]
+    assert (product.head, product.state) == (252.0, ProductState.UNCERTAIN), "nobody held it back"
+    assert ghost.left >= product.right and ghost.open_at < 0 and ghost.state is ProductState.UNCERTAIN
+
+
+def test_a_ghost_that_had_no_room_is_withdrawn() -> None:
+    bench = Bench(lost_after=3.0)
+    put(bench, 205.0, 30.0)
+    bench.move(1)
+    bench.beam(2, True)
+    ghosts = [e.id for e in bench.move(20) if e.code is Code.WITHDRAWN]
+    assert ghosts == [2] and len(bench.tracking.products) == 1
+
+
+def test_a_beam_that_becomes_free_late_does_not_lengthen_what_is_already_past() -> None:
+    bench = Bench()
+    first, second = put(bench, 214.0, 30.0), put(bench, 174.0, 30.0)
+    bench.beam(2, True)
+    bench.move(55)
+    bench.beam(2, False)
+    assert (first.length, first.left, second.length) == (30.0, 241.0, 30.0)
+    assert second.right == 230.0
+
+
+def test_a_beam_that_came_late_is_put_right_by_its_falling_edge() -> None:
+    bench = Bench()
+    product = put(bench, 214.0, 40.0)
+    bench.move(14)
+    assert product.state is ProductState.LOST
+    bench.beam(2, True)
+    assert product.head == 215.0, "it may have slipped"
+    bench.move(25)
+    events = bench.beam(2, False)
+    assert codes(events)[0] is Code.TAIL_AT_SENSOR
+    assert (product.tail, product.head, product.state) == (215.0, 255.0, ProductState.UNCERTAIN)
+
+
 # capacity
 
 
