@@ -582,7 +582,7 @@ def test_a_beam_that_becomes_free_late_does_not_lengthen_what_is_already_past() 
     bench.move(55)
     bench.beam(2, False)
     assert (first.length, first.left, second.length) == (30.0, 241.0, 30.0)
-    assert second.right == 230.0
+    assert second.right == 231.0
 
 
 def test_a_beam_that_came_late_is_put_right_by_its_falling_edge() -> None:
