@@ -23,7 +23,7 @@ def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operat
     page = operator.page
     operator.go("/communication?open=hall.1")
     expect(page.locator('[data-tag="sys.link.hall.polls"] b')).not_to_have_text("– –")
-    expect(page.locator(".co-state")).to_have_text("Up")
+    expect(page.locator(".co-state[data-tag='sys.link.hall.state']")).to_have_text("Up")
     words = page.locator("#words tbody tr", has_text="0x1002").locator("td").nth(2)
     first = words.inner_text()
     operator.trip(1, 4)  # over-current: the drive lets its motor go
