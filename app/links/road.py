@@ -1,9 +1,11 @@
 """What those who care for one unit (links/plc.py, orders.py, events.py) need of the loop around the link."""
 
+import asyncio
 from collections.abc import Coroutine
 from typing import Any, Protocol
 
 from app.clock import Clock
+from app.errors import LinkError
 from app.links.contract import Block
 from app.links.events import LastSeen, OnEvents
 from app.links.scan_block import ScanBlock
@@ -36,6 +38,18 @@ class Road(Protocol):
         """Scan `block` at `due` [s]."""
         ...
 
+    def drop(self, block: ScanBlock) -> None:
+        """Scan `block` no more until it is given a place again."""
+        ...
+
+    def replan(self, station: Station) -> None:
+        """Read it by a new plan from now on."""
+        ...
+
+    def later(self, station: Station, error: LinkError) -> None:
+        """Count it as silent, outside the task that this ends."""
+        ...
+
     def publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
         """Publish `words` as read by a telegram sent at `started` [s]."""
         ...
@@ -48,6 +62,6 @@ class Road(Protocol):
         """The unit is not the device of the plant file."""
         ...
 
-    def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> object:
+    def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` for a station beside its scans, until the connection or the unit is lost."""
         ...

@@ -17,10 +17,11 @@ from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
 from app.links.contract import Block, StillOwed, Transport
 from app.links.events import LastSeen, OnEvents
+from app.links.examine import NO_REGISTER, Examiner
 from app.links.plc import TORN_TRIES, PlcUnit, Seen
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority, Schedule
-from app.links.station import Finding, Station, spans_of
+from app.links.station import Station
 from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link, Scan
 from app.registers.rtu import read_time, write_time
@@ -48,8 +49,6 @@ PROBE_SHARE = 0.05
 """Most of the line's time that goes into probes while others live on it."""
 FIRST_PAUSE, LAST_PAUSE = 0.1, 5.0
 """Pauses before a lost connection is opened again [s], doubling; the first try is at once."""
-RECHECK = 60.0
-"""Between two looks at a refused register [s]."""
 ENDED = "link ended"
 REPORT = 1.0
 """Period of the statistics [s]."""
@@ -63,7 +62,6 @@ TRAINING_VERSION = 1
 """Head of the training registers (reference/register-map.md): magic, flags, version, type."""
 
 GATEWAY = (10, 11)
-NO_REGISTER = (2, 3)
 PERMANENT_CODES = (1, 7)
 
 
@@ -102,6 +100,7 @@ class LinkRunner:
         self._build = build
         self._lanes = lanes
         self._schedule = Schedule()
+        self._examiner = Examiner(self)
         self._open: set[int] = set()
         self._sleepers: set[asyncio.Future[None]] = set()
         self._failed: asyncio.Future[None] | None = None
@@ -176,6 +175,10 @@ class LinkRunner:
         """Scan `block` at `due` [s]; one that is not wanted loses its place."""
         self._schedule.at(block, due)
         self._wake()
+
+    def drop(self, block: ScanBlock) -> None:
+        """Scan `block` no more until it is given a place again."""
+        self._schedule.drop(block)
 
     def written(self, station: Station, address: int, count: int) -> None:
         """What holds these registers is read again now."""
@@ -477,7 +480,7 @@ class LinkRunner:
         else:
             block.attempts = 0
             if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
-                self.attend(station, self._try_smaller(station, block, error))
+                self.attend(station, self._examiner.try_smaller(station, block, error))
             else:
                 self._silent(station, error)
 
@@ -510,7 +513,7 @@ class LinkRunner:
         if error.code in NO_REGISTER and block.part is not None:
             self.refuse(station, block, str(error))
         elif error.code in NO_REGISTER:
-            self.attend(station, self._examine(station, block))
+            self.attend(station, self._examiner.examine(station, block))
         elif error.code in PERMANENT_CODES:
             self._publish_block_lost(station, block, CONFIGURATION if error.code == 1 else DEVICE)
             self._schedule.at(block, now + PERMANENT)
@@ -596,7 +599,7 @@ class LinkRunner:
                 await asyncio.sleep(LAST_PAUSE)
         except NoAnswer as error:
             station.state = State.CONNECTING
-            self._later(station, error)
+            self.later(station, error)
             return
         station.state = State.UP
         if station.plc is not None:
@@ -606,7 +609,7 @@ class LinkRunner:
         for block in station.blocks:
             self._schedule.at(block, now)
         self._wake()
-        self._start_recheck(station)
+        self._examiner.start_recheck(station)
         self._settle()
 
     async def _identify(self, station: Station) -> bool:
@@ -649,109 +652,6 @@ class LinkRunner:
             return words[:TRAINING_WORDS]
         return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
 
-    async def _try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
-        """Silence at a size that the device never answered: is it the size, or is nobody there?"""
-        async with station.attention:
-            await self._try_smaller_alone(station, block, error)
-
-    async def _try_smaller_alone(self, station: Station, block: ScanBlock, error: LinkError) -> None:
-        if not block.alive:
-            return
-        self._schedule.drop(block)
-        try:
-            await self.read(station, Block(block.block.address, 1, block.block.function))
-        except DeviceException:
-            pass
-        except LinkError:
-            self._later(station, error)
-            return
-        station.learned.limit = station.device.fallback_read
-        self._tell_limit(station, error)
-        self._replan(station)
-
-    async def _examine(self, station: Station, block: ScanBlock) -> None:
-        """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
-        async with station.attention:
-            await self._examine_alone(station, block)
-
-    async def _examine_alone(self, station: Station, block: ScanBlock) -> None:
-        if not block.alive:
-            return
-        self._schedule.drop(block)
-        finding, function = Finding(), block.block.function
-        try:
-            await self._halve(station, function, spans_of(block.points), finding)
-        except DeviceException:
-            self._schedule.at(block, self._now() + 1.0)
-            self._wake()
-            return
-        except LinkError as error:
-            self._later(station, error)
-            return
-        learned = station.learned
-        if finding.limit is not None:
-            fallback = station.device.fallback_read
-            learned.limit = fallback if 0 < fallback < block.block.count else finding.limit
-            self._tell_limit(
-                station, LinkError(f"{block.block.count} registers from {block.block.address:#06x} refused")
-            )
-        learned.gaps.update((function, first, last) for first, last in finding.gaps)
-        learned.bad.update((function, first, last) for first, last in finding.bad)
-        for first, last in finding.bad:
-            log.warning(
-                "no such register link=%s unit=%d first=%#06x last=%#06x", self.link.name, station.number, first, last
-            )
-        if finding.limit is None and not finding.gaps and not finding.bad:
-            self._schedule.at(block, self._now() + BUSY_PAUSE)  # it takes the block now
-            self._wake()
-        self._replan(station)
-        self._start_recheck(station)
-
-    async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
-        """Whether the device answers the registers from the first to the last of `spans` in one read."""
-        first, last = spans[0][0], max(end for _, end in spans)
-        try:
-            await self.read(station, Block(first, last - first + 1, function))
-            return True
-        except DeviceException as error:
-            if error.code not in NO_REGISTER:
-                raise
-            code = error.code
-        if len(spans) == 1:
-            finding.bad.append(spans[0])
-            return False
-        middle = len(spans) // 2
-        left, right = spans[:middle], spans[middle:]
-        alone = [await self._halve(station, function, half, finding) for half in (left, right)]
-        if all(alone):
-            end, begin = max(end for _, end in left), right[0][0]
-            if code == 2 and begin > end + 1:
-                finding.gaps.append((end + 1, begin - 1))
-            else:
-                larger = max(end - first, last - begin) + 1
-                finding.limit = larger if finding.limit is None else min(finding.limit, larger)
-        return False
-
-    def _start_recheck(self, station: Station) -> None:
-        if station.learned.bad and station.recheck is None:
-            station.recheck = self.attend(station, self._recheck(station))
-
-    async def _recheck(self, station: Station) -> None:
-        """Look now and then at a refused register; when it is there after all, everything is tried again."""
-        pause = FIRST_PROBE
-        while station.learned.bad:
-            await asyncio.sleep(RECHECK if station.blocks else pause)
-            pause = min(2 * pause, RECHECK)
-            function, first, last = min(station.learned.bad)
-            try:
-                await self.read(station, Block(first, last - first + 1, function))
-            except LinkError:
-                continue
-            station.learned.bad.clear()
-            station.learned.gaps.clear()
-            self._replan(station)
-        station.recheck = None
-
     # small things
 
     def _prepare(self, station: Station) -> None:
@@ -773,7 +673,8 @@ class LinkRunner:
             return 0.0
         return read_time(self.link.baud, read.count) if read else write_time(self.link.baud, words, function)
 
-    def _replan(self, station: Station) -> None:
+    def replan(self, station: Station) -> None:
+        """Read it by a new plan from now on."""
         before = set(map(id, station.blocks))
         for gone in station.plan():
             gone.alive = False
@@ -793,18 +694,9 @@ class LinkRunner:
         task.add_done_callback(self._ended)
         return task
 
-    def _later(self, station: Station, error: LinkError) -> None:
+    def later(self, station: Station, error: LinkError) -> None:
         """`_silent`, outside the task that it ends."""
         asyncio.get_running_loop().call_soon(self._silent, station, error)
-
-    def _tell_limit(self, station: Station, error: LinkError) -> None:
-        log.warning(
-            "unit takes fewer registers per read link=%s unit=%d limit=%d reason=%s",
-            self.link.name,
-            station.number,
-            station.learned.limit,
-            error,
-        )
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()

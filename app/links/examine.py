@@ -1,0 +1,148 @@
+"""Finding out what a unit refuses: which registers it does not have, or what size of telegram it does not take.
+
+Each question is a telegram of its own in the schedule, so a write never waits for more than the one on the wire.
+"""
+
+import asyncio
+import logging
+
+from app.errors import DeviceException, LinkError
+from app.links.contract import Block
+from app.links.road import Road
+from app.links.scan_block import ScanBlock
+from app.links.station import Finding, Station, spans_of
+
+log = logging.getLogger(__name__)
+
+NO_REGISTER = (2, 3)
+"""Refusals that may be about the registers, or about how many there are."""
+FIRST_LOOK, LAST_LOOK = 1.0, 60.0
+"""Pauses between two looks at a refused register [s], doubling; the last alone while anything of the unit is read."""
+BUSY_PAUSE = 0.05
+"""Before a block is scanned that was refused and is taken now [s]."""
+
+
+class Examiner:
+    """Looks at units of one link."""
+
+    def __init__(self, road: Road) -> None:
+        self._road = road
+
+    async def try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
+        """Silence at a size that the device never answered: is it the size, or is nobody there?"""
+        async with station.attention:
+            await self._try_smaller_alone(station, block, error)
+
+    async def _try_smaller_alone(self, station: Station, block: ScanBlock, error: LinkError) -> None:
+        if not block.alive:
+            return
+        self._road.drop(block)
+        try:
+            await self._road.read(station, Block(block.block.address, 1, block.block.function))
+        except DeviceException:
+            pass
+        except LinkError:
+            self._road.later(station, error)
+            return
+        station.learned.limit = station.device.fallback_read
+        self._tell_limit(station, error)
+        self._road.replan(station)
+
+    async def examine(self, station: Station, block: ScanBlock) -> None:
+        """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
+        async with station.attention:
+            await self._examine_alone(station, block)
+
+    async def _examine_alone(self, station: Station, block: ScanBlock) -> None:
+        if not block.alive:
+            return
+        self._road.drop(block)
+        finding, function = Finding(), block.block.function
+        try:
+            await self._halve(station, function, spans_of(block.points), finding)
+        except DeviceException:
+            self._road.schedule(block, _now() + 1.0)
+            return
+        except LinkError as error:
+            self._road.later(station, error)
+            return
+        learned = station.learned
+        if finding.limit is not None:
+            fallback = station.device.fallback_read
+            learned.limit = fallback if 0 < fallback < block.block.count else finding.limit
+            self._tell_limit(
+                station, LinkError(f"{block.block.count} registers from {block.block.address:#06x} refused")
+            )
+        learned.gaps.update((function, first, last) for first, last in finding.gaps)
+        learned.bad.update((function, first, last) for first, last in finding.bad)
+        for first, last in finding.bad:
+            log.warning(
+                "no such register link=%s unit=%d first=%#06x last=%#06x",
+                station.link.name,
+                station.number,
+                first,
+                last,
+            )
+        if finding.limit is None and not finding.gaps and not finding.bad:
+            self._road.schedule(block, _now() + BUSY_PAUSE)  # it takes the block now
+        self._road.replan(station)
+        self.start_recheck(station)
+
+    async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
+        """Whether the device answers the registers from the first to the last of `spans` in one read."""
+        first, last = spans[0][0], max(end for _, end in spans)
+        try:
+            await self._road.read(station, Block(first, last - first + 1, function))
+            return True
+        except DeviceException as error:
+            if error.code not in NO_REGISTER:
+                raise
+            code = error.code
+        if len(spans) == 1:
+            finding.bad.append(spans[0])
+            return False
+        middle = len(spans) // 2
+        left, right = spans[:middle], spans[middle:]
+        alone = [await self._halve(station, function, half, finding) for half in (left, right)]
+        if all(alone):
+            end, begin = max(end for _, end in left), right[0][0]
+            if code == 2 and begin > end + 1:
+                finding.gaps.append((end + 1, begin - 1))
+            else:
+                larger = max(end - first, last - begin) + 1
+                finding.limit = larger if finding.limit is None else min(finding.limit, larger)
+        return False
+
+    def start_recheck(self, station: Station) -> None:
+        """Look now and then whether what it refuses is there after all."""
+        if station.learned.bad and station.recheck is None:
+            station.recheck = self._road.attend(station, self._recheck(station))
+
+    async def _recheck(self, station: Station) -> None:
+        """Look now and then at a refused register; when it is there after all, everything is tried again."""
+        pause = FIRST_LOOK
+        while station.learned.bad:
+            await asyncio.sleep(LAST_LOOK if station.blocks else pause)
+            pause = min(2 * pause, LAST_LOOK)
+            function, first, last = min(station.learned.bad)
+            try:
+                await self._road.read(station, Block(first, last - first + 1, function))
+            except LinkError:
+                continue
+            station.learned.bad.clear()
+            station.learned.gaps.clear()
+            self._road.replan(station)
+        station.recheck = None
+
+    def _tell_limit(self, station: Station, error: LinkError) -> None:
+        log.warning(
+            "unit takes fewer registers per read link=%s unit=%d limit=%d reason=%s",
+            station.link.name,
+            station.number,
+            station.learned.limit,
+            error,
+        )
+
+
+def _now() -> float:
+    return asyncio.get_running_loop().time()
