@@ -1,0 +1,157 @@
+"""Events of a machine on their whole way: device, link, alarms, passages; a server that is killed misses nothing and doubles nothing."""
+
+import asyncio
+import json
+import sqlite3
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.access.roles import Person, permissions_of
+from app.historian import passage_query as query
+from app.historian.passage_query import Wanted
+from app.runtime import Runtime
+from app.settings import Settings
+from tests.conftest import PogonServer, find_port
+from tests.historian.rings import Ring
+
+PLANT = """
+[plant]
+name = {{ en = "Hall" }}
+timezone = "Europe/Zagreb"
+languages = ["en"]
+
+[links.line]
+{link}
+writes = true
+
+[equipment.c1]
+type = "conveyor"
+link = "line"
+unit = 1
+preset = "model"
+label = {{ en = "Conveyor 1" }}
+{simulation}
+"""
+SIMULATED = PLANT.format(
+    link='transport = "memory"', simulation='simulation = { start = "automatic", arrivals = 1, interval = 3 }'
+)
+START = Callable[..., PogonServer]
+
+
+def folder(at: Path, text: str) -> Path:
+    at.mkdir()
+    (at / "plant.toml").write_text(text, "utf-8")
+    return at
+
+
+def read(data: Path, statement: str) -> list[Any]:
+    with sqlite3.connect(f"file:{data / 'history.db'}?mode=ro", uri=True) as connection:
+        return connection.execute(statement).fetchall()
+
+
+def wait(found: Callable[[], Any], limit: float = 60.0) -> Any:
+    end = time.monotonic() + limit
+    while time.monotonic() < end:
+        if found():
+            return found()
+        time.sleep(0.2)
+    pytest.fail(f"not within {limit} s")
+
+
+def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, tmp_path: Path) -> None:
+    """kill -9 three times while products run; the machine itself goes on in another process."""
+    modbus = find_port()
+    pogon_server(
+        data=tmp_path / "device", plant=folder(tmp_path / "line", SIMULATED), serve_modbus=f"127.0.0.1:{modbus}"
+    )
+    host = folder(
+        tmp_path / "host",
+        PLANT.format(link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}', simulation=""),
+    )
+    data = tmp_path / "data"
+    newest = "SELECT max(sequence) FROM passage_step"
+    before = 0
+    for _ in range(3):
+        server = pogon_server(data=data, plant=host)
+        before = wait(lambda before=before: (read(data, newest)[0][0] or 0) > before + 4 and read(data, newest))[0][0]
+        server.kill()
+    server = pogon_server(data=data, plant=host)
+    wait(lambda: read(data, "SELECT count(*) FROM passage_step WHERE code = 1")[0][0] >= 3)
+    told = read(
+        data, "SELECT p.product, s.code, s.sequence, p.entry FROM passage p JOIN passage_step s ON s.passage = p.id"
+    )
+    assert len({(product, sequence) for product, _, sequence, _ in told}) == len(told), "no event twice"
+    arrived = sorted(product for product, code, _, _ in told if code == 1)
+    assert arrived == list(range(arrived[0], arrived[0] + len(arrived))), "no product missing, none twice"
+    unseen = {product for product, _, _, entry in told if entry != 1}
+    assert all(product < arrived[0] for product in unseen), (
+        "only who was on the line before the first contact has no entry"
+    )
+    assert read(data, "SELECT count(*) FROM event_gap") == [(0,)]
+    assert read(data, "SELECT count(*) FROM passage") == [(len(arrived) + len(unseen),)]
+    with urllib.request.urlopen(f"{server.url}/healthz", timeout=5) as answer:
+        assert json.loads(answer.read())["tasks_down"] == []
+    assert "Traceback" not in server.log()
+
+
+async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -> None:
+    """One runtime: what its links hand over is in alarms and passages, in the log, and counted for the pages."""
+    runtime = Runtime(Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"))
+    await runtime.start()
+    try:
+        item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
+        for link in runtime.links.values():
+            link.on_events = None  # the virtual line tells nothing: these events are ours
+        counted = runtime.tags.value(runtime.tags.handle("sys.products.c1")) or 0
+        ring = Ring(time=runtime.clock.micros(), sequence=10_000)
+        ring.tell(1, 500, source=1, after=0)
+        ring.tell(10, 500, source=2, value=3.25, after=0)
+        ring.tell(6, 500, after=0)
+        await runtime._take_events(item, ring.drain(), 4)
+        assert sorted(one.key for one in runtime.alarms.standing()) == ["events_lost", "tolerance_2"]
+        assert runtime._last_seen(item) == (1, 10_003)
+        assert runtime.tags.value(runtime.tags.handle("sys.products.c1")) > counted  # type: ignore[operator]
+        now = runtime.clock.micros()
+        ana = Person(7, "ana", "Ana Kos", frozenset({"engineer"}), permissions_of({"engineer"}), "")
+        for result, who in (("refused", "Ivo"), ("confirmed", "Ana Kos")):
+            await runtime._audited(
+                "command", Person(**{**_fields(ana), "display": who}), "c1.delete_product", None, "product = 500", result, "",
+                arguments={"product": 500.0}, why="fell down", requested=now, ended=now, id="x",
+            )  # fmt: skip
+        await runtime.passages.close()
+        (one,) = await runtime.history.read(lambda connection: query.find(connection, Wanted(product=500), 10))
+        told = await runtime.history.read(lambda connection: query.steps(connection, [one.id]))
+        assert (one.outcome, one.alarms) == ("deleted", (10,))
+        assert [(step.person, step.reason) for step in told[one.id]] == [("", ""), ("", ""), ("Ana Kos", "fell down")]
+        assert "sys.products.c1" in runtime.page_names("products")
+    finally:
+        await runtime.stop()
+
+
+async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir(mode=0o700)
+    (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)
+    runtime = Runtime(Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"))
+    await runtime.start()
+    try:
+        item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
+        for link in runtime.links.values():
+            link.on_events = None
+        ring = Ring(time=runtime.clock.micros(), sequence=10_000)
+        ring.tell(10, 500, source=2, value=3.25, after=0)
+        async with asyncio.timeout(5):
+            await runtime._take_events(item, ring.drain(), 0)
+        runtime._tell_alarms()
+        assert sorted(one.key for one in runtime.alarms.standing()) == ["history_full", "tolerance_2"]
+        assert runtime.passages.waiting == 1
+    finally:
+        await runtime.stop()
+
+
+def _fields(person: Person) -> dict[str, Any]:
+    return {name: getattr(person, name) for name in Person.__slots__}
