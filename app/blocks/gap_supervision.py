@@ -46,8 +46,13 @@ def nearest(
             least, most = _stop_range(left, right, belt_ends, stop_distances)
         if front is not None:
             gap = front_left - right
-            closing = max(0.0, most - front_least)
-            limit = closing + margin * min(1.0, closing / SMALL_CLOSING)
+            closing = most - front_least
+            if closing <= 0.0:
+                closing = limit = 0.0
+            elif closing >= SMALL_CLOSING:
+                limit = closing + margin
+            else:
+                limit = closing + margin * closing / SMALL_CLOSING
             if found is None or gap - limit < reserve:
                 reserve = gap - limit
                 way = least + most + front_least + front_most
@@ -68,6 +73,12 @@ def _stop_range(
     if left >= belt_ends[last] or right <= 0.0:
         return 0.0, 0.0
     low = min(bisect_right(belt_ends, left), last)
+    if right <= belt_ends[low]:
+        # the usual case: on one belt, and it stands before it comes to the next
+        stop = stop_distances[low]
+        begin = belt_ends[low - 1] if low else left
+        if (stop >= 0.0 or left + stop >= begin) and (stop <= 0.0 or low == last or right + stop <= belt_ends[low]):
+            return stop, stop
     high = min(bisect_left(belt_ends, right), last)
     least = most = stop_distances[low]
     for belt in range(low + 1, high + 1):

@@ -251,11 +251,11 @@ class ProductTracking:
             if True in beams:
                 self._look_for_stuck(beams)
             self._leave()
+        self._unload(moved[-1], stops[-1])
         if self._changed or moving or events:
             self._occupy()
-            self._changed = True
-        self._unload(moved[-1], stops[-1])
-        if self._changed or events or stops != self._stops:
+            self._supervise(stops)
+        elif stops != self._stops:
             self._supervise(stops)
         self._stops, self._changed = stops, False
         return events
@@ -955,17 +955,17 @@ class ProductTracking:
 
     def _occupy(self) -> None:
         ends = self.line.area_ends
-        last = ends[-1] + self.settings.sensor_tolerance
+        last, count = ends[-1] + self.settings.sensor_tolerance, len(ends)
         areas = 0
         for product in self.products:
             head = product.right - product.length if product.swapped else product.right
             if head < 0.0 or head > last:
                 product.area = 0
                 continue
-            area = min(bisect_left(ends, head), len(ends) - 1)
-            product.area = area + 1
-            if product.may_be_there:
-                areas |= 1 << area
+            area = bisect_left(ends, head) + 1
+            product.area = area = area if area < count else count
+            if product.state is not _LOST or product.may_be_there:
+                areas |= 1 << area - 1
         self.areas = areas
 
     def _supervise(self, stops: tuple[float, ...]) -> None:

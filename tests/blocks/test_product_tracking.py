@@ -783,6 +783,7 @@ def test_without_a_dwell_it_is_unloaded_when_it_stands() -> None:
     bench = Bench(unload_dwell=0.0)
     put(bench, 660.0, 20.0)
     assert codes(bench.scan(0.0)) == [Code.UNLOADED]
+    assert bench.tracking.areas == 0 and bench.tracking.gap is None
 
 
 def test_not_unloaded_in_area_3_nor_when_it_stands_short_of_the_end() -> None:
