@@ -57,6 +57,12 @@ def held_together(tracking: ProductTracking) -> None:
     assert len(unloading) <= tracking.brake and (inside or not tracking.brake)
 
 
+def way_of(left: float, right: float, ends: tuple[float, ...], moved: list[float]) -> float:
+    """What the belts under a product move it, by their share of its length."""
+    lying = [max(0.0, min(right, end) - max(left, begin)) for begin, end in zip((0.0, *ends), ends, strict=False)]
+    return sum(part * way for part, way in zip(lying, moved, strict=True)) / sum(lying) if sum(lying) else 0.0
+
+
 def act_on(tracking: ProductTracking, act: str, number: int, time_us: int) -> ProductTracking:
     ids = [product.id for product in tracking.slots if product]
     chosen = ids[number % len(ids)] if ids else 99
@@ -103,6 +109,11 @@ def test_any_scan_and_any_edit_keeps_the_table_whole(data: st.DataObject) -> Non
             time_us += 10_000
             before = {p.id: (p.right - p.displacement - p.shifted, p.slot, p.entered_us) for p in tracking.slots if p}
             gone = {p.id for p in tracking.slots if p}
+            ways = {
+                p.id: p.displacement + way_of(p.left, p.right, line.belt_ends, moved)
+                for p in tracking.products
+                if p.length > 0 and p.open_at < 0
+            }
             events = tracking.scan(moved, beams, stops, time_us)
             held_together(tracking)
             for product in filter(None, tracking.slots):
@@ -111,6 +122,7 @@ def test_any_scan_and_any_edit_keeps_the_table_whole(data: st.DataObject) -> Non
                     origin, slot, entered = before[product.id]
                     assert abs(product.right - product.displacement - product.shifted - origin) < 1e-6
                     assert (product.slot, product.entered_us) == (slot, entered)
+                assert abs(product.displacement - ways.get(product.id, product.displacement)) < 1e-6
             told = {event.id for event in events if event.code in (Code.UNLOADED, Code.WITHDRAWN, Code.LEFT_BACKWARDS)}
             assert gone <= told, "a record vanished without an event"
 
