@@ -101,7 +101,6 @@ class Line {
     const edge = backwards ? left : left + width;
     move(product.box, left, width);
     move(product.edge, edge + (backwards ? 1.5 : -1.5));
-    move(product.alarm, product.middle);
     const stops = Math.abs(this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor;
     move(product.dts, backwards ? edge - stops : edge, Math.max(stops, 0));
     if (state === STATE.LOST) product.cross.setAttribute("d", `M${round(left)} 88L${round(left + width)} 130M${round(left)} 130L${round(left + width)} 88`);
@@ -126,6 +125,7 @@ class Line {
         level = product.middle - product.inked / 2 < edge + 3 && level === 0 ? 1 : 0;
         edge = product.middle + product.inked / 2;
       }
+      product.alarm.style.transform = `translate(${round(product.middle)}px,${out ? 38 : 0}px)`;
       product.text.style.transform = `translate(${round(product.middle)}px,${out ? -30 - 13 * level : 0}px)`;
     }
   }
