@@ -13,7 +13,7 @@ Written from the map's description (issue 3) and the thesis' program, never from
 | buffer full | in automatic belt 1 waits until a slot is free |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
 | length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
-| sensor that was suspected | the product of its first edge stays uncertain until the next sensor |
+| sensor that was suspected, S1 when it missed a product | the product of its first edge stays uncertain until the next sensor |
 | first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; a gap stop that ended by itself for 10 s |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
@@ -372,6 +372,8 @@ class VirtualConveyor(VirtualPlc):
     _moving: bool
     _direction: int
     _gap_age: float
+    _entry_doubted: bool
+    """Something was at S2 that S1 had not seen."""
     _length_doubted: set[int]
     """Ids of products of which two sensors measured different lengths."""
     _restart_speed: float
@@ -492,8 +494,14 @@ class VirtualConveyor(VirtualPlc):
                 _make_uncertain(product)
 
     def _doubt_first_edges(self, happened: Sequence[TrackingEvent]) -> None:
-        """A sensor that has just begun to work again may have done so in the middle of a product."""
+        """A sensor that has just begun to work again may have done so in the middle of a product; so may S1 after it missed one."""
         again = {event.source for event in happened if event.code == tracking.Code.SENSOR_OK}
+        for event in happened:
+            if event.code == tracking.Code.UNEXPECTED and event.source == 2:
+                self._entry_doubted = True
+            elif event.code == tracking.Code.ARRIVED and self._entry_doubted:
+                self._entry_doubted = False
+                again.add(1)
         if not again:
             return
         seen = {event.id for event in happened if event.source in again and event.id}
@@ -877,6 +885,7 @@ class VirtualConveyor(VirtualPlc):
         self._direction = self._unloading = 0
         self._taken = self.machine.unloaded
         self._gap_age = 0.0
+        self._entry_doubted = False
         self._length_doubted = set()
         self._restart_speed = nan
         self._restart_way = 0.0

@@ -326,6 +326,21 @@ class Operator:
         answer = await line.order(Command.START)
         assert answer.state is AnswerState.DONE, answer
 
+    async def attend(self) -> None:
+        """A lost product holds the end of the line until a person has looked: it is there (confirm) or not (delete)."""
+        line = self.line
+        bits = await line.port.read(0x0103, 2)
+        if not (bits[0] >> 5 & 1 and bits[1] >> 7 & 1):
+            return
+        for id, row in (await line.products()).items():
+            if row["state"] != 5 or row["head"] < line.device.geometry.length - self.REACH:
+                continue
+            if any(abs(product.head - row["head"]) < self.REACH for product in line.true()):
+                await line.order(Command.CONFIRM, id)
+            else:
+                await line.order(Command.DELETE, id)
+                self.deleted += 1
+
     async def tidy(self) -> None:
         """Delete records without a product, take off products without a record, correct what is between."""
         line = self.line

@@ -86,6 +86,7 @@ class Soak:
             self.beat = self.beat % 65535 + 1
             await self.line.port.write(9, [self.beat], 6)
             self.line.go(1)
+            await self.operator.attend()
             for event in await self.line.fetch():
                 told.append((int(event.code), event.source))
         # the whole of 10 000 products is not kept
