@@ -333,6 +333,12 @@ class EquipmentType:
     """Code of an event of the device → its key; the text is `event.<key>`."""
     reasons: Mapping[int, str] = field(default_factory=dict)
     """Reason in an answer of the device → its key; the text is `reason.<key>`."""
+    sequence: bool = False
+    """Whether its equipment runs a sequence of the plant: `definition` and `machine` in the plant file, `steps` as an option."""
+    actions: Sequence[str] = ()
+    """What a sequence may ask of such a machine."""
+    simulation_presets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """What a test of a sequence may set on the simulated machine → least and greatest value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +350,7 @@ class SequencePermissive:
     """0–15"""
     label: Texts
     when: str
-    """Sentence of the grammar over the points of the sequence's machine."""
+    """Sentence of the grammar over the points of the sequence's machine; empty = the device itself knows it (no machine)."""
     value: str = ""
     """Point of the machine whose value is kept with a first-out; empty = none."""
     forceable: bool = True
@@ -378,7 +384,8 @@ class SequenceTest:
     when: Sequence[Mapping[str, object]] = ()
     """In order of time: `at` [s] with one of `command`, `fault`, `set` (a table of presets)."""
     then: Sequence[Mapping[str, object]] = ()
-    """What must be seen: `within` or `at` [s] with `state`, `step`, `expect` or `first_out`; `never` with a sentence."""
+    """What must be seen: `within` or `at` [s] with `state`, `step` or `expect`; `first_out`, the key of a permissive, with or without a
+    time; `never` with a sentence. Sentences are over the points of the machine, without a machine over those of the sequence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -397,6 +404,16 @@ class SequenceDefinition:
     longest_force: float = 28800.0
     """[s]"""
     tests: Sequence[SequenceTest] = ()
+
+    def permissives(self, step: int) -> Sequence[SequencePermissive]:
+        """The named bits of step `step`, from 1; of the abort conditions for 0."""
+        if not 0 <= step <= len(self.steps):
+            return ()
+        return self.steps[step - 1].permissives if step else self.abort
+
+    def permissive(self, step: int, bit: int) -> SequencePermissive | None:
+        """What bit `bit` of the word of step `step` (0 = abort conditions) is called; None when nobody names it."""
+        return next((each for each in self.permissives(step) if each.bit == bit), None)
 
 
 @dataclass(frozen=True, slots=True)

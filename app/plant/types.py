@@ -3,6 +3,15 @@
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
 (each is a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`;
 `texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py).
+
+Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
+
+    sequence = true                                     takes `definition` and `machine`; `steps` is an option that the definition gives
+    [actions]
+    names = ["lower", "lift"]                           what the steps of a sequence may ask of the machine
+    [presets_of_simulation]
+    pressure = [0, 250]                                 what a test of a sequence may set on the simulated machine: least, greatest
+
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
 `command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
 data wins.
@@ -56,6 +65,10 @@ ROLES = ("viewer", "operator", "engineer", "admin")
 SPECIAL_VALUES = ("argument", "previous")
 ARGUMENT_TYPES = (Type.F32, Type.U32, Type.I32)
 MOST_ARGUMENTS = 4
+STEPS = "steps"
+"""Option of a type whose equipment runs a sequence: its number of steps."""
+MOST_STEPS = 200
+STEPS_BY_DEFAULT = 8
 ALARM_KINDS = ("expression", "high", "low", "deviation", "rate", "bad_quality")
 
 
@@ -132,6 +145,10 @@ class _TypeReader:
         label, area = head.text("label", "type"), head.text("area", "")
         choices, parameters = self._options(head)
         presets = self._presets(head)
+        sequence = head.flag("sequence")
+        if sequence:
+            self._add_steps(head)
+        actions, simulation_presets = self._sequence_words(head, sequence)
         checks = tuple(self._checks(head, presets))
         self.map = plc.read_plc(head, device)
         device = replace(device, plc=self.map)
@@ -184,6 +201,9 @@ class _TypeReader:
             presets=presets,
             events=self.events,
             reasons=reasons,
+            sequence=sequence,
+            actions=actions,
+            simulation_presets=simulation_presets,
         )
         return TypeData(
             kind,
@@ -256,6 +276,35 @@ class _TypeReader:
             case other:
                 table.note(name, other, "[low, high] with low <= high")
                 return 0.0, 0.0
+
+    def _add_steps(self, head: Table) -> None:
+        """The option that no plant file sets: a sequence has as many steps as its definition."""
+        if STEPS in self.options:
+            head.note(
+                f"options.{STEPS}", "given", "no option of this name where `sequence` is true: the definition gives it"
+            )
+        self.options[STEPS] = float(STEPS_BY_DEFAULT)
+        self.ranges[STEPS] = (1.0, float(MOST_STEPS))
+
+    def _sequence_words(self, head: Table, sequence: bool) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
+        """`[actions]` and `[presets_of_simulation]`: what a sequence may ask of this machine, and its tests may set."""
+        table = head.table("actions")
+        actions: list[str] = []
+        for index, name in enumerate(table.items("names") if head.has("actions") else []):
+            if not isinstance(name, str) or not _matches(KEY, name):
+                table.note(f"names.{index}", name, "a name of small letters, digits and _")
+            elif name in actions:
+                table.note(f"names.{index}", name, "each action once")
+            else:
+                actions.append(name)
+        table.done()
+        if sequence and head.has("actions"):
+            head.note("actions", "given", "no actions where `sequence` is true: a sequence asks, it is not asked")
+        table = head.table("presets_of_simulation")
+        for name in table.data:
+            if not _matches(KEY, name):
+                table.note(name, name, "a name of small letters, digits and _")
+        return tuple(actions), {name: self._span(name, table) for name in table.data}
 
     def _presets(self, head: Table) -> dict[str, dict[str, float]]:
         """`[presets.model]`: other defaults of options that are numbers."""
