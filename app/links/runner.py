@@ -47,6 +47,8 @@ SETTLE = 0.05
 """What a device is given to act on registers that somebody wrote, before it is looked at again [s]."""
 PROBE_SHARE = 0.05
 """Most of the line's time that goes into probes while others live on it."""
+TORN_PAUSE = 1.0
+"""Before an image that is read once is tried again when it was never whole [s]."""
 FIRST_PAUSE, LAST_PAUSE = 0.1, 5.0
 """Pauses before a lost connection is opened again [s], doubling; the first try is at once."""
 ENDED = "link ended"
@@ -413,6 +415,8 @@ class LinkRunner:
             block.torn = 0
         if ticket == block.ticket:
             self._again(block)
+            if seen is Seen.TORN and not block.queued:  # what is read once is still wanted
+                self._schedule.at(block, self._now() + TORN_PAUSE)
         if seen <= Seen.PARTLY and station.state is State.UP and block.alive:
             self.publish(station, block, words, started)
 
@@ -511,6 +515,16 @@ class LinkRunner:
     def _refused(self, station: Station, block: ScanBlock, error: DeviceException) -> None:
         now = self._now()
         if error.code in NO_REGISTER and block.part is not None:
+            if not block.failures:
+                log.warning(
+                    "no such registers link=%s unit=%d first=%#06x last=%#06x: %s",
+                    self.link.name,
+                    station.number,
+                    block.block.address,
+                    block.block.last,
+                    error,
+                )
+            block.failures += 1
             self.refuse(station, block, str(error))
         elif error.code in NO_REGISTER:
             self.attend(station, self._examiner.examine(station, block))

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from app.errors import LinkError
+from app.errors import DeviceException, LinkError
 from app.links.map_plan import plan_map
 from app.links.planner import NETWORK_OVERHEAD, Part, Rows
 from app.links.statistics import State
@@ -93,6 +93,38 @@ async def test_a_torn_image_is_asked_for_again_and_never_published() -> None:
             await line.link.refresh("p", ["counter"])
         device.torn.clear()
         await until(lambda: line.value("p.counter") != before)
+
+
+async def test_an_image_that_is_read_once_is_read_until_it_was_whole_once() -> None:
+    device = SmallPlc()
+    device.torn.add(CONFIGURATION)
+    async with plant(device) as (line, _):
+        await until(lambda: line.value("p.counter") is not None)
+        await asyncio.sleep(0.5)
+        assert line.value("p.size") is None and line.link.statistics.torn == 4
+        device.torn.clear()
+        await until(lambda: line.value("p.size") == 5, limit=2)
+        await asyncio.sleep(0.2)
+        device.reads = []
+        await asyncio.sleep(1.2)
+        assert (CONFIGURATION, 6) not in device.reads
+
+
+async def test_an_image_that_the_device_does_not_have_is_told_once_and_the_rest_lives(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    class Without(SmallPlc):
+        def read(self, function: int, address: int, count: int) -> list[int]:
+            if address in (CONFIGURATION, plc_map.EVENTS):
+                raise DeviceException(2)
+            return super().read(function, address, count)
+
+    async with plant(Without()) as (line, _):
+        await until(lambda: line.quality("p.size") == WRONG)
+        await until(lambda: is_good(line.quality("p.counter")) and is_good(line.quality("p.a")))
+        await asyncio.sleep(0.3)
+    told = [message for message in caplog.messages if message.startswith("no such registers")]
+    assert len(told) == 2
 
 
 async def test_on_a_serial_line_a_lost_answer_does_not_end_the_scans_of_an_image() -> None:
