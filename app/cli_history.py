@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 from zoneinfo import ZoneInfo, available_timezones
 
 import typer
@@ -12,20 +12,28 @@ from app.cli_access import fail, opened, terminal
 from app.clock import SystemClock
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
-from app.historian.export import FORMATS, Export, Wish, moment, verify_export
+from app.historian.export import FORMATS, Export, Sheet, Wish, moment, verify_export
+from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
+from app.historian.passage_query import Wanted
 from app.plant.definitions import Plant
 from app.plant.loader import read_plant
+from app.plant.texts import Texts
 from app.settings import read_settings
 
 Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
 PlantFolder = Annotated[Path | None, typer.Option("--plant", help="Plant folder; else POGON_PLANT.")]
 
+ALL = "all"
+"""Every machine."""
 SHOWN_EVERY = 20_000
 """Rows between two lines of progress."""
 
 
 def export(
-    tags: Annotated[str, typer.Option(help="Tags, comma separated: m1.speed,m1.current")],
+    tags: Annotated[str, typer.Option(help="Tags, comma separated: m1.speed,m1.current")] = "",
+    products: Annotated[
+        str, typer.Option(help="Instead of tags: what became of each product on this machine, or on all.")
+    ] = "",
     begin: Annotated[
         str, typer.Option("--from", help="2026-03-09T06:00 (time of the plant), with offset, or -8h")
     ] = "-1h",
@@ -41,8 +49,12 @@ def export(
     data: Data = None,
     plant: PlantFolder = None,
 ) -> None:
-    """History as CSV, also beside a running server: it only reads. The file ends with its number of rows and its SHA-256."""
+    """History as CSV, samples or products, also beside a running server: it only reads.
+
+    The file ends with its number of rows and its SHA-256.
+    """
     database: Database | None = None
+    made: Sheet
     try:
         settings = read_settings()
         path = (data or settings.data) / "history.db"
@@ -52,22 +64,24 @@ def export(
             raise ConfigurationError(f"{out} exists already: an export replaces no file")
         found, _ = read_plant(plant or settings.plant)
         zone, now = _zone(timezone, found), SystemClock().micros()
-        made = Export(
-            Wish(
-                tags=[tag.strip() for tag in tags.split(",") if tag.strip()],
-                begin=moment(begin, zone, now),
-                end=moment(end, zone, now),
-                zone=zone,
-                interval=aggregate,
-                locale=locale,
-                bom=bom,
-                most_rows=rows,
-                plant=found.name.get("en", next(iter(found.name.values()))) if found else "",
-                person=terminal().name,
-                created=now,
-                simulated=found is not None and all(link.simulated for link in found.links.values()),
-            )
-        )
+        if bool(tags) == bool(products) or (products and aggregate):
+            raise ConfigurationError("expected either --tags, or --products without --aggregate")
+        about: dict[str, Any] = {
+            "zone": zone,
+            "locale": locale,
+            "bom": bom,
+            "most_rows": rows,
+            "plant": found.name.get("en", next(iter(found.name.values()))) if found else "",
+            "person": terminal().name,
+            "created": now,
+            "simulated": found is not None and all(link.simulated for link in found.links.values()),
+        }
+        span = moment(begin, zone, now), moment(end, zone, now)
+        if products:
+            made = _products(products, span, found, about)
+        else:
+            named = [tag.strip() for tag in tags.split(",") if tag.strip()]
+            made = Export(Wish(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
         database = Database(path, "history")
         database.run(made.open)
         _write(made, database, out)
@@ -153,7 +167,26 @@ def restore(
     )
 
 
-def _write(made: Export, database: Database, out: Path | None) -> None:
+def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
+    """The export of passages of `machine`, or of `all`."""
+    if span[1] <= span[0]:
+        raise ConfigurationError("--to: expected after --from")
+    if about["locale"] not in FORMATS:
+        raise ConfigurationError(f"locale: {about['locale']}, expected one of {', '.join(FORMATS)}")
+    equipment = "" if machine == ALL else machine
+    known = [item.id for item in tracking(plant)]
+    if equipment and plant is not None and equipment not in known:
+        raise ConfigurationError(f"--products {machine}: expected {', '.join((*known, ALL))}")
+    wish = PassageWish(
+        Wanted(equipment, *span),
+        sensors=sensors(plant, equipment),
+        **words(Texts.read(plant), plant, about["locale"]),
+        **about,
+    )
+    return PassageExport(wish)
+
+
+def _write(made: Sheet, database: Database, out: Path | None) -> None:
     """Write all portions, and check the file as it lies on the disk."""
     shown = 0
     part = out.with_name(out.name + ".part") if out else None

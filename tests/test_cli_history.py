@@ -8,8 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.backup import table_counts
+from app.db import Database
+from app.historian import passages
 from app.historian.export import verify_export
 from tests.conftest import ROOT, PogonServer
+from tests.historian.rings import Ring
 
 
 def pogon(data: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -91,3 +94,21 @@ def test_without_history_there_is_one_clear_line(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "nothing was recorded" in done.stderr
+
+
+def test_products_go_home_without_a_server(tmp_path: Path) -> None:
+    database = Database(tmp_path / "history.db", "history")
+    database.migrate()
+    ring = Ring(time=time.time_ns() // 1000 - 60_000_000)
+    ring.passage(7)
+    database.run(lambda connection: passages.store(connection, passages.Delivery("c1", ring.drain()), (), 0))
+    database.close()
+    done = pogon(tmp_path, "export", "--products", "c1", "--locale", "de")
+    assert done.returncode == 0, done.stderr
+    assert "Eintritt UTC;Eintritt lokal;Maschine;Produkt;" in done.stdout
+    assert ";c1;7;30,5;Abgegeben;" in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("# sha256: ")
+    wrong = pogon(tmp_path, "export", "--products", "m1")
+    assert (wrong.returncode, "c1, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
+    neither = pogon(tmp_path, "export")
+    assert (neither.returncode, "either --tags" in neither.stderr) == (2, True)

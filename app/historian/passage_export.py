@@ -5,6 +5,7 @@ The file is one like those of the history (historian/export.py): the same separa
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 from zoneinfo import ZoneInfo
 
 from sqlalchemy import Connection
@@ -15,7 +16,9 @@ from app.errors import ConfigurationError
 from app.historian import passage_query as query
 from app.historian.export import BOM, FORMATS, Sheet, iso
 from app.historian.passage_query import Passage, Step, Wanted
-from app.historian.passages import Code
+from app.historian.passages import Code, tracks_products
+from app.plant.definitions import Equipment, Plant
+from app.plant.texts import Texts
 
 PAGE = 500
 """Passages per question to the database."""
@@ -177,3 +180,32 @@ def at_sensors(steps: Sequence[Step]) -> dict[int, Step]:
         if step.code in (Code.ARRIVED, Code.HEAD) and 1 <= step.source <= MOST_SENSORS:
             found.setdefault(step.source, step)
     return found
+
+
+def tracking(plant: Plant | None) -> list[Equipment]:
+    """The machines that track products."""
+    return [item for item in plant.equipment.values() if tracks_products(item)] if plant else []
+
+
+def sensors(plant: Plant | None, equipment: str = "") -> int:
+    """How many sensors the machine (empty: the one with the most) has, at most 8."""
+    numbers = [
+        sum(key.startswith("beam_") for key in item.points) for item in tracking(plant) if equipment in ("", item.id)
+    ]
+    return min(MOST_SENSORS, max(numbers, default=4) or 4)
+
+
+def words(texts: Texts, plant: Plant | None, locale: str) -> dict[str, Any]:
+    """`headers`, `outcomes` and `events` of a wish in a language; for programs (`machine`) events by their keys."""
+    machines = tracking(plant)
+    if locale == "machine":
+        return {"events": {(item.id, code): key for item in machines for code, key in item.type.events.items()}}
+    return {
+        "headers": {name: texts.text(locale, f"products.csv.{name}") for name in (*COLUMNS, *SENSOR_COLUMNS)},
+        "outcomes": {one: texts.text(locale, f"products.outcome.{one}") for one in query.OUTCOMES},
+        "events": {
+            (item.id, code): texts.of_type(locale, item.type, f"event.{key}")
+            for item in machines
+            for code, key in item.type.events.items()
+        },
+    }

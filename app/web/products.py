@@ -1,7 +1,7 @@
 """What became of each product: the list of passages with its filter, the steps of one, CSV."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlencode
 
 import orjson
@@ -13,10 +13,10 @@ from starlette.exceptions import HTTPException
 from app.errors import Refused
 from app.historian import passage_query as query
 from app.historian.export import FORMATS
-from app.historian.passage_export import COLUMNS, MOST_SENSORS, SENSOR_COLUMNS, PassageExport, PassageWish
+from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
 from app.historian.passage_query import ANY_ALARM, OUTCOMES, Passage, Step, Wanted
-from app.historian.passages import Code, Outcome, tracks_products
-from app.plant.definitions import Equipment, Plant
+from app.historian.passages import Code, Outcome
+from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.audit import read_time
 from app.web.guard import address_of, allow, person_of
@@ -24,9 +24,6 @@ from app.web.history import MOST_EXPORTS, Download, exports_of, read
 from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.signin import zone_of
-
-if TYPE_CHECKING:
-    from app.runtime import Runtime
 
 router = APIRouter()
 
@@ -113,7 +110,7 @@ async def export(request: Request) -> Response:
     if len(exports) >= MOST_EXPORTS:
         raise Refused("history.busy", 503, n=MOST_EXPORTS)
     filters = "; ".join(f"{name}={value}" for name, value in typed.items() if value and name != "before")
-    plant, spoken = runtime.plant, locale != "machine"
+    plant = runtime.plant
     made = PassageExport(
         PassageWish(
             _without_page(wanted),
@@ -121,7 +118,7 @@ async def export(request: Request) -> Response:
             locale,
             bom=request.query_params.get("bom", "") in ("1", "on"),
             sensors=sensors(plant, typed["equipment"]),
-            **(words(runtime, locale) if spoken else {"events": keys(plant)}),
+            **words(runtime.texts, plant, locale),
             most_rows=runtime.settings.export_rows,
             filters=filters,
             plant=runtime.texts.label(lang, plant.name) if plant else "",
@@ -286,38 +283,6 @@ async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict
 
 
 # ---- words ------------------------------------------------------------------------------------------------
-
-
-def tracking(plant: Plant | None) -> list[Equipment]:
-    """The machines that track products."""
-    return [item for item in plant.equipment.values() if tracks_products(item)] if plant else []
-
-
-def sensors(plant: Plant | None, equipment: str = "") -> int:
-    """How many sensors the machine (or the one with the most) has, at most 8."""
-    numbers = [
-        sum(key.startswith("beam_") for key in item.points) for item in tracking(plant) if equipment in ("", item.id)
-    ]
-    return min(MOST_SENSORS, max(numbers, default=4) or 4)
-
-
-def words(runtime: "Runtime", lang: str) -> dict[str, Any]:
-    """Headers, outcomes and events of an export in a language."""
-    text = runtime.texts.text
-    return {
-        "headers": {name: text(lang, f"products.csv.{name}") for name in (*COLUMNS, *SENSOR_COLUMNS)},
-        "outcomes": {one: text(lang, f"products.outcome.{one}") for one in OUTCOMES},
-        "events": {
-            (item.id, code): runtime.texts.of_type(lang, item.type, f"event.{key}")
-            for item in tracking(runtime.plant)
-            for code, key in item.type.events.items()
-        },
-    }
-
-
-def keys(plant: Plant | None) -> dict[tuple[str, int], str]:
-    """(machine, code) → key of the event, for programs."""
-    return {(item.id, code): key for item in tracking(plant) for code, key in item.type.events.items()}
 
 
 def _event_key(item: Equipment, code: int) -> str:
