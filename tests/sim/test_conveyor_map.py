@@ -151,3 +151,12 @@ def test_every_state_word_has_a_text() -> None:
     ):
         assert set(kind.points[key].texts) == {int(word) for word in enum}, key
     assert set(_data.columns["product"]["state"].point.texts) == {int(word) for word in conveyor.ProductState}
+
+
+def test_a_simulated_line_begins_with_settings_within_their_limits() -> None:
+    numbers = dict(_data.numbers["simulation"])
+    assert {"arrivals", "interval", "shortest", "longest"} <= set(numbers), "of the products that arrive"
+    limits = {setting.name: (setting.low, setting.high) for setting in SETTINGS}
+    for key in set(numbers) - {"arrivals", "interval", "shortest", "longest"}:
+        assert numbers[key] == limits[key], key
+    assert set(limits) - set(numbers) == set(), "every setting can be given"
