@@ -562,17 +562,18 @@ class VirtualConveyor(VirtualPlc):
             way = belt.moved
             speed = belt.ramp.speed * scale
             if not speed and not way and not belt.model and not belt.differs:
-                belt.jam_age = 0.0
                 continue
+            if way:
+                belt.jam_age = 0.0
             if limited[number] or not self._enabled or belt.jammed:
                 belt.model, belt.differs = way / dt, 0.0
-                stuck = limited[number] and not way and abs(belt.ramp.speed) >= DRIVEN
-                belt.jam_age = belt.jam_age + dt if stuck else 0.0
+                if limited[number] and not way and abs(belt.ramp.speed) >= DRIVEN:
+                    # not from zero after a stop: a gap stop in between must not hide a jam
+                    belt.jam_age += dt
                 if belt.jam_age >= jam_time and not belt.jammed:
                     belt.jammed = True
                     self._fail(Event.JAM, number)
                 continue
-            belt.jam_age = 0.0
             belt.model += (self._setpoints[number] * scale - belt.model) * self._follow
             if abs(belt.model) < 1e-4:
                 belt.model = 0.0

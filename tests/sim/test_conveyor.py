@@ -393,6 +393,20 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     assert witness.worst < 2
 
 
+async def test_stops_in_between_do_not_hide_a_jam() -> None:
+    on = line(settings={**QUICK, "jam_time": 1.0})
+    await on.train(training.REG_MACHINE_FAULT, 3)
+    starts = 0
+    while on.device.state != State.FAULT:
+        starts += 1
+        assert starts < 8, "each start is shorter than the jam time, all of them together are not"
+        await on.done(Command.START)
+        on.go(0.3)
+        await on.stand()
+    assert starts > 1
+    assert (24, 3) in await on.codes()
+
+
 @pytest.mark.parametrize("belt", [1, 2, 3])
 async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int) -> None:
     on = running()
