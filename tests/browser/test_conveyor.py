@@ -258,14 +258,14 @@ def test_an_engineer_deletes_a_product_with_a_reason(sit: Sit) -> None:
     page = sit()
     run(page)
     page.wait_for_selector(".prods tr[data-product] >> nth=1", timeout=30_000)
-    page.click(".c-edit >> text=Remove")
+    page.click(".c-edit >> text=Delete")
     expect(page.locator("#message")).to_contain_text("Choose a product")
     row = page.locator(".prods tr[data-product]").first
     product = row.get_attribute("data-product") or ""
     page.locator(f".prods tr[data-product='{product}'] td >> nth=3").click()
     expect(page.locator(f".prods tr[data-product='{product}']")).to_have_attribute("aria-selected", "true")
     expect(page.locator(".prod.chosen .p-id")).to_have_text(product)
-    page.click(".c-edit >> text=Remove")
+    page.click(".c-edit >> text=Delete")
     dialog = page.locator("#overlay dialog")
     expect(dialog).to_contain_text(f"#{product}")
     expect(dialog.locator("[data-cancel]")).to_be_focused()
@@ -284,7 +284,7 @@ def test_an_operator_is_told_why_not(sit: Sit) -> None:
     remove = page.locator(".c-edit [data-part='c1.delete_product']")
     expect(remove).to_have_attribute("aria-disabled", "true")
     remove.click(force=True)
-    expect(page.locator("#message")).to_contain_text("Remove:")
+    expect(page.locator("#message")).to_contain_text("Delete:")
     expect(page.locator("#overlay dialog")).to_have_count(0)
     expect(page.locator(".c-sim")).to_have_count(0)
 
