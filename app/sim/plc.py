@@ -542,13 +542,12 @@ class VirtualPlc(ABC):
         return [mark, *payload, mark]
 
     def _header(self) -> Sequence[int]:
-        configuration = self._images[self._configuration_at].encode()
         packed = _HEADER.pack(
             plc_map.MAGIC,
             plc_map.MAJOR,
             plc_map.MINOR,
             self.TYPE_CODE,
-            crc32(configuration),
+            self._configuration_crc(),
             plc_map.SIMULATED | plc_map.WRITABLE,
             self.boots & 0xFFFF,
             self.steps - self._heartbeat_from & 0xFFFF,
@@ -563,6 +562,10 @@ class VirtualPlc(ABC):
             *self._capacities,
         )
         return unpack(f">{plc_map.HEADER_WORDS}H", packed)
+
+    def _configuration_crc(self) -> int:
+        """What the host compares to notice another configuration."""
+        return crc32(self._images[self._configuration_at].encode())
 
     def _settings_bytes(self) -> bytes:
         return self._pack_settings.pack(*self._values.values())

@@ -38,6 +38,10 @@ Of a PLC: 0xE031 w, 1 = power off and on, the retained area is kept. Of a `conve
 | 0xE025 | w | k = take the k-th product off the line (1 = front-most) without telling the PLC |
 | 0xE026 | w | mm = put a product of 0xE022 mm by hand, its head there, without telling the PLC |
 
+Of a `coil_car`: 0xE020 strip arrives (1) or not (0) · 0xE021 growth of the coil [0.1 mm/s] · 0xE022 the crane takes a coil so many seconds
+after it was laid, 0 = never; machine faults in app/sim/coil_car.py. Of a `sequence` without a machine: 0xE020 abort conditions, 0xE021–0xE02E
+permissive words of steps 1–14; machine fault 1 = inputs frozen.
+
 Machine faults of a conveyor (0xE010, one at a time): 1–3 belt n jammed · 11–13 belt n slips · 21–24 sensor n blind (never interrupted) ·
 31–34 sensor n stuck (always interrupted) · 41–43 encoder of belt n dead · 50 emergency stop pressed · 60 the host's heartbeat does not arrive.
 
@@ -83,7 +87,14 @@ REG_SENSORS = 0xE024
 REG_REMOVE = 0xE025
 REG_PUT = 0xE026
 
-TYPE_CODES: Mapping[str, int] = {"eura_e800": 1, "conveyor": 10}
+REG_STRIP = 0xE020
+REG_GROWTH = 0xE021
+REG_CRANE = 0xE022
+REG_PERMISSIVES = 0xE020
+"""Of a sequence: the first of its permissive words, abort conditions first."""
+PERMISSIVE_WORDS = 15
+
+TYPE_CODES: Mapping[str, int] = {"eura_e800": 1, "conveyor": 10, "sequence": 20, "coil_car": 30}
 """Equipment type → 0xE003."""
 
 LINE_FAULT_MODES: Mapping[int, str] = {
@@ -129,7 +140,26 @@ CONVEYOR_LIMITS: Mapping[int, tuple[int, int]] = {
     REG_PUT: (0, 5000),
 }
 """Of a conveyor: lowest and highest word per register."""
-LIMITS_OF: Mapping[str, Mapping[int, tuple[int, int]]] = {"eura_e800": LIMITS, "conveyor": CONVEYOR_LIMITS}
+COIL_CAR_LIMITS: Mapping[int, tuple[int, int]] = {
+    **COMMON_LIMITS,
+    REG_POWER: (1, 1),
+    REG_STRIP: (0, 1),
+    REG_GROWTH: (1, 60000),
+    REG_CRANE: (0, 6000),
+}
+"""Of a coil car: lowest and highest word per register."""
+SEQUENCE_LIMITS: Mapping[int, tuple[int, int]] = {
+    **COMMON_LIMITS,
+    REG_POWER: (1, 1),
+    **{REG_PERMISSIVES + n: (0, 0xFFFF) for n in range(PERMISSIVE_WORDS)},
+}
+"""Of a sequence: lowest and highest word per register."""
+LIMITS_OF: Mapping[str, Mapping[int, tuple[int, int]]] = {
+    "eura_e800": LIMITS,
+    "conveyor": CONVEYOR_LIMITS,
+    "coil_car": COIL_CAR_LIMITS,
+    "sequence": SEQUENCE_LIMITS,
+}
 """Equipment type → lowest and highest word per register."""
 
 _LINE = (REG_LINE_FAULT, REG_LINE_DELAY, REG_LINE_ARGUMENT, REG_LINE_COUNT)
