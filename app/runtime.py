@@ -30,6 +30,7 @@ from app.plant.definitions import Equipment, Link, Plant, Point, Problem
 from app.plant.derive import Derivation
 from app.plant.events import RingEvent
 from app.plant.retained import RetainedStates
+from app.plant.sequences import RUNNING
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_point, system_points
 from app.plant.texts import Texts
 from app.settings import Settings, host_and_port
@@ -465,7 +466,18 @@ class Runtime:
         if self.plant is None:
             return plant, Reading(digest=digest([]), first=True)
         changes = compare(self.plant, plant)
-        return plant, Reading((), tuple(changes), digest(changes))
+        told = compare(self.plant, plant, self._running_sequences())  # they come and go: what is confirmed is the change
+        return plant, Reading((), tuple(told), digest(changes))
+
+    def _running_sequences(self) -> list[str]:
+        """Equipment whose sequence runs, suspended or not."""
+        found: list[str] = []
+        for id, item in self.plant.equipment.items() if self.plant else ():
+            ring = item.type.device.plc if item.sequence else None
+            name = f"{id}.{ring.status}" if ring else ""
+            if name in self.tags and self.tags.sample(name).value in RUNNING:
+                found.append(id)
+        return found
 
     async def _take_plant(self, plant: Plant, person: Person | None) -> None:
         """Replace the running plant, or start the first one. What can fail comes first; the exchange itself waits for nothing.

@@ -4,15 +4,18 @@ Machines are told apart by their id. One whose points kept the lasting ids of a 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from typing import Any
 
-from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
+from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point, SequenceDefinition, SequenceTest
+from app.plant.sequences import ABORT, checksum, program
 
 MOST_SHOWN = 12
 """Names that one line lists; the rest is a number."""
+MOST_LINES = 40
+"""Lines that the changes of one sequence take."""
 LONGEST_TABLE = 400
 """Of a table that one line shows [characters]."""
 
@@ -39,32 +42,33 @@ class Change:
     effects: tuple[Effect, ...] = ()
 
 
-def compare(old: Plant, new: Plant) -> list[Change]:
-    """Everything that differs, links before the machines on them; an empty list = nothing."""
+def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Change]:
+    """Everything that differs, links before the machines on them; an empty list = nothing.
+
+    `running`: ids of machines of `old` whose sequence runs now; what stops it says so.
+    """
     changes = _plant(old, new)
     changes += _types(old, new)
     changes += _links(old, new)
     former = renamed(old, new)
     for id, item in new.equipment.items():
         if id in old.equipment:
-            changes += _machine(old.equipment[id], item)
+            changes += _machine(old.equipment[id], item, id in running)
         elif id in former:
-            changes += _renamed(old.equipment[former[id]], item)
+            changes += _renamed(old.equipment[former[id]], item, former[id] in running)
         else:
             numbers = {"points": str(len(item.points)), "alarms": str(len(item.alarms)), "link": item.link}
             kept = _lent(old, item)
             changes.append(_change("equipment", "added", id, (), [("added", numbers), *kept]))
     for id, item in old.equipment.items():
         if id not in new.equipment and id not in former.values():
-            changes.append(
-                _change(
-                    "equipment",
-                    "removed",
-                    id,
-                    (),
-                    [("history_kept", {"id": _stem(item)}), ("alarms_closed", {"count": str(len(item.alarms))})],
-                )
-            )
+            told: list[tuple[str, Mapping[str, str]]] = [
+                ("history_kept", {"id": _stem(item)}),
+                ("alarms_closed", {"count": str(len(item.alarms))}),
+            ]
+            if id in running:
+                told.insert(0, ("sequence_runs", {"id": id}))
+            changes.append(_change("equipment", "removed", id, (), told))
     return changes
 
 
@@ -132,13 +136,13 @@ def _links(old: Plant, new: Plant) -> list[Change]:
     return changes
 
 
-def _machine(old: Equipment, new: Equipment) -> list[Change]:
-    details, effects = _differences(old, new)
+def _machine(old: Equipment, new: Equipment, running: bool) -> list[Change]:
+    details, effects = _differences(old, new, running)
     return [_change("equipment", "changed", new.id, details, effects)] if details else []
 
 
-def _renamed(old: Equipment, new: Equipment) -> list[Change]:
-    details, effects = _differences(old, new)
+def _renamed(old: Equipment, new: Equipment, running: bool) -> list[Change]:
+    details, effects = _differences(old, new, running)
     first: list[tuple[str, Mapping[str, str]]] = [
         ("renamed", {"old": old.id, "id": _stem(new)}),
         ("alarms_closed", {"count": str(len(old.alarms))}),
@@ -146,7 +150,9 @@ def _renamed(old: Equipment, new: Equipment) -> list[Change]:
     return [_change("equipment", "renamed", new.id, [f"id: {old.id} → {new.id}", *details], [*first, *effects])]
 
 
-def _differences(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
+def _differences(
+    old: Equipment, new: Equipment, running: bool
+) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
     details = [
         _detail(key, getattr(old, key), getattr(new, key))
         for key in ("link", "unit", "label", "area")
@@ -165,9 +171,62 @@ def _differences(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[
     details += [_detail(key, old.options.get(key), new.options.get(key)) for key in options]
     if options:
         effects.append(("options", {}))
+    sequence, follows = _sequence(old, new)
+    if running and (
+        old.type.name != new.type.name or any(key in ("sequence", "options") for key, _ in effects + follows)
+    ):
+        follows.insert(0, ("sequence_runs", {"id": old.id}))
     points, told = _points(old.points, new.points)
     alarms, closed = _alarms(old.alarms, new.alarms)
-    return details + points + alarms, effects + told + closed
+    return details + sequence + points + alarms, effects + follows + told + closed
+
+
+def _sequence(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
+    """What differs in the sequence it runs, key by key as in the definition file."""
+    details = [_detail("machine", old.machine, new.machine)] if old.machine != new.machine else []
+    if old.sequence is None or new.sequence is None:
+        return details, []
+    if old.sequence.name != new.sequence.name:
+        details.append(_detail("definition", old.sequence.name, new.sequence.name))
+    before, after = _leaves(old.sequence), _leaves(new.sequence)
+    steps = [[step.key for step in item.steps] for item in (old.sequence, new.sequence)]
+    if steps[0] != steps[1]:
+        details.append(f"steps: {_listed(steps[0])} → {_listed(steps[1])}")
+    if checksum(old.sequence) != checksum(new.sequence):
+        details.append(f"CRC: {checksum(old.sequence):08X} → {checksum(new.sequence):08X}")
+    both = {ABORT, *steps[0]} & {ABORT, *steps[1]} | {""}
+    keys = [key for key in {**before, **after} if before.get(key) != after.get(key) and key[0] in both]
+    lines = [_detail(".".join(filter(None, key)), before.get(key), after.get(key)) for key in keys]
+    if len(lines) > MOST_LINES:  # the rest still counts for the digest
+        rest = sha256(repr(lines[MOST_LINES:]).encode()).hexdigest()[:8]
+        lines = [*lines[:MOST_LINES], f"… +{len(lines) - MOST_LINES} ({rest})"]
+    details += lines
+    if new.machine != old.machine or program(old.sequence) != program(new.sequence):
+        return details, [("sequence", {"id": new.id})]
+    return details, [("texts", {})] if details else []
+
+
+def _leaves(definition: SequenceDefinition) -> dict[tuple[str, str, str], object]:
+    """(step, permissive, key) → what stands there; empty for the whole sequence, the whole step."""
+    found: dict[tuple[str, str, str], object] = {
+        ("", "", key): getattr(definition, key)
+        for key in ("label", "output_while_suspended", "stall_after", "keep_forces", "longest_force")
+    }
+    for step in definition.steps:
+        for key in ("label", "minimum", "maximum", "loss_aborts", "actions"):
+            found[step.key, "", key] = getattr(step, key)
+    words = {ABORT: definition.abort, **{step.key: step.permissives for step in definition.steps}}
+    for name, word in words.items():
+        for each in word:
+            for key in ("key", "label", "when", "value", "forceable"):
+                found[name, str(each.bit), key] = getattr(each, key)
+    found |= {("", "tests", test.name): _test(test) for test in definition.tests}
+    return found
+
+
+def _test(test: SequenceTest) -> str:
+    """A test in one word: it changes when the test does."""
+    return sha256(repr(test).encode()).hexdigest()[:8]
 
 
 def _points(

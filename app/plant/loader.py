@@ -9,9 +9,10 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from app.errors import ConfigurationError
 from app.plant import expression, plc, types
-from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, TableMap, Texts
+from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, SequenceDefinition, TableMap, Texts
 from app.plant.derive import order_problem
-from app.plant.tables import MISSING, NONE, Plain, Source, Table, one_of
+from app.plant.sequences import SequenceFiles
+from app.plant.tables import NONE, Plain, Source, Table, one_of, read_label
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -35,7 +36,7 @@ def languages() -> tuple[str, ...]:
 def read_plant(
     folder: Path, *, type_folder: Path = types.EQUIPMENT, transports: Sequence[str] = TRANSPORTS
 ) -> tuple[Plant | None, list[Problem]]:
-    """Read `folder`/plant.toml with the equipment types it names.
+    """Read `folder`/plant.toml with the equipment types and the sequences (plant/sequences.py) it names.
 
     The plant is None exactly when there are problems. A text that lacks a language is no problem: it is shown with its language mark.
     """
@@ -61,10 +62,13 @@ class _PlantReader:
         self.texts: dict[str, dict[str, str]] = {}
         self.units: dict[tuple[str, int], str] = {}
         self.ids: dict[str, str] = {}
+        self.sequences = SequenceFiles(folder, lambda table, key: self._label(table, key, required=True))
+        self.runs: dict[str, tuple[Table, str, int]] = {}
+        """Equipment that runs a sequence → its table, the machine as named there, its number under `repeat`."""
 
     @property
     def problems(self) -> list[Problem]:
-        return [*self.source.problems, *self.type_problems]
+        return [*self.source.problems, *self.sequences.problems, *self.type_problems]
 
     def read(self) -> Plant | None:
         if self.source.problems:
@@ -85,6 +89,8 @@ class _PlantReader:
             self._equipment(key, table, links, areas)
         if not root.data.get("equipment"):
             root.note("equipment", NONE, "at least one [equipment.<id>]")
+        for id, (table, machine, number) in self.runs.items():
+            self._couple(id, table, machine, number, links)
         for row in root.rows("alarms"):
             self._alarm(row)
         root.done()
@@ -123,28 +129,7 @@ class _PlantReader:
         return name
 
     def _label(self, table: Table, key: str, *, required: bool = False, default: str = "") -> dict[str, str]:
-        value = table.raw(key)
-        expected = "a text, or a text for each language: { hr = …, en = … }"
-        if value is None:
-            if required:
-                table.note(key, MISSING, expected)
-            return dict.fromkeys(self.languages, default)
-        if isinstance(value, str) and value.strip():
-            return dict.fromkeys(self.languages, value)
-        if not isinstance(value, dict) or not value:
-            table.note(key, value, expected)
-            return dict.fromkeys(self.languages, default)
-        texts: dict[str, str] = {}
-        for language, text in value.items():
-            if language not in self.known_languages:
-                table.note(
-                    f"{key}.{language}", text, "a language of the product: " + one_of(self.known_languages, language)
-                )
-            elif not isinstance(text, str) or not text.strip():
-                table.note(f"{key}.{language}", text, "a text")
-            else:
-                texts[language] = text
-        return texts
+        return read_label(table, key, self.languages, self.known_languages, required=required, default=default)
 
     def _area(self, key: str, table: Table) -> Texts:
         self._check_id(key, table)
@@ -216,7 +201,10 @@ class _PlantReader:
         if data is None:
             return  # its other keys cannot be judged before its type is known
         preset = table.text("preset", "", choices=list(data.type.presets)) if data.type.presets else ""
-        options = self._options(table, data, data.type.presets.get(preset, {}))
+        definition, machine = self._sequence(table) if data.type.sequence else (None, "")
+        if data.type.sequence and definition is None:
+            return  # nor without its steps
+        options = self._options(table, data, data.type.presets.get(preset, {}), definition)
         overrides = self._overrides(table, data, count)
         table.done()
         if count and unit + count - 1 > LARGEST_UNIT:
@@ -241,7 +229,45 @@ class _PlantReader:
                 options=options,
                 overrides=overrides,
                 preset=preset,
+                sequence=definition,
             )
+            if definition:
+                self.runs[key + suffix] = (table, machine, number)
+
+    def _sequence(self, table: Table) -> tuple[SequenceDefinition | None, str]:
+        """Its definition, None when there is none to be had; and the name of its machine, empty = none."""
+        known = self.sequences.names()
+        expected = "a file of sequences/: " + one_of(known, table.data.get("definition", ""))
+        name = table.text("definition", choices=known, expected=expected)
+        machine = table.text(
+            "machine", "", expected="the id of an equipment, or no `machine` for a sequence on its own"
+        )
+        return (self.sequences.read(name) if name and table.data.get("definition") == name else None), machine
+
+    def _couple(self, id: str, table: Table, name: str, number: int, links: Mapping[str, Link]) -> None:
+        """Give a sequence its machine, and judge its definition by it. Of repeated ones each has its own."""
+        item = self.equipment[id]
+        own = id.removeprefix(table.path[-1])
+        machine = self.equipment.get(name + own) if number else None
+        machine = machine or self.equipment.get(name)
+        if name and machine is None:
+            if name not in self.source.data["equipment"]:  # else its own mistakes are told
+                known = sorted(key for key, other in self.equipment.items() if not other.type.sequence)
+                table.note("machine", name, "an equipment: " + one_of(known, name))
+            elif any(key.startswith(f"{name}_") for key in self.equipment):
+                table.note("machine", name, f"one machine: {name} is repeated, and has none with the number of {id}")
+            return
+        if machine is not None:
+            if machine.type.sequence:
+                table.note("machine", name, "a machine; this is itself a sequence")
+                return
+            steps = item.sequence.steps if item.sequence else ()
+            if not machine.type.actions and any(step.actions for step in steps):
+                table.note("machine", name, f"a machine that takes actions; {machine.type.name} takes none")
+            if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
+                table.note("machine", name, "a machine that is simulated like its sequence, or real like it")
+            self.equipment[id] = replace(item, machine=machine.id)
+        self.sequences.check(item, machine)
 
     def _instance(
         self,
@@ -257,6 +283,7 @@ class _PlantReader:
         options: Mapping[str, object],
         overrides: Mapping[str, Mapping[str, Any]],
         preset: str,
+        sequence: SequenceDefinition | None = None,
     ) -> None:
         if id in self.equipment:
             table.note("repeat", id, "ids that no other equipment has")
@@ -286,13 +313,23 @@ class _PlantReader:
                 points[cell.key] = replace(cell, name=f"{id}.{cell.key}", id=lasting, equipment=id)
         alarms = tuple(data.type.alarms)
         self.equipment[id] = Equipment(
-            id, data.type, link, unit, label, area, points, alarms, options, tables, preset=preset
+            id, data.type, link, unit, label, area, points, alarms, options, tables, sequence, preset=preset
         )
 
-    def _options(self, table: Table, data: types.TypeData, preset: Mapping[str, float]) -> dict[str, object]:
+    def _options(
+        self,
+        table: Table,
+        data: types.TypeData,
+        preset: Mapping[str, float],
+        sequence: SequenceDefinition | None = None,
+    ) -> dict[str, object]:
         options = {**data.type.options, **preset}
+        if sequence:
+            options[types.STEPS] = float(len(sequence.steps))
         counts = {map.capacity for map in data.type.tables.values()}
         for name, default in options.items():
+            if sequence and name == types.STEPS:
+                continue  # the definition says it
             if isinstance(default, float):
                 low, high = data.type.ranges[name]
                 options[name] = value = float(table.number(name, default, low, high))

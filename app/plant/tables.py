@@ -78,7 +78,12 @@ class Source:
         for number, raw in enumerate(self._lines, 1):
             text = raw.strip()
             if header := re.match(r"^(\[{1,2})\s*([^\]]+?)\s*\]", text):
-                table = _split(header[2])
+                *parents, last = _split(header[2]) or ("",)
+                table = ()
+                for part in parents:  # a table inside a list of tables is of the list's latest row
+                    table = (*table, part)
+                    table = (*table, str(counts[table] - 1)) if table in counts else table
+                table = (*table, last)
                 if header[1] == "[[":
                     index = counts.get(table, 0)
                     counts[table] = index + 1
@@ -231,6 +236,35 @@ class Table:
         if default is REQUIRED:
             self.source.note((*self.path, key), MISSING, expected)
         return default
+
+
+def read_label(
+    table: Table, key: str, languages: Sequence[str], known: Sequence[str], *, required: bool = False, default: str = ""
+) -> dict[str, str]:
+    """A text for every language, or one for each: `{ hr = …, en = … }`. One that lacks a language is no mistake.
+
+    `languages`: those of the plant; `known`: those of the product.
+    """
+    value = table.raw(key)
+    expected = "a text, or a text for each language: { hr = …, en = … }"
+    if value is None:
+        if required:
+            table.note(key, MISSING, expected)
+        return dict.fromkeys(languages, default)
+    if isinstance(value, str) and value.strip():
+        return dict.fromkeys(languages, value)
+    if not isinstance(value, dict) or not value:
+        table.note(key, value, expected)
+        return dict.fromkeys(languages, default)
+    texts: dict[str, str] = {}
+    for language, text in value.items():
+        if language not in known:
+            table.note(f"{key}.{language}", text, "a language of the product: " + one_of(known, language))
+        elif not isinstance(text, str) or not text.strip():
+            table.note(f"{key}.{language}", text, "a text")
+        else:
+            texts[language] = text
+    return texts
 
 
 def one_of(choices: Sequence[str], value: object = "") -> str:

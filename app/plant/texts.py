@@ -1,8 +1,8 @@
 """Every text that a person sees, in the person's language.
 
 The product's own texts are `app/locale/<lang>/*.toml`, tables inside joined with dots; an equipment type has its own in
-`texts.<lang>.toml`; a plant file has labels and alarm rows. A text that a language lacks is shown in the plant's first language, else in
-English, with the mark of that language: `[en] Fan 2`.
+`texts.<lang>.toml`; a plant file has labels and alarm rows, the definition of a sequence has labels of its steps and permissives. A text
+that a language lacks is shown in the plant's first language, else in English, with the mark of that language: `[en] Fan 2`.
 
 A table of plural forms is written as its categories: `rows.one`, `rows.few`, `rows.many`, `rows.other` (CLDR, by Babel). The parameter
 `n` chooses the form.
@@ -17,7 +17,7 @@ from pathlib import Path
 from babel import Locale, UnknownLocaleError
 
 from app.errors import ConfigurationError
-from app.plant.definitions import EquipmentType, Plant
+from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.definitions import Texts as Label
 from app.plant.loader import LOCALE, languages
 from app.plant.types import flatten
@@ -73,6 +73,19 @@ class Texts:
             if other in label:
                 return f"[{other}] {label[other]}"
         return ""
+
+    def step(self, lang: str, item: Equipment, number: int) -> str:
+        """The label of step `number` (from 1) of a machine that runs a sequence, with a language mark when it is in another language.
+
+        Empty for 0 (the abort conditions), and for a number that the sequence does not have.
+        """
+        steps = item.sequence.steps if item.sequence else ()
+        return self.label(lang, steps[number - 1].label) if 0 < number <= len(steps) else ""
+
+    def permissive(self, lang: str, item: Equipment, step: int, bit: int) -> str:
+        """The label of a permissive of step `step` (0 = abort conditions), likewise; empty when the definition does not name the bit."""
+        found = item.sequence.permissive(step, bit) if item.sequence else None
+        return self.label(lang, found.label) if found else ""
 
     def has(self, lang: str, key: str, kind: EquipmentType | None = None) -> bool:
         """Whether `lang` itself has the text."""

@@ -1,0 +1,414 @@
+"""Definitions of sequences: `<plant>/sequences/<name>.toml`, one file each; several machines may share one.
+
+    [sequence]
+    label = { hr = "Prijevoz koluta", en = "Coil transport", de = "Bundtransport", cs = "Přeprava svitku" }
+    output_while_suspended = false
+    stall_after = 1.0                                   seconds
+    keep_forces = false
+    longest_force = 28800                               seconds
+
+    [[steps]]                                           in order
+    key = "lower"
+    label = { … }
+    minimum = 1.0                                       seconds
+    maximum = 30.0                                      seconds; 0 = stay
+    loss_aborts = true
+    actions = ["lower"]                                 of the machine's type, device.toml [actions]
+    [steps.permissives.3]                               bit 0–15; a bit that nobody names counts as fulfilled
+    key = "pressure_ok"                                 else bit_3
+    label = { … }                                       in positive wording
+    when = "pressure > 80"                              over the points of the machine
+    value = "pressure"                                  kept with a first-out
+    forceable = true
+    [abort.0]                                           the same; not forceable unless it says so
+
+    [[tests]]
+    name = "one coil from the mandrel to saddle 2"
+    given = { winding = 1 }                             presets of the simulated machine
+    when = [{ at = 0, command = "start" }, { at = 9, fault = 3 }, { at = 15, set = { pressure = 20 } }]
+    then = [{ within = 120, state = "done" }, { step = "lift", within = 30 }, { never = "collision == 1" },
+            { first_out = "pressure_ok" }, { at = 20, expect = "horizontal > 100" }]
+
+Without a machine the device itself knows its permissives (a virtual one takes them from its training registers): `when` may be left
+out, the presets are the words, `word_0` (abort conditions) to `word_<steps>`.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from app.blocks.sequence import ALL, BITS, SequenceState
+from app.errors import ConfigurationError
+from app.plant import expression, types
+from app.plant.definitions import (
+    Equipment,
+    Kind,
+    Plant,
+    Point,
+    Problem,
+    SequenceDefinition,
+    SequencePermissive,
+    SequenceStep,
+    SequenceTest,
+    Texts,
+)
+from app.plant.tables import MISSING, Plain, Source, Table, one_of
+
+FOLDER = "sequences"
+"""Of a plant folder."""
+NAME = r"[a-z][a-z0-9_]{0,31}"
+LONGEST_TIME = 36_000.0
+"""Of a step, as the device takes it [s]."""
+LONGEST_TEST = 3_600.0
+"""Simulated time of a test [s]."""
+RUNNING = (SequenceState.RUNNING.value, SequenceState.SUSPENDED.value)
+"""Values of the status point of a sequence that runs."""
+STATES = tuple(state.name.lower() for state in SequenceState)
+ABORT = "abort"
+ORDERS = ("command", "fault", "set")
+"""What a row of `when` may do."""
+SIGHTS = ("state", "step", "expect", "first_out", "never")
+"""What a row of `then` may ask for."""
+
+ReadLabel = Callable[[Table, str], Texts]
+"""(table, key) → the label in every language that it has; notes what is wrong."""
+
+
+@dataclass(slots=True)
+class _File:
+    """A definition with what only a machine can judge."""
+
+    source: Source
+    definition: SequenceDefinition
+    signals: list[tuple[Table, str, str]] = field(default_factory=list)
+    """Sentences of permissives; an empty one needs a device that knows its signals itself."""
+    values: list[tuple[Table, str, str]] = field(default_factory=list)
+    """Points whose value is kept."""
+    actions: list[tuple[Table, str, str]] = field(default_factory=list)
+    commands: list[tuple[Table, str, str]] = field(default_factory=list)
+    presets: list[tuple[Table, str, object]] = field(default_factory=list)
+    sentences: list[tuple[Table, str, str]] = field(default_factory=list)
+    """What tests look at."""
+
+
+class SequenceFiles:
+    """The definition files of one plant folder; each is read once, with all its mistakes."""
+
+    def __init__(self, folder: Path, label: ReadLabel) -> None:
+        self.folder = folder / FOLDER
+        self._label = label
+        self._files: dict[str, _File] = {}
+        self._checked: set[object] = set()
+
+    @property
+    def problems(self) -> list[Problem]:
+        """Everything found so far."""
+        return [problem for file in self._files.values() for problem in file.source.problems]
+
+    def names(self) -> list[str]:
+        """Definitions that the folder has."""
+        return sorted(path.stem for path in self.folder.glob("*.toml"))
+
+    def read(self, name: str) -> SequenceDefinition | None:
+        """The definition `name`; None when its file has mistakes, which `problems` has then.
+
+        The file must be there (`names`).
+        """
+        if name not in self._files:
+            self._files[name] = self._read(name)
+        file = self._files[name]
+        return None if file.source.problems else file.definition
+
+    def check(self, item: Equipment, machine: Equipment | None) -> None:
+        """Note what the definition of `item` asks for that its machine, or its own type, does not have."""
+        file = self._files[item.sequence.name] if item.sequence else None
+        kinds = (item.type.name, machine and (machine.type.name, *machine.tables.items()))
+        if file is None or (item.sequence and (item.sequence.name, kinds) in self._checked):
+            return
+        self._checked.add((file.definition.name, kinds))
+        if machine is not None:
+            self._check_machine(file, machine)
+        for table, key, command in file.commands:
+            orders = {name: each for name, each in item.type.commands.items() if not each.hold}
+            if command not in orders:
+                table.note(key, command, f"a command of {item.type.name}: {one_of(sorted(orders), command)}")
+            elif orders[command].arguments:
+                table.note(key, command, "a command without values to enter")
+        ranges = machine.type.simulation_presets if machine else _words(file.definition)
+        owner = machine.type.name if machine else "a sequence without a machine"
+        for table, key, given in file.presets:
+            name = key.rpartition(".")[2]
+            if name not in ranges:
+                table.note(key, given, f"a preset of {owner}: {one_of(sorted(ranges), name)}")
+            elif isinstance(given, int | float) and not ranges[name][0] <= given <= ranges[name][1]:
+                low, high = ranges[name]
+                table.note(key, given, f"a number from {low:g} to {high:g}")
+        looked = machine or item
+        own = {key: point for key, point in looked.points.items() if _is_signal(point)}
+        for table, key, text in file.sentences:
+            _check_signals(table, key, text, own, looked)
+
+    def _check_machine(self, file: _File, machine: Equipment) -> None:
+        own = {key: point for key, point in machine.points.items() if _is_signal(point)}
+        for table, key, text in file.signals:
+            if not text:
+                table.note(
+                    key, MISSING, f"a sentence over points of {machine.id}: {machine.id} does not know this word"
+                )
+            else:
+                _check_signals(table, key, text, own, machine)
+        for table, key, name in file.values:
+            if name not in own:
+                table.note(key, name, f"a point that {machine.id} has as a number: {one_of(sorted(own), name)}")
+        for table, key, action in file.actions:
+            if machine.type.actions and action not in machine.type.actions:
+                known = one_of(list(machine.type.actions), action)
+                table.note(key, action, f"an action of {machine.type.name}: {known}")
+
+    # ---- one file -------------------------------------------------------------------------------------
+
+    def _read(self, name: str) -> _File:
+        source = Source(self.folder / f"{name}.toml", f"{FOLDER}/{name}.toml")
+        file = _File(source, SequenceDefinition(name, {}, ()))
+        if source.problems:
+            return file
+        root = source.table()
+        head = root.table("sequence", required=True, expected="[sequence] with label")
+        if not root.has("sequence"):
+            head = Table(source, ("sequence",), {"label": name})
+        rows = list(root.rows("steps"))
+        if not root.has("steps") or root.data["steps"] == []:
+            root.note("steps", MISSING, "at least one [[steps]]")
+        elif len(rows) > types.MOST_STEPS:
+            root.note("steps", f"{len(rows)} steps", f"at most {types.MOST_STEPS} steps")
+        steps: list[SequenceStep] = []
+        for row in rows[: types.MOST_STEPS]:
+            steps.append(self._step(file, row, [step.key for step in steps]))
+        definition = SequenceDefinition(
+            name,
+            label=self._label(head, "label"),
+            steps=tuple(steps),
+            abort=tuple(self._permissives(file, root, ABORT, forceable=False)),
+            output_while_suspended=head.flag("output_while_suspended"),
+            stall_after=float(head.number("stall_after", 1.0, 0.1, 600)),
+            keep_forces=head.flag("keep_forces"),
+            longest_force=float(head.number("longest_force", 28_800.0, 1, 7 * 86_400)),
+        )
+        head.done()
+        tests: list[SequenceTest] = []
+        for row in root.rows("tests"):
+            tests.append(self._test(file, row, definition, [test.name for test in tests]))
+        root.done()
+        file.definition = replace(definition, tests=tuple(tests))
+        return file
+
+    def _step(self, file: _File, row: Table, others: Sequence[str]) -> SequenceStep:
+        key = row.text("key", pattern=NAME, expected="a key of small letters, digits and _")
+        if key in (*others, ABORT):
+            row.note("key", key, f"a key that no other step has; not {ABORT}")
+        minimum = float(row.number("minimum", 0.0, 0, LONGEST_TIME))
+        maximum = float(row.number("maximum", 0.0, 0, LONGEST_TIME))
+        if 0 < maximum < minimum:
+            row.note("maximum", maximum, f"0 (stay), or at least the minimum, which is {minimum:g} s")
+        actions: list[str] = []
+        for index, action in enumerate(row.items("actions", [], "a list of actions of the machine")):
+            if not isinstance(action, str) or not re.fullmatch(types.KEY, action):
+                row.note(f"actions.{index}", action, "an action of the machine")
+            elif action in actions:
+                row.note(f"actions.{index}", action, "each action once")
+            else:
+                actions.append(action)
+                file.actions.append((row, f"actions.{index}", action))
+        step = SequenceStep(
+            key,
+            self._label(row, "label"),
+            minimum,
+            maximum,
+            row.flag("loss_aborts"),
+            tuple(actions),
+            tuple(self._permissives(file, row, "permissives", forceable=True)),
+        )
+        row.done()
+        return step
+
+    def _permissives(self, file: _File, parent: Table, name: str, *, forceable: bool) -> list[SequencePermissive]:
+        """A word of permissives, in order of its bits."""
+        found: dict[int, SequencePermissive] = {}
+        keys: set[str] = set()
+        for number, table in parent.tables(name, f"a table, [{name}.<bit>]"):
+            bit = int(number) if re.fullmatch(r"[0-9]{1,4}", number) else -1
+            if not 0 <= bit < BITS:
+                table.note("", number, f"a bit from 0 to {BITS - 1}")
+            elif bit in found:
+                table.note("", number, f"each bit once; bit {bit} is there")
+            key = table.text("key", f"bit_{max(bit, 0)}", pattern=NAME, expected="a key of small letters, digits and _")
+            if key in keys:
+                table.note("key" if table.has("key") else "", key, "a key that no other bit of this word has")
+            keys.add(key)
+            when, value = table.text("when", ""), table.text("value", "", pattern=types.KEY, expected="a point")
+            permissive = SequencePermissive(
+                key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable)
+            )
+            if _is_sentence(table, "when", when) if when else not table.has("when"):
+                file.signals.append((table, "when", when))
+            if value:
+                file.values.append((table, "value", value))
+            table.done()
+            found.setdefault(bit, permissive)
+        return [found[bit] for bit in sorted(found)]
+
+    # ---- its tests ------------------------------------------------------------------------------------
+
+    def _test(self, file: _File, row: Table, definition: SequenceDefinition, others: Sequence[str]) -> SequenceTest:
+        name = row.text("name")
+        if name in others:
+            row.note("name", name, "a name that no other test has")
+        given = self._presets(file, row, "given")
+        when = [self._order(file, each) for each in row.rows("when")]
+        then = [self._sight(file, each, definition) for each in row.rows("then")]
+        if not row.data.get("then"):
+            row.note("then", MISSING, "at least one row: a test that expects nothing cannot fail")
+        row.done()
+        when.sort(key=lambda order: float(order["at"]))
+        return SequenceTest(name, given, tuple(when), tuple(then))
+
+    def _presets(self, file: _File, row: Table, key: str) -> dict[str, float]:
+        table = row.table(key)
+        given: dict[str, float] = {}
+        for name in table.data:
+            number = table.number(name)
+            if number is table.data[name]:
+                given[name] = float(number)
+                file.presets.append((table, name, number))
+        return given
+
+    def _order(self, file: _File, row: Table) -> dict[str, Any]:
+        """A row of `when`: a time and what happens then."""
+        order: dict[str, Any] = {"at": float(row.number("at", low=0, high=LONGEST_TEST))}
+        _one(row, ORDERS)
+        if row.has("command"):
+            order["command"] = row.text("command")
+            if order["command"]:
+                file.commands.append((row, "command", order["command"]))
+        if row.has("fault"):
+            order["fault"] = row.whole("fault")
+        if row.has("set"):
+            order["set"] = self._presets(file, row, "set")
+            if row.data["set"] == {}:
+                row.note("set", Plain("empty"), "a table of presets: { pressure = 20 }")
+        row.done()
+        return order
+
+    def _sight(self, file: _File, row: Table, definition: SequenceDefinition) -> dict[str, Any]:
+        """A row of `then`: what must be seen, and when."""
+        sight: dict[str, Any] = {}
+        _one(row, SIGHTS)
+        times = [key for key in ("within", "at") if row.has(key)]
+        if row.has("never"):
+            for key in times:
+                row.note(key, row.data[key], "no time: never is all the time")
+        elif len(times) == 2 or (not times and not row.has("first_out") and any(key in row.data for key in SIGHTS)):
+            row.note("at" if times else "within", row.data.get("at", MISSING), "either `within` or `at`, in seconds")
+        for key in times:
+            sight[key] = float(row.number(key, low=0, high=LONGEST_TEST))
+        if row.has("state"):
+            sight["state"] = row.text("state", choices=STATES)
+        if row.has("step"):
+            sight["step"] = row.text("step", choices=[step.key for step in definition.steps])
+        if row.has("first_out"):
+            words = (definition.abort, *(step.permissives for step in definition.steps))
+            keys = dict.fromkeys(each.key for word in words for each in word)
+            sight["first_out"] = row.text("first_out", choices=list(keys))
+        for key in ("expect", "never"):
+            if row.has(key):
+                sight[key] = row.text(key)
+                if sight[key] and _is_sentence(row, key, sight[key]):
+                    file.sentences.append((row, key, sight[key]))
+        for key in ("within", "at"):
+            row.raw(key)
+        row.done()
+        return sight
+
+
+def unused(plant: Plant) -> list[str]:
+    """Definition files that no equipment of `plant` uses, relative to its folder."""
+    used = {item.sequence.name for item in plant.equipment.values() if item.sequence}
+    found = sorted((plant.folder / FOLDER).glob("*.toml"))
+    return [f"{FOLDER}/{path.name}" for path in found if path.stem not in used]
+
+
+def canonical(definition: SequenceDefinition) -> str:
+    """What makes the program of a device: steps, actions, conditions. One line each; times and labels are no part of it."""
+
+    def lines() -> Iterator[str]:
+        for number in range(len(definition.steps) + 1):
+            if number:
+                step = definition.steps[number - 1]
+                yield f"step {number} {step.key} loss_aborts={int(step.loss_aborts)} actions={','.join(step.actions)}"
+            else:
+                yield ABORT
+            for each in definition.permissives(number):
+                yield f"  {each.bit} {each.key} forceable={int(each.forceable)} value={each.value} when={each.when}"
+
+    return "".join(f"{line}\n" for line in lines())
+
+
+def checksum(definition: SequenceDefinition) -> int:
+    """CRC-32 of `canonical` in UTF-8: a device that runs another program says another number."""
+    return crc32(canonical(definition).encode())
+
+
+def program(definition: SequenceDefinition) -> SequenceDefinition:
+    """`definition` without what a device does not know (labels, tests): equal for two that run alike."""
+
+    def bare(word: Sequence[SequencePermissive]) -> tuple[SequencePermissive, ...]:
+        return tuple(replace(each, label={}) for each in word)
+
+    steps = tuple(replace(step, label={}, permissives=bare(step.permissives)) for step in definition.steps)
+    return replace(definition, name="", label={}, steps=steps, abort=bare(definition.abort), tests=())
+
+
+def _words(definition: SequenceDefinition) -> dict[str, tuple[float, float]]:
+    return {f"word_{number}": (0.0, float(ALL)) for number in range(len(definition.steps) + 1)}
+
+
+def _is_signal(point: Point) -> bool:
+    """Whether the machine itself has it, as a number."""
+    return point.register is not None and point.register.readable and point.kind is not Kind.TEXT
+
+
+def _is_sentence(table: Table, key: str, text: str) -> bool:
+    """Whether `text` is one of the grammar that needs no person and no clock; notes it when not."""
+    try:
+        parsed = expression.parse(text)
+    except ConfigurationError as error:
+        table.note(key, text, str(error))
+        return False
+    if parsed.needs_argument:
+        table.note(key, text, "no `argument` here: nobody enters one")
+        return False
+    if parsed.ages:
+        table.note(key, text, "no age(…) here: a device knows its own signals at once")
+        return False
+    return True
+
+
+def _check_signals(table: Table, key: str, text: str, own: Mapping[str, Point], machine: Equipment) -> None:
+    names = expression.parse(text).names
+    for name in sorted(names - set(own)):
+        if name in machine.points:
+            table.note(key, text, f"points that {machine.id} itself has as numbers; {name} is computed or a text")
+        else:
+            table.note(key, text, f"names of points of {machine.id}: {one_of(sorted(own), name)}")
+
+
+def _one(row: Table, names: Sequence[str]) -> None:
+    """Exactly one of `names` must be in the row."""
+    given = [name for name in names if row.has(name)]
+    for name in names:
+        row.raw(name)
+    if len(given) != 1:
+        row.note("", Plain(" and ".join(given) or "nothing"), f"exactly one of {', '.join(names)}")
