@@ -466,7 +466,9 @@ class Runtime:
         if self.plant is None:
             return plant, Reading(digest=digest([]), first=True)
         changes = compare(self.plant, plant)
-        told = compare(self.plant, plant, self._running_sequences())  # they come and go: what is confirmed is the change
+        told = compare(
+            self.plant, plant, self._running_sequences()
+        )  # they come and go: what is confirmed is the change
         return plant, Reading((), tuple(told), digest(changes))
 
     def _running_sequences(self) -> list[str]:
