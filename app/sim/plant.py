@@ -13,13 +13,16 @@ from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant, Problem
 from app.plant.loader import PLANT_FILE, read_plant
-from app.sim import conveyor_machine
+from app.plant.sequences import program
+from app.sim import coil_car_machine, conveyor_machine, sequence
 from app.sim.bus import Bus, damaged
+from app.sim.coil_car import VirtualCoilCar
 from app.sim.conveyor import VirtualConveyor
 from app.sim.conveyor_machine import Geometry
 from app.sim.device import DT, VirtualDevice
 from app.sim.e800 import FAULTS, VirtualE800
 from app.sim.plc import VirtualPlc
+from app.sim.sequence import Machine, VirtualSequence
 
 CATCH_UP = 20
 """Most steps in one go."""
@@ -84,9 +87,52 @@ def _conveyor(item: Equipment, seed: int) -> VirtualDevice:
         raise ConfigurationError(str(error)) from error
 
 
-VIRTUAL_DEVICES: dict[str, Factory] = {"eura_e800": _eura_e800, "conveyor": _conveyor}
+def _coil_car(item: Equipment, seed: int) -> VirtualDevice:
+    """A coil-car line as the plant file describes it: its measures, and `simulation` = start, coil (1 or 0), growth [mm/s], crane [s] and
+    settings by name."""
+    simulation = _table(item, "simulation")
+    start = str(simulation.pop("start", "stopped"))
+    given = {key: _number(f"simulation.{key}", value) for key, value in simulation.items()}
+    world = {key: given.pop(key) for key in ("growth", "crane") if key in given}
+    measures = {key: _number(key, item.options[key]) for key in coil_car_machine.MEASURES if key in item.options}
+    try:
+        return VirtualCoilCar(
+            coil_car_machine.Geometry(**measures),
+            start=start,
+            coil=bool(given.pop("coil", 0.0)),
+            settings=given,
+            **world,
+        )
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from error
+
+
+def _sequence(item: Equipment, seed: int) -> VirtualDevice:
+    """A sequence by its definition, and `simulation` = start (automatic or idle)."""
+    simulation = _table(item, "simulation")
+    start = simulation.pop("start", "idle")
+    if start not in ("automatic", "idle"):
+        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or idle")
+    for key in simulation:
+        raise ConfigurationError(f"simulation.{key}: expected start")
+    if item.sequence is None:
+        raise ConfigurationError("no sequence, expected a definition")
+    return VirtualSequence(item.sequence, automatic=start == "automatic")
+
+
+VIRTUAL_DEVICES: dict[str, Factory] = {
+    "eura_e800": _eura_e800,
+    "conveyor": _conveyor,
+    "coil_car": _coil_car,
+    "sequence": _sequence,
+}
 """Equipment type → what builds its virtual device."""
-MACHINE_FAULTS: Mapping[str, Sequence[int]] = {"eura_e800": tuple(FAULTS), "conveyor": conveyor_machine.FAULTS}
+MACHINE_FAULTS: Mapping[str, Sequence[int]] = {
+    "eura_e800": tuple(FAULTS),
+    "conveyor": conveyor_machine.FAULTS,
+    "coil_car": coil_car_machine.FAULTS,
+    "sequence": sequence.FAULTS,
+}
 """Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
 
 
@@ -96,7 +142,7 @@ def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None)
     for item in plant.equipment.values() if plant else ():
         if plant and plant.links[item.link].simulated:
             try:
-                _build(item, 1, VIRTUAL_DEVICES if factories is None else factories)
+                _try_out(item, plant, VIRTUAL_DEVICES if factories is None else factories)
             except ConfigurationError as error:
                 said = str(error).removeprefix(f"{item.id}: ")
                 problems.append(
@@ -139,6 +185,7 @@ class SimPlant:
             id: _build(item, seed, factories) for id, item in self.equipment.items()
         }
         """By equipment."""
+        _couple(self.equipment, self.devices)
         self.buses: Mapping[str, Bus] = {
             name: Bus(
                 {item.unit: self.devices[id] for id, item in self.equipment.items() if item.link == name},
@@ -179,8 +226,10 @@ class SimPlant:
         devices: dict[str, VirtualDevice] = {}
         for id, item in equipment.items():
             before = self.equipment.get(former.get(id, id))
-            stays = before is not None and (before.type.name, before.options) == (item.type.name, item.options)
+            stays = before is not None and _is_like(before, item)
             devices[id] = self.devices[before.id] if before and stays else _build(item, self._seed, self._factories)
+        for item, device, machine in _coupled(equipment, devices):
+            _fit(item, device, machine)
         buses = {name: self.buses.get(name) or Bus({}, turnaround=self._turnaround) for name in wanted}
         return equipment, devices, buses
 
@@ -191,6 +240,7 @@ class SimPlant:
         for name, bus in buses.items():
             bus.devices = {item.unit: devices[id] for id, item in equipment.items() if item.link == name}
         self.equipment, self.devices, self.buses = equipment, devices, buses
+        _couple(equipment, devices)
         self._measure_scans()
 
     def _measure_scans(self) -> None:
@@ -267,6 +317,52 @@ def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> Virt
         return factory(item, crc32(f"{seed} {item.id}".encode()))
     except ConfigurationError as error:
         raise ConfigurationError(f"{item.id}: {error}") from error
+
+
+def _is_like(before: Equipment, item: Equipment) -> bool:
+    """Whether the device of `before` is one of `item`, too."""
+    programs = [each.sequence and program(each.sequence) for each in (before, item)]
+    return (before.type.name, before.options, programs[0]) == (item.type.name, item.options, programs[1])
+
+
+def _coupled(
+    equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]
+) -> list[tuple[Equipment, VirtualSequence, VirtualDevice | None]]:
+    """Every sequence with the device of its machine, None when that is not simulated here."""
+    return [
+        (item, device, devices.get(item.machine) if item.machine else None)
+        for id, item in equipment.items()
+        if isinstance(device := devices[id], VirtualSequence)
+    ]
+
+
+def _fit(item: Equipment, device: VirtualSequence, machine: VirtualDevice | None) -> None:
+    if machine is None:
+        if item.machine:
+            raise ConfigurationError(f"{item.id}: machine {item.machine} is not simulated, expected both or none")
+        return
+    if not isinstance(machine, Machine):
+        raise ConfigurationError(f"{item.id}: machine {item.machine} is a {machine.type}, which no sequence can drive")
+    try:
+        device.fits(machine)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{item.id}: {error}") from error
+
+
+def _couple(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]) -> None:
+    """Give every sequence its machine."""
+    for item, device, machine in _coupled(equipment, devices):
+        _fit(item, device, machine)
+        device.attach(machine if isinstance(machine, Machine) else None)
+
+
+def _try_out(item: Equipment, plant: Plant, factories: Mapping[str, Factory]) -> None:
+    """Build the device of `item` and couple it, as a plant would."""
+    devices = {item.id: _build(item, 1, factories)}
+    machine = plant.equipment.get(item.machine)
+    if machine and plant.links[machine.link].simulated and item.machine != item.id:
+        devices[machine.id] = _build(machine, 1, factories)
+    _couple({item.id: item}, devices)
 
 
 def _table(item: Equipment, key: str) -> dict[str, object]:
