@@ -19,7 +19,8 @@ from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
-from app.historian.passages import BY_COMMAND, Passages, Told, tracks_products
+from app.historian.event_history import Told
+from app.historian.passages import BY_COMMAND, Passages, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink

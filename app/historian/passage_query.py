@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection
 
+from app.historian.event_history import lost as lost
 from app.historian.passages import Outcome
 
 ANY_ALARM = "any"
@@ -126,20 +127,6 @@ def steps(connection: Connection, numbers: Iterable[int]) -> Mapping[int, list[S
         for row in rows:
             found[row[0]].append(Step(*row[1:]))
     return found
-
-
-def lost(connection: Connection, equipment: str, begin: int | None, end: int | None) -> int:
-    """Events of a machine (empty: of all) that were lost in this time."""
-    given: list[object] = []
-    parts = []
-    for sentence, value in (("equipment = ?", equipment or None), ("time >= ?", begin), ("time < ?", end)):
-        if value is not None:
-            parts.append(sentence)
-            given.append(value)
-    where = f"WHERE {' AND '.join(parts)}" if parts else ""
-    return int(
-        connection.exec_driver_sql(f"SELECT coalesce(sum(count), 0) FROM event_gap {where}", tuple(given)).scalar_one()
-    )
 
 
 def _where(wanted: Wanted) -> tuple[str, list[object]]:

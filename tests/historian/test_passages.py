@@ -11,10 +11,11 @@ import pytest
 from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
+from app.historian import event_history, passages, store
 from app.historian import passage_query as query
-from app.historian import passages, store
+from app.historian.event_history import Told
 from app.historian.passage_query import Passage, Wanted
-from app.historian.passages import Passages, Told
+from app.historian.passages import Passages
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.test_recorder import limit_pages
 
@@ -339,7 +340,7 @@ async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_p
 async def test_a_disk_that_takes_nothing_for_long_drops_the_oldest_and_counts_them(
     kept: Passages, history: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(passages, "MOST_WAITING", 20)
+    monkeypatch.setattr(event_history, "MOST_WAITING", 20)
     original = history.write
 
     async def full(work: object) -> object:
@@ -472,6 +473,6 @@ def test_100_000_passages_are_asked_by_an_index(history: Database) -> None:
 def test_an_event_is_one_row_however_many_tell_it(history: Database) -> None:
     event = Event(5, BEGIN, 1, 1, 0.0, (0, 7, 0, 0, 0, 0))
     for _ in range(3):
-        history.run(lambda connection: passages.store(connection, passages.Delivery("c1", [event]), (), BEGIN))
+        history.run(lambda connection: passages.store(connection, event_history.Delivery("c1", [event]), (), BEGIN))
     with sqlite3.connect(history.path) as connection:
         assert connection.execute("SELECT count(*) FROM passage_step").fetchone() == (1,)

@@ -11,8 +11,8 @@ from fastapi.testclient import TestClient
 from app.access.audit import Filter
 from app.errors import StorageError
 from app.historian import passages
+from app.historian.event_history import Delivery, Told
 from app.historian.export import verify_export
-from app.historian.passages import Delivery, Told
 from app.runtime import Runtime
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff

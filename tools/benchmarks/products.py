@@ -10,9 +10,10 @@ from zoneinfo import ZoneInfo
 
 from app.db import Database
 from app.historian import passage_query as query
+from app.historian.event_history import Delivery
 from app.historian.passage_export import PassageExport, PassageWish
 from app.historian.passage_query import Wanted
-from app.historian.passages import Delivery, store
+from app.historian.passages import store
 from app.historian.store import DAY
 from benchmarks.common import Row, median, milliseconds, thousands
 
