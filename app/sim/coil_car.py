@@ -18,7 +18,7 @@ Header words 23–31: 3 saddles · settings · 63 events.
 
 | word | bits |
 | --- | --- |
-| +3 | 0 automatic 1 moving 2 winding 3 coil_on_mandrel 4 coil_on_car 5 coil_ready 6–8 saddle_1…3 (occupied) 9 at_mandrel 10 at_saddle (any) 11 zone_mandrel 12 zone_free 13 zone_saddles 14 target_free (the saddle and the way to it) 15 host_silent |
+| +3 | 0 automatic 1 moving 2 winding 3 coil_on_mandrel 4 coil_on_car 5 coil_ready 6–8 saddle_1…3 (occupied) 9 at_mandrel 10 at_saddle (any) 11 zone_mandrel 12 zone_free 13 zone_saddles 14 target_free (a saddle for the coil on the car, or the next one, and the way to it) 15 host_silent |
 | +4 | 0–3 limit_left, _right, _up, _down 4 drive_horizontal 5 drive_vertical (ready) 6 pump 7–9 guard_1…3 (closed) 10 emergency_stop (pressed) 11 held (needs a reset) 12 collision 13 collision_possible (the interlock holds back what was asked) 14 coil_contact (the table touches the coil on the mandrel) 15 lowered |
 | +5 | interlock_<movement> (1 = blocked): 0 forward 1 back 2 up 3 down 4 expand 5 collapse 6 winding · 7 at_target (car at its saddle) 8 at_out (in the free zone, where it lifts) 9 over_saddle (table high enough for the saddles) 10 coil_laid (coil on the target saddle, table below) 11 pressure_ok 12 oil_ok 13 drives_ok 14 guards_closed 15 limits_plausible |
 
@@ -774,8 +774,8 @@ class VirtualCoilCar(VirtualPlc):
         if self.target_selected:
             self._target = self.target_selected
             return
-        raised = machine.v > measures.saddle_height - measures.clearance / 2
-        if self._target and (self._free(self._target) if machine.load else raised):
+        at_it = self._target and self._at(measures.saddle(self._target)) and machine.v > LOWERED
+        if self._target and (self._free(self._target) if machine.load else at_it):
             return
         free = [n for n in (1, 2, 3) if self._free(n)]
         self._target = free[0] if free else 1
@@ -783,6 +783,12 @@ class VirtualCoilCar(VirtualPlc):
     def _free(self, number: int) -> bool:
         """Whether a coil can be laid on saddle `number`: it is empty and so are those before it."""
         return number > 0 and not any(self.machine.saddles[n - 1] for n in range(number, SADDLES + 1))
+
+    def _can_lay(self) -> bool:
+        """Whether there is a saddle for the coil on the car, or for the next one."""
+        if self.machine.load or self.target_selected:
+            return self._free(self._target)
+        return self._free(SADDLES)
 
     # ---- interlock
 
@@ -1355,7 +1361,7 @@ class VirtualCoilCar(VirtualPlc):
             "zone_mandrel": lambda: m.x < c.free_from,
             "zone_free": lambda: c.free_from <= m.x <= c.saddles_from,
             "zone_saddles": lambda: m.x > c.saddles_from,
-            "target_free": lambda: self._free(self._target),
+            "target_free": self._can_lay,
             "host_silent": lambda: self.host_silent,
             **{f"limit_{name}": _limit(m, n) for n, name in enumerate(("left", "right", "up", "down"), 1)},
             "drive_horizontal": lambda: m.drive_ready(1),
