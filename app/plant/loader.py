@@ -247,6 +247,8 @@ class _PlantReader:
     def _couple(self, id: str, table: Table, name: str, number: int, links: Mapping[str, Link]) -> None:
         """Give a sequence its machine, and judge its definition by it. Of repeated ones each has its own."""
         item = self.equipment[id]
+        if table.data.get("machine", "") != name:
+            return  # told already
         own = id.removeprefix(table.path[-1])
         machine = self.equipment.get(name + own) if number else None
         machine = machine or self.equipment.get(name)

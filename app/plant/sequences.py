@@ -34,8 +34,9 @@ out, the presets are the words, `word_0` (abort conditions) to `word_<steps>`.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -155,14 +156,12 @@ class SequenceFiles:
         own = {key: point for key, point in machine.points.items() if _is_signal(point)}
         for table, key, text in file.signals:
             if not text:
-                table.note(
-                    key, MISSING, f"a sentence over points of {machine.id}: {machine.id} does not know this word"
-                )
+                table.note(key, MISSING, f"a sentence over points of {machine.id} that says when it is there")
             else:
                 _check_signals(table, key, text, own, machine)
         for table, key, name in file.values:
             if name not in own:
-                table.note(key, name, f"a point that {machine.id} has as a number: {one_of(sorted(own), name)}")
+                table.note(key, name, f"a point that {machine.id} itself has as a number{_near(name, own)}")
         for table, key, action in file.actions:
             if machine.type.actions and action not in machine.type.actions:
                 known = one_of(list(machine.type.actions), action)
@@ -402,7 +401,13 @@ def _check_signals(table: Table, key: str, text: str, own: Mapping[str, Point], 
         if name in machine.points:
             table.note(key, text, f"points that {machine.id} itself has as numbers; {name} is computed or a text")
         else:
-            table.note(key, text, f"names of points of {machine.id}: {one_of(sorted(own), name)}")
+            table.note(key, text, f"names of points of {machine.id}; it has no {name}{_near(name, own)}")
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    """What was perhaps meant; a machine has too many points to name them all."""
+    near = get_close_matches(name, list(known), n=1)
+    return f" (perhaps {near[0]})" if near else ""
 
 
 def _one(row: Table, names: Sequence[str]) -> None:

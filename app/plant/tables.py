@@ -95,8 +95,9 @@ class Source:
                 found = (*table, *_split(assignment[1]))
             else:
                 continue
-            if tuple(path[: len(found)]) == found and (best is None or len(found) > best[0]):
-                best = (len(found), number)
+            length = min(len(found), len(path))  # of `[[steps]]`, a list, the first row is where it begins
+            if length and tuple(path[:length]) == found[:length] and (best is None or length > best[0]):
+                best = (length, number)
         return best[1] if best else None
 
     def table(self) -> "Table":
