@@ -11,6 +11,7 @@ from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point, SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
+from app.plant.types import STEPS
 
 MOST_SHOWN = 12
 """Names that one line lists; the rest is a number."""
@@ -168,6 +169,8 @@ def _differences(
     if _differs(old, new, "preset"):
         details.append(_detail("preset", old.preset, new.preset))
     options = sorted(key for key in {*old.options, *new.options} if old.options.get(key) != new.options.get(key))
+    if old.sequence and new.sequence and STEPS in options:
+        options.remove(STEPS)  # they are named with the sequence
     details += [_detail(key, old.options.get(key), new.options.get(key)) for key in options]
     if options:
         effects.append(("options", {}))
