@@ -482,6 +482,7 @@ class VirtualCoilCar(VirtualPlc):
     _told: tuple[int, int]
     _blocks: dict[int, Block]
     _start_mode: Mode
+    _rectangles: list[Obstacle] | None
     _acting: int
     _silent: float
     _preset_diameter: float
@@ -580,7 +581,7 @@ class VirtualCoilCar(VirtualPlc):
             raise ValueError(f"preset {said}: there the car touches the {kind}")
         self._take_stock()
         self._choose_target()
-        self._blocks.clear()
+        self._new_view()
         self._cached.clear()
 
     def _picture(self) -> tuple[Hit, float, float, float, float, float, list[float], bool, bool]:
@@ -644,12 +645,17 @@ class VirtualCoilCar(VirtualPlc):
         if machine.winding and machine.coil >= self._values["order_diameter"]:
             machine.winding, machine.finished = False, True
         self._crane_takes()
-        self._blocks.clear()
+        self._new_view()
         self._notice()
         self._hold_when_unsafe()
         self._host()
         self._choose_target()
         self._move()
+
+    def _new_view(self) -> None:
+        """What was judged before does not hold any more."""
+        self._blocks.clear()
+        self._rectangles = None
 
     def _crane_takes(self) -> None:
         machine = self.machine
@@ -792,8 +798,13 @@ class VirtualCoilCar(VirtualPlc):
 
     # ---- interlock
 
-    @property
     def _obstacles(self) -> list[Obstacle]:
+        """Of this scan."""
+        if self._rectangles is None:
+            self._rectangles = self._around()
+        return self._rectangles
+
+    def _around(self) -> list[Obstacle]:
         """Positions that the interlock keeps the car away from; `kind` is the block."""
         machine, m = self.machine, self.geometry
         half, near = m.coil_width / 2, m.position_tolerance
@@ -842,7 +853,7 @@ class VirtualCoilCar(VirtualPlc):
         here, across = (machine.x, machine.v) if horizontal else (machine.v, machine.x)
         low, high = 0.0, m.travel if horizontal else m.lift
         below = above = Block.END
-        for one in self._obstacles if self.interlocks else ():
+        for one in self._obstacles() if self.interlocks else ():
             begin, end, first, last = one.left, one.right, one.low, one.high
             if not horizontal:
                 begin, end, first, last = first, last, begin, end
@@ -1111,6 +1122,7 @@ class VirtualCoilCar(VirtualPlc):
         machine = self.machine
         machine.coil = machine.coil or self.geometry.coil_smallest
         machine.winding = True
+        self._new_view()
 
     def _watch_mandrel(self, mandrel: int) -> None:
         if mandrel and mandrel == self._mandrel:
@@ -1176,6 +1188,7 @@ class VirtualCoilCar(VirtualPlc):
 
     def _execute(self, request: Request) -> Verdict:
         code, first = request.code, request.arguments[0]
+        self._new_view()
         if code == Command.STOP:
             return self._stop()
         if code == Command.RESET:
@@ -1331,7 +1344,7 @@ class VirtualCoilCar(VirtualPlc):
         self._mandrel_age = self._silent = 0.0
         self._stopping = self._wind = False
         self._told = (-1, 0)
-        self._blocks = {}
+        self._blocks, self._rectangles = {}, None
         self._take_stock()
         self._choose_target()
         self.event(Event.POWER_UP, value=self.boots)

@@ -59,7 +59,7 @@ from app.blocks.sequence import (
 )
 from app.errors import ConfigurationError
 from app.plant.definitions import SequenceDefinition, SequencePermissive
-from app.plant.expression import Reading, parse
+from app.plant.expression import parse
 from app.plant.sequences import checksum
 from app.registers.plc_map import AnswerState, Request, long_words, real, real_of
 from app.sim import training
@@ -239,10 +239,12 @@ class VirtualSequence(VirtualPlc):
         self._reads = tuple(
             tuple((one.bit, sentences.index(one.when)) for one in permissives if one.when) for permissives in words
         )
+        self._names = tuple(dict.fromkeys(name for sentence in self._sentences for name in sorted(sentence.names)))
         self._unnamed = tuple(ALL & ~sum(1 << one.bit for one in permissives) for permissives in words)
         self._value_of = {
             (number, one.bit): one.value for number, permissives in enumerate(words) for one in permissives if one.value
         }
+        self._no_memory()
         self._actions = tuple(tuple(step.actions) for step in definition.steps)
         self._steps_table = Table(STEPS, STEP_WORDS, self._count, self._step_row)
         self._falls_table = Table(FALLS, FALL_WORDS, FALL_ROWS, self._fall_row)
@@ -300,8 +302,14 @@ class VirtualSequence(VirtualPlc):
         if machine is not None:
             self.fits(machine)
         self.machine = machine
+        self._no_memory()
         self._words = self._inputs()
         self._cached.clear()
+
+    def _no_memory(self) -> None:
+        self._signals: dict[str, float] = {}
+        self._true: list[bool] = []
+        self._said = self._unnamed
 
     def preset(self, values: Mapping[str, float]) -> None:
         """Of a sequence without a machine: its permissive words, `word_0` (abort conditions) to `word_<steps>`.
@@ -354,21 +362,26 @@ class VirtualSequence(VirtualPlc):
         """The permissive words as they are, abort conditions first."""
         if self.machine is None:
             return tuple(word | free for word, free in zip(self._taught, self._unnamed, strict=True))
-        signal = self.machine.signal
-        seen: dict[str, Reading] = {}
-
-        def look(name: str) -> Reading:
-            found = seen.get(name)
-            if found is None:
-                value = signal(name)
-                found = seen[name] = (value, GOOD) if isfinite(value) else (None, NO_DATA)
-            return found
-
-        true = [sentence.true(look) is True for sentence in self._sentences]
-        return tuple(
-            word | sum(1 << bit for bit, n in reads if true[n])
+        signal, before = self.machine.signal, self._signals
+        now = self._signals = {name: signal(name) for name in self._names}
+        changed = False
+        for n, sentence in enumerate(self._sentences):
+            if n < len(self._true) and all(now[name] == before.get(name) for name in sentence.names):
+                continue
+            holds = sentence.true(lambda name: (now[name], GOOD) if isfinite(now[name]) else (None, NO_DATA)) is True
+            if n < len(self._true):
+                changed |= self._true[n] is not holds
+                self._true[n] = holds
+            else:
+                changed = True
+                self._true.append(holds)
+        if not changed:
+            return self._said
+        self._said = tuple(
+            word | sum(1 << bit for bit, n in reads if self._true[n])
             for word, reads in zip(self._unnamed, self._reads, strict=True)
         )
+        return self._said
 
     def _value(self, step: int, bit: int) -> float:
         """What is behind a permissive; NaN = nothing, or not known."""

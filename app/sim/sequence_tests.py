@@ -159,12 +159,13 @@ class _Run:
             for row in rows:
                 row.look(now)
             if any(row.failed for row in rows):
-                break
+                break  # what stands now says most about it
             if not orders and all(row.decided for row in timed) and now >= idle_until - DT / 2:
                 break
             scans += 1
+        finished = not any(row.failed for row in rows)
         for row in rows:
-            if not row.never and not row.decided:
+            if finished and not row.never and not row.decided:
                 row.failed = "it was not"
         failed = [f"{row.text}: {row.failed}" for row in rows if row.failed]
         happened = "; ".join([*failed, *self.said, self._end(now)] if failed else [self._end(now)])
