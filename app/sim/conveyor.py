@@ -970,7 +970,7 @@ class VirtualConveyor(VirtualPlc):
             for number in (
                 belt.target,
                 speed / self._millimetres,
-                belt.stop_distance() * self._millimetres,
+                abs(belt.stop_distance()) * self._millimetres,
                 belt.pulses,
                 speed,
                 self._motor(belt),
