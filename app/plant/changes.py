@@ -52,11 +52,14 @@ def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Chang
     changes += _types(old, new)
     changes += _links(old, new)
     former = renamed(old, new)
+    broken_off = {id: [id] for id in running}  # machine → sequences that do not outlive it
+    for id in running:
+        broken_off.setdefault(old.equipment[id].machine, []).append(id)
     for id, item in new.equipment.items():
         if id in old.equipment:
-            changes += _machine(old.equipment[id], item, id in running)
+            changes += _machine(old.equipment[id], item, broken_off.get(id, ()))
         elif id in former:
-            changes += _renamed(old.equipment[former[id]], item, former[id] in running)
+            changes += _renamed(old.equipment[former[id]], item, broken_off.get(former[id], ()))
         else:
             numbers = {"points": str(len(item.points)), "alarms": str(len(item.alarms)), "link": item.link}
             kept = _lent(old, item)
@@ -64,11 +67,10 @@ def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Chang
     for id, item in old.equipment.items():
         if id not in new.equipment and id not in former.values():
             told: list[tuple[str, Mapping[str, str]]] = [
+                *_runs(broken_off.get(id, ())),
                 ("history_kept", {"id": _stem(item)}),
                 ("alarms_closed", {"count": str(len(item.alarms))}),
             ]
-            if id in running:
-                told.insert(0, ("sequence_runs", {"id": id}))
             changes.append(_change("equipment", "removed", id, (), told))
     return changes
 
@@ -137,12 +139,12 @@ def _links(old: Plant, new: Plant) -> list[Change]:
     return changes
 
 
-def _machine(old: Equipment, new: Equipment, running: bool) -> list[Change]:
+def _machine(old: Equipment, new: Equipment, running: Sequence[str]) -> list[Change]:
     details, effects = _differences(old, new, running)
     return [_change("equipment", "changed", new.id, details, effects)] if details else []
 
 
-def _renamed(old: Equipment, new: Equipment, running: bool) -> list[Change]:
+def _renamed(old: Equipment, new: Equipment, running: Sequence[str]) -> list[Change]:
     details, effects = _differences(old, new, running)
     first: list[tuple[str, Mapping[str, str]]] = [
         ("renamed", {"old": old.id, "id": _stem(new)}),
@@ -152,7 +154,7 @@ def _renamed(old: Equipment, new: Equipment, running: bool) -> list[Change]:
 
 
 def _differences(
-    old: Equipment, new: Equipment, running: bool
+    old: Equipment, new: Equipment, running: Sequence[str]
 ) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
     details = [
         _detail(key, getattr(old, key), getattr(new, key))
@@ -175,13 +177,15 @@ def _differences(
     if options:
         effects.append(("options", {}))
     sequence, follows = _sequence(old, new)
-    if running and (
-        old.type.name != new.type.name or any(key in ("sequence", "options") for key, _ in effects + follows)
-    ):
-        follows.insert(0, ("sequence_runs", {"id": old.id}))
+    if old.type.name != new.type.name or any(key in ("sequence", "options") for key, _ in effects + follows):
+        follows[:0] = _runs(running)
     points, told = _points(old.points, new.points)
     alarms, closed = _alarms(old.alarms, new.alarms)
     return details + sequence + points + alarms, effects + follows + told + closed
+
+
+def _runs(sequences: Sequence[str]) -> list[tuple[str, Mapping[str, str]]]:
+    return [("sequence_runs", {"id": id}) for id in sequences]
 
 
 def _sequence(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:

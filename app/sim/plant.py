@@ -216,7 +216,8 @@ class SimPlant:
     ) -> tuple[dict[str, Equipment], dict[str, VirtualDevice], dict[str, Bus]]:
         """What `take` would take: the devices of `plant` on `links`, those of machines that stay as they are among them.
 
-        `former`: new id → id before. A machine keeps its device unless its type or its options differ; a link keeps its bus.
+        `former`: new id → id before. A machine keeps its device unless its type, its options or its sequence differ; a link
+        keeps its bus.
 
         Raises:
             ConfigurationError: a type without a virtual device, or an option that it does not take.
@@ -228,6 +229,11 @@ class SimPlant:
             before = self.equipment.get(former.get(id, id))
             stays = before is not None and _is_like(before, item)
             devices[id] = self.devices[before.id] if before and stays else _build(item, self._seed, self._factories)
+        # A sequence does not go on with another machine, nor with one that begins anew.
+        for id, item in equipment.items():
+            before = self.equipment.get(former.get(id, id)) if item.sequence else None
+            if before is not None and devices.get(item.machine) is not self.devices.get(before.machine):
+                devices[id] = _build(item, self._seed, self._factories)
         for item, device, machine in _coupled(equipment, devices):
             _fit(item, device, machine)
         buses = {name: self.buses.get(name) or Bus({}, turnaround=self._turnaround) for name in wanted}
