@@ -18,8 +18,10 @@ from app.errors import ConfigurationError
 from app.main import create_app
 from app.plant.definitions import Plant
 from app.plant.loader import PLANT_FILE
+from app.plant.sequences import FOLDER, unused
 from app.settings import Settings, host_and_port, read_settings, unknown_settings
 from app.sim.plant import read_simulated
+from app.sim.sequence_tests import run_tests
 from app.sim.server import PARITIES, Openings
 from app.sim.server import simulate as serve_simulated
 from app.web.serve import serve
@@ -98,15 +100,52 @@ def simulate(
 @cli.command()
 def check(
     folder: Annotated[Path | None, typer.Argument(metavar="[PLANT]", help="Plant folder; else POGON_PLANT.")] = None,
+    tests: Annotated[bool, typer.Option("--tests/--no-tests", help="Run the tests of its sequences.")] = True,
 ) -> None:
-    """Read a plant folder and list every mistake in it with file, line, key, value and what was expected."""
+    """Read a plant folder and list every mistake in it with file, line, key, value and what was expected.
+
+    The given/when/then tests of its sequences are run on simulated machines; one that fails makes the exit code 1.
+    """
     where = folder or settings_or_exit().plant
     plant = plant_or_exit(where)
+    for name in unused(plant):
+        typer.echo(f"pogon: {where}/{name}: no equipment uses it", err=True)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
     typer.echo(
         f"{where}: no problems. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
         f"points: {len(plant.points)}, alarms: {alarms}, languages: {', '.join(plant.languages)}"
     )
+    if tests and not _tests_pass(plant):
+        raise typer.Exit(1)
+
+
+def _tests_pass(plant: Plant) -> bool:
+    """Run the tests of every sequence, one that several machines share once for each kind of machine; one line for each test."""
+    done = 0
+    failed = 0
+    seen: list[tuple[object, ...]] = []
+    for item in plant.equipment.values():
+        machine = plant.equipment.get(item.machine)
+        if item.sequence is None or not item.sequence.tests:
+            continue
+        kind = (item.sequence, machine and machine.type.name, machine and machine.options)
+        if kind in seen:
+            continue
+        seen.append(kind)
+        try:
+            results = run_tests(plant, item)
+        except ConfigurationError as error:
+            typer.echo(f"pogon: {item.id}: {error}", err=True)
+            failed += 1
+            continue
+        for result in results:
+            said = f"ok, {result.simulated:.1f} s in {result.took:.1f} s" if result.ok else f"FAILED: {result.happened}"
+            typer.echo(f"{item.id}, {item.sequence.name}: {result.name}: {said}")
+            failed += not result.ok
+        done += len(results)
+    if done or failed:
+        typer.echo(f"Tests: {done}, failed: {failed}")
+    return not failed
 
 
 @cli.command()
@@ -151,7 +190,7 @@ def plant_or_exit(folder: Path) -> Plant:
     """The plant in `folder`, or all its problems and exit code 2."""
     plant, problems = read_simulated(folder)
     for problem in problems:
-        place = f"{folder}/" if problem.file == PLANT_FILE else ""
+        place = f"{folder}/" if problem.file == PLANT_FILE or problem.file.startswith(f"{FOLDER}/") else ""
         typer.echo(f"pogon: {place}{problem}", err=True)
     if plant is None:
         raise typer.Exit(2)

@@ -1,0 +1,119 @@
+"""`pogon check` on a plant with sequences: mistakes with their place, and the tests of the definition files run on the simulator."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from app import cli as command_line
+from app.cli import cli
+from app.plant.definitions import Plant, Problem
+from app.plant.loader import read_plant
+from tests.plant.transport import PLANT, write_plant, write_types
+
+ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
+BLINK = """
+[sequence]
+label = "Blink"
+[[steps]]
+key = "bright"
+label = "On"
+minimum = 5
+maximum = 6
+[[steps]]
+key = "dark"
+label = "Off"
+maximum = 3
+[steps.permissives.2]
+key = "allowed"
+label = "Allowed"
+[[tests]]
+name = "it goes on"
+when = [{ at = 0, command = "start" }]
+then = [{ within = 1, step = "bright" }, { within = 8, step = "dark" }, { never = "state == 5" }]
+[[tests]]
+name = "it waits for its permissive"
+given = { word_2 = 0xFFFB }
+when = [{ at = 0, command = "start" }]
+then = [{ within = 8, first_out = "allowed" }, { at = 8, state = "timed_out" }]
+"""
+
+
+@pytest.fixture
+def check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Checked":
+    types = write_types(tmp_path)
+
+    def read(folder: Path) -> tuple[Plant | None, list[Problem]]:
+        return read_plant(folder, type_folder=types)
+
+    monkeypatch.setattr(command_line, "read_simulated", read)
+    return Checked(tmp_path)
+
+
+class Checked:
+    """`pogon check` on a plant of the small types."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __call__(self, *options: str, plant: str = ALONE, **definitions: str) -> Result:
+        self.plant = write_plant(self.folder, plant, **{"stroke": BLINK, **definitions})
+        return CliRunner().invoke(cli, ["check", str(self.plant), *options])
+
+
+def test_every_test_of_a_sequence_is_a_line(check: Checked) -> None:
+    done = check()
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[0].endswith("languages: hr, en")
+    assert lines[1].startswith("seq1, stroke: it goes on: ok, 5.")
+    assert lines[2].startswith("seq1, stroke: it waits for its permissive: ok, 8.0 s in ")
+    assert lines[3] == "Tests: 2, failed: 0"
+
+
+def test_a_test_that_fails_says_what_happened_and_fails_the_check(check: Checked) -> None:
+    done = check(stroke=BLINK.replace('within = 8, step = "dark"', 'within = 2, step = "dark"'))
+    assert done.exit_code == 1
+    assert "seq1, stroke: it goes on: FAILED: step dark within 2 s: it was not; at 2.00 s running" in done.stdout
+    assert "it waits for its permissive: ok" in done.stdout, "the others are run, too"
+    assert done.stdout.splitlines()[-1] == "Tests: 2, failed: 1"
+
+
+def test_the_tests_can_be_left_out(check: Checked) -> None:
+    done = check("--no-tests", stroke=BLINK.replace("within = 8", "within = 2"))
+    assert (done.exit_code, len(done.stdout.splitlines())) == (0, 1)
+
+
+def test_a_definition_that_several_share_is_tested_once(check: Checked) -> None:
+    second = '[equipment.seq2]\ntype = "sequence"\nlink = "hall"\nunit = 22\ndefinition = "stroke"\n'
+    done = check(plant=ALONE + second)
+    assert done.stdout.splitlines()[-1] == "Tests: 2, failed: 0"
+
+
+def test_a_sequence_that_cannot_be_simulated_fails_the_check(check: Checked) -> None:
+    text = (
+        BLINK.replace("[steps.permissives.2]", "[steps.permissives.2]\nwhen = 'pressure > 1'").partition("[[tests]]")[0]
+        + '[[tests]]\nname = "a"\nthen = [{ within = 1, state = "idle" }]\n'
+    )
+    done = check(plant=PLANT, stroke=text)
+    assert done.exit_code == 1
+    assert "press has no virtual device" in done.stderr
+    assert done.stdout.splitlines()[-1] == "Tests: 0, failed: 1"
+
+
+def test_a_file_that_nobody_uses_is_named_and_is_no_mistake(check: Checked) -> None:
+    done = check("--no-tests", spare=BLINK)
+    assert (done.exit_code, done.stderr) == (0, f"pogon: {check.plant}/sequences/spare.toml: no equipment uses it\n")
+
+
+def test_a_mistake_in_a_definition_is_told_with_its_path_and_line(check: Checked) -> None:
+    done = check(stroke=BLINK.replace("maximum = 3", "maximum = -3"))
+    assert done.exit_code == 2
+    assert done.stderr == (
+        f"pogon: {check.plant}/sequences/stroke.toml:12: steps.1.maximum = -3: expected a number from 0 to 36000\n"
+    )
+
+
+def test_a_plant_without_sequences_says_nothing_of_tests() -> None:
+    done = CliRunner().invoke(cli, ["check", "plants/demo", "--tests"])
+    assert done.exit_code == 0 and done.stdout.splitlines()[0].startswith("plants/demo: no problems.")
