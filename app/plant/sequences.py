@@ -111,7 +111,7 @@ class SequenceFiles:
 
     def names(self) -> list[str]:
         """Definitions that the folder has."""
-        return sorted(path.stem for path in self.folder.glob("*.toml"))
+        return sorted(path.stem for path in self.folder.glob("*.toml") if re.fullmatch(NAME, path.stem))
 
     def read(self, name: str) -> SequenceDefinition | None:
         """The definition `name`; None when its file has mistakes, which `problems` has then.
@@ -333,10 +333,10 @@ class SequenceFiles:
 
 
 def unused(plant: Plant) -> list[str]:
-    """Definition files that no equipment of `plant` uses, relative to its folder."""
+    """Definition files that no equipment of `plant` uses, relative to its folder; hidden ones (of an editor) are none."""
     used = {item.sequence.name for item in plant.equipment.values() if item.sequence}
     found = sorted((plant.folder / FOLDER).glob("*.toml"))
-    return [f"{FOLDER}/{path.name}" for path in found if path.stem not in used]
+    return [f"{FOLDER}/{path.name}" for path in found if path.stem not in used and not path.name.startswith(".")]
 
 
 def canonical(definition: SequenceDefinition) -> str:

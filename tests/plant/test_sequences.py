@@ -1,5 +1,6 @@
 """A sequence is a file of the plant: what it says is read, every mistake in it is told, its texts come in the person's language."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -161,6 +162,20 @@ def test_the_check_sum_is_of_the_program_and_not_of_its_words(tmp_path: Path) ->
 def test_a_file_that_nobody_uses_is_found(tmp_path: Path) -> None:
     assert unused(loaded(tmp_path)) == []
     assert unused(loaded(tmp_path, spare="nonsense")) == ["sequences/spare.toml"]
+    (tmp_path / "plant" / "sequences" / ".spare2.toml").write_text("an editor's", "utf-8")
+    assert unused(loaded(tmp_path)) == ["sequences/spare.toml"]
+
+
+def test_a_file_with_another_name_than_a_key_is_none(tmp_path: Path) -> None:
+    problem = one(tmp_path, changed('"stroke"', '"Stroke 2"', PLANT), **{"Stroke 2": STROKE})
+    assert problem.expected == "a file of sequences/: one of stroke (perhaps stroke)"
+
+
+def test_a_plant_without_the_folder_says_that_it_has_none(tmp_path: Path) -> None:
+    folder = write_plant(tmp_path)
+    shutil.rmtree(folder / "sequences")
+    _, problems = read_plant(folder, type_folder=write_types(tmp_path))
+    assert [problem.expected for problem in problems] == ["a file of sequences/: one of none"]
 
 
 def test_fifty_sequences_of_eight_steps_are_read_quickly(tmp_path: Path) -> None:
