@@ -204,6 +204,8 @@ class _PlantReader:
         definition, machine = self._sequence(table) if data.type.sequence else (None, "")
         if data.type.sequence and definition is None:
             return  # nor without its steps
+        if definition and not table.has("label"):
+            label = dict(definition.label)
         options = self._options(table, data, data.type.presets.get(preset, {}), definition)
         overrides = self._overrides(table, data, count)
         table.done()

@@ -112,6 +112,12 @@ unit = 30
     assert one.sequence is other.sequence and (one.machine, other.machine) == ("p1", "p2")
 
 
+def test_a_sequence_without_a_label_is_called_like_its_definition(tmp_path: Path) -> None:
+    assert sequence(tmp_path).label == {"hr": "Stroke", "en": "Stroke"}
+    plain = sequence(tmp_path, changed('label = "Stroke"\n', "", PLANT))
+    assert plain.label == {"hr": "Hod", "en": "Stroke", "de": "Hub", "cs": "Zdvih"}
+
+
 def test_repeated_sequences_have_repeated_machines(tmp_path: Path) -> None:
     many = PLANT.replace("unit = 21", "unit = 21\nrepeat = 3").replace("unit = 20", "unit = 50\nrepeat = 3")
     plant = loaded(tmp_path, many)
