@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from app.historian import passages
+from app.historian import passages, runs
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -41,7 +41,7 @@ class Size:
     free: int
     """Bytes left on the disk."""
     oldest: int | None
-    """Time of the oldest sample or passage of a product [µs UTC]."""
+    """Time of the oldest sample, passage of a product or run [µs UTC]."""
     rows_today: int
     """Rows stored in the last 24 h."""
     grown_today: int
@@ -245,9 +245,9 @@ def note_growth(connection: Connection, now: int, grown: int) -> None:
 
 
 def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tuple[int, bool]:
-    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point and so many passages of products.
+    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point, passages of products and runs.
 
-    Returns how many samples and passages were removed, and whether all are.
+    Returns how many of all these were removed, and whether all are.
     """
     before = before // HOUR * HOUR
     removed, done = 0, True
@@ -263,17 +263,18 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
             )
         removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
     passages_removed, passages_done = passages.cut(connection, before, at_once)
-    removed, done = removed + passages_removed, done and passages_done
+    runs_removed, runs_done = runs.cut(connection, before, at_once)
+    removed, done = removed + passages_removed + runs_removed, done and passages_done and runs_done
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
 
 
 def _first(connection: Connection) -> int | None:
-    """Time of the oldest thing that is kept: a sample, or a product that entered."""
+    """Time of the oldest thing that is kept: a sample, a product that entered, a run."""
     sample = _oldest(connection, "sample")
     entered: int | None = connection.exec_driver_sql("SELECT min(entered) FROM passage").scalar()
-    return min((time for time in (sample, entered) if time is not None), default=None)
+    return min((time for time in (sample, entered, runs.oldest(connection)) if time is not None), default=None)
 
 
 def _oldest(connection: Connection, table: str) -> int | None:

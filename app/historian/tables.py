@@ -144,3 +144,105 @@ event_gap = Table(
     Column("count", Integer, nullable=False),
 )
 """Events that were lost, by the first one after them."""
+
+sequence_run = Table(
+    "sequence_run",
+    history_tables,
+    Column("id", Integer, primary_key=True),
+    Column("equipment", String, nullable=False),
+    Column("boot", Integer, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("definition", String, nullable=False),
+    Column("started", BigInteger, nullable=False),
+    Column("seen", Integer, nullable=False),
+    Column("outcome", String, nullable=False),
+    Column("ended", BigInteger),
+    Column("seconds", Float),
+    Column("step", Integer, nullable=False),
+    Column("suspensions", Integer, nullable=False),
+    Column("suspended", BigInteger, nullable=False),
+    Column("suspended_at", BigInteger),
+    Column("stalls", Integer, nullable=False),
+    Column("losses", Integer, nullable=False),
+    Column("forces", Integer, nullable=False),
+    Column("cause", Integer, nullable=False),
+    Column("first_out", String, nullable=False),
+    Column("first_step", Integer),
+    Column("first_bit", Integer),
+    Column("first_time", BigInteger),
+    Column("first_value", Float),
+    Column("first_together", Integer, nullable=False),
+    Column("acknowledged", BigInteger),
+    Column("acknowledged_by", String, nullable=False),
+    Column("person", String, nullable=False),
+    Column("missed", Integer, nullable=False),
+    Index("ix_sequence_run_started", "started"),
+    Index("ix_sequence_run_equipment", "equipment", "started"),
+    Index("ix_sequence_run_first_out", "equipment", "first_out", sqlite_where=text("first_out <> ''")),
+)
+"""One row per run of a sequence: its first event (boot, sequence; `seen` 0: it was not the start), by which definition, when it began and
+ended [µs UTC], outcome, run time of the device [s], last step, suspensions and their length [µs], stalls, permissives lost, forces that
+were active, why it stopped and what fell first, who acknowledged that, who started it, events lost meanwhile."""
+
+sequence_event = Table(
+    "sequence_event",
+    history_tables,
+    Column("run", Integer, primary_key=True),
+    Column("boot", Integer, primary_key=True),
+    Column("sequence", BigInteger, primary_key=True),
+    Column("time", BigInteger, nullable=False),
+    Column("code", Integer, nullable=False),
+    Column("step", Integer, nullable=False),
+    Column("bit", Integer),
+    Column("value", Float),
+    Column("signal", Float),
+    Column("together", Integer, nullable=False),
+    Column("abort_word", Integer, nullable=False),
+    Column("step_word", Integer, nullable=False),
+    Column("person", String, nullable=False),
+    Column("reason", String, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""What happened in it: one row per event of the ring, and who had asked for it; `signal` is the value behind the permissive."""
+
+sequence_step = Table(
+    "sequence_step",
+    history_tables,
+    Column("run", Integer, primary_key=True),
+    Column("step", Integer, primary_key=True),
+    Column("key", String, nullable=False),
+    Column("state", String, nullable=False),
+    Column("entered", BigInteger),
+    Column("ended", BigInteger),
+    Column("seconds", Float),
+    Column("suspended", BigInteger, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""Its steps: when each was entered and left [µs UTC], how long it was active, suspended time [µs] not counted [s]."""
+
+sequence_force = Table(
+    "sequence_force",
+    history_tables,
+    Column("equipment", String, primary_key=True),
+    Column("boot", Integer, primary_key=True),
+    Column("sequence", BigInteger, primary_key=True),
+    Column("definition", String, nullable=False),
+    Column("step", Integer, nullable=False),
+    Column("bit", Integer, nullable=False),
+    Column("since", BigInteger, nullable=False),
+    Column("asked", Float, nullable=False),
+    Column("until", BigInteger, nullable=False),
+    Column("ending", String, nullable=False),
+    Column("person", String, nullable=False),
+    Column("reason", String, nullable=False),
+    Index("ix_sequence_force_until", "equipment", "until"),
+)
+"""Permissives that were forced, in runs or between them: since, for how long [s], until when [µs UTC], and why it ended."""
+
+sequence_definition = Table(
+    "sequence_definition",
+    history_tables,
+    Column("id", String, primary_key=True),
+    Column("text", String, nullable=False),
+)
+"""Definitions by which runs were made, as JSON: keys and labels of steps and permissives, whatever the plant file says today."""
