@@ -9,7 +9,8 @@ from sqlalchemy import Connection
 from app.blocks.sequence import Cause
 from app.clock import ManualClock
 from app.db import Database
-from app.historian import event_history, run_query, runs, store
+from app.errors import StorageError
+from app.historian import run_query, runs, store
 from app.historian.event_history import Told
 from app.historian.passages import Passages, tracks_products
 from app.historian.run_query import Run, Wanted
@@ -200,7 +201,9 @@ async def test_forces_that_were_active_belong_to_the_run(kept: Runs, history: Da
     ]
     assert forces(history, second) == []
     device.start()
+    device.scan(2)
     device.tell(device.block.force(3, 3, 60.0, device.time))
+    device.scan(2)
     device.tell(device.block.force(3, 3, 90.0, device.time))
     device.power_cycle()
     await kept.take("seq1", device.drain())
@@ -543,11 +546,11 @@ async def test_filters_pages_and_times_are_those_of_brute_force(kept: Runs, hist
                     taken.setdefault(step.key, []).append(step.seconds)
         times = history.run(lambda c, wanted=wanted: run_query.step_times(c, wanted))  # type: ignore[misc]
         assert [one.key for one in times] == [key for key in ("lower", "lift", "drive") if key in taken]
-        for one in times:
-            values = taken[one.key]
-            assert (one.count, one.least, one.most) == (len(values), min(values), max(values))
-            assert one.mean == pytest.approx(sum(values) / len(values))
-            assert one.last == values[0]
+        for row in times:
+            values = taken[row.key]
+            assert (row.count, row.least, row.most) == (len(values), min(values), max(values))
+            assert row.mean == pytest.approx(sum(values) / len(values))
+            assert row.last == values[0]
         whole = history.run(lambda c, wanted=wanted: run_query.run_times(c, wanted))  # type: ignore[misc]
         assert whole.outcomes == {o: n for o in run_query.OUTCOMES if (n := sum(one.outcome == o for one in fitting))}
         done = [one.seconds for one in fitting if one.outcome == "done" and one.seconds is not None]
@@ -585,12 +588,12 @@ async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(
     original = history.write
 
     async def full(work: object) -> object:
-        raise event_history.StorageError("history.db: database or disk is full")
+        raise StorageError("history.db: database or disk is full")
 
     history.write = full  # type: ignore[method-assign, assignment]
     for _ in range(3):
         device.run()
-        with pytest.raises(event_history.StorageError):
+        with pytest.raises(StorageError):
             await kept.take("seq1", device.drain())
     assert kept.failed
     history.write = original  # type: ignore[method-assign]
