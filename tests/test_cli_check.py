@@ -9,7 +9,7 @@ from app import cli as command_line
 from app.cli import cli
 from app.plant.definitions import Plant, Problem
 from app.plant.loader import read_plant
-from tests.plant.transport import PLANT, write_plant, write_types
+from tests.plant.transport import PLANT, TYPES, write_plant, write_types
 
 ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
 BLINK = """
@@ -36,12 +36,23 @@ name = "it waits for its permissive"
 given = { word_2 = 0xFFFB }
 when = [{ at = 0, command = "start" }]
 then = [{ within = 8, first_out = "allowed" }, { at = 8, state = "timed_out" }]
+[[tests]]
+name = "a force lets it go on"
+given = { word_2 = 0xFFFB }
+when = [{ at = 0, command = "start" }, { at = 1, command = "force", arguments = { step = 2, bit = 2, duration = 60 } }]
+then = [{ at = 5.5, state = "done" }]
+"""
+FORCE = """
+[force]
+code = 12
+arguments = [{ name = "step", type = "u32" }, { name = "bit", type = "u32" }, { name = "duration" }]
 """
 
 
 @pytest.fixture
 def check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Checked":
-    types = write_types(tmp_path)
+    commands = TYPES["sequence"]["commands.toml"].partition("[force]")[0] + FORCE
+    types = write_types(tmp_path, sequence_commands=commands)
 
     def read(folder: Path) -> tuple[Plant | None, list[Problem]]:
         return read_plant(folder, type_folder=types)
@@ -68,7 +79,8 @@ def test_every_test_of_a_sequence_is_a_line(check: Checked) -> None:
     assert lines[0].endswith("languages: hr, en")
     assert lines[1].startswith("seq1, stroke: it goes on: ok, 5.")
     assert lines[2].startswith("seq1, stroke: it waits for its permissive: ok, 8.0 s in ")
-    assert lines[3] == "Tests: 2, failed: 0"
+    assert lines[3].startswith("seq1, stroke: a force lets it go on: ok, ")
+    assert lines[4] == "Tests: 3, failed: 0"
 
 
 def test_a_test_that_fails_says_what_happened_and_fails_the_check(check: Checked) -> None:
@@ -76,7 +88,7 @@ def test_a_test_that_fails_says_what_happened_and_fails_the_check(check: Checked
     assert done.exit_code == 1
     assert "seq1, stroke: it goes on: FAILED: step dark within 2 s: it was not; at 2.00 s running" in done.stdout
     assert "it waits for its permissive: ok" in done.stdout, "the others are run, too"
-    assert done.stdout.splitlines()[-1] == "Tests: 2, failed: 1"
+    assert done.stdout.splitlines()[-1] == "Tests: 3, failed: 1"
 
 
 def test_the_tests_can_be_left_out(check: Checked) -> None:
@@ -87,7 +99,7 @@ def test_the_tests_can_be_left_out(check: Checked) -> None:
 def test_a_definition_that_several_share_is_tested_once(check: Checked) -> None:
     second = '[equipment.seq2]\ntype = "sequence"\nlink = "hall"\nunit = 22\ndefinition = "stroke"\n'
     done = check(plant=ALONE + second)
-    assert done.stdout.splitlines()[-1] == "Tests: 2, failed: 0"
+    assert done.stdout.splitlines()[-1] == "Tests: 3, failed: 0"
 
 
 def test_a_sequence_that_cannot_be_simulated_fails_the_check(check: Checked) -> None:

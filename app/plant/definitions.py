@@ -382,7 +382,7 @@ class SequenceTest:
     given: Mapping[str, float] = field(default_factory=dict)
     """Preset of the simulated machine → value."""
     when: Sequence[Mapping[str, object]] = ()
-    """In order of time: `at` [s] with one of `command`, `fault`, `set` (a table of presets)."""
+    """In order of time: `at` [s] with one of `command` (perhaps with `arguments`), `fault`, `set` (a table of presets)."""
     then: Sequence[Mapping[str, object]] = ()
     """What must be seen: `within` or `at` [s] with `state`, `step` or `expect`; `first_out`, the key of a permissive, with or without a
     time; `never` with a sentence. Sentences are over the points of the machine, without a machine over those of the sequence."""

@@ -25,7 +25,8 @@
     [[tests]]
     name = "one coil from the mandrel to saddle 2"
     given = { winding = 1 }                             presets of the simulated machine
-    when = [{ at = 0, command = "start" }, { at = 9, fault = 3 }, { at = 15, set = { pressure = 20 } }]
+    when = [{ at = 0, command = "start" }, { at = 9, fault = 3 }, { at = 15, set = { pressure = 20 } },
+            { at = 16, command = "force", arguments = { step = 2, bit = 3, duration = 60 } }]
     then = [{ within = 120, state = "done" }, { step = "lift", within = 30 }, { never = "collision == 1" },
             { first_out = "pressure_ok" }, { at = 20, expect = "horizontal > 100" }]
 
@@ -55,6 +56,7 @@ from app.plant.definitions import (
     SequenceStep,
     SequenceTest,
     Texts,
+    Type,
 )
 from app.plant.tables import MISSING, Plain, Source, Table, one_of
 
@@ -89,7 +91,8 @@ class _File:
     values: list[tuple[Table, str, str]] = field(default_factory=list)
     """Points whose value is kept."""
     actions: list[tuple[Table, str, str]] = field(default_factory=list)
-    commands: list[tuple[Table, str, str]] = field(default_factory=list)
+    commands: list[tuple[Table, str, Mapping[str, float]]] = field(default_factory=list)
+    """Rows of tests with a command, and its arguments."""
     presets: list[tuple[Table, str, object]] = field(default_factory=list)
     sentences: list[tuple[Table, str, str]] = field(default_factory=list)
     """What tests look at."""
@@ -132,12 +135,8 @@ class SequenceFiles:
         self._checked.add((file.definition.name, kinds))
         if machine is not None:
             self._check_machine(file, machine)
-        for table, key, command in file.commands:
-            orders = {name: each for name, each in item.type.commands.items() if not each.hold}
-            if command not in orders:
-                table.note(key, command, f"a command of {item.type.name}: {one_of(sorted(orders), command)}")
-            elif orders[command].arguments:
-                table.note(key, command, "a command without values to enter")
+        for table, key, arguments in file.commands:
+            _check_command(table, key, arguments, item)
         ranges = machine.type.simulation_presets if machine else _words(file.definition)
         owner = machine.type.name if machine else "a sequence without a machine"
         for table, key, given in file.presets:
@@ -290,8 +289,11 @@ class SequenceFiles:
         _one(row, ORDERS)
         if row.has("command"):
             order["command"] = row.text("command")
+            arguments = {name: float(row.table("arguments").number(name)) for name in row.table("arguments").data}
+            if row.has("arguments"):
+                order["arguments"] = arguments
             if order["command"]:
-                file.commands.append((row, "command", order["command"]))
+                file.commands.append((row, order["command"], arguments))
         if row.has("fault"):
             order["fault"] = row.whole("fault")
         if row.has("set"):
@@ -408,6 +410,23 @@ def _near(name: str, known: Iterable[str]) -> str:
     """What was perhaps meant; a machine has too many points to name them all."""
     near = get_close_matches(name, list(known), n=1)
     return f" (perhaps {near[0]})" if near else ""
+
+
+def _check_command(row: Table, command: str, given: Mapping[str, float], item: Equipment) -> None:
+    """A command of the sequence itself, with a number for each of its arguments; whether it takes them, the device says."""
+    orders = {name: each for name, each in item.type.commands.items() if each.code}
+    if command not in orders:
+        row.note("command", command, f"a command of {item.type.name}: {one_of(sorted(orders), command)}")
+        return
+    kinds = {argument.name: argument.type for argument in orders[command].arguments}
+    for name in kinds:
+        if name not in given:
+            row.note(f"arguments.{name}", MISSING, f"a number: {command} needs {', '.join(kinds)}")
+    for name, value in given.items():
+        if name not in kinds:
+            row.note(f"arguments.{name}", value, f"an argument of {command}: {one_of(list(kinds), name)}")
+        elif kinds[name] is not Type.F32 and not (value.is_integer() and abs(value) < 2**31):
+            row.note(f"arguments.{name}", value, "a whole number")
 
 
 def _one(row: Table, names: Sequence[str]) -> None:

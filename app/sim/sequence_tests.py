@@ -10,9 +10,9 @@ time. Time 0 is after the presets of `given` and one scan; a machine is in autom
 | `first_out` without a time | it is seen before the end |
 | `never` | the sentence is true in no scan; unknown is not true |
 
-Rows of `when` act before the scan of their time: a command of the sequence as a telegram, a fault of the machine (of the sequence
-itself without one; 0 ends it), or presets. A test ends when every row with a time is decided and every row of `when` has acted; without
-such rows 60 s after the last of `when`. A refused command does not fail a test, but is told with what failed.
+Rows of `when` act before the scan of their time: a command of the sequence as a telegram (`arguments` by name), a fault of the
+machine (of the sequence itself without one; 0 ends it), or presets. A test ends when every row with a time is decided and every row of
+`when` has acted; without such rows 60 s after the last of `when`. A refused command does not fail a test, but is told with what failed.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,7 +24,7 @@ from typing import Any
 from app.blocks.sequence import BITS, SequenceState
 from app.clock import ManualClock
 from app.errors import ConfigurationError, DeviceException
-from app.plant.definitions import Equipment, Plant, SequenceDefinition, SequenceTest
+from app.plant.definitions import Command, Equipment, Plant, SequenceDefinition, SequenceTest, Type
 from app.plant.expression import Expression, Reading, parse
 from app.registers import plc_map
 from app.registers.codec import decode
@@ -187,8 +187,9 @@ class _Run:
             if "command" in order:
                 command = self.item.type.commands[str(order["command"])]
                 self._commands += 1
-                request = plc_map.request_words(Request(command.code, id=self._commands))
-                self.sequence.write(16, plc_map.COMMAND, request)
+                arguments = _raw_arguments(command, order)
+                request = Request(command.code, arguments=arguments, id=self._commands)
+                self.sequence.write(16, plc_map.COMMAND, plc_map.request_words(request))
             elif "fault" in order:
                 word = round(_seconds(order, "fault"))
                 (self.machine or self.sequence).write(6, training.REG_MACHINE_FAULT, [word])
@@ -280,6 +281,17 @@ class _Run:
             for bit in range(BITS)
             if not run.word(step) >> bit & 1
         ]
+
+
+def _raw_arguments(command: Command, order: Mapping[str, object]) -> tuple[int, ...]:
+    """The four raw words of a command with `arguments` by name."""
+    given = order.get("arguments", {})
+    assert isinstance(given, Mapping)
+    raw = [
+        plc_map.real(given[one.name]) if one.type is Type.F32 else int(given[one.name]) & 0xFFFF_FFFF
+        for one in command.arguments
+    ]
+    return (*raw, *[0] * (4 - len(raw)))
 
 
 def _seconds(row: Mapping[str, object], key: str) -> float:

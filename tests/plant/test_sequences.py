@@ -89,6 +89,7 @@ def test_the_orders_of_a_test_stand_in_order_of_time(tmp_path: Path) -> None:
     assert list(test.when) == [
         {"at": 0.0, "command": "start"},
         {"at": 9.0, "fault": 3},
+        {"at": 11.0, "command": "force", "arguments": {"bit": 3.0}},
         {"at": 15.0, "set": {"pressure": 20.0}},
     ]
     assert test.then[1] == {"within": 30.0, "step": "lift"} and test.then[2] == {"never": "pressure > 300"}
@@ -308,7 +309,11 @@ def test_a_sequence_does_not_blame_a_machine_that_has_its_own_mistakes(tmp_path:
         ("coil = 1 }", "coil = 2 }", "tests.0.given.coil", "a number from 0 to 1"),
         ("coil = 1 }", 'coil = "yes" }', "tests.0.given.coil", "a number"),
         ('command = "start"', 'command = "stat"', "tests.0.when.1.command", "a command of sequence: one of force, start"),
-        ('command = "start"', 'command = "force"', "tests.0.when.1.command", "a command without values to enter"),
+        ('command = "start"', 'command = "force"', "tests.0.when.1.arguments.bit", "a number: force needs bit"),
+        ("arguments = { bit = 3 }", "arguments = { bits = 3, bit = 3 }", "tests.0.when.3.arguments.bits", "an argument of force"),
+        ("arguments = { bit = 3 }", "arguments = { bit = 3.5 }", "tests.0.when.3.arguments.bit", "a whole number"),
+        ("arguments = { bit = 3 }", 'arguments = { bit = "3" }', "tests.0.when.3.arguments.bit", "a number"),
+        ('{ at = 9, fault = 3 }', '{ at = 9, fault = 3, arguments = { bit = 3 } }', "tests.0.when.2.arguments", "no such key"),
         ('command = "start"', "fault = -1", "tests.0.when.1.fault", "a whole number from 0 to 65535"),
         ('command = "start"', "set = {}", "tests.0.when.1.set", "a table of presets"),
         ('command = "start"', "wait = 1", "tests.0.when.1", "exactly one of command, fault, set"),

@@ -134,7 +134,8 @@ when = "pressure > 20"
 [[tests]]
 name = "one stroke"
 given = { pressure = 100, coil = 1 }
-when = [{ at = 15, set = { pressure = 20 } }, { at = 0, command = "start" }, { at = 9, fault = 3 }]
+when = [{ at = 15, set = { pressure = 20 } }, { at = 0, command = "start" }, { at = 9, fault = 3 },
+    { at = 11, command = "force", arguments = { bit = 3 } }]
 then = [
     { within = 120, state = "done" },
     { step = "lift", within = 30 },
