@@ -17,6 +17,7 @@ from app.web import (
     commands,
     communication,
     errors,
+    forces,
     guard,
     health,
     history,
@@ -87,6 +88,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         plant,
         instructor,
         communication,
+        forces,
     ):
         app.include_router(part.router)
     app.include_router(trends.router)

@@ -19,9 +19,10 @@ from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
-from app.historian.event_history import Told
-from app.historian.passages import BY_COMMAND, Passages, tracks_products
+from app.historian.event_history import EventHistory, Told
+from app.historian.passages import Passages, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
+from app.historian.runs import Runs, runs_sequence
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
@@ -54,6 +55,8 @@ PLANT_TASKS = ("simulation", "retained", "commands")
 """Tasks that there are only while there is a plant; beside them one for each link."""
 PRODUCTS = "products"
 """`sys.products.<equipment>` counts changes of the passages of its products."""
+RUNS = "runs"
+"""`sys.runs.<equipment>` counts changes of the runs of its sequence."""
 STORE_LIMIT = 2.0
 """Events of a machine wait this long for the history, then in memory [s]: alarms and communication wait for no disk."""
 SWEEP_PERIOD = 0.25
@@ -98,6 +101,8 @@ class Runtime:
         """What writes it, from `start` on."""
         self.passages: Passages
         """What became of each product, from `start` on."""
+        self.runs: Runs
+        """What the sequences did, from `start` on."""
         self.access: Access
         """People, sessions and the audit, from `start` on."""
         self.alarms: AlarmEngine
@@ -117,8 +122,13 @@ class Runtime:
         self._reloading = asyncio.Lock()
         self._numbers: Mapping[str, int] = {}
         self._command_revisions: dict[str, int] = {}
-        self._product_revisions: dict[str, int] = {}
+        self._event_revisions: dict[str, int] = {}
         self._storing: set[asyncio.Task[None]] = set()
+
+    @property
+    def books(self) -> tuple[EventHistory, ...]:
+        """What keeps the events of machines."""
+        return self.passages, self.runs
 
     # ---- start and stop -------------------------------------------------------------------------------
 
@@ -142,11 +152,13 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
-        self.passages = Passages(self.history, self.clock, self._products_changed)
+        self.passages = Passages(self.history, self.clock, partial(self._history_changed, PRODUCTS))
+        self.runs = Runs(self.history, self.clock, partial(self._history_changed, RUNS))
         await self.recorder.register(
             ()
         )  # brings the history to the newest schema, before a link asks for the last events
-        await self.passages.load()
+        for book in self.books:
+            await book.load()
         self.tags.subscribe(self._derive)
         self.access.sessions.subscribe(self._sessions_ended)
         self.keeper.keep("audit", self.access.audit.watch)
@@ -163,7 +175,8 @@ class Runtime:
             self._configure()
         await self._record()
         self.keeper.keep("recorder", self.recorder.run)
-        self.keeper.keep("passages", self.passages.run)
+        for book in self.books:
+            self.keeper.keep(book.name, book.run)
 
     async def stop(self) -> None:
         """Stop what is held to run, end all tasks and close what is open."""
@@ -176,7 +189,8 @@ class Runtime:
         await self.alarms.close()
         with suppress(StorageError):
             await self._retain_now()
-        await self.passages.close()
+        for book in self.books:
+            await book.close()
         await self.recorder.close()
         await asyncio.to_thread(self.history.close)
         await self.access.stop()
@@ -249,38 +263,33 @@ class Runtime:
         address: str = "",
         **params: Any,
     ) -> None:
-        """One line of the audit; what it says of a product is also told to its passage."""
+        """One line of the audit; a command whose event is kept is also told to the history of events."""
         arguments = params.get("arguments")
         if kind == "command" and person is not None and isinstance(arguments, Mapping):
-            self._product_told(person, object, result, arguments, params)
+            self._tell_books(person, object, result, arguments, params)
         await self.access.audit.record(kind, person, object, old, new, result, reason, address, **params)
 
-    def _product_told(
+    def _tell_books(
         self, person: Person, what: str, result: str, arguments: Mapping[str, Any], params: Mapping[str, Any]
     ) -> None:
         equipment, _, key = what.partition(".")
         item = self.plant.equipment.get(equipment) if self.plant else None
-        command = item.type.commands.get(key) if item is not None and tracks_products(item) else None
-        if command is None or command.code not in BY_COMMAND or result in (Progressed.REFUSED, Progressed.DRY_RUN):
+        command = item.type.commands.get(key) if item is not None else None
+        if item is None or command is None or result in (Progressed.REFUSED, Progressed.DRY_RUN):
             return
-        self.passages.told(
-            Told(
-                equipment,
-                BY_COMMAND[command.code],
-                int(arguments.get("product", 0)) or None,
-                person.display or person.name,
-                str(params.get("why", "")),
-                int(params["requested"]),
-                int(params["ended"]) or self.clock.micros(),
-            )
-        )
+        for book in self.books:
+            caused = book.caused_by(command.code, arguments) if book.keeps(item) else None
+            if caused is not None:
+                name, why = person.display or person.name, str(params.get("why", ""))
+                ended = int(params["ended"]) or self.clock.micros()
+                book.told(Told(equipment, *caused, name, why, int(params["requested"]), ended))
 
-    def _products_changed(self, equipment: str) -> None:
-        """Passages of a machine are other ones now: whoever looks at them fetches them again."""
-        name = f"{SYSTEM}.{PRODUCTS}.{equipment}"
+    def _history_changed(self, kind: str, equipment: str) -> None:
+        """Passages or runs of a machine are other ones now: whoever looks at them fetches them again."""
+        name = f"{SYSTEM}.{kind}.{equipment}"
         if name not in self.tags:
             return
-        count = self._product_revisions[equipment] = self._product_revisions.get(equipment, 0) + 1
+        count = self._event_revisions[name] = self._event_revisions.get(name, 0) + 1
         now = self.clock.micros()
         self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
 
@@ -306,14 +315,14 @@ class Runtime:
         await self.alarms.settle()
 
     async def _store_events(self, equipment: str, events: Sequence[RingEvent], lost: int) -> None:
-        with suppress(StorageError):  # told by the passages, which try again
-            await self.passages.take(equipment, events, lost)
+        for book in self.books:
+            with suppress(StorageError):  # told by the book, which tries again
+                await book.take(equipment, events, lost)
 
     def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
-        """Where the ring of a machine is to be read from: behind what both the alarms and the passages have."""
+        """Where the ring of a machine is to be read from: behind what both the alarms and the history have."""
         marks = [self.alarms.last_event(item.id)]
-        if tracks_products(item):
-            marks.append(self.passages.last(item.id))
+        marks += [book.last(item.id) for book in self.books if book.keeps(item)]
         known = [mark for mark in marks if mark is not None]
         return min(known, key=lambda mark: mark.time).seen if len(known) == len(marks) else None
 
@@ -354,7 +363,8 @@ class Runtime:
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
         self.alarms.configure(self.plant, self.texts, person)
-        self.passages.configure(self.plant.equipment.values() if self.plant else ())
+        for book in self.books:
+            book.configure(self.plant.equipment.values() if self.plant else ())
         inputs = self._derivation.inputs if self._derivation else ()
         self._derivation_inputs = frozenset(self.tags.handle(name) for name in inputs)
         self.live.renew()
@@ -374,6 +384,7 @@ class Runtime:
         ]
         points = [point for item in machines for point in item.points.values() if _has_value(point)]
         tracking = [system_point(f"{PRODUCTS}.{item.id}", label=PRODUCTS) for item in machines if tracks_products(item)]
+        tracking += [system_point(f"{RUNS}.{item.id}", label=RUNS) for item in machines if runs_sequence(item)]
         return [
             *points,
             *system_points(plant, statistics),
@@ -626,15 +637,21 @@ class Runtime:
         """The equipment behind the link `name`."""
         return [item for item in self.plant.equipment.values() if item.link == name] if self.plant else []
 
+    @property
+    def force_names(self) -> list[str]:
+        """Tags that say how many permissives of each sequence are forced."""
+        items = self.plant.equipment.values() if self.plant else ()
+        return [item.points["forces"].name for item in items if item.sequence and "forces" in item.points]
+
     def page_names(self, kind: str) -> list[str]:
-        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `products`, `tags/<name>,…`; the frame's are in each.
-        Cells of tables are on the page of their machine only.
+        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `products`, `forces`, `tags/<name>,…`; the frame's are
+        in each. Cells of tables are on the page of their machine only; the page of a sequence has the points of its machine, too.
 
         Raises:
             KeyError: no page is of this kind.
         """
         head, _, rest = kind.partition("/")
-        frame = [*(f"{SYSTEM}.{key}" for key, *_ in FRAME), *frame_names()]
+        frame = [*(f"{SYSTEM}.{key}" for key, *_ in FRAME), *frame_names(), *self.force_names]
         if self.plant is None:
             return frame
         match head:
@@ -652,14 +669,21 @@ class Runtime:
                 names.append(f"{SYSTEM}.{COMMANDS}.{rest}")
                 item = self.plant.equipment[rest]
                 names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")
+                if head == "equipment" and item.machine in self.plant.equipment:
+                    machine = self.plant.equipment[item.machine]
+                    names += [point.name for point in machine.points.values() if not point.table]
             case "tags":
                 names = [name for name in rest.split(",") if name in self.points][:200]
             case "frame":
                 names = []
+            case "forces":
+                items = [item for item in self.plant.equipment.values() if item.sequence]
+                names = [point.name for item in items for point in item.points.values() if point.table == "force"]
+                names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
-            case "products":
-                names = [f"{SYSTEM}.{PRODUCTS}.{key}" for key in self.plant.equipment]
+            case "products" | "runs":
+                names = [f"{SYSTEM}.{head}.{key}" for key in self.plant.equipment]
                 names = [name for name in names if name in self.points]
             case "storage":
                 names = [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
@@ -747,7 +771,7 @@ class Runtime:
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
         recorder = self.recorder
-        tell("history_full", active=recorder.full or self.passages.failed)
+        tell("history_full", active=recorder.full or any(book.failed for book in self.books))
         tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
         tell("disk_low", active=recorder.disk_low)
 

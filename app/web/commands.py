@@ -12,6 +12,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from app import bundled
 from app.commands.gate import Gate, Question
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
@@ -20,7 +21,7 @@ from app.plant.definitions import Command
 from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web.errors import answer as error_answer
-from app.web.guard import address_of, allow, fields, person_of
+from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of, local_path
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.pages import plant_of, view_of
@@ -99,19 +100,21 @@ async def command(request: Request, key: str, command: str) -> Response:
 
 @router.get("/equipment/{key}/ask/{command}", dependencies=[allow("operate")])
 async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
-    """The dialog for the arguments of a command, filled with what the address gives and, of a row of a table, with what stands there."""
+    """The dialog for the arguments of a command, filled with what the address gives and, of a row of a table, with what stands there; the
+    type's own (`ask_<command>.html`) when it has one."""
     operation = operation_of(request, key)
     kind = operation.equipment.equipment.type.commands.get(command)
     if kind is None or not kind.arguments or operation.gate is None:
         raise HTTPException(404)
     view = view_of(request)
+    own = f"screens/{operation.equipment.type}/ask_{command}.html"
     if reason := operation.buttons[command].reason:
         at = operation.time(operation.runtime.clock.micros())
         return view.fragment(request, "fragments/line.html", status=409, text=reason, kind="error", at=at)
     level = operation.gate.level(operation.id, command)
     return view.fragment(
         request,
-        "fragments/arguments.html",
+        own if (bundled("templates") / own).is_file() else "fragments/arguments.html",
         operation=operation,
         equipment=operation.equipment,
         key=command,
@@ -120,6 +123,7 @@ async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
         label=operation.equipment.t(kind.label),
         url=f"{operation.url}/command/{command}",
         arguments=arguments_of(operation, kind, dict(request.query_params)),
+        given=request.query_params,
     )
 
 
@@ -275,6 +279,10 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
         "language": language_of(request),
     }
     try:
+        if form["password"]:
+            access = people_access(request)
+            await access.people.confirm(person, form["password"])
+            given["proven"] = True
         if value:
             progress = await gate.set_value(person, operation.id, key, form["argument"], **given)  # type: ignore[arg-type]
         else:

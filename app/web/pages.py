@@ -80,6 +80,7 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
         equipment=drawn,
         operation=operation,
         tables=tables_of(drawn),
+        query=request.query_params,
         message=operation.story,
     )
 

@@ -59,5 +59,6 @@ def _drawn(request: Request, machine: Equipment, template: str, **more: Any) -> 
         operation=operation,
         equipment=operation.equipment,
         tables=tables_of(operation.equipment),
+        query=request.query_params,
         **more,
     )

@@ -243,6 +243,16 @@ class EquipmentView:
         """Whether it has a point `key`."""
         return key in self.equipment.points
 
+    def words(self, texts: Mapping[str, str]) -> str:
+        """`texts` of the plant's files in the language of the page, else in the plant's first."""
+        return plant_text(texts, self.lang, self.runtime.plant)
+
+    def other(self, id: str) -> "EquipmentView | None":
+        """Another machine of the plant in the same language; None when there is none of that id."""
+        plant = self.runtime.plant
+        found = plant.equipment.get(id) if plant else None
+        return EquipmentView(found, self.runtime, self.lang, self.text) if found else None
+
     def t(self, key: str) -> str:
         """A text of the equipment type, else of the product."""
         own = self.equipment.type.texts.get(self.lang, {}).get(key)

@@ -1,8 +1,8 @@
 """Templates and what all of them need: language, theme, person, areas, clock, the addresses of static files.
 
 A language has an environment of its own, so that macros say `_("nav.home")` whether or not they are imported with context. Templates get
-`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py) everywhere, and the names of
-`_surroundings` on a page.
+`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py), `sequence_of` and `sequences_for`
+(app/web/sequences.py) everywhere, and the names of `_surroundings` on a page.
 """
 
 import json
@@ -30,6 +30,7 @@ from app.web.assets import Assets
 from app.web.drawing import Scale
 from app.web.language import HTML, NAMES, language_of
 from app.web.points import EquipmentView, live_texts
+from app.web.sequences import sequence_of, sequences_for
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -162,6 +163,8 @@ class View:
             "fmt": fmt,
             "Scale": Scale,
             "marks_json": marks_json,
+            "sequence_of": sequence_of,
+            "sequences_for": sequences_for,
         }
         self._environments[lang] = (texts, environment)
         return environment
@@ -231,12 +234,28 @@ class View:
 
     def _counts(self, runtime: "Runtime", text: fmt.Text, diagnose: bool) -> list[dict[str, Any]]:
         tags = runtime.tags
-        return [
+        forces = [name for name in runtime.force_names if name in tags]
+        values = [tags.value(tags.handle(name)) for name in forces]
+        some = sum(int(value) for value in values if isinstance(value, int | float))
+        unknown = any(value is None for value in values)
+        forced = {
+            "symbol": "i-force",
+            "label": text("forces.count"),
+            "class": "f-force",
+            "url": "/forces",
+            "sum": " ".join(forces),
+            "text": f"{some or ''}?" if unknown else str(some),
+            "some": some > 0,
+            "parts": [],
+        }
+        return ([forced] if forces else []) + [
             {
                 "symbol": symbol,
                 "label": text(key),
                 "class": look,
                 "url": "/communication" if diagnose and look == "f-comm" else "",
+                "sum": "",
+                "some": False,
                 "parts": [
                     (name, "–" if tags.value(tags.handle(name)) is None else tags.value(tags.handle(name)))
                     for name in names

@@ -15,15 +15,25 @@ document.addEventListener("tags", ({ target, detail }) => {
   fetchPart(target, part);
 });
 
+/** Fetch a part again, from where its data-refetch points now. */
+function again(element) {
+  const part = fetched.get(element) ?? { of: "", busy: false, again: false };
+  fetched.set(element, part);
+  return fetchPart(element, part);
+}
+
 async function fetchPart(element, part) {
   if (part.busy) { part.again = true; return; }
   part.busy = true;
   const html = await text(element.dataset.refetch);
   if (html !== null && html.trim() !== element.made) {
     element.made = html.trim();
-    const focused = element.contains(document.activeElement) ? document.activeElement.dataset.row : undefined;
+    const inside = element.contains(document.activeElement), { id, dataset: { row: focused } } = document.activeElement;
+    const place = element.querySelector(".scroll")?.scrollTop;
     element.innerHTML = html;
-    if (focused !== undefined) element.querySelector(`[data-row="${CSS.escape(focused)}"]`)?.focus();
+    if (place) element.querySelector(".scroll")?.scrollTo(0, place);
+    if (inside && id && element.querySelector(`#${CSS.escape(id)}`)) document.getElementById(id).focus();
+    else if (inside && focused !== undefined) element.querySelector(`[data-row="${CSS.escape(focused)}"]`)?.focus();
     document.dispatchEvent(new Event("pogon:drawn"));
     element.dispatchEvent(new CustomEvent("part", { bubbles: true }));
   }
@@ -61,4 +71,4 @@ document.addEventListener("click", (event) => {
   if (button) openRow(button.dataset.row);
 });
 
-window.pogon.parts = { openRow };
+window.pogon.parts = { openRow, again };

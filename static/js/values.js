@@ -1,6 +1,6 @@
 // What a value looks like: number, unit, quality, pointers and curves. static/js/live.js says when.
 //   data-tag          name of the tag; alone on a text: number, unit and quality as app/web/points.py draws them
-//   data-as           number | enum | time | hex | text; data-decimals, data-texts (value → text), data-pattern, data-bad
+//   data-as           number | enum | time | hex | duration | text; data-decimals, data-texts (value → text), data-pattern, data-bad
 //   data-map          "value:place …": with data-move (x | y), data-turn (centre), data-fill (x | y) on an SVG group
 //   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
@@ -47,6 +47,7 @@ function write(value, as, item) {
   if (typeof value === "string" || as === "text") return String(value);
   if (as === "time") return format.momentOrTime(value, zone, lang, server.time || Date.now() * 1000);
   if (as === "hex") return format.hexadecimal(value);
+  if (as === "duration") return format.duration(value, lang);
   const number = format.number(value, item.decimals, lang);
   return item.signed && value > 0 && /[1-9]/.test(number) ? `+${number}` : number;
 }

@@ -1,0 +1,404 @@
+"""What templates know of a sequence: its steps and permissives by name, what is missing, what fell first, and the sentence that says it.
+
+The device says numbers (steps, bits); the definition in the plant's files says what they are called. Both come together here.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from app.blocks.sequence import ABORT, ALL, BITS, Cause, SequenceState, StepState
+from app.plant.definitions import SequenceDefinition, SequencePermissive
+from app.web import format as fmt
+from app.web.points import EquipmentView, PointView
+from app.web.tables import RowView, TableView
+
+MOST_NAMED = 3
+"""So many missing permissives are named in one sentence; the others are counted."""
+NO_BIT = 0xFFFF
+ROOM = 1.12
+"""A time bar ends so far beyond the longest time."""
+
+
+@dataclass(frozen=True, slots=True)
+class BitView:
+    """One permissive of a step."""
+
+    step: int
+    bit: int
+    label: str
+    named: bool
+    """False: the definition does not name it, and it counts as fulfilled."""
+    met: bool | None
+    """As it counts, forces included; None = not known."""
+    forced: bool
+    forceable: bool
+    when: str
+    """The sentence it is made of."""
+    first: bool = False
+    fell: PointView | None = None
+    back: PointView | None = None
+    force: RowView | None = None
+    """Its row in the table of forces."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepView:
+    """One step; number 0 stands for the abort conditions."""
+
+    number: int
+    label: str
+    cells: Mapping[str, PointView]
+
+    def __getitem__(self, column: str) -> PointView:
+        return self.cells[column]
+
+    def has(self, column: str) -> bool:
+        """Whether the device tells it."""
+        return column in self.cells
+
+    def number_of(self, column: str) -> float | None:
+        """Value of a cell; None when there is none to rely on."""
+        return number_of(self.cells.get(column))
+
+
+@dataclass(frozen=True, slots=True)
+class FallView:
+    """A permissive that fell, in the order in which they fell."""
+
+    order: int
+    bit: BitView
+    fell: PointView
+    back: PointView
+    first: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """Why it does not go on, in two lines. `before` and `after` stand around the seconds that run."""
+
+    symbol: str
+    before: str
+    after: str
+    elapsed: PointView | None
+    detail: str
+    kind: str
+    """calm, wait or stop."""
+
+
+class SequenceView:
+    """A machine that runs a sequence, for templates."""
+
+    def __init__(self, equipment: EquipmentView, definition: SequenceDefinition) -> None:
+        self.equipment = equipment
+        self.definition = definition
+        self.total = len(definition.steps)
+        item = equipment.equipment
+        self.machine: EquipmentView | None = equipment.other(item.machine) if item.machine else None
+        """What its actions move; None = it has no machine."""
+
+    # ---- numbers --------------------------------------------------------------------------------------
+
+    def value(self, key: str) -> float | None:
+        """Value of a point; None when there is none to rely on, or no such point."""
+        return number_of(self.equipment.point(key)) if self.equipment.has(key) else None
+
+    def is_on(self, key: str) -> bool:
+        """Whether a bit is set, as far as is known."""
+        return bool(self.value(key))
+
+    @cached_property
+    def state(self) -> int | None:
+        """SequenceState; None = not known."""
+        found = self.value("state")
+        return None if found is None else int(found)
+
+    @cached_property
+    def active(self) -> int:
+        """Number of the active step; 0 = none."""
+        step = int(self.value("step") or 0)
+        return step if 0 < step <= self.total else 0
+
+    @property
+    def running(self) -> bool:
+        """Whether a run is not over."""
+        return self.state in (SequenceState.RUNNING, SequenceState.SUSPENDED)
+
+    @property
+    def awaited(self) -> int:
+        """The step whose permissives decide now what happens next."""
+        if self.running and self.active:
+            return min(self.active + 1, self.total)
+        if self.state == SequenceState.ABORTED and self.value("first_out_cause") in (
+            Cause.ABORT_CONDITION,
+            Cause.PERMISSIVE_LOST,
+        ):
+            return int(self.value("first_out_step") or 0)
+        if self.state == SequenceState.TIMED_OUT:
+            return min(max(int(self.value("first_out_at") or 0) + 1, 1), self.total)
+        return 1
+
+    def names(self, *keys: str) -> str:
+        """Tags of those points that there are, as `data-tags` takes them."""
+        return " ".join(f"{self.equipment.id}.{key}" for key in keys if self.equipment.has(key))
+
+    def step_names(self, *columns: str) -> str:
+        """Tags of columns of all steps."""
+        return self.names(*(f"step_{n}_{column}" for n in range(1, self.total + 1) for column in columns))
+
+    # ---- steps and permissives ------------------------------------------------------------------------
+
+    @cached_property
+    def steps(self) -> list[StepView]:
+        """All steps in order."""
+        return [self.step(number) for number in range(1, self.total + 1)]
+
+    def step(self, number: int) -> StepView:
+        """Step `number`, from 1."""
+        label = self.equipment.words(self.definition.steps[number - 1].label)
+        prefix = f"step_{number}_"
+        points = self.equipment.equipment.points
+        columns = self.equipment.equipment.type.tables["step"].columns
+        cells = {key: self.equipment.point(prefix + key) for key in columns if prefix + key in points}
+        return StepView(number, label, cells)
+
+    def title(self, number: int) -> str:
+        """What step `number` is called; 0 = the abort conditions."""
+        return self.step(number).label if number else self.equipment.text("sequence.abort")
+
+    def word(self, step: int, column: str = "word") -> int | None:
+        """A word of permissives: `word` as it counts, `input`, `forced`, `forceable`; None = not known."""
+        found = self.value(f"step_{step}_{column}" if step else f"abort_{column}")
+        return None if found is None else int(found)
+
+    def label(self, step: int, bit: int) -> str:
+        """What a permissive is called."""
+        named = self.definition.permissive(step, bit)
+        return self.equipment.words(named.label) if named else self.equipment.text("sequence.bit", n=bit)
+
+    @cached_property
+    def first(self) -> tuple[int, int] | None:
+        """(step, bit) of the permissive that fell first; None = nothing is latched, or no permissive was the cause."""
+        cause, bit = self.value("first_out_cause"), self.value("first_out_bit")
+        if not cause or bit is None or int(bit) >= BITS:
+            return None
+        return int(self.value("first_out_step") or 0), int(bit)
+
+    @cached_property
+    def forces(self) -> list[RowView]:
+        """Permissives that are forced."""
+        return TableView(self.equipment, "force").rows if "force" in self.equipment.equipment.tables else []
+
+    def bit(self, step: int, bit: int) -> BitView:
+        """One permissive as it stands."""
+        named: SequencePermissive | None = self.definition.permissive(step, bit)
+        word, forced = self.word(step), self.word(step, "forced") or 0
+        may = self.word(step, "forceable")
+        fall = next((row for row in self._falls if _is(row, step, bit)), None)
+        return BitView(
+            step=step,
+            bit=bit,
+            label=self.label(step, bit),
+            named=named is not None,
+            met=None if word is None else bool(word >> bit & 1),
+            forced=bool(forced >> bit & 1),
+            forceable=(named.forceable if named else False) and (may is None or bool(may >> bit & 1)),
+            when=named.when if named else "",
+            first=self.first == (step, bit),
+            fell=fall["fell"] if fall else None,
+            back=fall["back"] if fall else None,
+            force=next((row for row in self.forces if _is(row, step, bit)), None),
+        )
+
+    def bits(self, step: int) -> list[BitView]:
+        """All 16, missing ones first, then forced ones, the others in their order."""
+        found = [self.bit(step, bit) for bit in range(BITS)]
+        return sorted(found, key=lambda one: (one.met is True, not one.forced if one.met else not one.first, one.bit))
+
+    def missing(self, step: int) -> list[BitView]:
+        """What is not fulfilled as it counts."""
+        return [one for one in self.bits(step) if one.met is False]
+
+    def count(self, step: int) -> int | None:
+        """How many of the 16 are fulfilled."""
+        word = self.word(step)
+        return None if word is None else (word & ALL).bit_count()
+
+    @cached_property
+    def _falls(self) -> list[RowView]:
+        table = self.equipment.equipment.tables
+        return TableView(self.equipment, "fall").by("id") if "fall" in table else []
+
+    @cached_property
+    def falls(self) -> list[FallView]:
+        """What fell, the earliest first."""
+        return [
+            FallView(
+                order,
+                self.bit(int(row.number("step") or 0), int(row.number("bit") or 0)),
+                row["fell"],
+                row["back"],
+                self.first == (int(row.number("step") or 0), int(row.number("bit") or 0)),
+            )
+            for order, row in enumerate(self._falls, 1)
+            if (row.number("bit") or 0) < BITS
+        ]
+
+    @property
+    def first_value(self) -> str:
+        """What the value that belongs to the first-out was; empty when it has none."""
+        if self.first is None or self.machine is None:
+            return ""
+        named = self.definition.permissive(*self.first)
+        value = self.value("first_out_value")
+        if named is None or not named.value or not self.machine.has(named.value) or value is None:
+            return ""
+        point = self.machine.point(named.value)
+        written = fmt.quantity(value, point.decimals, point.unit, self.equipment.lang)
+        return f"{point.label} {written}"
+
+    # ---- times ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def longest(self) -> float:
+        """End of the time bars [s]: the longest maximum, or the longest minimum where steps stay."""
+        times = [step.number_of(column) or 0.0 for step in self.steps for column in ("minimum", "maximum", "most")]
+        return max([*times, 1.0]) * ROOM
+
+    def seconds(self, value: float | None) -> str:
+        """A time of a step: `12,4 s`, `3 min 05 s`."""
+        if value is None:
+            return "–"
+        lang = self.equipment.lang
+        return fmt.quantity(value, 1, "s", lang) if value < 100 else fmt.duration(value, lang)
+
+    # ---- the headline ---------------------------------------------------------------------------------
+
+    @cached_property
+    def headline(self) -> Headline:
+        """State, step, seconds waited of those allowed, and what is missing."""
+        text, state = self.equipment.text, self.state
+        if state is None:
+            return Headline(
+                "i-link-off", text("live.no_communication"), "", None, text("sequence.head.unknown"), "stop"
+            )
+        if state == SequenceState.IDLE or (state == SequenceState.DONE and not self.is_on("needs_acknowledge")):
+            done = state == SequenceState.DONE
+            ready = self.is_on("start_possible")
+            key = "done" if done else "ready" if ready else "idle"
+            time = self.value("last_run_time") if self.value("runs_done") else None
+            line = text(f"sequence.head.{key}", time=self.seconds(time))
+            return Headline("i-check" if done or ready else "i-pause", line, "", None, self._to_start(), "calm")
+        if state == SequenceState.ABORTED:
+            return Headline("i-cross", self._aborted(), "", None, self._then(), "stop")
+        step = self.active or int(self.value("first_out_at") or 0)
+        cells = self.step(step) if 0 < step <= self.total else None
+        elapsed = cells["elapsed"] if cells and cells.has("elapsed") else None
+        maximum = cells.number_of("maximum") if cells else None
+        allowed = self.seconds(maximum) if maximum else text("sequence.unlimited")
+        stalled = self.is_on("stalled")
+        kind = {SequenceState.TIMED_OUT: "timed_out", SequenceState.SUSPENDED: "suspended"}.get(
+            SequenceState(state) if state in tuple(SequenceState) else SequenceState.IDLE,
+            "stalled" if stalled else "running",
+        )
+        line = text(
+            f"sequence.head.{kind}",
+            step=step,
+            total=self.total,
+            label=cells.label if cells else "",
+            allowed=allowed,
+            elapsed="\0",
+        )
+        before, _, after = line.partition("\0")
+        symbol = {"timed_out": "i-clock", "suspended": "i-pause", "stalled": "i-clock"}.get(kind, "i-right")
+        detail = self._then() if kind == "timed_out" else self._waits(step, maximum)
+        look = {"running": "calm", "suspended": "wait"}.get(kind, "stop")
+        return Headline(symbol, before, after, elapsed, detail, look)
+
+    def named(self, bits: Sequence[BitView]) -> str:
+        """Some permissives in one line: A · B · C and 2 more."""
+        shown = " · ".join(one.label for one in bits[:MOST_NAMED])
+        more = len(bits) - MOST_NAMED
+        return self.equipment.text("sequence.and_more", names=shown, n=more) if more > 0 else shown
+
+    def _to_start(self) -> str:
+        """What is missing to start, or that nothing is."""
+        text = self.equipment.text
+        if self.is_on("machine_manual"):
+            return text("sequence.head.manual")
+        if abort := self.missing(ABORT):
+            return text("sequence.head.abort_missing", names=self.named(abort))
+        if missing := self.missing(1):
+            return text("sequence.head.missing", step=1, names=self.named(missing))
+        return text("sequence.head.automatic" if self.is_on("automatic") else "sequence.head.can_start")
+
+    def _waits(self, step: int, maximum: float | None) -> str:
+        """What a running step waits for."""
+        text = self.equipment.text
+        if self.state == SequenceState.SUSPENDED:
+            missing = self.missing(step)
+            return text("sequence.head.missing", step=step, names=self.named(missing)) if missing else text(
+                "sequence.head.resume"
+            )  # fmt: skip
+        if maximum == 0:
+            return text("sequence.head.stays")
+        following = step + 1
+        if following <= self.total and (missing := self.missing(following)):
+            return text("sequence.head.missing", step=following, names=self.named(missing))
+        return text("sequence.head.single") if self.is_on("single_step") else text("sequence.head.goes_on")
+
+    def _then(self) -> str:
+        """What stopped it first, and what to do."""
+        text = self.equipment.text
+        parts = []
+        if self.first is not None:
+            parts.append(
+                text("sequence.head.first", name=self.label(*self.first), value=self.first_value).rstrip(" ()")
+            )
+        if self.is_on("needs_acknowledge"):
+            parts.append(text("sequence.head.acknowledge"))
+        return " · ".join(parts)
+
+    def _aborted(self) -> str:
+        cause = int(self.value("first_out_cause") or 0)
+        step = int(self.value("first_out_at") or 0)
+        name = self.label(*self.first) if self.first is not None else ""
+        key = {
+            Cause.ABORT_CONDITION: "by_condition",
+            Cause.PERMISSIVE_LOST: "by_loss",
+            Cause.OPERATOR: "by_operator",
+            Cause.POWER_UP: "by_power",
+        }.get(Cause(cause) if cause in tuple(Cause) else Cause.NONE, "")
+        line = self.equipment.text("sequence.head.aborted", step=step)
+        if key:
+            line += f": {self.equipment.text(f'sequence.head.{key}', name=name)}"
+        return line
+
+
+STATES = StepState
+"""For templates that compare."""
+
+
+def sequence_of(equipment: EquipmentView) -> SequenceView | None:
+    """The sequence that a machine runs; None when it runs none."""
+    definition = equipment.equipment.sequence
+    return SequenceView(equipment, definition) if definition else None
+
+
+def sequences_for(equipment: EquipmentView) -> list[EquipmentView]:
+    """The sequences that move a machine."""
+    plant = equipment.runtime.plant
+    items = plant.equipment.values() if plant else ()
+    found = [equipment.other(item.id) for item in items if item.sequence and item.machine == equipment.id]
+    return [one for one in found if one]
+
+
+def number_of(point: PointView | None) -> float | None:
+    """Value of a point; None when there is none to rely on."""
+    if point is None or not point.usable or not isinstance(point.value, int | float):
+        return None
+    return float(point.value)
+
+
+def _is(row: RowView, step: int, bit: int) -> bool:
+    return row.number("step") == step and row.number("bit") == bit

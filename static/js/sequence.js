@@ -1,0 +1,96 @@
+// A sequence: which step is active, how many permissives are there, which step's permissives are shown. Everything else is drawn by the
+// server, in parts that are fetched again when what they are made of changes (parts.js).
+const { parts } = window.pogon;
+const word = document.querySelector(".q-word"), list = document.getElementById("q-steps");
+const shown = { step: new URLSearchParams(location.search).get("step") ?? "", all: "" };
+const CHECK = '<svg class="ic"><use href="{}"/></svg>';
+const check = document.querySelector(".q-list [href*='#i-check']")?.getAttribute("href");
+const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
+const valued = (tag) => (usable(tag) ? tag.value : null);
+const ones = (value) => { let n = 0; for (let rest = value & 0xffff; rest; rest &= rest - 1) n++; return n; };
+
+/** The box and the number of a word: a check when nothing is missing, F while something is forced, else empty and heavy. */
+function tally(link, detail) {
+  const tags = Object.entries(detail), of = (end) => tags.find(([key]) => key.endsWith(end))?.[1];
+  const known = valued(of("_word")), forced = valued(of("_forced")) ?? 0;
+  const count = known === null ? null : ones(known), box = link.querySelector(".tickbox"), text = link.querySelector(".num");
+  box.className = `tickbox${count === null ? "" : forced ? " f" : count < 16 ? " no" : ""}`;
+  if (count === null) box.textContent = "?";
+  else if (forced) box.textContent = "F";
+  else if (count < 16) box.textContent = "";
+  else if (check) box.innerHTML = CHECK.replace("{}", check);
+  text.textContent = `${count ?? "?"}/16`;
+  text.classList.toggle("miss", count !== null && count < 16);
+  link.setAttribute("aria-label", link.dataset.says.replace("{n}", count ?? "?"));
+}
+
+/** The row of the active step is the selected one, and in view. */
+function mark(row, detail) {
+  const state = valued(Object.values(detail)[0]), active = [1, 2, 4, 5, 6].includes(state);
+  if (active === (row.getAttribute("aria-selected") === "true")) return;
+  active ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
+  if (active) reveal(row);
+}
+
+/** Scroll the list, and nothing else, to a row; below it the abort conditions keep their place. */
+function reveal(row) {
+  if (!list || list.scrollHeight <= list.clientHeight) return;
+  const head = list.querySelector("thead")?.offsetHeight ?? 0, foot = list.querySelector(".q-abort")?.offsetHeight ?? 0;
+  const top = row.offsetTop - head, bottom = row.offsetTop + row.offsetHeight + foot - list.clientHeight;
+  if (list.scrollTop > top) list.scrollTop = top;
+  else if (list.scrollTop < bottom) list.scrollTop = bottom;
+}
+
+document.addEventListener("tags", ({ target, detail }) => {
+  if (target.matches(".q-perm")) tally(target, detail);
+  else if (target.dataset.rowStep) mark(target, detail);
+});
+
+// ---- which permissives are shown ---------------------------------------------------------------------------------------------------------
+
+async function show(change) {
+  Object.assign(shown, change);
+  const asked = new URLSearchParams(Object.entries(shown).filter(([, value]) => value !== ""));
+  word.dataset.refetch = `${word.dataset.partOf}${asked.size ? `?${asked}` : ""}`;
+  await parts.again(word);
+  for (const row of document.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === shown.step);
+}
+
+document.addEventListener("click", (event) => {
+  const step = event.target.closest?.("[data-step]"), all = event.target.closest?.("[data-all]");
+  if (!word || (!step && !all) || event.ctrlKey || event.metaKey) return;
+  event.preventDefault();
+  show(step ? { step: step.dataset.step } : { all: all.dataset.all });
+  if (step && getComputedStyle(word.parentElement).display === "block") word.scrollIntoView({ block: "nearest" });
+});
+
+document.addEventListener("part", ({ target }) => {
+  if (target === list) for (const row of list.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === shown.step);
+});
+
+// ---- steps or statistics -------------------------------------------------------------------------------------------------------------------
+
+const tabs = [...document.querySelectorAll(".q-tabs [role=tab]")];
+
+function choose(tab) {
+  for (const one of tabs) {
+    const on = one === tab;
+    one.setAttribute("aria-selected", String(on));
+    one.tabIndex = on ? 0 : -1;
+    document.getElementById(one.getAttribute("aria-controls")).hidden = !on;
+  }
+}
+
+for (const tab of tabs) {
+  tab.addEventListener("click", () => choose(tab));
+  tab.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const next = tabs[(tabs.indexOf(tab) + step + tabs.length) % tabs.length];
+    choose(next);
+    next.focus();
+  });
+}
+
+const active = list?.querySelector("[aria-selected=true]");
+if (active) reveal(active);
