@@ -34,7 +34,7 @@ Header words 23–31: 3 saddles · settings · 63 events.
 
 Blocks of geometry (8–13, 20, 21) make `collision_possible` while they hold back what was asked.
 
-Commands: 1 automatic · 2 stop (mode off, stop=true, feedback `moving == 0`) · 3 manual · 4 reset · 5 target saddle (u32 0–3, 0 = the farthest
+Commands: 1 automatic · 2 stop (mode off, winding stops; stop=true, feedback `moving == 0`) · 3 manual · 4 reset · 5 target saddle (u32 0–3, 0 = the farthest
 that is free and can be reached) · 6 coil removed from saddle (u32 1–3; the crane took it) · 7 start winding · 8 stop winding.
 Hold-to-run, manual only, one bit at a time (two = none): 0 forward (away from the mandrel) 1 back 2 up 3 down 4 expand 5 collapse.
 
@@ -62,7 +62,7 @@ faults (0xE010): 1/2 horizontal/vertical drive trips · 11–14 limit switch lef
 | pressure, oil | block lifting and the mandrel for as long as they last |
 | limit switches | at the ends of the ways, where the PLC stops by its position; one that is actuated elsewhere blocks its direction |
 | actions | only in automatic, for as long as they are asked; withdrawn = ramp to a stop |
-| recoiler | in automatic, when `automatic_winding` is set, with an empty mandrel and no car in its zone it expands and winds to `order_diameter` |
+| recoiler | in automatic, when `automatic_winding` is set, with an empty mandrel and no car in its zone it expands and winds to `order_diameter`; told to stop winding it waits for automatic or winding being commanded again; a stop, too, stops it |
 """  # noqa: E501
 
 from collections.abc import Callable, Mapping, Sequence
@@ -386,7 +386,7 @@ DEPTH = 0.5
 """What a position may lie inside an obstacle of the interlock before it counts [mm]."""
 STUCK_AFTER = 6.0
 """The mandrel must have arrived in this time [s]."""
-IMPLAUSIBLE = 5.0
+IMPLAUSIBLE = 3.0
 """A limit switch contradicts the position by more than this [mm]."""
 SADDLES = 3
 
@@ -478,6 +478,7 @@ class VirtualCoilCar(VirtualPlc):
     _mandrel_age: float
     _stopping: bool
     _wind: bool
+    _told_not_to_wind: bool
     _seen: dict[str, float]
     _told: tuple[int, int]
     _blocks: dict[int, Block]
@@ -832,13 +833,13 @@ class VirtualCoilCar(VirtualPlc):
         out.append(Obstacle(-inf, middle - near, LOWERED, inf, Block.NOT_LOWERED))
         out.append(Obstacle(middle + near, free, LOWERED, inf, Block.NOT_LOWERED))
         if machine.winding:
-            out.append(Obstacle(middle - near, middle + near, LOWERED, inf, Block.WINDING))
+            top, block = LOWERED, Block.WINDING
         elif machine.coil:
-            top = m.contact(machine.coil) + TOUCH - 1
-            out.append(Obstacle(middle - near, middle + near, top, inf, Block.COIL))
+            top, block = m.contact(machine.coil) + TOUCH - 1, Block.COIL
         else:
-            top = m.mandrel_height - m.eye_diameter / 2 - CORRIDOR
-            out.append(Obstacle(middle - near, middle + near, top, inf, Block.MANDREL))
+            top, block = m.mandrel_height - m.eye_diameter / 2 - CORRIDOR, Block.MANDREL
+        wide = near + 2 * DEPTH  # overlaps its neighbours, so that no position lies between them
+        out.append(Obstacle(middle - wide, middle + wide, top, inf, block))
         reach = (m.coil_width + m.table_width) / 2 + MARGIN
         for n, there in enumerate(machine.saddles, 1):
             if there:
@@ -1110,7 +1111,13 @@ class VirtualCoilCar(VirtualPlc):
         self._wind = False
         if self.mode is not Mode.AUTOMATIC or not machine.strip or values["automatic_winding"] < 0.5:
             return 0
-        if machine.coil or machine.winding or self._in_zone or self._stopping:
+        if machine.finished or machine.winding or self._told_not_to_wind or self._stopping:
+            return 0
+        if machine.coil:
+            if self.block(WIND) is Block.FREE:
+                self._begin_winding()
+            return 0
+        if self._in_zone:
             return 0
         if machine.expansion < 1.0:
             return 1 if self.block(EXPAND) is Block.FREE else 0
@@ -1216,6 +1223,7 @@ class VirtualCoilCar(VirtualPlc):
     def _stop(self) -> Verdict:
         self.event(Event.STOP)
         self.mode = Mode.OFF
+        self.machine.winding = False
         if not self.moving:
             return Verdict()
         self._stopping = True
@@ -1253,7 +1261,7 @@ class VirtualCoilCar(VirtualPlc):
             return no(Reason.MOVING)
         if mode is Mode.AUTOMATIC and self.host_silent:
             return no(Reason.WRONG_STATE, self.state)
-        self.mode = mode
+        self.mode, self._told_not_to_wind = mode, False
         self.event(Event.AUTOMATIC if mode is Mode.AUTOMATIC else Event.MANUAL)
         return Verdict()
 
@@ -1273,14 +1281,14 @@ class VirtualCoilCar(VirtualPlc):
         if code == Command.STOP_WINDING:
             if not machine.winding:
                 return no(Reason.NOT_WINDING)
-            machine.winding = False
+            machine.winding, self._told_not_to_wind = False, True
             return Verdict()
         if self.mode is Mode.OFF and not self.fault:
             return no(Reason.WRONG_STATE, self.state)
         block = self.block(WIND)
         if block is not Block.FREE:
             return no(_WINDING_REASONS[block])
-        self._wind = True
+        self._wind, self._told_not_to_wind = True, False
         return Verdict()
 
     # ---- settings, training, power
@@ -1342,7 +1350,7 @@ class VirtualCoilCar(VirtualPlc):
         self._wish = None
         self._held_back = Block.FREE
         self._mandrel_age = self._silent = 0.0
-        self._stopping = self._wind = False
+        self._stopping = self._wind = self._told_not_to_wind = False
         self._told = (-1, 0)
         self._blocks, self._rectangles = {}, None
         self._take_stock()

@@ -372,6 +372,8 @@ class CoilCar:
             centre = measures.contact(self.load)
             slack = (measures.eye_diameter - measures.collapsed_diameter) / 2 * (1 - self.expansion) + PRESSED
             end = measures.mandrel_reach + half
+            if self.expansion >= 1.0:
+                out.append(Obstacle(-inf_, end, -inf_, inf_, Hit.MANDREL))
             out.append(Obstacle(-inf_, end, -inf_, centre - slack, Hit.MANDREL))
             out.append(Obstacle(-inf_, end, centre + slack, inf_, Hit.MANDREL))
             for number, there in enumerate(self.saddles, 1):
