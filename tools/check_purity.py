@@ -19,7 +19,7 @@ PURE = (
     "app/alarms/lifecycle.py",
     "app/commands/interlocks.py",
 )
-DOING = ("app/sim/plant.py", "app/sim/server.py")
+DOING = ("app/sim/plant.py", "app/sim/sequence_tests.py", "app/sim/server.py")
 """The few files of `sim` that run the virtual devices and open the port; everything else there is physics and programs."""
 
 
