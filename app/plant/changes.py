@@ -191,8 +191,8 @@ def _runs(sequences: Sequence[str]) -> list[tuple[str, Mapping[str, str]]]:
 def _sequence(old: Equipment, new: Equipment) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
     """What differs in the sequence it runs, key by key as in the definition file."""
     details = [_detail("machine", old.machine, new.machine)] if old.machine != new.machine else []
-    if old.sequence is None or new.sequence is None:
-        return details, []
+    if old.sequence is None or new.sequence is None or old.sequence == new.sequence:
+        return details, [("sequence", {"id": new.id})] if details else []
     if old.sequence.name != new.sequence.name:
         details.append(_detail("definition", old.sequence.name, new.sequence.name))
     before, after = _leaves(old.sequence), _leaves(new.sequence)
