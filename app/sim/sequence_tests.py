@@ -121,7 +121,9 @@ class _Run:
     _commands: int = 0
 
     def __post_init__(self) -> None:
-        own = {self.item.id: self.item}
+        # It waits for the command that the test gives, whatever the plant's simulated one begins with.
+        options = {key: value for key, value in self.item.options.items() if key != "simulation"}
+        own = {self.item.id: replace(self.item, options=options)}
         if self.item.machine:
             own[self.item.machine] = self.plant.equipment[self.item.machine]
         links = {item.link: self.plant.links[item.link] for item in own.values()}
