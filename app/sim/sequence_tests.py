@@ -269,17 +269,16 @@ class _Run:
         if out := run.first_out:
             found = self._first_out() or ("nothing" if out.bit < 0 else f"bit {out.bit}")
             said.append(f"first-out {found} ({out.cause.name.lower().replace('_', ' ')})")
-        if not run.running or run.step < len(steps):
-            missing = self._missing(run.step + 1 if run.running else 1)
-            if missing:
-                said.append(f"missing {', '.join(missing)}")
+        next_one = run.step + 1 if run.running else 1 if run.state is SequenceState.IDLE else 0
+        if next_one <= len(steps) and (missing := self._missing(next_one)):
+            said.append(f"missing {', '.join(missing)}")
         return ", ".join(said)
 
     def _missing(self, number: int) -> Sequence[str]:
         run = self.sequence.block
         return [
             one.key if (one := self.definition.permissive(step, bit)) else f"{step}.{bit}"
-            for step in (0, number)
+            for step in dict.fromkeys((0, number))
             for bit in range(BITS)
             if not run.word(step) >> bit & 1
         ]
