@@ -8,8 +8,9 @@ events mean is the book's (`passages`, `runs`): a machine is in one book only, a
 import asyncio
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from sqlalchemy import Connection
 
@@ -112,6 +113,10 @@ class EventHistory(ABC):
     @abstractmethod
     def keeps(self, item: Equipment) -> bool:
         """Whether a machine is in this book."""
+
+    @abstractmethod
+    def caused_by(self, command: int, arguments: Mapping[str, Any]) -> tuple[int, int | None] | None:
+        """Code of the event that a command (its code) causes, and what it is about (`Told.product`); None: none that is kept."""
 
     @abstractmethod
     def book(self) -> Book:

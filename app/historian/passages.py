@@ -7,6 +7,7 @@ machines that track products (docs/registers).
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from enum import IntEnum, StrEnum
+from typing import Any
 
 from sqlalchemy import Connection
 
@@ -94,6 +95,9 @@ class Passages(EventHistory):
         tracking = [item for item in machines if tracks_products(item)]
         super().configure(tracking)
         self._alarms = {item.id: frozenset(one.event for one in item.alarms if one.event) for item in tracking}
+
+    def caused_by(self, command: int, arguments: Mapping[str, Any]) -> tuple[int, int | None] | None:
+        return (BY_COMMAND[command], int(arguments.get("product", 0)) or None) if command in BY_COMMAND else None
 
     def book(self) -> Book:
         return PassageBook(self._alarms)

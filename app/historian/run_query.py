@@ -164,6 +164,7 @@ class Definition:
 
     def __init__(self, text: str = "{}") -> None:
         content: dict[str, Any] = loads(text)
+        self.name: str = content.get("name", "")
         self.label: Mapping[str, str] = content.get("label", {})
         self.steps: Sequence[Mapping[str, Any]] = content.get("steps", [])
         words = [content.get("abort", []), *(step["permissives"] for step in self.steps)]

@@ -176,6 +176,12 @@ class Runs(EventHistory):
         super().configure(running)
         self._definitions = {item.id: kept(item.sequence) for item in running if item.sequence}
 
+    def caused_by(self, command: int, arguments: Mapping[str, Any]) -> tuple[int, int | None] | None:
+        code = BY_COMMAND.get(command)
+        if code is None or code not in OF_PERMISSIVE:
+            return None if code is None else (code, None)
+        return code, int(arguments.get("step", 0)) * BITS + int(arguments.get("bit", 0))
+
     def book(self) -> Book:
         return RunBook(self._definitions)
 

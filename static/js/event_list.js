@@ -1,7 +1,7 @@
-// The list of product passages: fetched again when the passages change, while nobody holds a row; the steps of the chosen one beside it.
+// A list of what machines did (product passages, runs): fetched again when it changes, while nobody holds a row; the chosen one beside it.
 const PAUSE = 1000; // least time between two fetches [ms]
-const panel = document.getElementById("product-detail");
-const list = () => document.getElementById("product-list");
+const panel = document.getElementById("event-detail");
+const list = () => document.getElementById("event-list");
 const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
 let open = "", pressed = false, busy = false, again = false, last = 0, timer = 0;
 
@@ -17,7 +17,7 @@ function mark() {
 async function show(id) {
   open = id;
   mark();
-  const page = await fetched(`/products/detail/${id}`);
+  const page = await fetched(`${list().dataset.detail}${id}`);
   if (!page || open !== id) return;
   const top = panel.querySelector(".scroll")?.scrollTop ?? 0, same = panel.dataset.shown === id;
   panel.replaceChildren(...page.body.childNodes);
@@ -38,7 +38,7 @@ async function take() {
   if (document.hidden) { again = true; return; }
   busy = true;
   last = performance.now();
-  const page = await fetched(list().dataset.src), fresh = page?.getElementById("product-list");
+  const page = await fetched(list().dataset.src), fresh = page?.getElementById("event-list");
   if (fresh && !pressed) replace(fresh);
   busy = false;
   if (again) { again = false; refresh(); }
@@ -46,7 +46,7 @@ async function take() {
 
 function replace(fresh) {
   const before = rows().find((row) => row.dataset.row === open)?.dataset.mark;
-  const focus = document.activeElement?.closest?.("#product-list tr[data-row]")?.dataset.row;
+  const focus = document.activeElement?.closest?.("#event-list tr[data-row]")?.dataset.row;
   const top = list().querySelector(".scroll").scrollTop, first = rows()[0]?.dataset.row;
   const height = list().querySelector(".scroll").scrollHeight;
   list().replaceWith(fresh);
@@ -60,13 +60,13 @@ function replace(fresh) {
 }
 
 document.addEventListener("click", ({ target }) => {
-  const row = target.closest("#product-list tr[data-row]");
+  const row = target.closest("#event-list tr[data-row]");
   if (!row || target.closest("a")) return;
   show(row.dataset.row).then(() => { // on a phone the steps stand below the list
     if (panel.getBoundingClientRect().top > innerHeight - 80) panel.scrollIntoView({ block: "start" });
   });
 });
-document.addEventListener("pointerdown", ({ target }) => { pressed = Boolean(target.closest?.("#product-list tbody")); }, true);
+document.addEventListener("pointerdown", ({ target }) => { pressed = Boolean(target.closest?.("#event-list tbody")); }, true);
 for (const end of ["pointerup", "pointercancel"])
   document.addEventListener(end, () => setTimeout(() => {
     pressed = false;
