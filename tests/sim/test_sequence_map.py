@@ -1,0 +1,239 @@
+"""The virtual coil car and sequence, and the data of their types, were each written from the manual: here they are laid side by side."""
+
+import math
+from collections.abc import Callable, Mapping
+
+from app.blocks import sequence as block
+from app.plant import types
+from app.plant.definitions import EquipmentType
+from app.plant.loader import LANGUAGES
+from app.registers import plc_map
+from app.registers.codec import decode
+from app.sim import coil_car, coil_car_machine, sequence
+from app.sim.plc import VirtualPlc
+from app.sim.sequence import VirtualSequence
+from tests.sim.coil_line import Line, Talker
+
+_car, _car_problems = types.read_type("coil_car", LANGUAGES)
+_sequence, _sequence_problems = types.read_type("sequence", LANGUAGES)
+
+
+def kind_of(name: str) -> EquipmentType:
+    found = {"coil_car": (_car, _car_problems), "sequence": (_sequence, _sequence_problems)}[name]
+    assert found[1] == []
+    return found[0].type
+
+
+def read(plc: VirtualPlc, kind: EquipmentType, key: str) -> float | None:
+    register = kind.points[key].register
+    assert register
+    value = decode(register, plc.read(3, register.address, register.words))
+    assert not isinstance(value, str)
+    return value
+
+
+def test_the_car_is_the_same_at_the_same_places() -> None:
+    kind = kind_of("coil_car")
+    mine = {key: point.register for key, point in kind.points.items() if point.register}
+    assert set(mine) == set(coil_car.REGISTERS)
+    for key, register in mine.items():
+        place = coil_car.REGISTERS[key]
+        assert register
+        assert (register.address, register.type, register.shift, register.mask or 0) == (
+            place.address,
+            place.type,
+            place.shift,
+            place.mask,
+        ), key
+        assert (register.scale, register.offset, register.order) == (1, 0, "abcd"), key
+
+
+def test_the_car_has_the_same_settings_actions_presets_and_measures() -> None:
+    kind = kind_of("coil_car")
+    assert list(kind.setpoints) == [setting.name for setting in coil_car.SETTINGS]
+    for setting in coil_car.SETTINGS:
+        theirs = kind.setpoints[setting.name]
+        assert theirs.default == setting.default
+        for bound, limit in ((theirs.low, setting.low), (theirs.high, setting.high)):
+            assert str(bound).startswith(("min", "max")) or float(bound) == limit, setting.name
+    assert list(kind.actions) == list(coil_car.ACTIONS)
+    assert {name: tuple(limits) for name, limits in kind.simulation_presets.items()} == dict(coil_car.PRESETS)
+    plain = coil_car_machine.Geometry()
+    for name in coil_car_machine.MEASURES:
+        assert kind.options[name] == getattr(plain, name), name
+
+
+def test_every_code_has_a_name() -> None:
+    for name, events, reasons, commands in (
+        ("coil_car", coil_car.Event, coil_car.Reason, coil_car.Command),
+        ("sequence", sequence.Event, sequence.Reason, sequence.Command),
+    ):
+        kind = kind_of(name)
+        codes = {int(code) for code in events}  # type: ignore[attr-defined]
+        if name == "sequence":
+            codes |= {int(code) for code in block.SequenceEvent}
+        assert codes == set(kind.events)
+        assert {int(code) for code in reasons} <= set(kind.reasons)  # type: ignore[attr-defined]
+        assert {command.code for command in kind.commands.values() if command.code} == {int(code) for code in commands}  # type: ignore[attr-defined]
+
+
+def test_every_word_that_is_an_enumeration_has_its_texts() -> None:
+    car, run = kind_of("coil_car").points, kind_of("sequence").points
+    for point, enum in (
+        (car["state"], coil_car.State),
+        (car["mode"], coil_car.Mode),
+        (car["fault"], coil_car.Fault),
+        (car["action_state"], coil_car.ActionState),
+        (car["collision_kind"], coil_car.Hit),
+        (run["state"], block.SequenceState),
+        (run["first_out_cause"], block.Cause),
+    ):
+        assert set(point.texts) == {int(word) for word in enum}, point.key
+    for name in coil_car.MOVEMENTS:
+        assert set(car[f"block_{name}"].texts) == {int(word) for word in coil_car.Block}
+    assert set(car["action"].texts) == set(range(len(coil_car.ACTIONS) + 1))
+    assert set(_sequence.columns["step"]["state"].point.texts) == {int(word) for word in block.StepState}
+
+
+def test_images_lie_where_the_types_say() -> None:
+    line = Line()
+    for name, plc in (("coil_car", line.car), ("sequence", line.plc)):
+        of = kind_of(name).device.plc
+        assert of and of.settings
+        for image in (*of.images, of.settings):
+            assert plc_map.is_whole(plc.read(3, image.address, image.words))
+        assert plc.read(3, plc_map.AT_TYPE, 1) == [of.type_code]
+        assert of.staging == sequence.STAGING
+
+
+def test_a_run_that_was_aborted_reads_as_it_was() -> None:
+    """Every value of the sequence is put to something that no other has, as far as that goes."""
+    line, kind = Line(), kind_of("sequence")
+    line.sequence.ask(sequence.Command.FORCE, 3, 0, plc_map.real(500.0), owner=9)
+    line.start()
+    line.to_step(5)
+    line.run(1)
+    line.car.preset({"pressure": 33.0})
+    line.run(0.5)
+    plc = line.plc
+    run, out = plc.block, plc.block.first_out
+    assert out and out.bit == 0 and out.step == 5
+    expected: Mapping[str, float] = {
+        "state": 5,
+        "step": 5,
+        "steps": 8,
+        "stalled": 0,
+        "needs_acknowledge": 1,
+        "single_step": 0,
+        "automatic": 0,
+        "start_possible": 0,
+        "forces_active": 1,
+        "output": 0,
+        "machine_manual": 0,
+        "abort_word": 0xFFFF,
+        "abort_input": 0xFFFF,
+        "abort_forced": 0,
+        "abort_forceable": 0,
+        "forces": 1,
+        "run_time": 0,
+        "last_run_time": run.run_time,
+        "runs_done": 0,
+        "runs_aborted": 1,
+        "runs_timed_out": 0,
+        "shortest_run": 0,
+        "mean_run": 0,
+        "longest_run": 0,
+        "last_outcome": 5,
+        "first_out_cause": block.Cause.PERMISSIVE_LOST,
+        "first_out_step": 5,
+        "first_out_bit": 0,
+        "first_out_at": 5,
+        "first_out_time": out.time,
+        "first_out_value": 33.0,
+        "first_out_together": out.together,
+        "first_out_abort_word": 0xFFFF,
+        "run_start": plc.run_start,
+        "falls": len(run.falls),
+        "device_steps": 8,
+        "longest_force": 28800,
+        "keep_forces": 0,
+        "stall_after": 1.0,
+        "output_while_suspended": 0,
+    }
+    for key, wanted in expected.items():
+        found = read(plc, kind, key)
+        assert found is not None and math.isclose(found, wanted, rel_tol=1e-6), (key, found, wanted)
+    status = {key for key, point in kind.points.items() if point.register and 0x100 <= point.register.address < 0x280}
+    assert status == set(expected)
+
+
+def cells(plc: VirtualSequence, table: str, slot: int) -> dict[str, float]:
+    kind = kind_of("sequence")
+    of = kind.tables[table]
+    first = of.address + plc_map.TABLE_HEAD
+    row = plc.read(3, first + slot * of.row, of.row)
+    found: dict[str, float] = {}
+    for key, cell in _sequence.columns[table].items():
+        register = cell.point.register
+        assert register
+        at = register.address - first
+        value = decode(register, row[at : at + register.words])
+        assert isinstance(value, int | float)
+        found[key] = value
+    return found
+
+
+def test_rows_read_as_they_are() -> None:
+    line = Line()
+    assert (
+        line.sequence.ask(sequence.Command.FORCE, 3, 0, plc_map.real(500.0), owner=9).state == plc_map.AnswerState.DONE
+    )
+    line.start()
+    line.to_step(3)
+    line.run(1)
+    line.car.preset({"pressure": 33.0})
+    line.run(0.1)
+    line.car.preset({"pressure": 133.0})
+    line.run(0.1)
+    plc = line.plc
+    force = cells(plc, "force", 0)
+    assert (force["id"], force["state"], force["step"], force["bit"]) == (49, 1, 3, 0)
+    assert (force["asked"], force["owner"]) == (500, 9) and 480 < force["remaining"] < 500
+    fall = cells(plc, "fall", 0)
+    assert (fall["id"], fall["state"], fall["step"], fall["bit"]) == (1, 2, 3, 0)
+    assert fall["back"] - fall["fell"] == 100_000
+    kept = plc.block
+    for number in range(1, 9):
+        step, times = cells(plc, "step", number - 1), kept.times[number - 1]
+        expected: Mapping[str, Callable[[], float]] = {
+            "id": lambda n=number: n,  # type: ignore[misc]
+            "state": lambda n=number: kept.step_state(n),  # type: ignore[misc]
+            "word": lambda n=number: kept.word(n),  # type: ignore[misc]
+            "input": lambda n=number: kept.word(n),  # type: ignore[misc]
+            "forced": lambda n=number: kept.forced(n),  # type: ignore[misc]
+            "forceable": lambda: 0b1111 & ~0b10 if number == 1 else 0b101,
+            "minimum": lambda n=number: kept.settings.step(n).minimum,  # type: ignore[misc]
+            "maximum": lambda: 60.0,
+            "elapsed": lambda n=number: kept.elapsed(n),  # type: ignore[misc]
+            "loss_aborts": lambda: 1,
+            "on": lambda n=number: kept.output(n),  # type: ignore[misc]
+            "snapshot": lambda: 0,
+            "runs": lambda t=times: t.runs,  # type: ignore[misc]
+            "least": lambda t=times: t.least,  # type: ignore[misc]
+            "mean": lambda t=times: t.mean,  # type: ignore[misc]
+            "most": lambda t=times: t.most,  # type: ignore[misc]
+            "last": lambda t=times: t.last,  # type: ignore[misc]
+            "lost": lambda: step["lost"],
+        }
+        assert set(step) == set(expected)
+        for key, give in expected.items():
+            if key != "snapshot" or kept.first_out is None:
+                assert math.isclose(step[key], give(), rel_tol=1e-6), (number, key, step[key], give())
+    assert cells(plc, "step", 2)["lost"] & 1
+
+
+def test_a_talker_reads_what_a_host_reads() -> None:
+    line = Line()
+    talker = Talker(line.plc)
+    line.start()
+    assert [event.code for event in talker.events()] == [block.SequenceEvent.STARTED, block.SequenceEvent.STEP_ENTERED]
