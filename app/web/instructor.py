@@ -70,6 +70,20 @@ TRAINERS: Mapping[str, Trainer] = {
         acts={"remove": training.REG_REMOVE, "put": training.REG_PUT, "power": training.REG_POWER},
         switches={"sensor": training.REG_SENSORS},
     ),
+    "coil_car": Trainer(
+        world={
+            "strip": (training.REG_STRIP, ""),
+            "growth": (training.REG_GROWTH, "× 0.1 mm/s"),
+            "crane": (training.REG_CRANE, "s"),
+        },
+        live=("state", "mode", "horizontal", "vertical", "mandrel", "coil_diameter"),
+        acts={"power": training.REG_POWER},
+    ),
+    "sequence": Trainer(
+        world={},
+        live=("state", "step", "stalled", "run_time"),
+        acts={"power": training.REG_POWER},
+    ),
 }
 """By equipment type."""
 LINE_FIELDS: Mapping[str, tuple[int, str]] = {
