@@ -445,6 +445,8 @@ class Wish:
     speed: float = 0.0
     target: float = nan
     """NaN = as far as it may."""
+    block: Block = Block.FREE
+    """It makes no sense now."""
 
 
 class VirtualCoilCar(VirtualPlc):
@@ -987,7 +989,7 @@ class VirtualCoilCar(VirtualPlc):
         mandrel = 0
         horizontal = vertical = False
         if wish is not None:
-            block = self._block_of(wish)
+            block = wish.block or self._block_of(wish)
             if block not in (Block.FREE, Block.THERE):
                 self._held_back = block
             elif wish.movement in (FORWARD, BACK):
@@ -1090,10 +1092,13 @@ class VirtualCoilCar(VirtualPlc):
             return Wish(EXPAND)
         if name == "collapse":
             return Wish(COLLAPSE)
+        speed = self._values["automatic_vertical"]
+        if name == "lift_to_coil" and not (machine.coil or machine.load):
+            return Wish(UP, block=Block.COIL_THERE)
         target = {
             "lower": 0.0,
             "drive_to_mandrel": m.mandrel_position,
-            "lift_to_coil": m.contact(machine.coil or machine.load or m.coil_largest),
+            "lift_to_coil": m.contact(machine.coil or machine.load),
             "drive_out": m.out_position,
             "lift_over_saddle": m.saddle_height + m.clearance,
             "drive_to_saddle": m.saddle(self._target),
@@ -1101,7 +1106,7 @@ class VirtualCoilCar(VirtualPlc):
         }[name]
         if name.startswith("drive"):
             return Wish(FORWARD if target >= machine.x else BACK, self._values["automatic_horizontal"], target)
-        return Wish(UP if target >= machine.v else DOWN, self._values["automatic_vertical"], target)
+        return Wish(UP if target >= machine.v else DOWN, speed, target)
 
     def _recoil(self) -> int:
         """The recoiler by itself: what its mandrel does."""

@@ -144,6 +144,15 @@ def test_actions_are_taken_in_automatic_only() -> None:
         assert car.machine.x == 2700 and value(car, "action") == 0
 
 
+def test_there_is_nothing_to_lift_to_without_a_coil() -> None:
+    car, _ = line(start="automatic", settings={"automatic_winding": 0.0})
+    car.preset({"horizontal": 1000})
+    for _ in range(100):
+        car.ask(["lift_to_coil"])
+        car.step()
+    assert car.machine.v == 0 and value(car, "action_state") == coil_car.ActionState.BLOCKED
+
+
 def test_one_movement_at_a_time() -> None:
     car, _ = line(start="automatic")
     for _ in range(200):
