@@ -265,9 +265,8 @@ class Runtime:
         **params: Any,
     ) -> None:
         """One line of the audit; a command whose event is kept is also told to the history of events."""
-        arguments = params.get("arguments")
-        if kind == "command" and person is not None and isinstance(arguments, Mapping):
-            self._tell_books(person, object, result, arguments, params)
+        if kind == "command" and person is not None:
+            self._tell_books(person, object, result, params.get("arguments") or {}, params)
         await self.access.audit.record(kind, person, object, old, new, result, reason, address, **params)
 
     def _tell_books(
@@ -276,7 +275,7 @@ class Runtime:
         equipment, _, key = what.partition(".")
         item = self.plant.equipment.get(equipment) if self.plant else None
         command = item.type.commands.get(key) if item is not None else None
-        if item is None or command is None or result in (Progressed.REFUSED, Progressed.DRY_RUN):
+        if item is None or command is None or result in (Progressed.REFUSED, Progressed.DRY_RUN, Progressed.FAILED):
             return
         for book in self.books:
             caused = book.caused_by(command.code, arguments) if book.keeps(item) else None

@@ -15,11 +15,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import Connection
 
 from app import __version__
+from app.blocks.sequence import Cause
 from app.clock import to_datetime, to_micros
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
 from app.errors import Refused
-from app.historian import passage_query, query
+from app.historian import passage_query, query, run_query
 from app.historian.passage_query import Passage, Step
 from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
@@ -175,6 +176,94 @@ class ProductsOut(BaseModel):
     """A page of passages, newest first; `next` is the `before` of the next page."""
 
     products: list[ProductOut]
+    next: str | None
+
+
+class RunStepOut(BaseModel):
+    """One step of a run."""
+
+    step: int
+    key: str
+    state: str = Field(description="active, done, timed_out, aborted, unknown")
+    entered: datetime | None
+    ended: datetime | None
+    seconds: float | None = Field(description="how long it was active, suspended time not counted [s]")
+    suspended: float = Field(description="s")
+
+
+class RunEventOut(BaseModel):
+    """One event of a run."""
+
+    time: datetime
+    sequence: int
+    code: int
+    event: str = Field(description="key of the code", examples=["permissive_lost"])
+    step: int = Field(description="0 = abort conditions, or the whole sequence")
+    bit: int | None
+    value: float | None
+    signal: float | None = Field(description="value behind the permissive")
+    together: int = Field(description="permissives that fell in the same cycle")
+    person: str = Field(description="who asked for it")
+    reason: str
+
+
+class FirstOutOut(BaseModel):
+    """The permissive that stopped a run."""
+
+    key: str = Field(description="<step>.<permissive>, abort.<permissive>", examples=["lift.pressure_ok"])
+    label: str = Field(description="in the language of the request")
+    step: int
+    bit: int
+    time: datetime | None = Field(description="when it fell; null: it was missing before it mattered")
+    value: float | None
+    together: int
+
+
+class ForceOut(BaseModel):
+    """A permissive that was forced while a run was under way."""
+
+    step: int
+    bit: int
+    since: datetime
+    seconds: float = Field(description="asked for [s]")
+    until: datetime
+    ending: str = Field(description="released, over, restart, renewed; empty: not told")
+    person: str
+    reason: str
+
+
+class RunOut(BaseModel):
+    """One run of a sequence."""
+
+    id: int
+    equipment: str
+    boot: int
+    started: datetime
+    start_seen: bool
+    started_by: str
+    outcome: str = Field(description=", ".join(run_query.OUTCOMES))
+    ended: datetime | None
+    seconds: float | None = Field(description="run time, suspended time included [s]")
+    last_step: int
+    cause: str | None = Field(description="abort_condition, permissive_lost, operator, time, stall, power_up")
+    first_out: FirstOutOut | None
+    suspensions: int
+    suspended: float = Field(description="s")
+    stalls: int
+    permissives_lost: int
+    forces_active: int
+    acknowledged: datetime | None
+    acknowledged_by: str
+    events_lost: int
+    steps: list[RunStepOut]
+    events: list[RunEventOut]
+    forces: list[ForceOut]
+
+
+class RunsOut(BaseModel):
+    """A page of runs, newest first; `next` is the `before` of the next page."""
+
+    runs: list[RunOut]
     next: str | None
 
 
@@ -380,6 +469,62 @@ async def products(
         products=[_product(runtime, one, told.get(one.id, [])) for one in found[:limit]],
         next=f"{last.entered}-{last.id}" if last else None,
     )
+
+
+@router.get("/runs", dependencies=[allow("view")])
+async def runs(
+    request: Request,
+    equipment: Annotated[str, Query(description="machine; empty: all", max_length=64)] = "",
+    begin: Annotated[datetime | None, Query(alias="from", description="started at or after")] = None,
+    end: Annotated[datetime | None, Query(alias="to", description="started before")] = None,
+    outcome: Annotated[str, Query(description=", ".join(run_query.OUTCOMES), max_length=20)] = "",
+    first_out: Annotated[str, Query(description="any, or the key of a permissive", max_length=120)] = "",
+    longer: Annotated[float | None, Query(ge=0, description="run time above [s]")] = None,
+    forced: Annotated[bool, Query(description="only with forces that were active")] = False,
+    before: Annotated[str, Query(description="`next` of the page before", pattern="^(|[0-9]{1,18}-[0-9]{1,18})$")] = "",
+    steps: Annotated[bool, Query(description="with the steps of each")] = True,
+    events: Annotated[bool, Query(description="with all events and forces of each")] = False,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> RunsOut:
+    """What the sequences did, newest first."""
+    runtime, lang = runtime_of(request), language_of(request)
+    if outcome not in ("", *run_query.OUTCOMES) or any(one and one.tzinfo is None for one in (begin, end)):
+        raise HTTPException(422)
+    started, _, number = before.partition("-")
+    wanted = run_query.Wanted(
+        equipment,
+        to_micros(begin) if begin else None,
+        to_micros(end) if end else None,
+        outcome,
+        first_out,
+        longer,
+        forced,
+        (int(started), int(number)) if before else None,
+    )
+
+    def work(connection: Connection) -> tuple[list[RunOut], str | None]:
+        found = run_query.find(connection, wanted, limit + 1)
+        shown = found[:limit]
+        ids = [one.id for one in shown]
+        known = run_query.definitions(connection, [one.definition for one in shown])
+        taken = run_query.steps(connection, ids if steps else [])
+        told = run_query.events(connection, ids if events else [])
+        made = [
+            _run(
+                runtime,
+                lang,
+                one,
+                known[one.definition],
+                taken.get(one.id, []),
+                told.get(one.id, []),
+                run_query.forces(connection, one) if events and one.forces else [],
+            )
+            for one in shown
+        ]
+        return made, f"{shown[-1].started}-{shown[-1].id}" if len(found) > limit else None
+
+    made, following = await read(runtime, work)
+    return RunsOut(runs=made, next=following)
 
 
 @router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
@@ -686,6 +831,98 @@ def _product(runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> Product
             for step in steps
         ],
     )
+
+
+def _run(
+    runtime: "Runtime",
+    lang: str,
+    one: run_query.Run,
+    definition: run_query.Definition,
+    steps: Sequence[run_query.RunStep],
+    events: Sequence[run_query.RunEvent],
+    forces: Sequence[run_query.Forced],
+) -> RunOut:
+    item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
+    keys = item.type.events if item else {}
+    first = None
+    if one.first_step is not None and one.first_bit is not None:
+        label = definition.permissive(one.first_step, one.first_bit)
+        first = FirstOutOut(
+            key=one.first_out,
+            label=runtime.texts.label(lang, label) or one.first_out,
+            step=one.first_step,
+            bit=one.first_bit,
+            time=_moment(one.first_time),
+            value=one.first_value,
+            together=one.first_together,
+        )
+    return RunOut(
+        id=one.id,
+        equipment=one.equipment,
+        boot=one.boot,
+        started=to_datetime(one.started),
+        start_seen=one.seen,
+        started_by=one.person,
+        outcome=one.outcome,
+        ended=_moment(one.ended),
+        seconds=one.seconds,
+        last_step=one.step,
+        cause=Cause(one.cause).name.lower() if one.cause else None,
+        first_out=first,
+        suspensions=one.suspensions,
+        suspended=one.suspended / 1e6,
+        stalls=one.stalls,
+        permissives_lost=one.losses,
+        forces_active=one.forces,
+        acknowledged=_moment(one.acknowledged),
+        acknowledged_by=one.acknowledged_by,
+        events_lost=one.missed,
+        steps=[
+            RunStepOut(
+                step=step.step,
+                key=step.key,
+                state=step.state,
+                entered=_moment(step.entered),
+                ended=_moment(step.ended),
+                seconds=step.seconds,
+                suspended=step.suspended / 1e6,
+            )
+            for step in steps
+        ],
+        events=[
+            RunEventOut(
+                time=to_datetime(event.time),
+                sequence=event.sequence,
+                code=event.code,
+                event=keys.get(event.code, str(event.code)),
+                step=event.step,
+                bit=event.bit,
+                value=event.value,
+                signal=event.signal,
+                together=event.together,
+                person=event.person,
+                reason=event.reason,
+            )
+            for event in events
+        ],
+        forces=[
+            ForceOut(
+                step=force.step,
+                bit=force.bit,
+                since=to_datetime(force.since),
+                seconds=force.asked,
+                until=to_datetime(force.until),
+                ending=force.ending,
+                person=force.person,
+                reason=force.reason,
+            )
+            for force in forces
+        ],
+    )
+
+
+def _moment(time: int | None) -> datetime | None:
+    return None if time is None else to_datetime(time)
 
 
 def _progress(progress: Progress) -> CommandOut:

@@ -1,0 +1,265 @@
+"""The runs of sequences as a browser asks for them: list, filter, pages, detail, times, CSV, API; and a sequence that runs."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.access.audit import Filter
+from app.errors import StorageError
+from app.historian import run_query
+from app.historian.export import verify_export
+from app.historian.run_query import Run, Wanted
+from app.main import create_app
+from app.settings import Settings
+from tests.web import runs_plant
+from tests.web.operating import Operator, runtime_of, until
+from tests.web.people import HOST, Staff
+
+GOLDEN = Path(__file__).parent / "golden"
+MARCH: dict[str, Any] = {"since": "2026-03-09T00:00", "until": "2026-03-10T00:00", "equipment": "seq1"}
+
+
+@pytest.fixture(scope="module")
+def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
+    folder = tmp_path_factory.mktemp("runs")
+    app = create_app(Settings(plant=runs_plant.write(folder / "plant"), data=folder / "data"))
+    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+        crew = Staff(client)
+        runtime = runtime_of(client)
+        plant = runtime.plant
+        assert plant is not None, runtime.problems
+        crew.wait(runtime.history.write, lambda connection: runs_plant.fill(connection, plant))
+        yield crew
+
+
+def get(staff: Staff, path: str, status: int = 200, **query: Any) -> Any:
+    answer = staff.client.get(path, params={key.rstrip("_"): value for key, value in query.items()})
+    assert answer.status_code == status, answer.text
+    return answer
+
+
+def ids(page: str) -> list[int]:
+    return [int(number) for number in re.findall(r'<tr data-row="(\d+)"', page)]
+
+
+def found(staff: Staff, **wanted: Any) -> list[Run]:
+    given = Wanted(**{"equipment": "seq1", **wanted})
+    rows: list[Run] = staff.wait(
+        runtime_of(staff.client).history.read, lambda connection: run_query.find(connection, given, 1000)
+    )
+    return rows
+
+
+def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
+    staff.have()
+    page = get(staff, "/runs", **MARCH).text
+    assert len(ids(page)) == 50
+    assert "export.csv" not in page
+    for path in ("/runs/export.csv", "/runs/export/size"):
+        assert staff.client.get(path).status_code in (303, 401)
+
+
+def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    seen: list[int] = []
+    page = get(staff, "/runs", **MARCH).text
+    while True:
+        seen += ids(page)
+        older = re.search(r'href="([^"]+)" rel="next"', page)
+        if not older:
+            break
+        page = staff.client.get(older[1].replace("&amp;", "&")).text
+        assert "data-live-list" not in page, "only the first page renews itself"
+    assert seen == [run.id for run in found(staff)]
+    assert len(seen) == 72
+
+
+@pytest.mark.parametrize(
+    ("query", "wanted"),
+    [
+        ({"outcome": "timed_out"}, {"outcome": "timed_out"}),
+        ({"first_out": "any"}, {"first_out": "any"}),
+        ({"first_out": "drive.pressure_ok"}, {"first_out": "drive.pressure_ok"}),
+        ({"first_out": "abort.guards", "outcome": "aborted"}, {"first_out": "abort.guards"}),
+        ({"longer": "1,51"}, {"longer": 1.51}),
+        ({"longer": "1.51"}, {"longer": 1.51}),
+        ({"forced": "1"}, {"forced": True}),
+        ({"outcome": "unknown"}, {"outcome": "unknown"}),
+    ],
+)
+def test_filters(staff: Staff, query: dict[str, Any], wanted: dict[str, Any]) -> None:
+    staff.enter("ana", "viewer")
+    expected = [run.id for run in found(staff, **wanted)]
+    assert (len(expected) > 0) == (query.get("outcome") != "unknown")
+    for path in ("/runs", "/runs/list"):
+        assert ids(get(staff, path, **MARCH, **query).text) == expected
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        {"outcome": "eaten"},
+        {"longer": "-1"},
+        {"longer": "inf"},
+        {"longer": "nan"},
+        {"forced": "yes"},
+        {"view": "upside_down"},
+        {"before": "1"},
+        {"before": "1-x"},
+        {"since": "yesterday"},
+        {"equipment": ["c1", "c2"]},
+    ],
+)
+def test_what_cannot_be_is_refused(staff: Staff, query: dict[str, Any]) -> None:
+    staff.enter("ana", "viewer")
+    get(staff, "/runs", 422, **query)
+    get(staff, "/runs/list", 422, **query)
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_one_is_told_in_every_language(staff: Staff, lang: str) -> None:
+    staff.enter("ana", "viewer")
+    staff.client.cookies.set("pogon_lang", lang)
+    (one,) = found(staff, first_out="drive.pressure_ok")
+    page = get(staff, "/runs", **MARCH).text
+    times = get(staff, "/runs", **MARCH, view="steps").text
+    detail = get(staff, f"/runs/detail/{one.id}").text
+    assert not re.search(r"\[[a-z]{2}\]|\[(runs|event|unit)\.", page + detail + times)
+    pressure = re.search(rf'{lang} = "([^"]+)"', runs_plant.PRESSURE)
+    assert pressure
+    assert pressure[1] in page
+    assert detail.count(pressure[1]) == 4, "first-out, two falls, a force"
+    assert re.search(r"0[78]:06:46[.,]370", detail), "to the millisecond"
+    assert re.search(r"\b6[12]\b", detail), "the value behind it"
+    assert "=Ana; Kos" in detail
+    assert "coil not round" in detail
+    assert runs_plant.STEPS["drive"][["hr", "en", "de", "cs"].index(lang)] in detail
+    staff.client.cookies.delete("pogon_lang")
+
+
+def test_every_kind_of_run_has_a_detail(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    for one in found(staff)[:8]:
+        detail = get(staff, f"/runs/detail/{one.id}").text
+        assert 'href="/equipment/seq1"' in detail
+
+
+def test_one_that_is_not_there_is_not_found(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    for number in (0, -1, 999999, 2**70):
+        get(staff, f"/runs/detail/{number}", 404)
+
+
+def test_times_per_step_are_those_of_the_filtered_runs(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    staff.client.cookies.set("pogon_lang", "en")
+    page = get(staff, "/runs", **MARCH, view="steps").text
+    rows = re.findall(r'<th scope="row">([^<]+)</th><td class="r num">(\d+)</td>', page)
+    assert [name for name, _ in rows] == [
+        "Lower the coil car",
+        "Drive under the mandrel",
+        "Lift to the coil",
+        "Complete run",
+    ]
+    counts = dict(rows)
+    taken = [step for run in found(staff) for step in _steps(staff, run)]
+    for name, key in (("Lower the coil car", "lower"), ("Lift to the coil", "lift")):
+        assert int(counts[name]) == sum(step.key == key and step.state == "done" for step in taken)
+    few = get(staff, "/runs/list", **MARCH, view="steps", outcome="timed_out").text
+    assert "Complete run" not in few
+    staff.client.cookies.delete("pogon_lang")
+
+
+def _steps(staff: Staff, run: Run) -> list[run_query.RunStep]:
+    read = runtime_of(staff.client).history.read
+    taken: list[run_query.RunStep] = staff.wait(read, lambda connection: run_query.steps(connection, [run.id]))[run.id]
+    return taken
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs", "machine"])
+def test_the_export_is_the_golden_file(staff: Staff, lang: str, tmp_path: Path) -> None:
+    """Headers and permissives in the reader's language, its separators, no formula; the file proves itself."""
+    staff.enter("ana", "viewer")
+    answer = get(
+        staff, "/runs/export.csv", locale=lang, since="2026-03-09T08:00", equipment="seq1", until="2026-03-10T00:00"
+    )
+    assert answer.headers["content-type"].startswith("text/csv")
+    assert re.search(r'filename="pogon-runs-seq1-\d{8}-\d{6}\.csv"', answer.headers["content-disposition"])
+    path = tmp_path / "x.csv"
+    path.write_bytes(answer.content)
+    checked = verify_export(path)
+    assert checked.ok
+    lines = answer.content.decode().split("\r\n")
+    kept = [line for line in lines if not line.startswith(("# created", "# sha256", "# Pogon", "# plant"))]
+    golden = GOLDEN / f"runs.{lang}.csv"
+    assert "\n".join(kept) == golden.read_text("utf-8")
+    assert not any(cell.startswith(("=", "+", "@")) for line in kept for cell in re.split("[;,]", line))
+    with_mark = get(staff, "/runs/export.csv", locale=lang, bom="1", outcome="timed_out", **MARCH)
+    assert with_mark.content.startswith(b"\xef\xbb\xbf# Pogon")
+
+
+def test_an_export_is_audited_and_gives_its_place_back(staff: Staff) -> None:
+    staff.enter("ivo", "operator")
+    for _ in range(4):
+        get(staff, "/runs/export.csv", **MARCH)
+    lines = staff.wait(staff.access.audit.find, Filter(kind="runs.exported"))
+    assert (lines[0].person, lines[0].object) == ("ivo", "seq1")
+    assert get(staff, "/runs/export/size", **MARCH).json()["rows"] == 72
+    get(staff, "/runs/export.csv", 422, locale="fr")
+    every = get(staff, "/runs/export.csv", locale="machine").text
+    assert "step_3_s" in every
+
+
+def test_programs_read_the_same(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    span: dict[str, Any] = {"from_": "2026-03-09T00:00:00Z", "to": "2026-03-10T00:00:00Z"}
+    first = get(staff, "/api/v1/runs", limit=50, **span).json()
+    second = get(staff, "/api/v1/runs", limit=50, before=first["next"], steps=False, **span).json()
+    assert len(first["runs"]) + len(second["runs"]) == 72
+    assert second["next"] is None
+    assert second["runs"][0]["steps"] == []
+    (one,) = get(staff, "/api/v1/runs", first_out="drive.pressure_ok", events=True, **span).json()["runs"]
+    assert (one["outcome"], one["cause"], one["last_step"], one["suspended"]) == ("aborted", "permissive_lost", 2, 0.4)
+    assert (one["first_out"]["key"], one["first_out"]["value"]) == ("drive.pressure_ok", 61.5)
+    assert (one["started_by"], one["acknowledged_by"]) == ("Ivo Ban", "=Ana; Kos")
+    assert one["events"][0]["event"] == "started"
+    assert one["events"][-1]["event"] == "acknowledged"
+    assert [(force["step"], force["bit"], force["person"]) for force in one["forces"]] == [(3, 3, "=Ana; Kos")]
+    get(staff, "/api/v1/runs", 422, outcome="eaten")
+    get(staff, "/api/v1/runs", 422, longer=-1)
+
+
+def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    staff.enter("ana", "viewer")
+
+    async def broken(_work: Any) -> Any:
+        raise StorageError("history.db: disk I/O error")
+
+    monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
+    get(staff, "/runs", 503)
+    get(staff, "/api/v1/runs", 503)
+
+
+def test_a_sequence_that_runs_is_in_the_list_with_who_started_it(staff: Staff) -> None:
+    """From a button over the device's ring into the history, and the page is told."""
+    runtime = runtime_of(staff.client)
+    assert "sys.runs.seq2" in runtime.page_names("runs")
+    ivo = Operator(staff, "ivo", ("operator",))
+    assert until(lambda: runtime.tags.value(runtime.tags.handle("seq2.start_possible")) == 1)
+    ivo.take("seq2")
+    answer = ivo.press("/equipment/seq2/command/start", confirmed="1")
+    assert answer.status_code in (200, 202), answer.text
+    assert until(lambda: any(run.outcome == "done" and run.person for run in found(staff, equipment="seq2")))
+    (one,) = found(staff, equipment="seq2")
+    assert one.person == "ivo"
+    assert [step.key for step in _steps(staff, one)] == ["s1", "s2"]
+    assert one.seconds == pytest.approx(0.4, abs=0.1)
+    assert (runtime.tags.value(runtime.tags.handle("sys.runs.seq2")) or 0) >= 1  # type: ignore[operator]
+    assert runtime.runs.last("seq2") is not None
+    page = ivo.get("/runs?equipment=seq2", fragment=False).text
+    assert 'data-tag="sys.runs.seq2"' in page
+    assert ids(page) == [one.id]
