@@ -175,7 +175,9 @@ def _put(connection: Connection, equipment: str, event: RingEvent, alarms: Colle
         case Code.WITHDRAWN | Code.LEFT_BACKWARDS:
             _end(connection, number, Outcome.RETURNED, event.time, *NOT_OVER)
         case Code.LOST:
-            _end(connection, number, Outcome.LOST, event.time, "open", "unknown")
+            # source 0: told as unloaded a moment ago, but the unloader found nothing there; the device counts it as lost, too
+            gripped = ("unloaded",) if event.source == 0 else ()
+            _end(connection, number, Outcome.LOST, event.time, "open", "unknown", *gripped)
 
 
 def _passage(connection: Connection, equipment: str, event: RingEvent, product: int) -> int:

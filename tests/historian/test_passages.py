@@ -111,6 +111,24 @@ async def test_who_is_seen_again_was_not_lost(kept: Passages, history: Database)
     assert ask(history)[0].outcome == "unloaded"
 
 
+async def test_who_was_gone_when_the_unloader_gripped_is_lost(kept: Passages, history: Database) -> None:
+    ring = Ring()
+    ring.tell(1, 5)
+    ring.tell(5, 5, value=20.0)
+    ring.tell(11, 5, source=0, value=660.0)
+    await kept.take("c1", ring.drain())
+    assert (ask(history)[0].outcome, ask(history)[0].ended) == ("lost", ring.time)
+
+
+async def test_who_was_unloaded_is_not_lost_at_a_sensor_afterwards(kept: Passages, history: Database) -> None:
+    ring = Ring()
+    ring.tell(1, 5)
+    unloaded = ring.tell(5, 5, value=20.0)
+    ring.tell(11, 5, source=4, value=570.0)
+    await kept.take("c1", ring.drain())
+    assert (ask(history)[0].outcome, ask(history)[0].ended) == ("unloaded", unloaded.time)
+
+
 @pytest.mark.parametrize("code", [15, 16])
 async def test_who_goes_back_past_the_beginning_has_returned(kept: Passages, history: Database, code: int) -> None:
     ring = Ring()
