@@ -393,8 +393,10 @@ class _Words:
         return f"{number} {self.runtime.texts.label(self.lang, label)}" if label else self.text("step_n", n=number)
 
     def seconds(self, value: float) -> str:
-        """A step or run time: to the tenth below a minute, which is what is compared."""
-        return fmt.quantity(value, 1, "s", self.lang) if value < 59.95 else fmt.duration(value, self.lang)
+        """A step or run time, as fine as one compares it: hundredths below ten seconds, tenths below a minute."""
+        if value >= 59.95:
+            return fmt.duration(value, self.lang)
+        return fmt.quantity(value, 2 if value < 9.995 else 1, "s", self.lang)
 
     def times(self, id: str, steps: list[StepTimes], whole: RunTimes, newest: Definition | None) -> dict[str, Any]:
         item = self._item(id)
