@@ -1,4 +1,4 @@
-"""Ten thousand writes over a line that does everything wrong, without one false success."""
+"""Two thousand writes, in `make soak` ten thousand, over a line that does everything wrong, without one false success."""
 
 import random
 
@@ -9,7 +9,7 @@ from app.plant.definitions import Scan
 from app.tags.batch import Batch
 from tests.commands.stand import EVA, Stand, settle
 
-WRITES = 10_000
+WRITES = [2_000, pytest.param(10_000, marks=pytest.mark.soak)]
 ERRORS = (NoAnswer("silence"), BadAnswer("noise"), NotConnected("gone"), DeviceException(4), Overtaken("stop"))
 
 
@@ -40,12 +40,13 @@ class Line(Stand):
 
 
 @pytest.mark.slow
-async def test_ten_thousand_writes_without_one_false_success() -> None:
+@pytest.mark.parametrize("writes", WRITES)
+async def test_thousands_of_writes_without_one_false_success(writes: int) -> None:
     line = Line(7)
     line.link.spoil = line.spoil
     line.gate.control.take(EVA, "m1")
     outcomes: dict[str, int] = {}
-    for number in range(WRITES):
+    for number in range(writes):
         value = round(line.chance.uniform(0.1, 3000.0), 1)
         before = len(line.link.writes)
         try:
@@ -72,7 +73,7 @@ async def test_ten_thousand_writes_without_one_false_success() -> None:
             assert acted, (number, progress)
             assert line.drive()["f114"] == value, (number, progress)
         outcomes[progress.state] = outcomes.get(progress.state, 0) + 1
-    assert sum(outcomes.values()) == WRITES
-    assert outcomes["confirmed"] > 3000  # what arrived is told as arrived
-    assert outcomes["unconfirmed"] > 1000
-    assert len(line.commands) == WRITES
+    assert sum(outcomes.values()) == writes
+    assert outcomes["confirmed"] > 0.3 * writes  # what arrived is told as arrived
+    assert outcomes["unconfirmed"] > 0.1 * writes
+    assert len(line.commands) == writes

@@ -1,4 +1,4 @@
-"""Ten thousand writes by the whole road (gate → link → transport → wire) to slaves that do everything wrong: not one false success.
+"""Two thousand writes, in `make soak` ten thousand, by the whole road (gate → link → transport → wire) to slaves that do everything wrong: not one false success.
 
 Eighty drives on twenty sockets, or on forty serial lines, are commanded at once by eighty persons. Every value is asked for once, so the
 slaves' own log says whether anything was executed twice.
@@ -26,7 +26,7 @@ from app.tags.quality import is_good
 from tests.commands.stand import SETTINGS, demo_plant, person
 from tests.faulty import FOR_READS, Plan, PtyFaulty, Slave, TcpFaulty, kinder
 
-WRITES = 10_000
+WRITES = [2_000, pytest.param(10_000, marks=pytest.mark.soak)]
 LINES = {"tcp": (20, 4, 1.0), "rtu": (40, 2, 0.3)}
 """Lines, drives on each, part of the faults that reads get: a serial line has no transaction numbers and goes on with care."""
 PATIENCE = {"tcp": 0.05, "rtu": 0.12}
@@ -290,6 +290,7 @@ def examine(hall: Hall, writes: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.parametrize("writes", WRITES)
 @pytest.mark.parametrize("transport", ["tcp", "rtu"])
-async def test_ten_thousand_writes_by_the_whole_road_without_one_false_success(transport: str) -> None:
-    await command_faulty_lines(transport, WRITES, seed=7)
+async def test_thousands_of_writes_by_the_whole_road_without_one_false_success(transport: str, writes: int) -> None:
+    await command_faulty_lines(transport, writes, seed=7)
