@@ -101,14 +101,19 @@ class ProductTracking:
     **Correction.** The leading end makes the rising edge, the trailing end the falling one; which is which follows the direction of
     travel, so backwards the left end leads. An end within the sensor tolerance is set to the sensor, the length stays, the amount
     (actual − expected) is kept. Above the alarm tolerance the product is *outside tolerance* until a smaller correction or a
-    confirmation. A correction makes an uncertain or lost product a tracked one. A measured length that differs by more than the alarm
-    tolerance is told. A standing product makes no edges: a hand in the beam does not move it.
+    confirmation. A correction makes an uncertain or lost product a tracked one (one
+    of the trailing end alone only where a sensor measured the length). A measured length that differs by more than the alarm tolerance
+    is told. A standing product makes no edges: a hand in the beam does not move it.
 
     **Unexpected.** A rising edge with no product within the tolerance is told. If a record has not passed the sensor yet and is within
     `lost_after`, or is overdue with its body over the sensor, there is no room for another product: it is that one, set to the sensor,
     uncertain. Otherwise something is there that nobody knows, and an operator wants to see it: a new record with its leading end at the
     sensor, length measured to the falling edge, uncertain until the next sensor or a person confirms it. So it takes part in gap
     supervision and is unloaded.
+
+    **Touching.** A beam that stays interrupted behind a product whose length a sensor has measured, for at least the shortest product's
+    way, has another product in it that nobody knows and that touches the known one: length differs and unexpected, and a new record of
+    that length behind it, uncertain (whether it is one or two, the space they take is right). So the second one is unloaded too.
 
     **Lost.** An end that should have made a rising edge and is `lost_after` past the sensor without: event, state lost. The record moves
     on with the belts and stays in the table until a sensor finds it or a person deletes, edits or confirms it; past either end of the
@@ -305,6 +310,7 @@ class ProductTracking:
         product.right, product.length = right, length
         product.state = product.settled = _TRACKED
         product.open_at, product.length_known, product.lost_at, product.missed = -1, True, 0, 0
+        product.measured = False
         self._set_passed(product)
         if product not in self.products:
             self.products.append(product)
@@ -553,7 +559,7 @@ class ProductTracking:
             self._tell(Code.WITHDRAWN, n + 1, product.id, 0, product.furthest)
             self._remove(product)
             return
-        product.open_at, product.length_known = -1, False
+        product.open_at, product.length_known, product.measured = -1, False, False
         self._doubt(product)
         if product.state is _ENTERING:
             product.state = _UNCERTAIN
@@ -678,7 +684,8 @@ class ProductTracking:
             self._tell(Code.BUFFER_FULL, n + 1, product.id, 0, float(self.refused))
 
     def _falling(self, n: int) -> None:
-        if self._stuck & 1 << n:
+        stuck = bool(self._stuck & 1 << n)
+        if stuck:
             self._stuck &= ~(1 << n)
             self._working(n)
         opened = next((product for product in self.products if product.open_at == n), None)
@@ -694,8 +701,55 @@ class ProductTracking:
             end = -(product.moving or 1)
             by = x - (product.right if end > 0 else product.left)
             if abs(by) <= self.settings.sensor_tolerance and self._now - product.moved_us <= _RECENT_US:
+                doubtful = not product.measured and product.state is _UNCERTAIN
                 self._correct(product, n, by, Code.TAIL_AT_SENSOR, end)
+                if doubtful:
+                    # its head was not seen here, and its length may be wrong
+                    self._doubt(product)
                 return
+        if not stuck:
+            self._part(n)
+
+    def _part(self, n: int) -> bool:
+        """The beam stayed interrupted behind the last product that it knows, for at least the shortest product's way: another one
+        touches it there, and gets a record. True when it was so."""
+        limits, x = self.settings, self.line.sensors[n]
+        last: Product | None = None
+        behind = 0.0
+        for product in self.products:
+            way = product.moving or 1
+            past = ((product.left if way > 0 else product.right) - x) * way
+            if past > 0.0 and (last is None or past < behind):
+                last, behind = product, past
+            elif product.left < x < product.right:
+                return False
+        if last is None or last.state is _LOST or not last.measured or self._now - last.moved_us > _RECENT_US:
+            return False
+        interrupted = abs(self._travel(n) - self._risen[n])
+        if not limits.shortest <= behind <= limits.longest or interrupted < behind + limits.sensor_tolerance:
+            return False
+        way = last.moving or 1
+        self._tell(Code.LENGTH_DIFFERS, n + 1, last.id, 0, behind, last.length + behind)
+        self._doubt(last)
+        self.unexpected += 1
+        slot = self._free_slot()
+        if slot is None:
+            self.refused += 1
+            self._tell(Code.UNEXPECTED, n + 1)
+            self._tell(Code.BUFFER_FULL, n + 1, 0, 0, float(self.refused))
+            return True
+        right = x + behind if way > 0 else x
+        product = self._record(slot, right, behind, _UNCERTAIN, self._now)
+        product.settled = _UNCERTAIN
+        product.swapped, product.moving = last.swapped, way
+        self._set_passed(product)
+        self._pass(product, n, way, -way)
+        self._in_order()
+        self.found += 1
+        self._tell(Code.UNEXPECTED, n + 1, product.id, last.id, product.head, behind)
+        if self.buffer_full:
+            self._tell(Code.BUFFER_FULL, n + 1, product.id, 0, float(self.refused))
+        return True
 
     def _trailing_edge(self, n: int, held: _Held) -> None:
         """The beam is free again, of the product that interrupted it."""
@@ -714,6 +768,8 @@ class ProductTracking:
             self._correct(product, n, by, Code.TAIL_AT_SENSOR, end)
             if whole and abs(measured - product.length) > limits.alarm_tolerance:
                 self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
+            elif whole and held.sure and product.length_known:
+                product.measured = True
             if not near:
                 self._mark(product, _UNCERTAIN)
         elif not whole or measured < limits.shortest:
@@ -721,7 +777,7 @@ class ProductTracking:
         elif by * end < 0:
             # the end is not at the sensor yet: shorter than tracked, or a hole in it; the way that the beam stays free will tell
             self._cut[n] = _Cut(held, measured, self._travel(n))
-        elif measured <= limits.longest and not self._covered(x, product):
+        elif not self._part(n) and measured <= limits.longest and not self._covered(x, product):
             self._take_length(product, n, measured, end)
 
     def _covered(self, x: float, but: Product) -> bool:
@@ -734,7 +790,7 @@ class ProductTracking:
         self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
         right = x if end > 0 else x + measured
         product.shifted += right - product.right
-        product.right, product.length, product.length_known = right, measured, True
+        product.right, product.length, product.length_known, product.measured = right, measured, True, False
         product.corrected_at = n + 1
         self._pass(product, n, product.moving or 1, end)
         self._mark(product, _UNCERTAIN)
@@ -757,7 +813,7 @@ class ProductTracking:
             right = product.left + length
             product.shifted += right - product.right
             product.right = right
-        product.length = length
+        product.length, product.measured = length, False
         self._set_passed(product)
 
     def _close(self, product: Product, n: int) -> None:
@@ -772,6 +828,7 @@ class ProductTracking:
         product.open_at = -1
         if product.state is _ENTERING:
             product.state = _UNCERTAIN if back else product.settled
+        product.measured = not back and product.length <= limits.longest
         self._pass(product, n, product.moving or 1, 1 if product.open_right else -1)
         self._tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
         if product.length > limits.longest:
@@ -845,7 +902,7 @@ class ProductTracking:
             product.shifted += right - product.right
             product.right = right
         self._tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - length, product.length)
-        product.length, product.length_known, product.open_at = length, False, -1
+        product.length, product.length_known, product.measured, product.open_at = length, False, False, -1
         if product.state is not _LOST:
             product.state = _UNCERTAIN
         self._set_passed(product)

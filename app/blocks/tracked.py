@@ -191,6 +191,8 @@ class Product:
     """Sum of corrections and contacts [mm]: right end = where it entered + displacement + shifted."""
     length_known: bool = True
     """False: measured anew at the next sensor."""
+    measured: bool = False
+    """A sensor measured this length whole; a later one that sees more sees two products."""
     settled: ProductState = ProductState.TRACKED
     """State after entering or unloading."""
     open_at: int = -1

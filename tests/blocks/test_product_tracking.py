@@ -522,6 +522,50 @@ def test_a_longer_one_gets_the_length_that_was_measured() -> None:
     assert (product.left, product.right, product.state) == (215.0, 295.0, ProductState.UNCERTAIN)
 
 
+def test_a_product_that_touches_a_measured_one_from_behind_gets_a_record() -> None:
+    bench = Bench()
+    product = bench.arrive(40)
+    bench.move(74)
+    bench.beam(2, True)
+    bench.move(59)
+    events = bench.beam(2, False)
+    assert codes(events) == [Code.LENGTH_DIFFERS, Code.UNEXPECTED]
+    assert (events[0].id, events[0].value) == (product.id, 20.0)
+    other = bench.tracking.products[1]
+    assert (events[1].id, events[1].second, events[1].value2) == (other.id, product.id, 20.0)
+    assert (product.left, product.right, product.state) == (235.0, 275.0, ProductState.UNCERTAIN)
+    assert (other.left, other.right, other.state) == (215.0, 235.0, ProductState.UNCERTAIN)
+    bench.move(170 - 1)
+    bench.beam(3, True)
+    bench.move(59)
+    assert codes(bench.beam(3, False)) == [Code.TAIL_AT_SENSOR], "two in touch, both known: one beam, one tail"
+    assert (other.left, product.left) == (445.0, 465.0)
+
+
+def test_with_no_slot_left_a_product_that_touches_another_is_told_and_counted() -> None:
+    bench = Bench(Line(slots=1))
+    product = bench.arrive(40)
+    bench.move(74)
+    bench.beam(2, True)
+    bench.move(59)
+    assert codes(bench.beam(2, False)) == [Code.LENGTH_DIFFERS, Code.UNEXPECTED, Code.BUFFER_FULL]
+    assert bench.tracking.refused == 1 and bench.tracking.products == [product]
+
+
+def test_what_two_of_a_chain_hide_between_them_gets_a_record() -> None:
+    bench = Bench()
+    front = bench.arrive(40)
+    bench.move(1)
+    rear = bench.arrive(30)
+    bench.move(44)
+    bench.beam(2, True)
+    bench.move(89)
+    events = bench.beam(2, False)
+    assert Code.UNEXPECTED in codes(events), "20 mm more than both"
+    assert [p.length for p in bench.tracking.products] == [40.0, 30.0, pytest.approx(18.0, abs=2.0)]
+    assert rear.state is ProductState.UNCERTAIN and front in bench.tracking.products
+
+
 def test_stuck_beam_is_suspected_and_its_ghost_found_out() -> None:
     bench = Bench(longest=150.0, lost_after=10.0)
     bench.beam(1, True)
