@@ -4,17 +4,24 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
 from struct import pack, unpack
 from typing import Any, Protocol
 from zlib import crc32
 
+from app.blocks.product_tracking import Code
 from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, real
+from app.sim import training
 from app.sim.bus import Bus
-from app.sim.conveyor import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Place, State, VirtualConveyor
+from app.sim.conveyor import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Event, Place, State, VirtualConveyor
+from app.sim.plc import EVENT_CAPACITY
 from app.sim.server import MBAP, serve_tcp
 
+OF_A_PRODUCT = (Code.LOST, Code.UNEXPECTED, Code.LENGTH_DIFFERS)
+OF_A_BELT = (Event.JAM, Event.ENCODER)
+"""Events that say of a product, or of all products on a belt, that something is wrong."""
 CERTAIN = (1, 2, 6)
 """States of a row whose position counts: tracked, entering, unloading."""
 
@@ -98,6 +105,8 @@ class TestLine:
         self._asked = 0
         self.watch: Callable[[], None] | None = None
         """Called after each scan."""
+        self.hand: int = 0
+        """Number of the product that a hand took off last."""
 
     # ---- time
 
@@ -189,6 +198,8 @@ class TestLine:
         return await self.order(plc_map.COMMIT_SETTINGS, len(raw) // 2, crc32(raw))
 
     async def train(self, register: int, word: int) -> None:
+        if register == training.REG_REMOVE and word <= len(self.true()):
+            self.hand = self.true()[word - 1].number
         await self.port.write(register, [word], 6)
         self.step()
 
@@ -229,8 +240,31 @@ class TestLine:
         return self.device.machine.products
 
 
+@dataclass(slots=True)
+class Life:
+    """One product, from the infeed or a hand to its end, and what the PLC told of it."""
+
+    thing: Any
+    ids: set[int] = field(default_factory=set)
+    """Records that were ever taken for it."""
+    told: list[tuple[int, int]] = field(default_factory=list)
+    """(code, source) of the notices that were about it."""
+    fate: str = ""
+    step: int = 0
+    """Of its end."""
+    unloaded_as: int = 0
+    """Record that the PLC said it unloaded then."""
+    state: int = 0
+    """Last of its record; 0 = it never had one."""
+    during: int = 0
+    """What happened to the line then: a fault, a deed by hand, 0 = nothing."""
+
+
 class Witness:
-    """Knows which product is which record, how far they are apart, and what became of each."""
+    """Knows which product is which record, how far they are apart, what the PLC told of each and what became of it."""
+
+    REACH = 15.0
+    """What a sensor tells is about the products so near to it, and about those that touch them [mm]."""
 
     def __init__(self, line: TestLine) -> None:
         self.line = line
@@ -238,8 +272,17 @@ class Witness:
         """Number of a product → id of its record, once it has one."""
         self.here: dict[int, Any] = {}
         """Number → product, of those on the line."""
-        self.gone: dict[int, str] = {}
+        self.lives: dict[int, Life] = {}
+        """Every product that ever was on the line, by its number."""
         self.fates: Counter[str] = Counter()
+        self.during = 0
+        """What happens to the line: a fault, a deed by hand, 0 = nothing."""
+        self.lately: set[tuple[int, int]] = set()
+        """(code, source) of the events since it began."""
+        self.gripped = 0
+        """Times the PLC told that a product was unloaded."""
+        self.empty_grips = 0
+        """Of those, it had to tell that there was none."""
         self.worst = 0.0
         """Greatest distance between a record whose position counts and its product [mm]."""
         self.worst_flagged = 0.0
@@ -248,6 +291,9 @@ class Witness:
         machine = line.device.machine
         self._before = (machine.unloaded, machine.removed, machine.fallen, machine.backed_out)
         self.here = {product.number: product for product in machine.products}
+        self.lives = {number: Life(thing) for number, thing in self.here.items()}
+        self._whose: dict[int, set[int]] = {}
+        self._grip = 0
         self._newest = line.device.newest
         self.rematch()
         line.watch = self.look
@@ -262,26 +308,18 @@ class Witness:
         machine = device.machine
         counters = (machine.unloaded, machine.removed, machine.fallen, machine.backed_out)
         if len(machine.products) != len(self.here) or counters != self._before:
-            now = {product.number: product for product in machine.products}
-            left = [number for number in self.here if number not in now]
-            for fate, before, after in zip(
-                ("unloaded", "removed", "fallen", "backed out"), self._before, counters, strict=True
-            ):
-                for _ in range(after - before):
-                    number = left.pop(0)
-                    self.gone[number] = fate
-                    self.fates[fate] += 1
-            self._before, self.here = counters, now
+            self._count(counters)
         records = {product.id: product for product in device.tracking.products}
         if device.newest != self._newest:
-            self._newest = device.newest
             self._match(records)
+            self._listen()
         for number, id in self.record.items():
             product, record = self.here.get(number), records.get(id)
             if product is None or record is None:
                 continue
             error = abs(record.right - product.head)
             settled = record.settled if record.state in (2, 6) else record.state
+            self.lives[number].state = settled
             if settled in CERTAIN:
                 if error > self.worst:
                     self.worst = error
@@ -293,6 +331,97 @@ class Witness:
         if len(self.record) > 60:
             self.record = {number: id for number, id in self.record.items() if number in self.here}
 
+    def _count(self, counters: tuple[int, int, int, int]) -> None:
+        """Who came, who went, and by which way."""
+        machine = self.line.device.machine
+        now = {product.number: product for product in machine.products}
+        left = [number for number in self.here if number not in now]
+        for number, product in now.items():
+            if number not in self.lives:
+                self.lives[number] = Life(product)
+        unloaded, removed, fallen, backed_out = (
+            after - before for before, after in zip(self._before, counters, strict=True)
+        )
+        assert unloaded <= 1 and removed <= 1 and len(left) == unloaded + removed + fallen + backed_out
+        if removed:
+            left.remove(self.line.hand)
+            self._end(self.line.hand, "removed")
+        for fate, times in (("unloaded", unloaded), ("fallen", fallen), ("backed out", backed_out)):
+            for _ in range(times):
+                self._end(left.pop(0), fate)
+        self._before, self.here = counters, now
+
+    def _end(self, number: int, fate: str) -> None:
+        life = self.lives[number]
+        life.fate, life.step, life.during = fate, self.line.device.steps, self.during
+        self.fates[fate] += 1
+        if fate == "removed" and not life.ids:
+            # no sensor that works has seen it yet: what it told is that the sensor before is blind or stuck
+            passed = sum(x <= life.thing.head for x in self.line.device.geometry.sensors)
+            told = {(int(Code.SENSOR_SUSPECTED), passed), (int(Code.UNEXPECTED), passed + 1)} & self.lately
+            life.told += sorted(told)
+        elif fate == "removed" and not life.told:
+            ends = (0.0, 0.0, *self.line.device.geometry.belt_ends)
+            for code, belt in sorted(self.lately):
+                # on the belt that failed since, or run into what stands there
+                if code not in OF_A_BELT:
+                    continue
+                begin = ends[belt - 1 if life.thing.collided else belt]
+                if life.thing.head > begin and life.thing.tail < ends[belt + 1]:
+                    life.told.append((code, belt))
+        if fate == "unloaded":
+            assert self._grip, f"product {number} was taken off and the PLC did not tell"
+            life.unloaded_as, self._grip = self._grip, 0
+
+    def _listen(self) -> None:
+        """Of whom the new events speak."""
+        device = self.line.device
+        for sequence in range(self._newest + 1, device.newest + 1):
+            row = plc_map.EVENT_ROWS + sequence % EVENT_CAPACITY * plc_map.EVENT_WORDS
+            event = plc_map.event_of(device.read(3, row, plc_map.EVENT_WORDS))
+            id = event.snapshot[0] << 16 | event.snapshot[1]
+            if event.code == Code.UNLOADED:
+                assert not self._grip, f"record {self._grip} was unloaded and nothing was taken or missed"
+                self._grip = id
+                self.gripped += 1
+            elif event.code == Event.LOST and not event.source:
+                assert id == self._grip
+                self._grip = 0
+                self.empty_grips += 1
+            notice = (event.code, event.source)
+            self.lately.add(notice)
+            if event.code in OF_A_PRODUCT:
+                about = set(self._whose.get(id, ()))
+                if event.source and event.code != Event.LOST:
+                    about |= self._at(device.geometry.sensors[event.source - 1])
+            elif event.code in OF_A_BELT:
+                about = self._on_belt(event.source)
+            else:
+                continue
+            for number in about:
+                self.lives[number].told.append(notice)
+        self._newest = device.newest
+
+    def _on_belt(self, belt: int) -> set[int]:
+        """The products on a belt, and those whose records are."""
+        ends = (0.0, *self.line.device.geometry.belt_ends)
+        begin, end = ends[belt - 1], ends[belt]
+        ids = {p.id for p in self.line.device.tracking.products if p.right > begin and p.left < end}
+        things = {number for number, thing in self.here.items() if thing.head > begin and thing.tail < end}
+        return things | {number for number, id in self.record.items() if id in ids}
+
+    def _at(self, x: float) -> set[int]:
+        """The products at `x` and those that touch them, as a light barrier cannot tell them apart."""
+        things = list(self.here.values())
+        at = {n for n, thing in enumerate(things) if thing.tail - self.REACH <= x <= thing.head + self.REACH}
+        for chain in (range(1, len(things)), range(len(things) - 2, -1, -1)):
+            for n in chain:
+                before = n - 1 if chain.step > 0 else n + 1
+                front, rear = sorted((n, before))
+                if before in at and things[front].tail - things[rear].head < 1.0:
+                    at.add(n)
+        return {things[n].number for n in at}
+
     def _match(self, records: dict[int, Any]) -> None:
         """A new record belongs to the product without one that is nearest, within 12 mm."""
         taken = set(self.record.values())
@@ -303,6 +432,8 @@ class Witness:
             near = min(free, key=lambda product: abs(product.head - record.right), default=None)
             if near is not None and abs(near.head - record.right) < 12:
                 self.record[near.number] = id
+                self.lives[near.number].ids.add(id)
+                self._whose.setdefault(id, set()).add(near.number)
 
 
 class Operator:
@@ -358,7 +489,7 @@ class Operator:
             self.deleted += 1
         for product in list(line.true()):
             row = matched.get(product.number)
-            if row is None and product.head < sensor - 1:
+            if row is None and product.head < sensor:
                 continue
             doubtful = row is not None and row["state"] not in (1, 2, 4, 6)
             inside = product.tail >= 0 and product.head <= line.device.geometry.length
@@ -376,7 +507,7 @@ class Operator:
 
     async def _take_off(self, number: int) -> None:
         numbers = [product.number for product in self.line.true()]
-        await self.line.train(0xE025, numbers.index(number) + 1)
+        await self.line.train(training.REG_REMOVE, numbers.index(number) + 1)
         self.taken_off += 1
 
 
