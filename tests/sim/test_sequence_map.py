@@ -1,4 +1,4 @@
-"""The virtual coil car and sequence, and the data of their types, were each written from the manual: here they are laid side by side."""
+"""The virtual sequence and the data of its type were each written from the manual: here they are laid side by side, by what they read."""
 
 import math
 from collections.abc import Mapping
@@ -9,19 +9,17 @@ from app.plant.definitions import EquipmentType
 from app.plant.loader import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import decode
-from app.sim import coil_car, coil_car_machine, sequence
+from app.sim import sequence
 from app.sim.plc import VirtualPlc
 from app.sim.sequence import VirtualSequence
 from tests.sim.coil_line import Line, Talker
 
-_car, _car_problems = types.read_type("coil_car", LANGUAGES)
 _sequence, _sequence_problems = types.read_type("sequence", LANGUAGES)
 
 
-def kind_of(name: str) -> EquipmentType:
-    found = {"coil_car": (_car, _car_problems), "sequence": (_sequence, _sequence_problems)}[name]
-    assert found[1] == []
-    return found[0].type
+def kind_of() -> EquipmentType:
+    assert _sequence_problems == []
+    return _sequence.type
 
 
 def read(plc: VirtualPlc, kind: EquipmentType, key: str) -> float | None:
@@ -32,83 +30,32 @@ def read(plc: VirtualPlc, kind: EquipmentType, key: str) -> float | None:
     return value
 
 
-def test_the_car_is_the_same_at_the_same_places() -> None:
-    kind = kind_of("coil_car")
-    mine = {key: point.register for key, point in kind.points.items() if point.register}
-    assert set(mine) == set(coil_car.REGISTERS)
-    for key, register in mine.items():
-        place = coil_car.REGISTERS[key]
-        assert register
-        assert (register.address, register.type, register.shift, register.mask or 0) == (
-            place.address,
-            place.type,
-            place.shift,
-            place.mask,
-        ), key
-        assert (register.scale, register.offset, register.order) == (1, 0, "abcd"), key
-
-
-def test_the_car_has_the_same_settings_actions_presets_and_measures() -> None:
-    kind = kind_of("coil_car")
-    assert list(kind.setpoints) == [setting.name for setting in coil_car.SETTINGS]
-    for setting in coil_car.SETTINGS:
-        theirs = kind.setpoints[setting.name]
-        assert theirs.default == setting.default
-        for bound, limit in ((theirs.low, setting.low), (theirs.high, setting.high)):
-            assert str(bound).startswith(("min", "max")) or float(bound) == limit, setting.name
-    assert list(kind.actions) == list(coil_car.ACTIONS)
-    assert {name: tuple(limits) for name, limits in kind.simulation_presets.items()} == dict(coil_car.PRESETS)
-    plain = coil_car_machine.Geometry()
-    for name in coil_car_machine.MEASURES:
-        assert kind.options[name] == getattr(plain, name), name
-
-
 def test_every_code_has_a_name() -> None:
-    for name, events, reasons, commands in (
-        ("coil_car", coil_car.Event, coil_car.Reason, coil_car.Command),
-        ("sequence", sequence.Event, sequence.Reason, sequence.Command),
-    ):
-        kind = kind_of(name)
-        codes = {int(code) for code in events}
-        if name == "sequence":
-            codes |= {int(code) for code in block.SequenceEvent}
-        assert codes == set(kind.events)
-        assert {int(code) for code in reasons} <= set(kind.reasons)
-        assert {command.code for command in kind.commands.values() if command.code} == {int(code) for code in commands}
+    kind = kind_of()
+    assert {int(code) for code in (*sequence.Event, *block.SequenceEvent)} == set(kind.events)
+    assert {int(code) for code in sequence.Reason} <= set(kind.reasons)
+    assert {command.code for command in kind.commands.values() if command.code} == {int(c) for c in sequence.Command}
 
 
 def test_every_word_that_is_an_enumeration_has_its_texts() -> None:
-    car, run = kind_of("coil_car").points, kind_of("sequence").points
-    for point, enum in (
-        (car["state"], coil_car.State),
-        (car["mode"], coil_car.Mode),
-        (car["fault"], coil_car.Fault),
-        (car["action_state"], coil_car.ActionState),
-        (car["collision_kind"], coil_car_machine.Hit),
-        (run["state"], block.SequenceState),
-        (run["first_out_cause"], block.Cause),
-    ):
-        assert set(point.texts) == {int(word) for word in enum}, point.key
-    for name in coil_car.MOVEMENTS:
-        assert set(car[f"block_{name}"].texts) == {int(word) for word in coil_car.Block}
-    assert set(car["action"].texts) == set(range(len(coil_car.ACTIONS) + 1))
+    run = kind_of().points
+    assert set(run["state"].texts) == {int(word) for word in block.SequenceState}
+    assert set(run["first_out_cause"].texts) == {int(word) for word in block.Cause}
     assert set(_sequence.columns["step"]["state"].point.texts) == {int(word) for word in block.StepState}
 
 
 def test_images_lie_where_the_types_say() -> None:
-    line = Line()
-    for name, plc in (("coil_car", line.car), ("sequence", line.plc)):
-        of = kind_of(name).device.plc
-        assert of and of.settings
-        for image in (*of.images, of.settings):
-            assert plc_map.is_whole(plc.read(3, image.address, image.words))
-        assert plc.read(3, plc_map.AT_TYPE, 1) == [of.type_code]
-        assert of.staging == sequence.STAGING
+    plc, of = Line().plc, kind_of().device.plc
+    assert of and of.settings
+    for image in (*of.images, of.settings):
+        assert plc_map.is_whole(plc.read(3, image.address, image.words))
+    assert plc.read(3, plc_map.AT_TYPE, 1) == [of.type_code]
+    assert of.staging == sequence.STAGING
 
 
 def test_a_run_that_was_aborted_reads_as_it_was() -> None:
     """Every value of the sequence is put to something that no other has, as far as that goes."""
-    line, kind = Line(), kind_of("sequence")
+    line, kind = Line(), kind_of()
     line.sequence.ask(sequence.Command.FORCE, 3, 0, plc_map.real(500.0), owner=9)
     line.start()
     line.to_step(5)
@@ -168,7 +115,7 @@ def test_a_run_that_was_aborted_reads_as_it_was() -> None:
 
 
 def cells(plc: VirtualSequence, table: str, slot: int) -> dict[str, float]:
-    kind = kind_of("sequence")
+    kind = kind_of()
     of = kind.tables[table]
     first = of.address + plc_map.TABLE_HEAD
     row = plc.read(3, first + slot * of.row, of.row)
