@@ -4,7 +4,7 @@ What is forced is read from the devices, which also release it. Who asked is the
 trail; only who is signed in is told either.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fastapi import APIRouter, Request
@@ -100,9 +100,5 @@ def _whole(row: RowView, column: str) -> int:
 
 def _reason(lines: Sequence[Record], step: int, bit: int) -> str:
     """Why the newest force of a permissive was asked for; empty when nothing says it."""
-    for line in lines:
-        parameters: Mapping[str, object] = line.parameters
-        arguments = parameters.get("arguments")
-        if isinstance(arguments, dict) and (arguments.get("step"), arguments.get("bit")) == (step, bit):
-            return str(parameters.get("why", ""))
-    return ""
+    meant = f"step = {step}, bit = {bit},"
+    return next((str(line.parameters.get("why", "")) for line in lines if line.new.startswith(meant)), "")
