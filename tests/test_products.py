@@ -83,7 +83,8 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
     server = pogon_server(data=data, plant=host)
     wait(lambda: read(data, "SELECT count(*) FROM passage_step WHERE code = 1")[0][0] >= 3)
     told = read(
-        data, "SELECT p.product, s.code, s.sequence, p.entry, p.id FROM passage p JOIN passage_step s ON s.passage = p.id"
+        data,
+        "SELECT p.product, s.code, s.sequence, p.entry, p.id FROM passage p JOIN passage_step s ON s.passage = p.id",
     )
     assert len({(product, sequence) for product, _, sequence, *_ in told}) == len(told), "no event twice"
     arrived = sorted(product for product, code, *_ in told if code == 1)

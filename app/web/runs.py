@@ -268,7 +268,8 @@ async def _main(request: Request, typed: dict[str, str], wanted: Wanted) -> dict
             for id in ids:
                 only = replace(whole, equipment=id)
                 found.append((id, query.step_times(connection, only), query.run_times(connection, only)))
-                newest |= {id: run.definition for run in query.find(connection, Wanted(equipment=id), 1)}
+                for run in query.find(connection, Wanted(equipment=id), 1):
+                    newest[id] = run.definition
             known = query.definitions(connection, newest.values())
             return found, {id: known[key] for id, key in newest.items()}
 
