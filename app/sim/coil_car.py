@@ -39,7 +39,7 @@ that is free and can be reached) · 6 coil removed from saddle (u32 1–3; the c
 Hold-to-run, manual only, one bit at a time (two = none): 0 forward (away from the mandrel) 1 back 2 up 3 down 4 expand 5 collapse.
 
 Reasons: 1 unknown 2 wrong state 3 emergency stop 4 needs reset 5 moving 6 no such saddle 7 saddle is empty 8 car in the way of the crane 9 a coil
-is on the mandrel 10 mandrel not expanded 11 car in the way of winding 12 already winding 13 not winding 14 guard open 15 pressure or oil (mandrel)
+is on the mandrel 10 mandrel not expanded 11 car in the way of winding 12 already winding 13 not winding 14 guard open 15 pressure or oil (they hold the mandrel)
 20–22 settings.
 
 Events (code · source · value): 1 automatic · 2 manual · 3 stop · 4 reset · 5/6 emergency stop on/off · 7/8 guard opened/closed · guard · 9/10 drive
@@ -59,7 +59,7 @@ faults (0xE010): 1/2 horizontal/vertical drive trips · 11–14 limit switch lef
 | one movement at a time | an axis or the mandrel; another waits until it stands |
 | interlock | an axis may go as far as its S-ramp can still stop before the next obstacle, in manual as in automatic; there is no override |
 | emergency stop, guard, tripped drive, stuck mandrel | brake, mode off, held until the cause is gone and a reset |
-| pressure, oil | block lifting and the mandrel for as long as they last |
+| pressure, oil | block lifting, the mandrel and the begin of winding for as long as they last |
 | limit switches | at the ends of the ways, where the PLC stops by its position; one that is actuated elsewhere blocks its direction |
 | actions | only in automatic, for as long as they are asked; withdrawn = ramp to a stop |
 | recoiler | in automatic, when `automatic_winding` is set, with an empty mandrel and no car in its zone it expands and winds to `order_diameter`; told to stop winding it waits for automatic or winding being commanded again; a stop, too, stops it |
@@ -973,6 +973,8 @@ class VirtualCoilCar(VirtualPlc):
             return Block.WINDING
         if machine.finished:
             return Block.COIL_THERE
+        if (hydraulic := self._oil_pressure()) is not Block.FREE:
+            return hydraulic
         if machine.expansion < 1.0:
             return Block.NOT_COLLAPSED if machine.coil else Block.MANDREL
         lowered = not machine.load and max(machine.v, machine.v + self._vertical.ramp.stop_distance()) <= LOWERED
@@ -1486,6 +1488,8 @@ _WINDING_REASONS: Mapping[Block, Reason] = MappingProxyType(
         Block.EMERGENCY_STOP: Reason.EMERGENCY_STOP,
         Block.GUARD: Reason.GUARD,
         Block.HELD: Reason.HELD,
+        Block.PRESSURE: Reason.HYDRAULICS,
+        Block.OIL: Reason.HYDRAULICS,
         Block.WINDING: Reason.WINDING,
         Block.COIL_THERE: Reason.COIL_ON_MANDREL,
         Block.NOT_COLLAPSED: Reason.NOT_EXPANDED,

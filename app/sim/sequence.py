@@ -364,6 +364,8 @@ class VirtualSequence(VirtualPlc):
             return tuple(word | free for word, free in zip(self._taught, self._unnamed, strict=True))
         signal, before = self.machine.signal, self._signals
         now = self._signals = {name: signal(name) for name in self._names}
+        if now == before and self._true:
+            return self._said
         changed = False
         for n, sentence in enumerate(self._sentences):
             if n < len(self._true) and all(now[name] == before.get(name) for name in sentence.names):

@@ -316,6 +316,8 @@ REFUSED: list[tuple[Command, int, dict[str, float], int]] = [
     (Command.WIND, 0, {"winding": 1}, Reason.WINDING),
     (Command.WIND, 0, {"guard_3": 0}, Reason.GUARD),
     (Command.WIND, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
+    (Command.WIND, 0, {"pressure": 50}, Reason.HYDRAULICS),
+    (Command.WIND, 0, {"oil_temperature": 5}, Reason.HYDRAULICS),
     (Command.WIND, 0, {"mode": 0}, Reason.WRONG_STATE),
     (Command.STOP_WINDING, 0, {}, Reason.NOT_WINDING),
 ]
@@ -350,9 +352,8 @@ def test_refusals_while_it_moves_is_held_or_the_state_is_another() -> None:
 
 
 def test_every_reason_but_those_of_the_base_is_given_somewhere() -> None:
-    """HYDRAULICS is kept for a PLC that winds with pressure; this one's recoiler does not."""
     seen = {reason for _, _, _, reason in REFUSED} | {Reason.MOVING, Reason.UNKNOWN, Reason.HELD}
-    assert set(Reason) - seen == {Reason.HYDRAULICS}
+    assert set(Reason) == seen
 
 
 def test_winding_on_command_stops_and_goes_on() -> None:
