@@ -1,7 +1,7 @@
-"""Two thousand writes, in `make soak` ten thousand, by the whole road (gate → link → transport → wire) to slaves that do everything wrong: not one false success.
+"""Two thousand writes, in `make soak` ten thousand, by the whole road (gate → link → transport → wire): not one false success.
 
-Eighty drives on twenty sockets, or on forty serial lines, are commanded at once by eighty persons. Every value is asked for once, so the
-slaves' own log says whether anything was executed twice.
+The slaves do everything wrong. Eighty drives on twenty sockets, or on forty serial lines, are commanded at once by eighty persons.
+Every value is asked for once, so the slaves' own log says whether anything was executed twice.
 """
 
 import asyncio
