@@ -17,6 +17,7 @@ from app.historian.run_query import Run, Wanted
 from app.historian.runs import Runs, runs_sequence
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.sequence_rings import Device, definition, sequences
+from tests.sim.coil_line import TRANSPORT, Line
 
 
 @pytest.fixture
@@ -609,3 +610,29 @@ def test_a_definition_is_kept_by_what_it_says() -> None:
     assert one.id != other.id
     assert (other.step(2), other.step(3), other.permissive(2, 3)) == ("lift", "3", "lift.pressure_ok")
     assert (other.permissive(0, 0), other.permissive(2, 9)) == ("abort.guards", "lift.bit_9")
+
+
+async def test_the_virtual_coil_line_tells_its_runs(kept: Runs, history: Database) -> None:
+    """The same words as the virtual device really puts into its ring: a transport, and one that a lost pressure ends."""
+    kept.configure(sequences("seq1", "seq2", of=TRANSPORT))
+    for equipment, fault in (("seq1", 0), ("seq2", 31)):
+        line = Line()
+        line.sequence.events()
+        line.start()
+        line.to_step(2)
+        line.machine.fault(fault)
+        line.until(lambda line=line: not line.plc.block.running, 200)  # type: ignore[misc]
+        told = line.sequence.events()
+        await kept.take(
+            equipment,
+            [Event(e.sequence, BEGIN + e.time, e.code, e.source, e.value, tuple(e.snapshot)) for e in told],
+        )
+    ((done,), (lost,)) = ask(history, equipment="seq1"), ask(history, equipment="seq2")
+    assert (done.outcome, done.step) == ("done", 8)
+    assert [step.state for step in steps(history, done)] == ["done"] * 8
+    assert done.seconds == pytest.approx(sum(step.seconds or 0.0 for step in steps(history, done)), abs=0.2)
+    assert (lost.outcome, lost.first_out, lost.step) == ("aborted", "drive_in.pressure_ok", 2)
+    out = line.plc.block.first_out
+    assert out is not None
+    assert (lost.first_step, lost.first_bit, lost.first_time) == (out.step, out.bit, BEGIN + out.time)
+    assert lost.first_value == pytest.approx(out.value)
