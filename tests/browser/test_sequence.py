@@ -1,0 +1,339 @@
+"""Sequences in a real browser: a run, a stall with its first-out, suspend and resume, abort and reset, a force and its end by itself."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from tests import coil_plant
+from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
+
+PASSWORD = "tri plave ladice u kutu"
+AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
+LANGUAGES = ("hr", "en", "de", "cs")
+SIZES = ((1280, 800), (800, 480), (390, 844))
+Sit = Callable[..., Page]
+
+
+def clean() -> dict[str, str]:
+    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with a coil car, its transport and a drill; an engineer and an operator."""
+    folder = tmp_path_factory.mktemp("coils")
+    coil_plant.write(folder / "plant")
+    environment = clean() | {"POGON_DATA": str(folder / "data"), "POGON_PLANT": str(folder / "plant")}
+    for name, roles in {"ivana": ("engineer", "operator"), "ivo": ("operator",)}.items():
+        for arguments, typed in (
+            (("user", "add", name, *(part for role in roles for part in ("--role", role))), ""),
+            (("user", "passwd", name, "--stdin"), PASSWORD + "\n"),
+        ):
+            subprocess.run(
+                [sys.executable, "-m", "app.cli", *arguments],
+                cwd=ROOT, env=environment, input=typed, text=True, capture_output=True, check=True,
+            )  # fmt: skip
+    port, output = find_port(), folder / "pogon.log"
+    with output.open("wb") as sink:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "app.cli", "run"],
+            cwd=ROOT,
+            env=environment | {"POGON_PORT": str(port)},
+            stdin=subprocess.DEVNULL,
+            stdout=sink,
+            stderr=subprocess.STDOUT,
+        )
+    running = PogonServer(f"http://127.0.0.1:{port}", folder / "data", output, process)
+    wait_healthy(running)
+    yield running
+    running.stop()
+
+
+@pytest.fixture(scope="module")
+def sessions() -> dict[str, Any]:
+    return {}
+
+
+@pytest.fixture
+def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iterator[Sit]:
+    """`sit("ivana")`: a browser in which this person looks at a sequence; whatever its console complains of fails the test."""
+    contexts: list[BrowserContext] = []
+    complaints: list[str] = []
+
+    def begin(name: str = "ivana", path: str = "/equipment/seq1", lang: str = "en", **how: Any) -> Page:
+        context = browser.new_context(
+            **{"viewport": {"width": 1280, "height": 800}, "storage_state": sessions.get(name), **how}
+        )
+        contexts.append(context)
+        context.add_cookies([{"name": "pogon_lang", "value": lang, "url": server.url}])
+        page = context.new_page()
+        if name not in sessions:
+            page.goto(f"{server.url}/signin")
+            page.fill("[name=name]", name)
+            page.fill("[name=password]", PASSWORD)
+            page.click("form.sheet-form button.cmd")
+            expect(page.locator(".head .who")).to_contain_text(name)
+            sessions[name] = context.storage_state()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on(
+            "console",
+            lambda said: (
+                said.type in ("error", "warning") and "status of 4" not in said.text and complaints.append(said.text)
+            ),
+        )
+        page.goto(server.url + path)
+        expect(page.locator("body")).to_have_attribute("data-live", "live")
+        return page
+
+    yield begin
+    for context in contexts:
+        for page in context.pages:
+            if page.locator("dialog").count():
+                page.reload()
+            if page.locator("[data-token=release]").count():
+                page.locator("[data-token=release]").first.click()
+                expect(page.locator("[data-token=take]").first).to_be_visible()
+        context.close()
+    assert not complaints
+
+
+def take(page: Page) -> None:
+    expect(page.locator("[data-token=take], [data-token=release]").first).to_be_visible()
+    if page.locator("[data-token=take]").count():
+        page.locator("[data-token=take]").first.click()
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+
+
+def press(page: Page, command: str) -> None:
+    """Press a command, and say yes when it asks."""
+    button = page.locator(f".op [data-command='{command}']:visible")
+    expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+    button.click()
+    asked = page.locator("#overlay .danger")
+    message = page.locator("#message")
+    expect(asked.or_(message.filter(has_text=re.compile("Accepted|Requested")))).not_to_have_count(0)
+    page.wait_for_timeout(300)
+    if asked.count():
+        asked.click()
+        expect(page.locator("#overlay dialog")).to_have_count(0)
+
+
+def head(page: Page) -> Any:
+    return page.locator(".q-top .q-t")
+
+
+def fault(page: Page, code: int, machine: str = "cc1") -> None:
+    """Cause a fault as the instructor's page does."""
+    root = page.url.split("/equipment")[0]
+    answer = page.request.post(
+        f"{root}/instructor/{machine}/fault",
+        form={"code": str(code), "csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
+        headers={"Origin": root},
+        max_redirects=0,
+    )
+    assert answer.status == 303, answer.text()
+
+
+def built(page: Page, machine: str) -> None:
+    """The simulated device as when it was built."""
+    root = page.url.split("/equipment")[0]
+    answer = page.request.post(
+        f"{root}/instructor/{machine}/reset",
+        form={"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
+        headers={"Origin": root},
+        max_redirects=0,
+    )
+    assert answer.status == 303, answer.text()
+
+
+def begin(page: Page) -> None:
+    """A run that has just begun on a line as it was built, whatever went on before."""
+    for machine in ("cc1", "seq1"):
+        built(page, machine)
+    expect(head(page)).to_contain_text("Ready to start", timeout=20_000)
+    take(page)
+    press(page, "seq1.start")
+    expect(page.locator(".seqt [aria-selected=true]")).to_have_count(1, timeout=10_000)
+
+
+def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
+    page = sit()
+    expect(head(page)).to_contain_text("Ready to start", timeout=20_000)
+    begin(page)
+    car = page.locator(".cc-car")
+    place = "element => new DOMMatrix(getComputedStyle(element).transform).m41"
+    before = car.evaluate(place)
+    expect(page.locator("[data-row-step='5'][aria-selected=true]")).to_have_count(1, timeout=60_000)
+    under = car.evaluate(place)
+    assert under < before - 20, "the car went under the mandrel"
+    expect(head(page)).to_contain_text(
+        re.compile(r"[Ss]tep 7 .*[\d.]+ s, allowed 60.0 s\s*Missing for step 8: Car is at its saddle"), timeout=60_000
+    )
+    expect(head(page)).to_contain_text(re.compile(r"Done in \d"), timeout=90_000)
+    assert car.evaluate(place) > under + 200, "and then to the saddle"
+    page.click("#q-tab-times")
+    expect(page.locator("#q-times tbody tr").first.locator("td").nth(3)).not_to_have_text("0")
+    expect(page.locator("#q-steps")).to_be_hidden()
+
+
+def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
+    page = sit()
+    begin(page)
+    expect(page.locator("[data-row-step='2'][aria-selected=true]")).to_have_count(1, timeout=30_000)
+    try:
+        fault(page, 31)
+        expect(head(page)).to_contain_text(
+            re.compile(r"Stalled: step \d waits [\d.]+ s, allowed 60.0 s"), timeout=20_000
+        )
+        expect(head(page)).to_contain_text(re.compile(r"Missing for step \d: .*Pressure is there"))
+        expect(page.locator(".q-word .miss").filter(has_text="Pressure is there")).to_have_count(1)
+        first = page.locator(".q-first li").filter(has_text="Pressure is there").first
+        expect(first).to_contain_text(re.compile(r"\d\d:\d\d:\d\d\.\d{3}"))
+        expect(page.locator(".q-first .first")).to_have_count(1)
+        expect(page.locator(".banner")).to_contain_text("permissive missing")
+        waited = page.locator(".q-t b [data-as=duration]")
+        seconds = waited.inner_text()
+        page.wait_for_timeout(1500)
+        assert waited.inner_text() != seconds, "the seconds run"
+    finally:
+        fault(page, 0)
+    expect(page.locator("[data-row-step='4'][aria-selected=true]")).to_have_count(1, timeout=60_000)
+
+
+def test_suspend_stops_the_time_and_resume_goes_on(sit: Sit) -> None:
+    page = sit()
+    begin(page)
+    page.click(".zone .stop")
+    expect(head(page)).to_contain_text("Suspended in step", timeout=5_000)
+    page.wait_for_timeout(1200)
+    stands = page.locator(".seqt [aria-selected=true] .q-act").inner_text()
+    page.wait_for_timeout(1500)
+    assert page.locator(".seqt [aria-selected=true] .q-act").inner_text() == stands
+    expect(page.locator("[data-command='seq1.start']")).to_be_hidden()
+    press(page, "seq1.resume")
+    expect(head(page)).to_contain_text("of 8", timeout=5_000)
+    expect(page.locator("[data-command='seq1.resume']")).to_be_hidden()
+
+
+def test_an_abort_is_told_with_its_cause_and_has_to_be_reset(sit: Sit) -> None:
+    page = sit()
+    begin(page)
+    press(page, "seq1.abort")
+    expect(head(page)).to_contain_text(re.compile(r"Aborted in step \d: by an operator"), timeout=10_000)
+    expect(head(page)).to_contain_text("Reset the first-out")
+    expect(page.locator(".op [data-command='seq1.start']")).to_have_attribute("aria-disabled", "true")
+    press(page, "seq1.acknowledge")
+    expect(head(page)).not_to_contain_text("Aborted", timeout=10_000)
+    expect(page.locator(".q-first")).to_contain_text("Nothing has stopped the sequence")
+
+
+def test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself(sit: Sit) -> None:
+    page = sit(path="/equipment/seq2")
+    take(page)
+    page.click("[data-row-step='3'] .q-perm")
+    expect(page.locator(".q-word h2")).to_contain_text("Permissives of step 3")
+    page.click("[data-all='1']")
+    guard = page.locator(".q-word li").filter(has_text="Guard is closed")
+    expect(guard.locator(".q-no")).to_have_attribute("title", re.compile("may not be forced"))
+    expect(guard.locator(".q-f")).to_have_count(0)
+    page.locator(".q-word li").filter(has_text="Tank 3 is ready").locator(".q-f").click()
+    dialog = page.locator("#overlay dialog")
+    expect(dialog).to_contain_text("Tank 3 is ready")
+    page.fill("[name=reason]", "Sensor is being replaced")
+    page.fill("[name=password]", "not this one at all")
+    dialog.locator(".danger").click()
+    expect(dialog.locator("[data-hint]")).not_to_be_empty(timeout=10_000)
+    expect(page.locator(".f-force b")).to_have_text("0")
+    page.wait_for_timeout(1200)
+    page.fill("[name=password]", PASSWORD)
+    dialog.locator(".danger").click()
+    expect(dialog).to_have_count(0, timeout=10_000)
+    expect(page.locator(".f-force b")).to_have_text("1", timeout=5_000)
+    expect(page.locator("[data-row-step='3'] .tickbox.f")).to_have_count(1)
+    expect(page.locator(".q-word li").filter(has_text="Tank 3 is ready")).to_contain_text("forced, left")
+    other = page.context.new_page()
+    other.goto(page.url.split("/equipment")[0] + "/forces")
+    row = other.locator(".fc-t tbody tr")
+    expect(row).to_contain_text("Tank 3 is ready")
+    expect(row).to_contain_text("Sensor is being replaced")
+    expect(row).to_contain_text("ivana")
+    expect(other.locator(".fc")).to_contain_text("Nothing is forced", timeout=15_000)
+    expect(page.locator(".f-force b")).to_have_text("0", timeout=5_000)
+    expect(page.locator("[data-row-step='3'] .tickbox.f")).to_have_count(0)
+
+
+def test_operators_cannot_force(sit: Sit) -> None:
+    page = sit("ivo", path="/equipment/seq2?step=3")
+    page.click("[data-all='1']")
+    expect(page.locator(".q-word li")).to_have_count(16)
+    expect(page.locator(".q-f")).to_have_count(0)
+
+
+def test_a_step_without_maximum_says_that_it_stays_and_times_are_changed(sit: Sit) -> None:
+    page = sit(path="/equipment/seq2")
+    expect(page.locator("[data-row-step='2']")).to_contain_text("∞ waiting")
+    take(page)
+    page.click("#q-tab-times")
+    page.click("#q-times tbody tr:nth-child(4) [data-arguments]")
+    dialog = page.locator("#overlay dialog")
+    expect(dialog).to_contain_text("Exercise 4")
+    page.fill("[name=arg_minimum]", "3.5")
+    if page.locator("[name=reason]").count():
+        page.fill("[name=reason]", "slower valve")
+    dialog.locator(".danger").click()
+    expect(dialog).to_have_count(0, timeout=10_000)
+    expect(page.locator("#q-times tbody tr:nth-child(4) td").nth(1)).to_have_text("3.5 s", timeout=5_000)
+
+
+def test_the_list_of_twelve_steps_follows_the_active_one(sit: Sit) -> None:
+    page = sit(path="/equipment/seq2")
+    assert page.locator("#q-steps").evaluate("list => list.scrollTop") == 0
+    shown = page.evaluate(
+        """async () => {
+          const row = document.querySelector('[data-row-step="12"]');
+          const detail = { step_12_state: { value: 1, state: 'good' } };
+          row.dispatchEvent(new CustomEvent('tags', { bubbles: true, detail }));
+          const list = document.getElementById('q-steps').getBoundingClientRect(), box = row.getBoundingClientRect();
+          return [row.getAttribute('aria-selected'), box.top >= list.top, box.bottom <= list.bottom];
+        }"""
+    )
+    assert shown == ["true", True, True]
+    expect(page.locator(".q-abort")).to_be_in_viewport()
+
+
+def test_the_tabs_obey_the_keyboard(sit: Sit) -> None:
+    page = sit(path="/equipment/seq2")
+    page.focus("#q-tab-steps")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#q-times")).to_be_visible()
+    expect(page.locator("#q-tab-times")).to_be_focused()
+
+
+@pytest.mark.parametrize("path", ["/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces"])
+def test_nobody_is_left_out(sit: Sit, path: str) -> None:
+    page = sit(path=path)
+    page.evaluate(AXE.read_text("utf-8"))
+    found = page.evaluate("axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] })")
+    assert not [f"{one['id']}: {[node['html'] for node in one['nodes']]}" for one in found["violations"]]
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_is_cut_off_in_any_language_and_size(sit: Sit, lang: str) -> None:
+    from tools.pictures import LOOK, MARKS
+
+    page = sit(lang=lang)
+    faults = []
+    for path in ("/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces"):
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.goto(page.url.split("/", 3)[0] + "//" + page.url.split("/", 3)[2] + path)
+            expect(page.locator("body")).to_have_attribute("data-live", "live")
+            found = page.evaluate(LOOK) + MARKS.findall(page.inner_text("body"))
+            faults += [f"{path} {width}: {one}" for one in found if "div#message" not in one and "SEQ2" not in one]
+    assert not faults

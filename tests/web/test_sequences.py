@@ -1,0 +1,148 @@
+"""Pages of sequences and of their machine over HTTP: whole in every language, permissives and dialogs by name."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.web.points import EquipmentView
+from app.web.sequences import SequenceView, sequence_of, sequences_for
+from tests import coil_plant
+from tests.web.conftest import _running
+from tests.web.operating import Operator, runtime_of, until
+from tests.web.people import Staff
+
+LANGUAGES = ("hr", "en", "de", "cs")
+PAGES = ("/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces", "/")
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    folder: Path = coil_plant.write(tmp_path_factory.mktemp("coils") / "plant")
+    with _running(folder.parent / "data", folder) as client:
+        tags = runtime_of(client).tags
+        assert until(lambda: tags.sample("seq2.step_12_id").value and tags.sample("seq1.start_possible").value, 30)
+        yield client
+
+
+@pytest.fixture(scope="module")
+def crew(plant: TestClient) -> Staff:
+    return Staff(plant)
+
+
+@pytest.fixture
+def engineer(crew: Staff) -> Operator:
+    return Operator(crew, "ivana", ("engineer", "operator"))
+
+
+@pytest.fixture
+def operator(crew: Staff) -> Operator:
+    return Operator(crew, "ivo", ("operator",))
+
+
+def sequence(client: TestClient, key: str, lang: str = "en") -> SequenceView:
+    runtime = runtime_of(client)
+    assert runtime.plant
+    text = lambda name, **params: runtime.texts.text(lang, name, **params)  # noqa: E731
+    found = sequence_of(EquipmentView(runtime.plant.equipment[key], runtime, lang, text))
+    assert found
+    return found
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_is_whole_in_every_language(plant: TestClient, engineer: Operator, path: str, lang: str) -> None:
+    engineer.language = lang
+    answer = engineer.get(path, fragment=False)
+    assert answer.status_code == 200
+    assert not re.search(r">\s*\[?[a-z_]+(?:\.[a-z_0-9]+){1,3}\]?\s*<|\[(?:hr|en|de|cs)\] ", answer.text)
+    assert 'style="' not in answer.text and not re.search(r"<script(?![^>]* src=)", answer.text)
+
+
+def test_the_page_of_a_sequence_has_the_points_of_its_machine(plant: TestClient) -> None:
+    names = runtime_of(plant).page_names("equipment/seq1")
+    assert {"cc1.horizontal", "cc1.coil_diameter", "seq1.step_8_elapsed", "sys.commands.seq1"} <= set(names)
+    assert "cc1.horizontal" not in runtime_of(plant).page_names("equipment/seq2")
+    assert {"seq1.forces", "seq2.forces"} <= set(runtime_of(plant).page_names("frame"))
+    assert "seq2.force_1_remaining" in runtime_of(plant).page_names("forces")
+
+
+def test_a_machine_knows_the_sequences_that_move_it(plant: TestClient) -> None:
+    view = sequence(plant, "seq1")
+    assert view.machine and [one.id for one in sequences_for(view.machine)] == ["seq1"]
+    assert sequence(plant, "seq2").machine is None and not sequences_for(sequence(plant, "seq2").equipment)
+
+
+def test_permissives_have_the_names_of_the_definition(plant: TestClient, operator: Operator) -> None:
+    part = operator.get("/equipment/seq1/part/word?step=4&all=1").text
+    assert part.count("<li") == 16
+    assert "Coil touches the car" in part and "Pressure is there" in part and part.count("not used") == 14
+    assert "Permissives of step 4" in part and "/ask/force" not in part
+
+
+@pytest.mark.parametrize("step", ["99", "-1", "x", "1e3", "²"])
+def test_a_step_that_is_none_shows_what_decides_now(plant: TestClient, operator: Operator, step: str) -> None:
+    answer = operator.get(f"/equipment/seq1/part/word?step={step}")
+    assert answer.status_code == 200 and "Permissives of step 1" in answer.text
+
+
+def test_what_is_missing_comes_first_and_is_counted(plant: TestClient) -> None:
+    view = sequence(plant, "seq1")
+    assert view.count(1) == 16 and view.missing(1) == []
+    assert [one.label for one in view.missing(4)] == ["Coil touches the car"] and view.bits(4)[0].bit == 6
+    assert view.named(sequence(plant, "seq2").bits(1)[:5]).endswith("2 more")
+
+
+def test_the_headline_of_one_that_may_start(plant: TestClient) -> None:
+    for lang in LANGUAGES:
+        head = sequence(plant, "seq1", lang).headline
+        assert head.kind == "calm" and head.before and head.detail and "{" not in head.before + head.detail
+
+
+def test_a_force_is_asked_for_by_name_with_password_and_no_longer_than_allowed(
+    plant: TestClient, engineer: Operator
+) -> None:
+    engineer.post("/equipment/seq2/token/take")
+    dialog = engineer.get("/equipment/seq2/ask/force?step=3&bit=1").text
+    assert "Tank 3 is ready" in dialog and 'name="password"' in dialog and 'name="reason"' in dialog
+    assert re.findall(r'<option value="(\d+)"', dialog) == ["6"], "the definition allows 6 s"
+    other = engineer.get("/equipment/seq1/part/word?step=4&all=1").text
+    assert "Relevant to safety" in other and "bit=6" not in other
+    refused = engineer.post(
+        "/equipment/seq2/command/force",
+        id="one", nonce=engineer.nonce(), arg_step="3", arg_bit="1", arg_duration="5", reason="test", confirmed="1",
+    )  # fmt: skip
+    assert refused.status_code == 409 and 'name="password"' in refused.text, "without the password it is asked for"
+    wrong = engineer.post(
+        "/equipment/seq2/command/force", id="two", nonce=engineer.nonce(), arg_step="3", arg_bit="1",
+        arg_duration="5", reason="test", confirmed="1", password="certainly not this one",
+    )  # fmt: skip
+    assert wrong.status_code == 401
+    assert runtime_of(plant).tags.sample("seq2.forces").value == 0
+    engineer.post("/equipment/seq2/token/release")
+
+
+def test_the_dialog_of_times_says_what_is_there(plant: TestClient, engineer: Operator) -> None:
+    engineer.post("/equipment/seq2/token/take")
+    dialog = engineer.get("/equipment/seq2/ask/set_times?step=2").text
+    assert "Exercise 2" in dialog and re.search(r'name="arg_maximum" value="0"', dialog)
+    engineer.post("/equipment/seq2/token/release")
+
+
+@pytest.mark.parametrize("key", ["cc1", "seq1"])
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_an_instructor_reads_every_fault_by_name(plant: TestClient, engineer: Operator, key: str, lang: str) -> None:
+    engineer.language = lang
+    page = engineer.get(f"/instructor/{key}", fragment=False)
+    assert page.status_code == 200
+    assert not re.search(r"instructor\.[a-z_]+\.", page.text)
+    named = re.findall(r'name="code" value="\d+"[^>]*>\s*<span[^>]*>\s*<b>([^<]+)', page.text)
+    assert all(not name.strip().isdigit() for name in named)
+
+
+def test_nobody_signed_in_learns_who_forced(plant: TestClient) -> None:
+    plant.cookies.clear()
+    assert plant.get("/forces").status_code == 200
+    assert plant.get("/equipment/seq2/ask/force?step=3&bit=1", headers={"HX-Request": "true"}).status_code in (401, 303)
