@@ -1,6 +1,7 @@
 """pogon export, backup, restore: take history home, and everything else, and bring it back."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 from zoneinfo import ZoneInfo, available_timezones
@@ -15,7 +16,10 @@ from app.errors import ConfigurationError, StorageError
 from app.historian.export import FORMATS, Export, Sheet, Wish, moment, verify_export
 from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
 from app.historian.passage_query import Wanted
-from app.plant.definitions import Plant
+from app.historian.run_export import RunExport, RunWish, running, step_names
+from app.historian.run_export import words as run_words
+from app.historian.run_query import Wanted as WantedRuns
+from app.plant.definitions import Equipment, Plant
 from app.plant.loader import read_plant
 from app.plant.texts import Texts
 from app.settings import read_settings
@@ -34,6 +38,7 @@ def export(
     products: Annotated[
         str, typer.Option(help="Instead of tags: what became of each product on this machine, or on all.")
     ] = "",
+    runs: Annotated[str, typer.Option(help="Instead of tags: the runs of this sequence, or of all.")] = "",
     begin: Annotated[
         str, typer.Option("--from", help="2026-03-09T06:00 (time of the plant), with offset, or -8h")
     ] = "-1h",
@@ -49,7 +54,7 @@ def export(
     data: Data = None,
     plant: PlantFolder = None,
 ) -> None:
-    """History as CSV, samples or products, also beside a running server: it only reads.
+    """History as CSV, samples, products or runs, also beside a running server: it only reads.
 
     The file ends with its number of rows and its SHA-256.
     """
@@ -64,8 +69,8 @@ def export(
             raise ConfigurationError(f"{out} exists already: an export replaces no file")
         found, _ = read_plant(plant or settings.plant)
         zone, now = _zone(timezone, found), SystemClock().micros()
-        if bool(tags) == bool(products) or (products and aggregate):
-            raise ConfigurationError("expected either --tags, or --products without --aggregate")
+        if sum(map(bool, (tags, products, runs))) != 1 or (aggregate and not tags):
+            raise ConfigurationError("expected either --tags, or --products or --runs without --aggregate")
         about: dict[str, Any] = {
             "zone": zone,
             "locale": locale,
@@ -79,6 +84,8 @@ def export(
         span = moment(begin, zone, now), moment(end, zone, now)
         if products:
             made = _products(products, span, found, about)
+        elif runs:
+            made = _runs(runs, span, found, about)
         else:
             named = [tag.strip() for tag in tags.split(",") if tag.strip()]
             made = Export(Wish(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
@@ -167,16 +174,23 @@ def restore(
     )
 
 
-def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
-    """The export of passages of `machine`, or of `all`."""
+def _machine(
+    option: str, machine: str, known: list[Equipment], span: tuple[int, int], plant: Plant | None, about: dict[str, Any]
+) -> str:
+    """The machine that `option` names, empty for all; refuses what cannot be exported."""
     if span[1] <= span[0]:
         raise ConfigurationError("--to: expected after --from")
     if about["locale"] not in FORMATS:
         raise ConfigurationError(f"locale: {about['locale']}, expected one of {', '.join(FORMATS)}")
-    equipment = "" if machine == ALL else machine
-    known = [item.id for item in tracking(plant)]
-    if equipment and plant is not None and equipment not in known:
-        raise ConfigurationError(f"--products {machine}: expected {', '.join((*known, ALL))}")
+    ids = [item.id for item in known]
+    if machine != ALL and plant is not None and machine not in ids:
+        raise ConfigurationError(f"{option} {machine}: expected {', '.join((*ids, ALL))}")
+    return "" if machine == ALL else machine
+
+
+def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
+    """The export of passages of `machine`, or of `all`."""
+    equipment = _machine("--products", machine, tracking(plant), span, plant, about)
     wish = PassageWish(
         Wanted(equipment, *span),
         sensors=sensors(plant, equipment),
@@ -184,6 +198,14 @@ def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: d
         **about,
     )
     return PassageExport(wish)
+
+
+def _runs(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
+    """The export of runs of `machine`, or of `all`."""
+    equipment = _machine("--runs", machine, running(plant), span, plant, about)
+    said = run_words(Texts.read(plant), about["locale"])
+    wish = RunWish(WantedRuns(equipment, *span), **said, **about)
+    return RunExport(replace(wish, steps=step_names(plant, equipment, wish.label)))
 
 
 def _write(made: Sheet, database: Database, out: Path | None) -> None:

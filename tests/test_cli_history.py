@@ -10,9 +10,12 @@ from pathlib import Path
 from app.backup import table_counts
 from app.db import Database
 from app.historian import passages
+from app.historian.event_history import Delivery
 from app.historian.export import verify_export
+from app.plant.loader import read_plant
 from tests.conftest import ROOT, PogonServer
 from tests.historian.rings import Ring
+from tests.web import runs_plant
 
 
 def pogon(data: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -101,7 +104,7 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     database.migrate()
     ring = Ring(time=time.time_ns() // 1000 - 60_000_000)
     ring.passage(7)
-    database.run(lambda connection: passages.store(connection, passages.Delivery("c1", ring.drain()), (), 0))
+    database.run(lambda connection: passages.store(connection, Delivery("c1", ring.drain()), (), 0))
     database.close()
     done = pogon(tmp_path, "export", "--products", "c1", "--locale", "de")
     assert done.returncode == 0, done.stderr
@@ -112,3 +115,23 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     assert (wrong.returncode, "c1, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
     neither = pogon(tmp_path, "export")
     assert (neither.returncode, "either --tags" in neither.stderr) == (2, True)
+
+
+def test_runs_go_home_without_a_server(tmp_path: Path) -> None:
+    folder = runs_plant.write(tmp_path / "plant")
+    plant, problems = read_plant(folder)
+    assert plant is not None, problems
+    database = Database(tmp_path / "history.db", "history")
+    database.migrate()
+    begin = time.time_ns() // 1000 - 1_200_000_000
+    database.run(lambda connection: runs_plant.fill(connection, plant, 1, begin))
+    database.close()
+    done = pogon(tmp_path, "export", "--runs", "seq1", "--locale", "de", "--plant", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert "Beginn UTC;Beginn lokal;Maschine;Schrittkette;" in done.stdout
+    assert ";Freigabe verloren;Hydraulikdruck in Ordnung;2;3;" in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("# sha256: ")
+    wrong = pogon(tmp_path, "export", "--runs", "cc1", "--plant", str(folder))
+    assert (wrong.returncode, "seq1, seq2, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
+    both = pogon(tmp_path, "export", "--runs", "seq1", "--tags", "a.b")
+    assert (both.returncode, "either --tags" in both.stderr) == (2, True)
