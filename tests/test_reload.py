@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -40,6 +41,7 @@ class Plant:
 
     def write(self, text: str) -> None:
         self.folder.mkdir(exist_ok=True)
+        shutil.copytree(bundled("plants/demo"), self.folder, dirs_exist_ok=True)
         (self.folder / "plant.toml").write_text(text, "utf-8")
 
     async def take(self, text: str) -> Any:

@@ -1,5 +1,6 @@
 """An instructor breaks a machine in a real browser and sees what became of it; plant files are taken while the page is open."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
 def folder(tmp_path: Path) -> Path:
     found = tmp_path / "plant"
     found.mkdir()
+    shutil.copytree(bundled("plants/demo"), found, dirs_exist_ok=True)
     (found / "plant.toml").write_text(DEMO, "utf-8")
     return found
 

@@ -1,5 +1,6 @@
 """What a reload says beforehand: each difference once, with what follows from it."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ def demo(tmp_path: Path) -> Plant:
 
 
 def read(folder: Path, text: str) -> Plant:
+    shutil.copytree(bundled("plants/demo"), folder, dirs_exist_ok=True)
     (folder / "plant.toml").write_text(text, "utf-8")
     plant, problems = read_plant(folder)
     assert plant is not None, problems

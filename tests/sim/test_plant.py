@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,7 @@ def test_a_seed_belongs_to_a_machine_and_not_to_its_place() -> None:
 
 def test_what_a_virtual_device_does_not_take_is_a_problem_of_the_plant_file(tmp_path: Path) -> None:
     demo = Path("plants/demo/plant.toml").read_text("utf-8")
+    shutil.copytree("plants/demo", tmp_path, dirs_exist_ok=True)
     (tmp_path / "plant.toml").write_text(demo.replace("F113 = 40.0", "F113 = 4000"), "utf-8")
     broken, (problem,) = read_simulated(tmp_path)
     assert broken is None

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -172,6 +173,7 @@ def test_a_live_device_is_never_broken_even_where_writes_are_allowed(
     plant = tmp_path / "plant"
     plant.mkdir()
     text = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
+    shutil.copytree(bundled("plants/demo"), plant, dirs_exist_ok=True)
     live = f'transport = "tcp"\nhost = "127.0.0.1"\nport = {free_port}\nwrites = true'
     text = re.sub(r'transport = "memory"[^\n]*\nwrites = true[^\n]*', live, text)
     (plant / "plant.toml").write_text(text, "utf-8")

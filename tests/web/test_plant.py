@@ -1,6 +1,7 @@
 """The page of the plant files: what would change, what is wrong, and only an engineer who has read it takes it."""
 
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,7 @@ LONGER = DEMO.replace('en = "Fan 1"', 'en = "<b>Fan</b> West"')
 def folder(tmp_path: Path) -> Path:
     found = tmp_path / "plant"
     found.mkdir()
+    shutil.copytree(bundled("plants/demo"), found, dirs_exist_ok=True)
     (found / "plant.toml").write_text(DEMO, "utf-8")
     return found
 
