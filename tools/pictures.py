@@ -53,6 +53,8 @@ SCREENS = {
     "trends": "/trends",
     "alarms": "/alarms",
     "products": "/products?equipment=c1",
+    "runs": "/runs?equipment=seq1",
+    "run-times": "/runs?equipment=seq1&view=steps",
     "communication": "/communication",
     "users": "/users",
     "tokens": "/tokens",
