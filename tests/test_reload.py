@@ -185,7 +185,7 @@ async def test_an_error_while_taking_them_brings_the_former_plant_back(
         monkeypatch.setattr(gate, "configure", fail)
         answer = await plant.take(DEMO + M3)
         assert not answer.done and answer.refused == "plant.refused.failed" and "no room" in answer.error
-        assert set(runtime.plant.equipment) == {"m1", "m2", "c1"}  # type: ignore[union-attr]
+        assert set(runtime.plant.equipment) == {"m1", "m2", "c1", "cc1", "seq1"}  # type: ignore[union-attr]
         assert plant.good("m1.frequency")
         await asyncio.sleep(0.5)
         assert plant.good("m1.frequency") and "m3.frequency" not in runtime.tags

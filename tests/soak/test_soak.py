@@ -5,6 +5,7 @@
 
 import asyncio
 import os
+import shutil
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -159,6 +160,7 @@ async def runtime(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterat
         folder = tmp_path / "plant"
         folder.mkdir()
         (folder / "plant.toml").write_text(text, "utf-8")
+        shutil.copytree(bundled("plants/demo") / "sequences", folder / "sequences")
     runtime = Runtime(Settings(plant=folder, data=tmp_path / "data"))
     await runtime.start()
     yield runtime
