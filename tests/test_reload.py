@@ -261,8 +261,7 @@ async def test_a_class_room_of_thirty_starts_and_polls_in_one_process(tmp_path: 
 @pytest.fixture
 def server(pogon_server: Callable[..., PogonServer], tmp_path: Path) -> PogonServer:
     folder = tmp_path / "plant"
-    folder.mkdir()
-    (folder / "plant.toml").write_text(DEMO, "utf-8")
+    shutil.copytree(bundled("plants/demo"), folder)
     return pogon_server(plant=folder)
 
 
