@@ -109,7 +109,8 @@ class ProductTracking:
     `lost_after`, or is overdue with its body over the sensor, there is no room for another product: it is that one, set to the sensor,
     uncertain. Otherwise something is there that nobody knows, and an operator wants to see it: a new record with its leading end at the
     sensor, length measured to the falling edge, uncertain until the next sensor or a person confirms it. So it takes part in gap
-    supervision and is unloaded.
+    supervision and is unloaded. An edge inside a record that no sensor has measured (its own beam is still interrupted, or was for too
+    long) is told with that record, which is uncertain then: it covers all that came while the beam did not change.
 
     **Touching.** A beam that stays interrupted behind a product whose length a sensor has measured, for at least the shortest product's
     way, has another product in it that nobody knows and that touches the known one: length differs and unexpected, and a new record of
@@ -594,12 +595,18 @@ class ProductTracking:
             self._expected_edge(best, n, best_by)
             return
         if over:
+            by = x - (over.right if (over.moving or 1) > 0 else over.left)
             if over.state is _LOST and over.lost_at == n + 1:
-                self._find(over, n, x - (over.right if (over.moving or 1) > 0 else over.left))
+                self._find(over, n, by)
                 return
             cut, self._cut[n] = self._cut[n], None
             if cut and cut.held.product is over:
                 self._in_beam[n] = cut.held
+            elif over.open_at >= 0 or not over.length_known:
+                # how far it reaches is a guess, the sensor that saw it may be stuck: it, or another one behind it
+                self.unexpected += 1
+                self._tell(Code.UNEXPECTED, n + 1, over.id, 0, by)
+                self._doubt(over)
             return
         self._stranger(n)
 

@@ -587,6 +587,24 @@ def test_a_stuck_sensor_makes_nobody_lost() -> None:
     assert product.state is ProductState.UNCERTAIN and bench.tracking.lost == 0
 
 
+def test_products_inside_a_record_of_a_stuck_beam_are_told() -> None:
+    bench = Bench(SIMULATION)
+    bench.beam(1, True)
+    record = bench.tracking.products[0]
+    bench.move(75)
+    told = []
+    for _ in range(2):
+        told += bench.beam(2, True)
+        bench.move(19)
+        told += bench.beam(2, False)
+        bench.move(9)
+    unexpected = [(e.source, e.id) for e in told if e.code is Code.UNEXPECTED]
+    assert unexpected == [(2, record.id)] * 2, "both came while S1 was stuck, and have no record of their own"
+    assert bench.tracking.products == [record]
+    bench.beam(1, False)
+    assert record.state is ProductState.UNCERTAIN
+
+
 def test_two_unknown_in_a_row_make_the_sensor_before_suspected() -> None:
     bench = Bench()
     bench.move(1)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from math import inf
 from struct import pack, unpack
 from typing import Any, Protocol
 from zlib import crc32
@@ -256,6 +257,8 @@ class Life:
     """Record that the PLC said it unloaded then."""
     state: int = 0
     """Last of its record; 0 = it never had one."""
+    apart: float = inf
+    """Last distance from its record [mm]; inf = it has none."""
     during: int = 0
     """What happened to the line then: a fault, a deed by hand, 0 = nothing."""
 
@@ -315,11 +318,15 @@ class Witness:
             self._listen()
         for number, id in self.record.items():
             product, record = self.here.get(number), records.get(id)
-            if product is None or record is None:
+            if product is None:
+                continue
+            if record is None:
+                self.lives[number].apart = inf
                 continue
             error = abs(record.right - product.head)
             settled = record.settled if record.state in (2, 6) else record.state
-            self.lives[number].state = settled
+            life = self.lives[number]
+            life.state, life.apart = settled, error
             if settled in CERTAIN:
                 if error > self.worst:
                     self.worst = error
@@ -463,14 +470,20 @@ class Operator:
         bits = await line.port.read(0x0103, 2)
         if not (bits[0] >> 5 & 1 and bits[1] >> 7 & 1):
             return
-        for id, row in (await line.products()).items():
+        rows = await line.products()
+        for id, row in rows.items():
             if row["state"] != 5 or row["head"] < line.device.geometry.length - self.REACH:
                 continue
-            if any(abs(product.head - row["head"]) < self.REACH for product in line.true()):
+            if any(self._is_its(product, row, rows) for product in line.true()):
                 await line.order(Command.CONFIRM, id)
             else:
                 await line.order(Command.DELETE, id)
                 self.deleted += 1
+
+    def _is_its(self, product: Any, row: dict[str, float], rows: dict[int, dict[str, float]]) -> bool:
+        """It lies there, and is not the product of a row that is nearer."""
+        away = abs(product.head - row["head"])
+        return away < self.REACH and all(away <= abs(product.head - other["head"]) for other in rows.values())
 
     async def tidy(self) -> None:
         """Delete records without a product, take off products without a record, correct what is between."""

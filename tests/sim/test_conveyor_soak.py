@@ -4,10 +4,11 @@ What is counted at the end, of products (things) and of records (what the PLC kn
 
 - things: fed + put by hand = unloaded + taken off + fallen over the end + still there;
 - records: entered + found + inserted = unloaded + empty grips + deleted + withdrawn + left backwards + still in the table;
-- thing by thing: unloaded as the record that it was known as, or told before that identities are in doubt; taken off by a hand from a
-  running line and told as lost, or out of a beam as of another length; taken off by the operator, or fallen over the end, and told:
-  lost (11), unexpected (12), length differs (14) of it or of what touches it, jam (24) or encoder (26) of its belt, or the sensor that
-  did not see it suspected (28); what the operator took off, at least its row said uncertain.
+- thing by thing: unloaded as the record that it was known as, or told before that identities are in doubt, at least by its row, which
+  said uncertain or lost; taken off by a hand from a running line and told as lost, or out of a beam as of another length; fallen over
+  the end, or taken off by the operator, and told: lost (11), unexpected (12), length differs (14) of it or of what touches it, jam (24)
+  or encoder (26) of its belt, or the sensor that did not see it suspected (28); what the operator took off, at least its row said
+  uncertain, or it was where its row said (one half in the beam of S1 that he does not edit: his deed, nothing is lost).
 """
 
 import random
@@ -44,6 +45,8 @@ EXPECTED = {
     60: (Event.HOST_SILENT, 0),
 }
 """What the PLC must tell of each fault: event and source."""
+DOUBTED = (ProductState.UNCERTAIN, ProductState.LOST)
+"""States of a row that say: who it is must be looked at."""
 DOUBTFUL = (ProductState.UNCERTAIN, ProductState.OUTSIDE, ProductState.LOST)
 REMOVED, PUT = -1, -2
 """Deeds by hand, among the faults."""
@@ -197,11 +200,12 @@ class Soak:
             case "":
                 return number in self.witness.here
             case "unloaded":
-                return life.unloaded_as in life.ids or bool(life.told)
+                return life.unloaded_as in life.ids or bool(life.told) or life.state in DOUBTED
             case "removed" if number in self.taken_silently:
                 return any(code in (Code.LOST, Code.LENGTH_DIFFERS) for code, _ in life.told)
             case "removed":
-                return bool(life.told) or life.state in DOUBTFUL
+                # the operator's own deed: nothing is lost when the PLC knew where it was until then
+                return bool(life.told) or life.state in DOUBTFUL or (bool(life.state) and life.apart <= TOLERANCE)
             case "fallen":
                 return bool(life.told)
         return False
