@@ -147,7 +147,7 @@ async def test_broken_files_leave_the_plant_as_it_is(tmp_path: Path) -> None:
         runtime = plant.runtime
         await plant.until(lambda: plant.good("m1.frequency"))
         revision = runtime.tags.revision
-        answer = await plant.take(DEMO.replace("unit = 2", "unit = 1\ncolour = 5"))
+        answer = await plant.take(DEMO.replace("unit = 2\n", "unit = 1\ncolour = 5\n"))
         assert not answer.done and answer.refused == "plant.refused.problems"
         assert len(answer.problems) == 2
         assert runtime.tags.revision == revision and plant.good("m2.frequency")
@@ -211,11 +211,11 @@ async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path
         await plant.until(lambda: plant.good("m2.frequency"))
         assert (await plant.take(DEMO)).done
         await plant.until(lambda: plant.good("m2.frequency"))
-        assert "link.yard" not in runtime.keeper.kept and set(runtime.links) == {"hall", "line"}
+        assert "link.yard" not in runtime.keeper.kept and set(runtime.links) == {"hall", "line", "coil"}
 
 
 async def test_a_plant_that_was_broken_at_the_start_is_started_when_it_is_mended(tmp_path: Path) -> None:
-    async with running(tmp_path, DEMO.replace("unit = 2", "unit = 1")) as plant:
+    async with running(tmp_path, DEMO.replace("unit = 2\n", "unit = 1\n")) as plant:
         assert plant.runtime.plant is None and plant.runtime.problems
         assert (await plant.take(DEMO)).done
         await plant.until(lambda: plant.good("m1.frequency") and plant.good("m2.speed"))

@@ -174,7 +174,7 @@ async def test_automatic_is_started_and_stopped(line: Line) -> None:
     assert found.state is State.ACCEPTED
     assert (await line.ended()).state is State.CONFIRMED
     assert (line.value("automatic"), line.value("moving")) == (0, 0)
-    assert line.orders == [1, 2]
+    assert line.orders[0] == 1 and set(line.orders[1:]) == {2}, "only Stop is repeated, until it is read back"
 
 
 async def test_a_lost_echo_is_cleared_up_by_the_answers_and_nothing_is_sent_twice(line: Line) -> None:
