@@ -872,8 +872,7 @@ class ProductTracking:
             if not bits & 1 << n:
                 continue
             if beams[n] or self.sensor_faults & 1 << n:
-                if product.state is _TRACKED:
-                    product.state = _UNCERTAIN
+                self._doubt(product)
                 held = self._in_beam[n]
                 if held and held.product is not product:
                     self._in_beam[n] = None

@@ -605,6 +605,17 @@ def test_products_inside_a_record_of_a_stuck_beam_are_told() -> None:
     assert record.state is ProductState.UNCERTAIN
 
 
+@pytest.mark.parametrize("state", [ProductState.TRACKED, ProductState.OUTSIDE])
+def test_what_passes_a_stuck_sensor_is_uncertain(state: ProductState) -> None:
+    bench = Bench()
+    bench.beam(2, True, 0.0)
+    bench.tracking.delete(bench.tracking.products[0].id)
+    product = put(bench, 200.0, 30.0)
+    product.state = state
+    bench.move(100)
+    assert product.state is ProductState.UNCERTAIN
+
+
 def test_two_unknown_in_a_row_make_the_sensor_before_suspected() -> None:
     bench = Bench()
     bench.move(1)
