@@ -81,10 +81,10 @@ def drill(steps: int = 12, longest_force: int = 6) -> str:
     return "\n".join(lines)
 
 
-def write(folder: Path) -> Path:
-    """The plant as files in `folder`."""
+def write(folder: Path, link: str = '"memory"') -> Path:
+    """The plant as files in `folder`; `link`: its transport as TOML, with what goes with it."""
     (folder / "sequences").mkdir(parents=True, exist_ok=True)
-    (folder / "plant.toml").write_text(PLANT, "utf-8")
+    (folder / "plant.toml").write_text(PLANT.replace('"memory"', link), "utf-8")
     (folder / "sequences" / "transport.toml").write_text(transport(), "utf-8")
     (folder / "sequences" / "drill.toml").write_text(drill(), "utf-8")
     return folder

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,6 +30,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     """One Pogon with a coil car, its transport and a drill; an engineer and an operator."""
     folder = tmp_path_factory.mktemp("coils")
     coil_plant.write(folder / "plant")
+    yield from serve(folder)
+
+
+def serve(folder: Path) -> Iterator[PogonServer]:
+    """A Pogon on `folder`/plant with its people."""
     environment = clean() | {"POGON_DATA": str(folder / "data"), "POGON_PLANT": str(folder / "plant")}
     for name, roles in {"ivana": ("engineer", "operator"), "ivo": ("operator",)}.items():
         for arguments, typed in (
