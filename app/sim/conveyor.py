@@ -6,6 +6,7 @@ Written from the map's description (issue 3) and the thesis' program, never from
 | --- | --- |
 | emergency stop | cuts the drives at once; after it is released the line stays held until a reset |
 | jam | driven with the drive at its torque limit and without a pulse for the jam time; the belt's drive goes off, the others ramp down |
+| jam, position | what lies on the jammed belt and the next one is uncertain |
 | encoder | what it counted differs from what the ramp must have moved; the products on its belt are uncertain from 1 mm on |
 | faults | stay until reset, which tries again: a fault whose cause is still there comes back |
 | gap stop, automatic | released when the belts stood for the restart delay (reset: at once) and a start would not bring a pair too near |
@@ -572,6 +573,7 @@ class VirtualConveyor(VirtualPlc):
                     belt.jam_age += dt
                 if belt.jam_age >= jam_time and not belt.jammed:
                     belt.jammed = True
+                    self._doubt(number, across=True)
                     self._fail(Event.JAM, number)
                 continue
             belt.model += (self._setpoints[number] * scale - belt.model) * self._follow
@@ -594,12 +596,13 @@ class VirtualConveyor(VirtualPlc):
         self._first(code, belt + 1, value)
         self._faulty = True
 
-    def _doubt(self, belt: int) -> None:
-        """Nobody knows where the products on this belt are until a sensor sees them."""
+    def _doubt(self, belt: int, *, across: bool = False) -> None:
+        """Nobody knows where the products on this belt are until a sensor sees them; `across`: those that lie on the next one too."""
         ends = self.geometry.belt_ends
         begin, end = ends[belt - 1] if belt else 0.0, ends[belt]
         for product in self.tracking.products:
-            if product.right > begin and product.left < end:
+            on_it = product.right > begin and product.left < end
+            if on_it and not (across and begin <= product.left and product.right <= end):
                 _make_uncertain(product)
 
     def _modes_and_gaps(self) -> None:
