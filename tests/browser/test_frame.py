@@ -98,6 +98,7 @@ def test_a_server_that_does_not_answer_is_said_too(visitor: Page, server: PogonS
 
 def test_the_language_changes_in_place_and_keeps_what_was_typed(page: Page, server: PogonServer) -> None:
     page.goto(f"{server.url}/equipment/m1?from=2#commands")
+    page.wait_for_load_state("networkidle")  # the column of commands may be fetched anew right after the page
     field = page.locator("[name=argument]").first
     field.evaluate("field => field.readOnly = false")
     field.fill("33,3")
