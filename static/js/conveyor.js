@@ -1,5 +1,6 @@
-// The products of a line, to scale. Every slot of the table has its group; all that moves in it is moved by transforms of one duration, so
-// that head, tail and dimension stay together. Where there is no way from here to there (another product, a jump) nothing glides.
+// The products of a line, to scale. Every slot of the table has its group. What it draws hangs on its head, and only the head is moved: the
+// box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
+// tail changed about) nothing glides.
 import { number } from "./format.js";
 
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
@@ -49,8 +50,8 @@ class Line {
     for (const [key, tag] of Object.entries(detail)) cells[key.slice(key.lastIndexOf("_") + 1)] = tag;
     let product = this.products.get(group);
     if (!product) {
-      product = { group, id: 0, left: 0 };
-      for (const [name, part] of [["dts", ".p-dts"], ["box", ".p-box"], ["cross", ".p-x"], ["edge", ".p-head"], ["text", ".p-id"], ["alarm", ".p-alm"]]) product[name] = group.querySelector(part);
+      product = { group, id: 0, edge: 0, backwards: false };
+      for (const [name, part] of [["body", ".p-body"], ["dts", ".p-dts"], ["box", ".p-box"], ["cross", ".p-x"], ["text", ".p-id"], ["alarm", ".p-alm"]]) product[name] = group.querySelector(part);
       this.products.set(group, product);
     }
     product.cells = cells;
@@ -83,14 +84,14 @@ class Line {
     }
     const left = this.at(Math.min(head, tail)), right = this.at(Math.max(head, tail)), width = Math.max(right - left, 2);
     const backwards = head < tail || (head === tail && valued(cells.direction) === 1);
-    const fresh = product.id !== id;
-    group.classList.toggle("still", fresh || Math.abs(left - product.left) > JUMP);
+    const fresh = product.id !== id, edge = backwards ? left : left + width;
+    group.classList.toggle("still", fresh || backwards !== product.backwards || Math.abs(edge - product.edge) > JUMP);
     if (fresh) {
       group.removeAttribute("display");
       product.text.textContent = String(id);
       product.inked = 0;
     }
-    Object.assign(product, { id, left, right: left + width, middle: left + width / 2 });
+    Object.assign(product, { id, edge, backwards, left, right: left + width, middle: left + width / 2 });
     const state = valued(cells.state) ?? 0;
     if (group.dataset.state !== String(state) || fresh) {
       group.dataset.state = String(state);
@@ -98,12 +99,11 @@ class Line {
     }
     group.dataset.q = cells.head.state === "good" ? cells.id.state : cells.head.state;
     group.classList.toggle("chosen", id === this.chosen);
-    const edge = backwards ? left : left + width;
-    move(product.box, left, width);
-    move(product.edge, edge + (backwards ? 1.5 : -1.5));
-    const stops = Math.abs(this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor;
-    move(product.dts, backwards ? edge - stops : edge, Math.max(stops, 0));
-    if (state === STATE.LOST) product.cross.setAttribute("d", `M${round(left)} 88L${round(left + width)} 130M${round(left)} 130L${round(left + width)} 88`);
+    group.classList.toggle("backwards", backwards);
+    move(product.body, edge);
+    product.box.style.width = `${round(width)}px`;
+    product.dts.style.width = `${round(Math.abs(this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor)}px`;
+    if (state === STATE.LOST) product.cross.setAttribute("d", `M0 88L${round(width)} 130M0 130L${round(width)} 88`);
     return true;
   }
 
