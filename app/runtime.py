@@ -31,7 +31,7 @@ from app.live.frames import Live
 from app.plant.changes import Change, compare, digest, renamed, same_line
 from app.plant.definitions import Equipment, Link, Plant, Point, Problem
 from app.plant.derive import Derivation
-from app.plant.events import RingEvent
+from app.plant.events import Mark, RingEvent
 from app.plant.retained import RetainedStates
 from app.plant.sequences import RUNNING
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_point, system_points
@@ -299,12 +299,14 @@ class Runtime:
         made = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
         made.on_events = self._take_events
         made.last_seen = self._last_seen
+        made.stored_up_to = self._stored_up_to
         return made
 
     async def _take_events(self, item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
-        """Alarms at once, then what is kept: returns when it is, so that the device may forget it.
+        """Alarms at once, then what is kept.
 
-        A history that takes nothing, or for long, holds nothing up: the events wait in memory and are in the ring still.
+        A history that takes nothing, or for long, holds nothing up: the events wait in memory. The device is told only of what is stored
+        (`_stored_up_to`), so that they are in its ring still when this server is killed.
         """
         self._log_events(item, events, lost)
         self.alarms.take_events(item.id, events, lost)
@@ -321,10 +323,17 @@ class Runtime:
 
     def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
         """Where the ring of a machine is to be read from: behind what both the alarms and the history have."""
-        marks = [self.alarms.last_event(item.id)]
-        marks += [book.last(item.id) for book in self.books if book.keeps(item)]
+        mark = self._earliest(item, self.alarms.last_event(item.id))
+        return None if mark is None else mark.seen
+
+    def _stored_up_to(self, item: Equipment) -> Mark | None:
+        """The last event of a machine that is in the journal of the alarms and in the history."""
+        return self._earliest(item, self.alarms.stored_event(item.id))
+
+    def _earliest(self, item: Equipment, alarms: Mark | None) -> Mark | None:
+        marks = [alarms, *(book.last(item.id) for book in self.books if book.keeps(item))]
         known = [mark for mark in marks if mark is not None]
-        return min(known, key=lambda mark: mark.time).seen if len(known) == len(marks) else None
+        return min(known, key=lambda mark: mark.time) if len(known) == len(marks) else None
 
     @staticmethod
     def _log_events(item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
@@ -768,6 +777,9 @@ class Runtime:
             tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
         tell("simulation_late", active=self.sim is not None and self.sim.lag > SIMULATION_LATE)
         audit = self.access.audit
+        for item in self.plant.equipment.values() if self.plant else ():
+            count = self.links[item.link].only_here(item.id) if item.link in self.links else 0
+            tell("events_unstored", item.id, active=count > 0, params={"count": count})
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
         recorder = self.recorder

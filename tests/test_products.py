@@ -2,10 +2,14 @@
 
 import asyncio
 import json
+import resource
+import socket
 import sqlite3
+import struct
 import time
 import urllib.request
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +18,13 @@ import pytest
 from app.access.roles import Person, permissions_of
 from app.historian import passage_query as query
 from app.historian.passage_query import Wanted
+from app.links.events import head_of
+from app.registers import plc_map
 from app.runtime import Runtime
 from app.settings import Settings
 from tests.conftest import PogonServer, find_port
 from tests.historian.rings import Ring
+from tests.sim.test_simulate_process import simulating
 
 PLANT = """
 [plant]
@@ -98,6 +105,68 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
     with urllib.request.urlopen(f"{server.url}/healthz", timeout=5) as answer:
         assert json.loads(answer.read())["tasks_down"] == []
     assert "Traceback" not in server.log()
+
+
+@pytest.mark.parametrize("way", ["locked", "full"])
+async def test_killed_while_the_history_takes_nothing_it_misses_no_event(
+    pogon_server: START, tmp_path: Path, way: str
+) -> None:
+    """What the history did not take is not acknowledged: the ring of the machine still has it when the server comes back."""
+    line = folder(tmp_path / "line", SIMULATED)
+    async with simulating(str(line), "--tcp", "127.0.0.1:0") as (_, said):
+        modbus = int(said["tcp"].rpartition(":")[2])
+        await asyncio.to_thread(_kill_while_nothing_is_taken, pogon_server, tmp_path, modbus, way)
+
+
+def _kill_while_nothing_is_taken(pogon_server: START, tmp_path: Path, modbus: int, way: str) -> None:
+    host = folder(
+        tmp_path / "host",
+        PLANT.format(link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}', simulation=""),
+    )
+    data = tmp_path / "data"
+    newest = "SELECT sequence FROM event_mark"
+    server = pogon_server(data=data, plant=host)
+    wait(lambda: read(data, newest) and read(data, newest)[0][0] > 3)
+    with closing(sqlite3.connect(data / "history.db", isolation_level=None, timeout=20)) as other:
+        if way == "locked":
+            other.execute("BEGIN IMMEDIATE")
+        else:
+            size = (data / "history.db-wal").stat().st_size
+            resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (size, size))
+        before = read(data, newest)[0][0]
+        wait(lambda: "passages are not written" in server.log(), limit=30)
+        wait(lambda: ring(modbus)[0] >= before + 10)
+        _, told = ring(modbus)
+        assert read(data, newest)[0][0] - before <= 3 and told <= read(data, newest)[0][0], "no more than is stored"
+        server.kill()
+    stored = read(data, newest)[0][0]
+    assert ring(modbus)[0] > stored + 5
+    pogon_server(data=data, plant=host)
+    wait(lambda: read(data, newest)[0][0] > stored + 10)
+    found = [number for (number,) in read(data, "SELECT DISTINCT sequence FROM passage_step WHERE sequence > 0")]
+    assert stored + 1 in range(min(found), max(found)) and read(data, "SELECT count(*) FROM event_gap") == [(0,)]
+    arrived = [
+        product for (product,) in read(data, "SELECT DISTINCT product FROM passage WHERE entry = 1 ORDER BY product")
+    ]
+    assert arrived == list(range(arrived[0], arrived[0] + len(arrived))), "no product missing"
+    doubled = "SELECT count(*) - count(DISTINCT product) FROM passage"
+    assert read(data, doubled) == [(0,)], "none twice"
+    wait(lambda: ring(modbus)[1] > stored)
+
+
+def ring(port: int) -> tuple[int, int]:
+    """Newest and acknowledged sequence in the ring of the machine behind a port."""
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as line:
+        line.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, plc_map.EVENTS, plc_map.EVENTS_WORDS))
+        answer = b""
+        while len(answer) < 9 + 2 * plc_map.EVENTS_WORDS:
+            more = line.recv(256)
+            assert more, answer
+            answer += more
+    words = struct.unpack(f">{plc_map.EVENTS_WORDS}H", answer[9:])
+    head = head_of(words)
+    assert head is not None
+    return head.newest, head.acknowledged
 
 
 async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -> None:

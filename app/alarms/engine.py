@@ -75,7 +75,8 @@ LATEST_SCAN = 10_000_000
 LONG_AGO = 60_000_000
 """Events that happened this long before a machine was first met raise nothing [µs]."""
 MARK_PERIOD = 10.0
-"""How often it is written down how far events without any effect were taken [s]."""
+MARK_EVERY = 30
+"""How often it is written down how far events without any effect were taken [s], and after how many [events]: a ring holds 63."""
 UNTOLD: Mapping[str, object] = {
     "product": "–",
     "second": "–",
@@ -114,6 +115,8 @@ class AlarmEngine:
         self._settling: dict[str, Watch] = {}
         self._marks: dict[str, Mark] = {}
         self._new_marks: dict[str, Mark] = {}
+        self._safe: Mapping[str, Mark] = {}
+        self._unmarked = 0
         self._marked_at = 0.0
         self._met: dict[str, int] = {}
         self._lost: dict[str, int] = {}
@@ -151,6 +154,7 @@ class AlarmEngine:
             )
 
         stored, newest, times, self._marks = await self._db.read(work)
+        self._safe = dict(self._marks)
         self._restored = {one.alarm: one for one in stored}
         self._next_occurrence = newest + 1
         self._told.extend(times)
@@ -427,6 +431,11 @@ class AlarmEngine:
         """The last event of a machine that was taken; None = none ever was."""
         return self._marks.get(equipment)
 
+    def stored_event(self, equipment: str) -> Mark | None:
+        """The last event of a machine of which everything that follows is in the journal; None = none is."""
+        waits = self._records or self._dirty or self._lock.locked()
+        return (self._safe if waits else self._marks).get(equipment)
+
     def take_events(self, equipment: str, events: Sequence[RingEvent], lost: int = 0) -> None:
         """Raise and end what the events of a machine say, in the order of its ring and with the events' own times.
 
@@ -457,6 +466,7 @@ class AlarmEngine:
                     self._over(watch, event, now, wall)
         if taken and mark is not None:
             self._marks[equipment] = self._new_marks[equipment] = mark
+            self._unmarked += taken
 
     def _happened(self, watch: Watch, event: RingEvent, now: float, wall: int) -> None:
         told, at = watch.condition, min(event.time, wall)
@@ -877,7 +887,8 @@ class AlarmEngine:
         """Write the journal as soon as there is something, for ever."""
         while True:
             self._written.clear()
-            marks_due = bool(self._new_marks) and self._clock.monotonic() - self._marked_at >= MARK_PERIOD
+            waited = self._clock.monotonic() - self._marked_at
+            marks_due = bool(self._new_marks) and (waited >= MARK_PERIOD or self._unmarked >= MARK_EVERY)
             if marks_due:
                 self._marked_at = self._clock.monotonic()
             if self._records or self._dirty or marks_due:
@@ -902,7 +913,8 @@ class AlarmEngine:
             records, dirty, marks = self._records, self._dirty, self._new_marks
             if not records and not dirty and not marks:
                 return
-            self._records, self._dirty, self._new_marks = [], {}, {}
+            self._records, self._dirty, self._new_marks, self._unmarked = [], {}, {}, 0
+            reached = dict(self._marks)
             standing = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
             gone = [id for id, watch in dirty.items() if watch is None or watch.life == Life()]
             try:
@@ -918,6 +930,7 @@ class AlarmEngine:
                     log.error("alarm journal waits reason=%s", error)
                     self.raise_system("journal_waiting")
                 raise
+            self._safe = reached
             if not self.healthy:
                 self.healthy = True
                 log.warning("alarm journal written again records=%d", len(records))

@@ -136,10 +136,11 @@ class EventHistory(ABC):
         return sum(len(one.events) for one in self._waiting)
 
     async def take(self, equipment: str, events: Sequence[RingEvent], lost: int = 0) -> None:
-        """Keep what happened; returns when it is stored.
+        """Keep what happened; returns when it is stored (`last` says how far that is).
 
         Raises:
-            StorageError: the database does not take it now; it waits in memory and is tried again by `run`.
+            StorageError: the database does not take it now; it waits in memory and is tried again by `run`. Until it is stored the ring of
+                the machine is where a server that was killed finds it again.
         """
         if equipment not in self._machines or not (events or lost):
             return
@@ -219,6 +220,7 @@ class EventHistory(ABC):
             gone = self._waiting.pop(0)
             excess -= len(gone.events)
             self.dropped += len(gone.events)
+            log.error("%s dropped machine=%s events=%d", self.name, gone.equipment, len(gone.events))
             missing = len(gone.events) + gone.lost
             for index, one in enumerate(self._waiting):
                 if one.equipment == gone.equipment:
@@ -241,7 +243,7 @@ def store(connection: Connection, delivery: Delivery, book: Book, now: int) -> b
     row = connection.exec_driver_sql(
         "SELECT boot, sequence, time FROM event_mark WHERE equipment = ?", (equipment,)
     ).first()
-    mark = None if row is None else Mark(row[0], row[1], row[2])
+    mark = known = None if row is None else Mark(row[0], row[1], row[2])
     fresh: list[RingEvent] = []
     again: list[RingEvent] = []
     for event in delivery.events:
@@ -253,9 +255,14 @@ def store(connection: Connection, delivery: Delivery, book: Book, now: int) -> b
     if delivery.events and not fresh:
         return False
     # only before the first event of a delivery is anything missing: when that one is known, the loss is, too
-    if delivery.lost > 0 and (not fresh or fresh[0] is delivery.events[0]):
-        _note_gap(connection, equipment, delivery.lost, fresh[0] if fresh else None, mark, now)
-        book.lose(connection, equipment, delivery.lost)
+    missing = delivery.lost if not fresh or fresh[0] is delivery.events[0] else 0
+    if (
+        known is not None and fresh and fresh[0].sequence > known.sequence
+    ):  # whoever counted may have known less than is stored
+        missing = min(missing, fresh[0].sequence - known.sequence - 1)
+    if missing > 0:
+        _note_gap(connection, equipment, missing, fresh[0] if fresh else None, mark, now)
+        book.lose(connection, equipment, missing)
     for event in fresh:
         if event in again:
             book.begin_again(connection, equipment, event)

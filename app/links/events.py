@@ -1,12 +1,14 @@
 """The event ring of a machine with a map of ours: what happened between two scans, in its order and with the device's own time.
 
-Rows are handed over in order and acknowledged to the device once whoever takes them has returned: what he did not take comes again. What
-the ring overwrote before it was read is counted and told with the next events, never left out in silence.
+Rows are handed over in order; what nobody took comes again. To the device only those are acknowledged that are stored: until then the ring
+is where they are found again after a crash of this program. What the ring overwrote before it was read is counted and told with the next
+events, never left out in silence.
 """
 
 import asyncio
 import inspect
 import logging
+from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,6 +17,7 @@ from app.errors import DeviceException, LinkError
 from app.links.contract import Block
 from app.links.schedule import Priority
 from app.plant.definitions import Equipment, Scan
+from app.plant.events import Mark, is_new, mark_of
 from app.registers import plc_map
 from app.registers.pdu import MAX_READ, WRITE_MULTIPLE
 from app.registers.plc_map import DeviceEvent, TimeQuality
@@ -58,6 +61,8 @@ OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
 """Takes events in order, and how many were lost before the first; what it raises means: not taken."""
 LastSeen = Callable[[Equipment], Awaitable[tuple[int, int] | None] | tuple[int, int] | None]
 """(boot, sequence) of the last event that was taken of a machine; None = nobody knows."""
+StoredUpTo = Callable[[Equipment], Mark | None]
+"""The last event of a machine that is stored wherever it belongs; None = none is."""
 
 
 class DeviceClock:
@@ -145,7 +150,11 @@ class EventReader:
         """Whether that is to be looked at."""
         self._busy: object = None
         self._head: Head | None = None
-        self._delivery: tuple[asyncio.Task[None], DeviceEvent, int] | None = None
+        self._delivery: tuple[asyncio.Task[None], Sequence[HostEvent], DeviceEvent, int] | None = None
+        self._kept: deque[Mark] = deque()
+        """Of the events that were taken and are not known to be stored."""
+        self._storable: int | None = None
+        """Sequence of the last one that is; None until one is known."""
         self._acknowledged = 0
         """The last acknowledgement that the device took, or refused."""
         self._absent = 0
@@ -168,6 +177,7 @@ class EventReader:
             before._last,
             before._delivery,
         )
+        self._kept, self._storable = before._kept, before._storable
 
     async def end(self) -> None:
         """Whoever takes events is still given the time to finish with those that he has."""
@@ -195,7 +205,7 @@ class EventReader:
                     plc_map.EVENT_WORDS,
                 )
             return
-        if self._suspect or head.newest != self.position or self._to_acknowledge(head):
+        if self._suspect or head.newest != self.position or self._to_acknowledge(head) is not None:
             self._head = head
             self._busy = token = object()
             self._road.attend(self._station, self._follow(token))
@@ -270,6 +280,8 @@ class EventReader:
         """The ring is not the one that was read before."""
         self._tell("event ring begins anew link=%s unit=%d newest=%d last taken=%s", head.newest, self.position)
         self.position, self._last = 0, None
+        self._kept.clear()
+        self._storable = None
 
     async def _new_rows(self, head: Head) -> list[DeviceEvent] | None:
         """The rows behind `position`, up to the first that is not what the head says; None when it is another ring.
@@ -339,7 +351,7 @@ class EventReader:
         ]
         while True:
             work = self._hand_over(self.equipment, events, self.lost)
-            self._delivery = asyncio.get_running_loop().create_task(work), found[-1], self.lost
+            self._delivery = asyncio.get_running_loop().create_task(work), events, found[-1], self.lost
             if await self._finish_delivery():
                 return
             await asyncio.sleep(AGAIN)
@@ -352,7 +364,7 @@ class EventReader:
         """Wait for whoever takes the events. A lost connection ends the waiting, not his work; the next reader waits on."""
         if self._delivery is None:
             return True
-        task, last, lost = self._delivery
+        task, events, last, lost = self._delivery
         await asyncio.wait([task])
         self._delivery = None
         error = asyncio.CancelledError() if task.cancelled() else task.exception()
@@ -361,26 +373,48 @@ class EventReader:
             return False
         self.position, self._last = last.sequence, last
         self.lost -= lost
+        self._kept.extend(map(mark_of, events))
         return True
 
-    def _to_acknowledge(self, head: Head) -> bool:
-        position = self.position
-        if position is None or not self._station.may_write or position == self._acknowledged:
-            return False
-        return head.acknowledged < position <= head.newest
+    @property
+    def only_here(self) -> int:
+        """Events that are stored nowhere and that the ring has overwritten: they are lost when this program is killed now."""
+        self._note_stored()
+        capacity = self._head.capacity if self._head else 0
+        return max(0, len(self._kept) - capacity)
+
+    def _note_stored(self) -> int | None:
+        """Sequence of the last event that is stored, as far as this reader handed it over; None when it knows of none."""
+        if self._road.stored_up_to is None:
+            self._kept.clear()
+            self._storable = self.position
+            return self.position
+        kept = self._kept
+        if kept:
+            mark = self._road.stored_up_to(self.equipment)
+            while kept and mark is not None and not is_new(kept[0], mark):
+                self._storable = kept.popleft().sequence
+        return self._storable
+
+    def _to_acknowledge(self, head: Head) -> int | None:
+        """Sequence that the device is to be told; None when it knows it, or is told nothing."""
+        stored = self._note_stored()
+        if stored is None or not self._station.may_write or stored == self._acknowledged:
+            return None
+        return stored if head.acknowledged < stored <= head.newest else None
 
     async def _acknowledge(self) -> None:
-        head, position = self._head, self.position
-        if head is None or position is None or not self._to_acknowledge(head):
+        sequence = None if self._head is None else self._to_acknowledge(self._head)
+        if sequence is None:
             return
         job = self._road.job(self._station.number)
         job.address, job.function = plc_map.EVENTS + plc_map.AT_ACKNOWLEDGED, WRITE_MULTIPLE
-        job.words = plc_map.long_words(position)
+        job.words = plc_map.long_words(sequence)
         try:
             await self._road.ask(job, Priority.WRITE)
         except DeviceException as error:
-            self._tell("acknowledgement refused link=%s unit=%d sequence=%d: %s", position, error)
-        self._acknowledged = position
+            self._tell("acknowledgement refused link=%s unit=%d sequence=%d: %s", sequence, error)
+        self._acknowledged = sequence
 
     def _tell(self, text: str, *values: object) -> None:
         log.warning(text, self._station.link.name, self._station.number, *values)

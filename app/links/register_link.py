@@ -12,7 +12,7 @@ from typing import cast
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
 from app.links.contract import Block, Exchange, Transport
-from app.links.events import LastSeen, OnEvents
+from app.links.events import LastSeen, OnEvents, StoredUpTo
 from app.links.orders import merged
 from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner
@@ -91,8 +91,8 @@ class RegisterLink:
     def on_events(self) -> OnEvents | None:
         """Takes the events of machines with a map of ours, in order, with the number that was lost before them.
 
-        They are acknowledged to the device after it has returned; what it raises means that they are handed over again. While it is
-        None the rings are not read.
+        What it raises means that they are handed over again. They are acknowledged to the device when `stored_up_to` says so, without
+        that as soon as it has returned. While it is None the rings are not read.
         """
         return self._runner.on_events
 
@@ -108,6 +108,21 @@ class RegisterLink:
     @last_seen.setter
     def last_seen(self, tell: LastSeen | None) -> None:
         self._runner.last_seen = tell
+
+    @property
+    def stored_up_to(self) -> StoredUpTo | None:
+        """Tells the last event of a machine that is stored: no later one is acknowledged to the device."""
+        return self._runner.stored_up_to
+
+    @stored_up_to.setter
+    def stored_up_to(self, tell: StoredUpTo | None) -> None:
+        self._runner.stored_up_to = tell
+
+    def only_here(self, equipment: str) -> int:
+        """Events of a machine that are stored nowhere and that its ring has overwritten."""
+        item = self._equipment.get(equipment)
+        plc = self._runner.stations[item.unit].plc if item is not None else None
+        return plc.events.only_here if plc is not None else 0
 
     async def run(self) -> None:
         """Connect, scan, publish, back off, for ever."""

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.clock import Clock
 from app.errors import LinkError
 from app.links.contract import Block
-from app.links.events import LastSeen, OnEvents
+from app.links.events import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority
 from app.links.station import Station
@@ -21,6 +21,7 @@ class Road(Protocol):
     clock: Clock
     on_events: OnEvents | None
     last_seen: LastSeen | None
+    stored_up_to: StoredUpTo | None
 
     async def ask(self, job: Job, priority: Priority) -> list[int]:
         """Send the telegram of `job` when it is its turn."""

@@ -16,7 +16,7 @@ from typing import Any
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken
 from app.links.contract import Block, StillOwed, Transport
-from app.links.events import LastSeen, OnEvents
+from app.links.events import LastSeen, OnEvents, StoredUpTo
 from app.links.examine import NO_REGISTER, Examiner
 from app.links.plc import TORN_TRIES, PlcUnit, Seen
 from app.links.scan_block import ScanBlock
@@ -109,6 +109,7 @@ class LinkRunner:
         self._publisher = StatisticsPublisher(link.name, self.statistics, tags, clock)
         self.on_events: OnEvents | None = None
         self.last_seen: LastSeen | None = None
+        self.stored_up_to: StoredUpTo | None = None
         self._told_up: bool | None = None
         self._heard = False
         """Whether anybody answered since the connection was opened, or since all were silent."""

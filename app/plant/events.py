@@ -69,17 +69,17 @@ def mark_of(event: RingEvent) -> Mark:
     return Mark(event.boot, event.sequence, event.time)
 
 
-def is_new(event: RingEvent, mark: Mark | None) -> bool:
+def is_new(event: RingEvent | Mark, mark: Mark | None) -> bool:
     """Whether `event` comes after `mark`; numbers wrap after 2³²−1."""
     return mark is None or _ahead(event, mark) or begins_again(event, mark)
 
 
-def begins_again(event: RingEvent, mark: Mark) -> bool:
+def begins_again(event: RingEvent | Mark, mark: Mark) -> bool:
     """Whether `event` is of a ring that counts from 1 again: its device has lost what it retains, or is another one."""
     return not _ahead(event, mark) and event.time > mark.time + RESTARTED
 
 
-def _ahead(event: RingEvent, mark: Mark) -> bool:
+def _ahead(event: RingEvent | Mark, mark: Mark) -> bool:
     return 0 < (event.sequence - mark.sequence) % 2**32 < HALF
 
 

@@ -9,6 +9,7 @@ import pytest
 from app.clock import SystemClock
 from app.links.events import DeviceClock, Head, HostEvent
 from app.plant.definitions import Equipment
+from app.plant.events import Mark, mark_of
 from app.registers import plc_map
 from app.registers.plc_map import long_words
 from app.sim.plc import EVENT_CAPACITY
@@ -295,6 +296,54 @@ async def test_a_head_that_comes_late_on_another_connection_is_not_another_ring(
         await asyncio.sleep(0.2)
         device.event(6)
         await until(lambda: taker.codes == [1, 2, 3, 4, 5, 6])
+
+
+async def test_only_what_is_stored_is_acknowledged_and_what_is_left_of_it_is_counted() -> None:
+    device, taker = SmallPlc(), Taker()
+    stored: dict[str, Mark | None] = {"p": None}
+    async with followed(device, taker) as (line, _):
+        line.link.stored_up_to = lambda equipment: stored[equipment.id]
+        await until(lambda: line.value("p.state") == 1)
+        for code in range(1, 6):
+            device.event(code)
+        await until(lambda: taker.codes == [1, 2, 3, 4, 5])
+        await asyncio.sleep(0.3)
+        assert acknowledged(device) == 0 and line.link.only_here("p") == 0
+        stored["p"] = mark_of(taker.events[2])
+        await until(lambda: acknowledged(device) == 3)
+        for code in range(6, EVENT_CAPACITY + 20):
+            device.event(code)
+            if code % 20 == 0:
+                await until(lambda code=code: taker.codes[-1] == code)
+        total = EVENT_CAPACITY + 19
+        await until(lambda: len(taker.events) == total)
+        assert taker.codes == list(range(1, total + 1)), "they are handed over all the same"
+        assert acknowledged(device) == 3 and line.link.only_here("p") == total - 3 - EVENT_CAPACITY
+        stored["p"] = mark_of(taker.events[-1])
+        await until(lambda: acknowledged(device) == total)
+        assert line.link.only_here("p") == 0 and sum(taker.lost) == 0
+
+
+async def test_a_mark_of_the_ring_before_acknowledges_nothing_of_the_next_one() -> None:
+    device, taker = SmallPlc(), Taker()
+    stored: dict[str, Mark | None] = {"p": None}
+    async with followed(device, taker) as (line, _):
+        line.link.stored_up_to = lambda equipment: stored[equipment.id]
+        await until(lambda: line.value("p.state") == 1)
+        for code in range(1, 11):
+            device.event(code)
+        await until(lambda: len(taker.events) == 10)
+        stored["p"] = mark_of(taker.events[-1])
+        await until(lambda: acknowledged(device) == 10)
+        await asyncio.sleep(1.2)
+        device._forget_all()
+        device._start_up()
+        device.event(100)
+        await until(lambda: taker.codes[10:] == [100])
+        await asyncio.sleep(0.3)
+        assert acknowledged(device) == 0
+        stored["p"] = mark_of(taker.events[-1])
+        await until(lambda: acknowledged(device) == 1)
 
 
 # the clock
