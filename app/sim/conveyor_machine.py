@@ -10,7 +10,8 @@ The program behind the virtual PLC sees none of this but pulses, beams and the t
 | two belts | a product on both moves by each belt's part of its length |
 | infeed | runs with belt 1 forward and keeps 30 mm between products; what backs out at the start is gone |
 | end | what hangs over the end of belt 3 by more than half falls off |
-| unloader | takes the front-most product within 40 mm of the end, only while told to and while belt 3 stands |
+| unloader | takes the front-most product within 15 mm of the end, only while told to and while belt 3 stands |
+| unloader, reach | less than the shortest product (20 mm): were the front-most gone, the next one would be out of reach |
 | products | cannot pass through one another: the moving one is held back, both are marked |
 """
 
@@ -35,8 +36,8 @@ BURST, BURST_EVERY, BURST_LENGTH = 3.0, 300.0, 12.0
 """A slipping belt: way lost in a burst, way of the belt between two bursts, way of the belt in which it is lost [mm]."""
 INFEED_GAP = 30.0
 """Least distance that the infeed keeps [mm]."""
-UNLOAD_ZONE = 40.0
-"""From the end of the line [mm]."""
+UNLOAD_ZONE = 15.0
+"""Reach of the unloader from the end of the line [mm]."""
 STANDS = 1.0
 """The unloader takes from a belt that is slower [%]."""
 

@@ -393,6 +393,42 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     assert witness.worst < 2
 
 
+@pytest.mark.parametrize(("belt", "doubted"), [(1, {1}), (2, {1, 3}), (3, {3})])
+async def test_a_jam_leaves_uncertain_what_lies_on_its_belt_and_another_one(belt: int, doubted: set[int]) -> None:
+    on = running()
+    ends = on.device.geometry.belt_ends
+
+    def lying() -> dict[int, list[int]]:
+        """What is well known and measured, by where it lies: 0, 2, 4 whole on belt 1, 2, 3; 1, 3 across the ends between them."""
+        found: dict[int, list[int]] = {place: [] for place in range(5)}
+        for product in on.device.tracking.products:
+            if product.state == 1 and product.length:
+                first, last = (sum(end < x for end in ends) for x in (product.left, product.right))
+                found[first + last].append(product.id)
+        return found
+
+    await on.until(lambda: {place for place, ids in lying().items() if ids} >= {1, 2, 3}, 300)
+    await on.train(training.REG_MACHINE_FAULT, belt)
+    while on.device.state != State.FAULT:
+        before = lying()
+        on.step()
+    assert set().union(*(before[place] for place in doubted)), "something lies across"
+    states = {id: row["state"] for id, row in (await on.products()).items()}
+    for place, ids in before.items():
+        for id in ids:
+            assert states[id] == (3 if place in doubted else 1), f"product {id} on {place}, jam of belt {belt}"
+    await on.train(training.REG_MACHINE_FAULT, 0)
+    await on.stand()
+    await on.done(Command.RESET)
+    await on.done(Command.START)
+    for place in doubted:
+        for id in before[place]:
+            (
+                await on.until(lambda id=id: on.device.tracking._by_id(id).state != 3, 30),
+                "the next sensor makes it certain",
+            )
+
+
 async def test_stops_in_between_do_not_hide_a_jam() -> None:
     on = line(settings={**QUICK, "jam_time": 1.0})
     await on.train(training.REG_MACHINE_FAULT, 3)
@@ -543,6 +579,25 @@ async def test_an_empty_grip_of_the_unloader_is_told() -> None:
     assert lost.snapshot[1] == 1
     status = await on.status()
     assert (status["lost"], status["unloaded"], status["products"]) == (1, 0, 0)
+
+
+async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told_to_take_is_gone() -> None:
+    on = line(settings={**QUICK, "unload_dwell": 1.0})
+    first, second = await put(on, 650.0, 20.0), await put(on, 630.0, 20.0)
+    await on.done(Command.START)
+    await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
+    assert (await on.products())[first]["state"] == 6
+    await on.train(training.REG_REMOVE, 1)
+    lost = await on.until_event(11, 0)
+    assert lost.snapshot[1] == first
+    assert [product.by_hand for product in on.true()] == [True], "the second one is still there"
+    await on.until_event(5)
+    on.go(0.1)
+    assert on.true() == []
+    status = await on.status()
+    assert (status["lost"], status["unloaded"], status["products"]) == (1, 1, 0)
+    told = [(event.code, event.snapshot[1]) for event in on.events if event.code in (5, 11)]
+    assert told == [(5, first), (11, first), (5, second)]
 
 
 async def test_an_emergency_stop_cuts_the_drives_and_waits_for_a_reset() -> None:

@@ -5,8 +5,8 @@ What is counted at the end, of products (things) and of records (what the PLC kn
 - things: fed + put by hand = unloaded + taken off + fallen over the end + still there;
 - records: entered + found + inserted = unloaded + empty grips + deleted + withdrawn + left backwards + still in the table;
 - thing by thing: unloaded as the record that it was known as, or told before that identities are in doubt, at least by its row, which
-  said uncertain or lost; taken off by a hand from a running line and told as lost, or out of a beam as of another length; fallen over
-  the end, or taken off by the operator, and told: lost (11), unexpected (12), length differs (14) of it or of what touches it, jam (24)
+  said uncertain or lost; taken off by a hand from a running line and its own record told as lost; fallen over the end, or taken off by
+  the operator, and told: lost (11), unexpected (12), length differs (14) of it or of what touches it, jam (24)
   or encoder (26) of its belt, or the sensor that did not see it suspected (28); what the operator took off, at least its row said
   uncertain, or it was where its row said (one half in the beam of S1 that he does not edit: his deed, nothing is lost).
 """
@@ -145,15 +145,13 @@ class Soak:
             await self.pass_time(1)
         number = self.chance.choice(known)
         gone = line.true()[number - 1].number
-        id, life = self.witness.record[gone], self.witness.lives[gone]
+        id = self.witness.record[gone]
         await line.train(training.REG_REMOVE, number)
         self.taken_silently.add(gone)
         for _ in range(60):
             self.line.go(1)
             for event in await line.fetch():
                 missed = event.snapshot[0] << 16 | event.snapshot[1] == id
-                # out of a beam: a shorter one to the PLC, and the unloader has taken the next one for it until it grips at nothing
-                missed |= not event.source and (Code.LENGTH_DIFFERS in [code for code, _ in life.told])
                 if event.code == Event.LOST and missed:
                     self.told[REMOVED] = self.told.get(REMOVED, 0) + 1
                     return
@@ -174,9 +172,10 @@ class Soak:
         else:
             raise AssertionError("no room to put a product for 60 s: the line stands")
         before = line.device.machine.put
+        number = before + 1 + line.device.machine.entered
         await line.train(training.REG_PUT, self.chance.choice(room))
         assert line.device.machine.put == before + 1
-        life = self.witness.lives[before + 1 + line.device.machine.entered]
+        life = self.witness.lives[number]
         assert life.thing.by_hand
         for _ in range(60):
             await self.pass_time(1)
@@ -202,7 +201,7 @@ class Soak:
             case "unloaded":
                 return life.unloaded_as in life.ids or bool(life.told) or life.state in DOUBTED
             case "removed" if number in self.taken_silently:
-                return any(code in (Code.LOST, Code.LENGTH_DIFFERS) for code, _ in life.told)
+                return any(code == Code.LOST for code, _ in life.told)
             case "removed":
                 # the operator's own deed: nothing is lost when the PLC knew where it was until then
                 return bool(life.told) or life.state in DOUBTFUL or (bool(life.state) and life.apart <= TOLERANCE)
