@@ -185,6 +185,13 @@ document.addEventListener("tags", ({ target, detail }) => {
   [...target.children].forEach((button, index) => button.setAttribute("aria-pressed", String(mode === index + 1)));
 });
 
+// ---- hold-to-run of one belt or of all ----------------------------------------------------------------------------------------------------
+
+document.addEventListener("change", ({ target }) => {
+  if (!target.matches?.(".c-belts [name=belt]")) return;
+  for (const pair of target.closest(".c-jog").querySelectorAll("[data-belt]")) pair.hidden = pair.dataset.belt !== target.value;
+});
+
 // ---- the hand of an instructor -------------------------------------------------------------------------------------------------------------
 
 document.addEventListener("toggle", ({ target }) => {

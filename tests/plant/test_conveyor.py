@@ -135,6 +135,8 @@ def test_commands_have_the_codes_of_the_manual(line: EquipmentType) -> None:
     assert {key: command.hold_bits for key, command in line.commands.items() if command.hold} == {
         "jog_forward": 1,
         "jog_reverse": 2,
+        **{f"jog_forward_{n}": 1 | 1 << n + 3 for n in (1, 2, 3)},
+        **{f"jog_reverse_{n}": 2 | 1 << n + 3 for n in (1, 2, 3)},
     }
     assert [argument.name for argument in line.commands["edit_product"].arguments] == ["product", "head", "length"]
     assert [argument.name for argument in line.commands["insert_product"].arguments] == ["head", "length"]
@@ -162,6 +164,18 @@ def guards(line: EquipmentType, command: str, **values: float) -> set[str]:
         if command in guard.commands or (not guard.commands and line.commands[command].moves)
     ]
     return {guard.key for guard in every if parse(guard.expression).true(now) is not True}
+
+
+def test_what_guards_all_belts_guards_one(line: EquipmentType) -> None:
+    for key in (key for key, command in line.commands.items() if command.hold):
+        for values in (
+            {},
+            {"mode": 2},
+            {"mode": 2, "stop_active": 1},
+            {"mode": 2, "state": 7},
+            {"mode": 2, "jam_1": 1},
+        ):
+            assert guards(line, key, **values) == guards(line, "jog_forward", **values), key
 
 
 def test_a_line_at_rest_starts_and_a_moving_belt_in_manual_can_be_driven(line: EquipmentType) -> None:

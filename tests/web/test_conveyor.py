@@ -1,5 +1,6 @@
 """The screen of a line of belts over HTTP: whole in every language, products as rows, deeds with a reason, an instructor's hand."""
 
+import asyncio
 import itertools
 import re
 from collections.abc import Iterator
@@ -265,6 +266,24 @@ def test_an_operator_may_not_touch_the_record_of_products(crew: Staff, line: Tes
 def test_a_command_without_arguments_has_no_dialog_for_them(ivo: Operator) -> None:
     assert ivo.get("/equipment/c1/ask/stop").status_code == 404
     assert ivo.get("/equipment/c1/ask/nothing").status_code == 404
+
+
+def test_by_hand_one_belt_moves_alone(ivo: Operator, line: TestClient) -> None:
+    assert ivo.press("/equipment/c2/command/select_manual", confirmed="1").status_code == 202
+    assert until(lambda: value(line, "c2.mode") == 2)
+    lease = ivo.press("/equipment/c2/hold/jog_reverse_2").json()["lease"]
+    ivo.sit()
+    with line.websocket_connect("ws://127.0.0.1:8000/live", headers={"origin": "http://127.0.0.1:8000"}) as socket:
+        socket.send_json({"subscribe": "frame", "rev": 0})
+        for counter in range(1, 12):
+            socket.send_json({"hold": {"equipment": "c2", "lease": lease, "counter": counter}})
+            while "hold" not in (message := socket.receive_json()):
+                pass
+            assert message["hold"] == {"lease": lease, "counter": counter}
+            ivo.staff.wait(asyncio.sleep, 0.1)
+        assert until(lambda: value(line, "c2.speed_2") < -1, 2)
+        assert [value(line, f"c2.speed_{n}") for n in (1, 3)] == [0, 0]
+    assert until(lambda: value(line, "c2.moving") == 0)
 
 
 # ---- the instructor --------------------------------------------------------------------------------------------
