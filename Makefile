@@ -36,7 +36,7 @@ test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x 
 	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ] || \
 	  $(PYTEST) -m "not soak and not browser and not alone" $(AGAIN) $(T) $(ARGS)
 	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and alone" $(AGAIN) $(T) $(ARGS)
-	$(PYTEST) -m "not soak and browser" -n 2 $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and browser" $(AGAIN) $(T) $(ARGS)
+	$(PYTEST) -m "not soak and browser" -n 2 --dist loadgroup $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and browser" $(AGAIN) $(T) $(ARGS)
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .

@@ -8,12 +8,17 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from app.access.access import Access, prepare
+from app.cli_access import terminal
+from app.clock import SystemClock
+from app.db import Database
 
 ROOT = Path(__file__).resolve().parent.parent
 START_LIMIT = 30.0
@@ -33,11 +38,40 @@ def free_port() -> int:
     return find_port()
 
 
+_HELD: list[socket.socket] = []
+
+
 def find_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A TCP port on loopback that is ours until this process ends.
+
+    It stays bound but nobody listens, so the system gives it to nobody else; who names it, as a server does, may listen on it.
+    """
+    held = socket.socket()
+    held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    held.bind(("127.0.0.1", 0))
+    _HELD.append(held)
+    port: int = held.getsockname()[1]
+    return port
+
+
+def clean() -> dict[str, str]:
+    """The environment without the settings of whoever runs the tests."""
+    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
+
+
+def enroll(data: Path, people: Mapping[str, Sequence[str]], password: str) -> None:
+    """Make accounts with these roles in a data folder, beside a running server too, as `pogon user` does."""
+    prepare(data)
+    database = Database(data / "pogon.db", "pogon")
+    database.migrate()
+    access = Access(database, SystemClock(), data)
+    try:
+        access.people.add_now(terminal(), [(name, "", tuple(roles)) for name, roles in people.items()])
+        for name in people:
+            access.people.set_password_now(terminal(), name, password)
+    finally:
+        access.close()
+        database.close()
 
 
 @dataclass
@@ -52,6 +86,24 @@ class PogonServer:
     @property
     def port(self) -> int:
         return int(self.url.rsplit(":", 1)[1])
+
+    @classmethod
+    def start(cls, data: Path, output: Path, *arguments: str, **settings: Any) -> "PogonServer":
+        """`pogon run` with the POGON_ variables `settings`, ready to answer; what it prints is added to `output`."""
+        given = {"data": data, "port": find_port()} | settings
+        named = {f"POGON_{name.upper()}": str(value) for name, value in given.items()}
+        with output.open("ab") as sink:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "app.cli", "run", *arguments],
+                cwd=ROOT, env=clean() | named, stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+        server = cls(f"http://127.0.0.1:{given['port']}", data, output, process)
+        try:
+            wait_healthy(server)
+        except BaseException:
+            server.kill()
+            raise
+        return server
 
     def log(self) -> str:
         """All it has printed so far."""
@@ -81,23 +133,9 @@ def pogon_server(tmp_path: Path) -> Iterator[Callable[..., PogonServer]]:
     started: list[PogonServer] = []
 
     def start(*arguments: str, **settings: Any) -> PogonServer:
-        port = find_port()
         data = Path(settings.pop("data", tmp_path / "data"))
-        named = {f"POGON_{name.upper()}": str(value) for name, value in settings.items()}
-        clean = {name: value for name, value in os.environ.items() if not name.startswith("POGON_")}
-        output = tmp_path / f"pogon-{len(started)}.log"
-        with output.open("wb") as sink:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "app.cli", "run", *arguments],
-                cwd=ROOT,
-                env=clean | {"POGON_DATA": str(data), "POGON_PORT": str(port)} | named,
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=subprocess.STDOUT,
-            )
-        server = PogonServer(f"http://127.0.0.1:{port}", data, output, process)
+        server = PogonServer.start(data, tmp_path / f"pogon-{len(started)}.log", *arguments, **settings)
         started.append(server)
-        wait_healthy(server)
         return server
 
     yield start

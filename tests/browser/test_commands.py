@@ -1,132 +1,27 @@
 """Operating a machine in a real browser: commands and what becomes of them, setpoints, control, hold-to-run, parameters, a lost server."""
 
-import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
-from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
+from tests.browser.station import AXE, Sit, serving, take
+from tests.conftest import PogonServer
 
-PASSWORD = "tri plave ladice u kutu"
+pytestmark = pytest.mark.xdist_group("operated")
+WHO, HOME = "", "/equipment/m1"
 PEOPLE = {"ana": ("operator", "engineer"), "ivo": ("operator",)}
-AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
 SPEED = ".hero-v .val b"
-Sit = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
-def people(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data folder with two operators in it."""
-    data = tmp_path_factory.mktemp("people") / "data"
-    for name, roles in PEOPLE.items():
-        pogon(data, "user", "add", name, *(part for role in roles for part in ("--role", role)))
-        pogon(data, "user", "passwd", name, "--stdin", typed=PASSWORD + "\n")
-    return data
-
-
-def clean() -> dict[str, str]:
-    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
-
-
-def pogon(data: Path, *arguments: str, typed: str = "") -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "app.cli", *arguments],
-        cwd=ROOT,
-        env=clean() | {"POGON_DATA": str(data)},
-        input=typed,
-        text=True,
-        capture_output=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-@pytest.fixture(scope="module")
-def server(people: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon for all stories but those that harm it."""
-    port, output = find_port(), tmp_path_factory.mktemp("server") / "pogon.log"
-    with output.open("wb") as sink:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "run"],
-            cwd=ROOT,
-            env=clean() | {"POGON_DATA": str(people), "POGON_PORT": str(port)},
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-        )
-    running = PogonServer(f"http://127.0.0.1:{port}", people, output, process)
-    wait_healthy(running)
-    yield running
-    os.kill(process.pid, signal.SIGCONT)
-    running.stop()
-
-
-@pytest.fixture(scope="module")
-def sessions() -> dict[str, Any]:
-    """Whoever signed in once stays so."""
-    return {}
-
-
-@pytest.fixture
-def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iterator[Sit]:
-    """`sit("ana", "/equipment/m1")`: a browser of its own in which this person is signed in and looks at a page."""
-    contexts: list[BrowserContext] = []
-
-    def begin(name: str = "", path: str = "/equipment/m1") -> Page:
-        context = browser.new_context(
-            locale="en-GB",
-            viewport={"width": 1280, "height": 800},
-            timezone_id="Europe/Zagreb",
-            storage_state=sessions.get(name),
-        )
-        contexts.append(context)
-        context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
-        page = context.new_page()
-        if name and name not in sessions:
-            page.goto(f"{server.url}/signin")
-            page.fill("[name=name]", name)
-            page.fill("[name=password]", PASSWORD)
-            page.click("form.sheet-form button.cmd")
-            expect(page.locator(".head .who")).to_contain_text(name)
-            sessions[name] = context.storage_state()
-        page.goto(server.url + path)
-        expect(page.locator("body")).to_have_attribute("data-live", "live")
-        return page
-
-    yield begin
-    for context in contexts:
-        for page in context.pages:
-            let_go(page)
-        context.close()
-
-
-def let_go(page: Page) -> None:
-    """Release the machine on the page as soon as it may be released."""
-    page.mouse.up()
-    if page.locator("dialog").count():
-        page.reload()
-    end = time.monotonic() + 10
-    while page.locator(".token [data-token=release]").count():
-        assert time.monotonic() < end, page.inner_text("#message")
-        page.locator(".token [data-token=release]").click()
-        page.wait_for_timeout(300)
-
-
-def take(page: Page) -> None:
-    """Take control of the machine on the page."""
-    expect(page.locator("[data-token=take], [data-token=release]")).to_be_visible()
-    if page.locator("[data-token=take]").count():
-        page.click("[data-token=take]")
-    expect(page.locator(".token")).to_have_attribute("data-holding", "mine")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with the demo plant and two operators."""
+    with serving(tmp_path_factory.mktemp("operated"), PEOPLE) as running:
+        yield running
 
 
 def speed(page: Page) -> float:

@@ -1,21 +1,18 @@
 """A line of belts in a real browser: products move without jumps, a jam is seen and overcome, records are corrected with a reason."""
 
 import itertools
-import os
 import re
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
-from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
+from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving, take
+from tests.conftest import PogonServer
 
-PASSWORD = "tri plave ladice u kutu"
-AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
-LANGUAGES = ("hr", "en", "de", "cs")
+pytestmark = pytest.mark.xdist_group("line")
+WHO, HOME = "ivana", "/equipment/c1"
 PLANT = """
 [plant]
 name = { hr = "Pogon", en = "Plant", de = "Werk", cs = "Závod" }
@@ -34,7 +31,6 @@ preset = "model"
 label = { hr = "Traka 1", en = "Conveyor 1", de = "Förderer 1", cs = "Dopravník 1" }
 simulation = { start = "automatic", automatic_speed = 70.0, unload_dwell = 0.2, interval = 3, shortest = 25, longest = 45 }
 """
-Sit = Callable[..., Page]
 ENDS = """(group) => {
   const box = group.querySelector('.p-box'), width = parseFloat(getComputedStyle(box).width);
   const to = group.parentNode.getCTM().inverse().multiply(box.getCTM());
@@ -59,103 +55,20 @@ FOLLOW = f"""(product) => new Promise((done) => {{
 """Time [ms], head edge and right end of the box of one product at every frame until it is gone."""
 
 
-def clean() -> dict[str, str]:
-    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
-
-
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     """One Pogon with one line, with an engineer and an operator."""
     folder = tmp_path_factory.mktemp("line")
     (folder / "plant").mkdir()
     (folder / "plant" / "plant.toml").write_text(PLANT, "utf-8")
-    environment = clean() | {"POGON_DATA": str(folder / "data"), "POGON_PLANT": str(folder / "plant")}
-    for name, roles in {"ivana": ("engineer", "operator"), "ivo": ("operator",)}.items():
-        for arguments, typed in (
-            (("user", "add", name, *(part for role in roles for part in ("--role", role))), ""),
-            (("user", "passwd", name, "--stdin"), PASSWORD + "\n"),
-        ):
-            subprocess.run(
-                [sys.executable, "-m", "app.cli", *arguments],
-                cwd=ROOT, env=environment, input=typed, text=True, capture_output=True, check=True,
-            )  # fmt: skip
-    port, output = find_port(), folder / "pogon.log"
-    with output.open("wb") as sink:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "run"],
-            cwd=ROOT,
-            env=environment | {"POGON_PORT": str(port)},
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-        )
-    running = PogonServer(f"http://127.0.0.1:{port}", folder / "data", output, process)
-    wait_healthy(running)
-    yield running
-    running.stop()
-
-
-@pytest.fixture(scope="module")
-def sessions() -> dict[str, Any]:
-    return {}
-
-
-@pytest.fixture
-def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iterator[Sit]:
-    """`sit("ivana")`: a browser in which this person looks at the line; whatever its console complains of fails the test."""
-    contexts: list[BrowserContext] = []
-    complaints: list[str] = []
-
-    def begin(name: str = "ivana", path: str = "/equipment/c1", lang: str = "en", **how: Any) -> Page:
-        context = browser.new_context(
-            **{"viewport": {"width": 1280, "height": 800}, "storage_state": sessions.get(name), **how}
-        )
-        contexts.append(context)
-        context.add_cookies([{"name": "pogon_lang", "value": lang, "url": server.url}])
-        page = context.new_page()
-        if name not in sessions:
-            page.goto(f"{server.url}/signin")
-            page.fill("[name=name]", name)
-            page.fill("[name=password]", PASSWORD)
-            page.click("form.sheet-form button.cmd")
-            expect(page.locator(".head .who")).to_contain_text(name)
-            sessions[name] = context.storage_state()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on(
-            "console",
-            lambda said: (
-                said.type in ("error", "warning")
-                and "status of 4" not in said.text  # an answer that refuses is no fault of the page
-                and complaints.append(said.text)
-            ),
-        )
-        page.goto(server.url + path)
-        expect(page.locator("body")).to_have_attribute("data-live", "live")
-        return page
-
-    yield begin
-    for context in contexts:
-        for page in context.pages:
-            if page.locator("dialog").count():
-                page.reload()
-            if page.locator("[data-token=release]").count():
-                page.click("[data-token=release]")
-                expect(page.locator("[data-token=take]")).to_be_visible()
-        context.close()
-    assert not complaints
-
-
-def take(page: Page) -> None:
-    expect(page.locator("[data-token=take], [data-token=release]")).to_be_visible()
-    if page.locator("[data-token=take]").count():
-        page.click("[data-token=take]")
-    expect(page.locator(".token")).to_have_attribute("data-holding", "mine")
+    with serving(folder) as running:
+        yield running
 
 
 def run(page: Page) -> None:
     """Have the line run by itself, whatever the last test left."""
     take(page)
-    fault(page, 0)
+    fault(page, "c1", 0)
     if "Automatic" not in page.inner_text(".c-line h2"):
         page.click(".zone .stop")
         expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=20_000)
@@ -169,17 +82,6 @@ def run(page: Page) -> None:
 def reset(page: Page) -> None:
     page.click("[data-command='c1.reset']")
     expect(page.locator("#message")).to_contain_text(re.compile("reset: Accepted .* Done"), timeout=10_000)
-
-
-def fault(page: Page, code: int) -> None:
-    """Cause a fault as the instructor's page does."""
-    answer = page.request.post(
-        page.url.split("/equipment")[0] + "/instructor/c1/fault",
-        form={"code": str(code), "csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
-        headers={"Origin": page.url.split("/equipment")[0]},
-        max_redirects=0,
-    )
-    assert answer.status == 303, answer.text()
 
 
 def drawn(page: Page, product: str = "") -> list[dict[str, Any]]:
@@ -256,7 +158,7 @@ def test_who_wants_no_motion_gets_none(sit: Sit) -> None:
 def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     page = sit()
     run(page)
-    fault(page, 2)
+    fault(page, "c1", 2)
     expect(page.locator(".c-first")).to_contain_text(
         re.compile(r"Stopped: belt 2 jammed\s*\d\d:\d\d:\d\d\.\d{3}"), timeout=10_000
     )
@@ -268,7 +170,7 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     before = drawn(page)
     page.wait_for_timeout(1000)
     assert [one["left"] for one in drawn(page)] == [one["left"] for one in before], "nothing moves"
-    fault(page, 0)
+    fault(page, "c1", 0)
     reset(page)
     expect(page.locator(".c-first p")).to_have_count(0)
     page.click(".c-op > [data-command='c1.start_automatic']")
@@ -345,9 +247,7 @@ def test_positions_nobody_knows_are_not_shown(sit: Sit) -> None:
     page = sit()
     run(page)
     page.wait_for_selector(".prod:not([display])", timeout=30_000, state="attached")
-    url = page.url.split("/equipment")[0]
-    given = {"mode": "1", "csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
-    page.request.post(f"{url}/instructor/c1/line", form=given, headers={"Origin": url})
+    instruct(page, "c1/line", mode="1")
     try:
         expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "bad", timeout=15_000)
         expect(page.locator(".c-dead")).to_be_visible()
@@ -355,7 +255,7 @@ def test_positions_nobody_knows_are_not_shown(sit: Sit) -> None:
         expect(page.locator(".c-line h2")).to_contain_text("No communication")
         expect(page.locator(".c-belt").first).to_have_class(re.compile(r"\bunknown\b"))
     finally:
-        page.request.post(f"{url}/instructor/c1/line", form=given | {"mode": "0"}, headers={"Origin": url})
+        instruct(page, "c1/line", mode="0")
     expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "good", timeout=20_000)
     expect(page.locator(".c-dead")).not_to_be_visible()
 

@@ -1,28 +1,18 @@
 """Sequences in a real browser: a run, a stall with its first-out, suspend and resume, abort and reset, a force and its end by itself."""
 
-import os
 import re
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests import coil_plant
-from tests.conftest import ROOT, PogonServer, find_port, wait_healthy
+from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, serving, take
+from tests.conftest import PogonServer
 
-PASSWORD = "tri plave ladice u kutu"
-AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
-LANGUAGES = ("hr", "en", "de", "cs")
-SIZES = ((1280, 800), (800, 480), (390, 844))
-Sit = Callable[..., Page]
-
-
-def clean() -> dict[str, str]:
-    return {name: text for name, text in os.environ.items() if not name.startswith("POGON_")}
+pytestmark = pytest.mark.xdist_group("coils")
+WHO, HOME = "ivana", "/equipment/seq1"
 
 
 @pytest.fixture(scope="module")
@@ -30,90 +20,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     """One Pogon with a coil car, its transport and a drill; an engineer and an operator."""
     folder = tmp_path_factory.mktemp("coils")
     coil_plant.write(folder / "plant")
-    yield from serve(folder)
-
-
-def serve(folder: Path) -> Iterator[PogonServer]:
-    """A Pogon on `folder`/plant with its people."""
-    environment = clean() | {"POGON_DATA": str(folder / "data"), "POGON_PLANT": str(folder / "plant")}
-    for name, roles in {"ivana": ("engineer", "operator"), "ivo": ("operator",)}.items():
-        for arguments, typed in (
-            (("user", "add", name, *(part for role in roles for part in ("--role", role))), ""),
-            (("user", "passwd", name, "--stdin"), PASSWORD + "\n"),
-        ):
-            subprocess.run(
-                [sys.executable, "-m", "app.cli", *arguments],
-                cwd=ROOT, env=environment, input=typed, text=True, capture_output=True, check=True,
-            )  # fmt: skip
-    port, output = find_port(), folder / "pogon.log"
-    with output.open("wb") as sink:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "run"],
-            cwd=ROOT,
-            env=environment | {"POGON_PORT": str(port)},
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-        )
-    running = PogonServer(f"http://127.0.0.1:{port}", folder / "data", output, process)
-    wait_healthy(running)
-    yield running
-    running.stop()
-
-
-@pytest.fixture(scope="module")
-def sessions() -> dict[str, Any]:
-    return {}
-
-
-@pytest.fixture
-def sit(browser: Browser, server: PogonServer, sessions: dict[str, Any]) -> Iterator[Sit]:
-    """`sit("ivana")`: a browser in which this person looks at a sequence; whatever its console complains of fails the test."""
-    contexts: list[BrowserContext] = []
-    complaints: list[str] = []
-
-    def begin(name: str = "ivana", path: str = "/equipment/seq1", lang: str = "en", **how: Any) -> Page:
-        context = browser.new_context(
-            **{"viewport": {"width": 1280, "height": 800}, "storage_state": sessions.get(name), **how}
-        )
-        contexts.append(context)
-        context.add_cookies([{"name": "pogon_lang", "value": lang, "url": server.url}])
-        page = context.new_page()
-        if name not in sessions:
-            page.goto(f"{server.url}/signin")
-            page.fill("[name=name]", name)
-            page.fill("[name=password]", PASSWORD)
-            page.click("form.sheet-form button.cmd")
-            expect(page.locator(".head .who")).to_contain_text(name)
-            sessions[name] = context.storage_state()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on(
-            "console",
-            lambda said: (
-                said.type in ("error", "warning") and "status of 4" not in said.text and complaints.append(said.text)
-            ),
-        )
-        page.goto(server.url + path)
-        expect(page.locator("body")).to_have_attribute("data-live", "live")
-        return page
-
-    yield begin
-    for context in contexts:
-        for page in context.pages:
-            if page.locator("dialog").count():
-                page.reload()
-            if page.locator("[data-token=release]").count():
-                page.locator("[data-token=release]").first.click()
-                expect(page.locator("[data-token=take]").first).to_be_visible()
-        context.close()
-    assert not complaints
-
-
-def take(page: Page) -> None:
-    expect(page.locator("[data-token=take], [data-token=release]").first).to_be_visible()
-    if page.locator("[data-token=take]").count():
-        page.locator("[data-token=take]").first.click()
-    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+    with serving(folder) as running:
+        yield running
 
 
 def press(page: Page, command: str) -> None:
@@ -132,30 +40,6 @@ def press(page: Page, command: str) -> None:
 
 def head(page: Page) -> Any:
     return page.locator(".q-top .q-t")
-
-
-def fault(page: Page, code: int, machine: str = "cc1") -> None:
-    """Cause a fault as the instructor's page does."""
-    root = page.url.split("/equipment")[0]
-    answer = page.request.post(
-        f"{root}/instructor/{machine}/fault",
-        form={"code": str(code), "csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
-        headers={"Origin": root},
-        max_redirects=0,
-    )
-    assert answer.status == 303, answer.text()
-
-
-def built(page: Page, machine: str) -> None:
-    """The simulated device as when it was built."""
-    root = page.url.split("/equipment")[0]
-    answer = page.request.post(
-        f"{root}/instructor/{machine}/reset",
-        form={"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
-        headers={"Origin": root},
-        max_redirects=0,
-    )
-    assert answer.status == 303, answer.text()
 
 
 def begin(page: Page) -> None:
@@ -194,7 +78,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
     begin(page)
     expect(page.locator("[data-row-step='2'][aria-selected=true]")).to_have_count(1, timeout=30_000)
     try:
-        fault(page, 31)
+        fault(page, "cc1", 31)
         expect(head(page)).to_contain_text(
             re.compile(r"Stalled: step \d waits [\d.]+\ss, allowed 60.0\ss"), timeout=20_000
         )
@@ -209,7 +93,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
         page.wait_for_timeout(1500)
         assert waited.inner_text() != seconds, "the seconds run"
     finally:
-        fault(page, 0)
+        fault(page, "cc1", 0)
     expect(page.locator("[data-row-step='4'][aria-selected=true]")).to_have_count(1, timeout=60_000)
 
 
@@ -337,7 +221,7 @@ def test_nothing_is_cut_off_in_any_language_and_size(sit: Sit, lang: str) -> Non
     page = sit(lang=lang)
     faults = []
     for path in ("/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces"):
-        for width, height in SIZES:
+        for width, height in SIZES.values():
             page.set_viewport_size({"width": width, "height": height})
             page.goto(page.url.split("/", 3)[0] + "//" + page.url.split("/", 3)[2] + path)
             expect(page.locator("body")).to_have_attribute("data-live", "live")

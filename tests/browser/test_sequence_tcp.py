@@ -7,29 +7,28 @@ from collections.abc import Iterator
 import pytest
 
 from tests import coil_plant
+from tests.browser.station import serving
 from tests.browser.test_sequence import (
-    clean,
-    serve,
-    sessions,
-    sit,
+    HOME,
+    WHO,
     test_a_coil_is_carried_from_the_mandrel_to_a_saddle,
     test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself,
     test_a_stall_says_what_is_missing_and_what_fell_first,
     test_an_abort_is_told_with_its_cause_and_has_to_be_reset,
     test_suspend_stops_the_time_and_resume_goes_on,
 )
-from tests.conftest import ROOT, PogonServer, find_port
+from tests.conftest import ROOT, PogonServer, clean, find_port
 
 __all__ = [
-    "sessions",
-    "sit",
+    "HOME",
+    "WHO",
     "test_a_coil_is_carried_from_the_mandrel_to_a_saddle",
     "test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself",
     "test_a_stall_says_what_is_missing_and_what_fell_first",
     "test_an_abort_is_told_with_its_cause_and_has_to_be_reset",
     "test_suspend_stops_the_time_and_resume_goes_on",
 ]
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.xdist_group("coils over tcp")
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +43,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
             [sys.executable, "-m", "app.cli", "simulate", str(folder / "devices"), "--tcp", f"127.0.0.1:{port}"],
             cwd=ROOT, env=clean(), stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
         )  # fmt: skip
-    yield from serve(folder)
-    devices.terminate()
-    devices.wait(10)
+    try:
+        with serving(folder) as running:
+            yield running
+    finally:
+        devices.terminate()
+        devices.wait(10)

@@ -1,0 +1,36 @@
+"""Who sits where: one Pogon for all that only look, one for all stories of a module, and signed-in browsers at it."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, StorageState
+
+from tests.browser.station import Sit, serving
+from tests.conftest import PogonServer
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with the demo plant for all that only look at it."""
+    with serving(tmp_path_factory.mktemp("demo"), people={}) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def sessions() -> dict[str, StorageState]:
+    """Whoever signed in once stays so."""
+    return {}
+
+
+@pytest.fixture
+def sit(
+    browser: Browser, server: PogonServer, sessions: dict[str, StorageState], request: pytest.FixtureRequest
+) -> Iterator[Sit]:
+    """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said.
+
+    Whatever a console complains of fails the test.
+    """
+    seat = Sit(browser, server, sessions, request.module.WHO, request.module.HOME)
+    yield seat
+    seat.leave()
+    assert not seat.complaints

@@ -1,0 +1,132 @@
+"""Stations of a plant: a browser at which somebody sits, what hands do there, and a Pogon for all stories of a module."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, BrowserContext, Page, StorageState, expect
+
+from tests.conftest import ROOT, PogonServer, enroll
+
+PASSWORD = "tri plave ladice u kutu"
+AXE = ROOT / "tests" / ".vendor" / "axe.min.js"
+LANGUAGES = ("hr", "en", "de", "cs")
+SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
+PEOPLE = {"ivana": ("engineer", "operator"), "ivo": ("operator",)}
+
+
+@contextmanager
+def serving(folder: Path, people: Mapping[str, Sequence[str]] = PEOPLE, **settings: Any) -> Iterator[PogonServer]:
+    """A Pogon whose data are in `folder`; its plant too when there is one; `people` may sign in there with PASSWORD."""
+    if people:
+        enroll(folder / "data", people, PASSWORD)
+    if (folder / "plant").is_dir():
+        settings = {"plant": folder / "plant"} | settings
+    server = PogonServer.start(folder / "data", folder / "pogon.log", **settings)
+    try:
+        yield server
+    finally:
+        if server.process.poll() is None:
+            server.stop()
+
+
+class Sit:
+    """`sit("ivana")`: a browser of its own in which this person is signed in and looks at a page; `sit("")` is a guest.
+
+    `complaints` is what consoles said and pages threw.
+    """
+
+    def __init__(
+        self, browser: Browser, server: PogonServer, sessions: dict[str, StorageState], who: str, home: str
+    ) -> None:
+        self.complaints: list[str] = []
+        self._browser = browser
+        self._server = server
+        self._sessions = sessions
+        self._who = who
+        self._home = home
+        self._contexts: list[BrowserContext] = []
+
+    def __call__(self, name: str | None = None, path: str = "", lang: str = "en", **how: Any) -> Page:
+        name = self._who if name is None else name
+        given = {
+            "locale": "en-GB",
+            "timezone_id": "Europe/Zagreb",
+            "viewport": {"width": 1280, "height": 800},
+            "storage_state": self._sessions.get(name),
+        }
+        context = self._browser.new_context(**(given | how))
+        self._contexts.append(context)
+        context.add_cookies([{"name": "pogon_lang", "value": lang, "url": self._server.url}])
+        page = context.new_page()
+        if name and name not in self._sessions:
+            page.goto(f"{self._server.url}/signin")
+            page.fill("[name=name]", name)
+            page.fill("[name=password]", PASSWORD)
+            page.click("form.sheet-form button.cmd")
+            expect(page.locator(".head .who")).to_contain_text(name)
+            self._sessions[name] = context.storage_state()
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on(
+            "console",
+            lambda said: (
+                said.type in ("error", "warning")
+                and "status of 4" not in said.text  # an answer that refuses is no fault of the page
+                and self.complaints.append(said.text)
+            ),
+        )
+        page.goto(self._server.url + (path or self._home))
+        expect(page.locator("body")).to_have_attribute("data-live", "live")
+        return page
+
+    def leave(self) -> None:
+        """Everybody lets go of the machine and closes the browser."""
+        for context in self._contexts:
+            for page in context.pages:
+                let_go(page)
+            context.close()
+
+
+def let_go(page: Page) -> None:
+    """Release the machine on the page as soon as it may be released."""
+    page.mouse.up()
+    if page.locator("dialog").count():
+        page.reload()
+    release = page.locator(".token [data-token=release]")
+    end = time.monotonic() + 10
+    while release.count():
+        assert time.monotonic() < end, page.inner_text("#message")
+        release.first.click()
+        page.wait_for_timeout(300)
+
+
+def take(page: Page) -> None:
+    """Take control of the machine on the page."""
+    expect(page.locator("[data-token=take], [data-token=release]").first).to_be_visible()
+    if page.locator("[data-token=take]").count():
+        page.locator("[data-token=take]").first.click()
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+
+
+def fault(page: Page, machine: str, code: int) -> None:
+    """Cause a fault of a machine as the instructor's page does."""
+    instruct(page, f"{machine}/fault", code=str(code))
+
+
+def built(page: Page, machine: str) -> None:
+    """The simulated device as when it was built."""
+    instruct(page, f"{machine}/reset")
+
+
+def instruct(page: Page, what: str, **form: str) -> None:
+    """Post a form of the instructor's page: `instruct(page, "m1/fault", code="4")`."""
+    root = page.url.split("/equipment")[0].rstrip("/")
+    answer = page.request.post(
+        f"{root}/instructor/{what}",
+        form=form | {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""},
+        headers={"Origin": root},
+        max_redirects=0,
+    )
+    assert answer.status == 303, answer.text()
