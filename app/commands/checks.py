@@ -7,7 +7,6 @@ from app.clock import Clock
 from app.commands import interlocks
 from app.commands.control_token import ControlToken
 from app.commands.entry import parse_number
-from app.commands.hold import HoldToRun
 from app.commands.interlocks import Age, Prepared, Reason
 from app.commands.orders import Machine, Order, Question, Task, Writer, may_write
 from app.errors import LinkError, Refused
@@ -38,13 +37,11 @@ class Checks:
         clock: Clock,
         writers: Mapping[str, Writer],
         control: ControlToken,
-        hold: HoldToRun,
     ) -> None:
         self._tags = tags
         self._clock = clock
         self._writers = writers
         self._control = control
-        self._hold = hold
 
     def standing(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
         """What the person lacks."""
@@ -85,7 +82,7 @@ class Checks:
         job = machine.job
         if machine.restoring or (job and job.ending is not None and not prepared.command.hold):
             reasons.append((Reason("why.hold_ending"), 409))
-        elif job and self._hold.active(machine.item.id) is not None:
+        elif job and job.lease is not None and job.lease.moving:
             reasons.append((Reason("why.hold_active", {"display": job.progress.person}), 423))
         elif job and (job.writing or (job.prepared.command.stop and job.since is None)):
             reasons.append((Reason("why.busy", {"display": job.progress.person}, job.progress.label), 409))

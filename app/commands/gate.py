@@ -95,7 +95,7 @@ class Gate:
             kept=self._pass_on,
         )
         self._delivery = Delivery(writers, clock)
-        self._checks = Checks(tags, clock, writers, self.control, self.hold)
+        self._checks = Checks(tags, clock, writers, self.control)
         self.on_stop_unconfirmed = on_stop_unconfirmed
         self._tags = tags
         self._clock = clock
