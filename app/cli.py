@@ -18,7 +18,7 @@ from app.errors import ConfigurationError
 from app.main import create_app
 from app.plant.definitions import Plant
 from app.plant.loader import PLANT_FILE
-from app.plant.sequences import FOLDER, unused
+from app.plant.sequences import FOLDER, checksum, unused
 from app.settings import Settings, host_and_port, read_settings, unknown_settings
 from app.sim.plant import read_simulated
 from app.sim.sequence_tests import run_tests
@@ -113,10 +113,17 @@ def check(
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
     typer.echo(
         f"{where}: no problems. Equipment: {len(plant.equipment)}, links: {len(plant.links)}, "
-        f"points: {len(plant.points)}, alarms: {alarms}, languages: {', '.join(plant.languages)}"
+        f"points: {len(plant.points)}, alarms: {alarms}, {_check_sums(plant)}languages: {', '.join(plant.languages)}"
     )
     if tests and not _tests_pass(plant):
         raise typer.Exit(1)
+
+
+def _check_sums(plant: Plant) -> str:
+    """What the PLCs of its sequences have to say of themselves."""
+    sums = {item.sequence.name: checksum(item.sequence) for item in plant.equipment.values() if item.sequence}
+    named = ", ".join(f"{name} {number:08X}" for name, number in sorted(sums.items()))
+    return f"check sums of sequences: {named}, " if sums else ""
 
 
 def _tests_pass(plant: Plant) -> bool:

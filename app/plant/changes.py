@@ -11,7 +11,7 @@ from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point, SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
-from app.plant.types import STEPS
+from app.plant.types import BY_DEFINITION
 
 MOST_SHOWN = 12
 """Names that one line lists; the rest is a number."""
@@ -171,8 +171,8 @@ def _differences(
     if _differs(old, new, "preset"):
         details.append(_detail("preset", old.preset, new.preset))
     options = sorted(key for key in {*old.options, *new.options} if old.options.get(key) != new.options.get(key))
-    if old.sequence and new.sequence and STEPS in options:
-        options.remove(STEPS)  # they are named with the sequence
+    if old.sequence and new.sequence:  # these are named with the sequence
+        options = [key for key in options if key not in BY_DEFINITION]
     details += [_detail(key, old.options.get(key), new.options.get(key)) for key in options]
     if options:
         effects.append(("options", {}))

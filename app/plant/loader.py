@@ -12,6 +12,7 @@ from app.plant import expression, plc, types
 from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, SequenceDefinition, TableMap, Texts
 from app.plant.derive import order_problem
 from app.plant.sequences import SequenceFiles
+from app.plant.sequences import options as definition_options
 from app.plant.tables import NONE, Plain, Source, Table, one_of, read_label
 
 PLANT_FILE = "plant.toml"
@@ -329,10 +330,10 @@ class _PlantReader:
     ) -> dict[str, object]:
         options = {**data.type.options, **preset}
         if sequence:
-            options[types.STEPS] = float(len(sequence.steps))
+            options |= definition_options(sequence)
         counts = {map.capacity for map in data.type.tables.values()}
         for name, default in options.items():
-            if sequence and name == types.STEPS:
+            if sequence and name in types.BY_DEFINITION:
                 continue  # the definition says it
             if isinstance(default, float):
                 low, high = data.type.ranges[name]

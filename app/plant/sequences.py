@@ -362,6 +362,16 @@ def checksum(definition: SequenceDefinition) -> int:
     return crc32(canonical(definition).encode())
 
 
+def options(definition: SequenceDefinition) -> dict[str, float]:
+    """The options that its equipment has by its definition (`types.BY_DEFINITION`)."""
+    return {
+        types.STEPS: float(len(definition.steps)),
+        "program": float(checksum(definition)),
+        "longest_force": definition.longest_force,
+        "keep_forces": float(definition.keep_forces),
+    }
+
+
 def program(definition: SequenceDefinition) -> SequenceDefinition:
     """`definition` without what a device does not know (labels, tests): equal for two that run alike."""
 

@@ -6,7 +6,7 @@
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
-    sequence = true                                     takes `definition` and `machine`; `steps` is an option that the definition gives
+    sequence = true                                     takes `definition` and `machine`; `BY_DEFINITION` are options it gives
     [actions]
     names = ["lower", "lift"]                           what the steps of a sequence may ask of the machine
     [presets_of_simulation]
@@ -68,7 +68,13 @@ MOST_ARGUMENTS = 4
 STEPS = "steps"
 """Option of a type whose equipment runs a sequence: its number of steps."""
 MOST_STEPS = 200
-STEPS_BY_DEFAULT = 8
+BY_DEFINITION: Mapping[str, tuple[float, float, float]] = {
+    STEPS: (8.0, 1.0, float(MOST_STEPS)),
+    "program": (0.0, 0.0, float(2**32 - 1)),
+    "longest_force": (28_800.0, 1.0, 7 * 86_400.0),
+    "keep_forces": (0.0, 0.0, 1.0),
+}
+"""Options that no plant file sets, as the definition of the sequence gives them (`sequences.options`) → default, lowest, highest."""
 ALARM_KINDS = ("expression", "high", "low", "deviation", "rate", "bad_quality")
 
 
@@ -147,7 +153,7 @@ class _TypeReader:
         presets = self._presets(head)
         sequence = head.flag("sequence")
         if sequence:
-            self._add_steps(head)
+            self._add_definition(head)
         actions, simulation_presets = self._sequence_words(head, sequence)
         checks = tuple(self._checks(head, presets))
         self.map = plc.read_plc(head, device)
@@ -277,14 +283,17 @@ class _TypeReader:
                 table.note(name, other, "[low, high] with low <= high")
                 return 0.0, 0.0
 
-    def _add_steps(self, head: Table) -> None:
-        """The option that no plant file sets: a sequence has as many steps as its definition."""
-        if STEPS in self.options:
-            head.note(
-                f"options.{STEPS}", "given", "no option of this name where `sequence` is true: the definition gives it"
-            )
-        self.options[STEPS] = float(STEPS_BY_DEFAULT)
-        self.ranges[STEPS] = (1.0, float(MOST_STEPS))
+    def _add_definition(self, head: Table) -> None:
+        """The options that no plant file sets: a sequence has as many steps as its definition."""
+        for key, (default, low, high) in BY_DEFINITION.items():
+            if key in self.options:
+                head.note(
+                    f"options.{key}",
+                    "given",
+                    "no option of this name where `sequence` is true: the definition gives it",
+                )
+            self.options[key] = default
+            self.ranges[key] = (low, high)
 
     def _sequence_words(self, head: Table, sequence: bool) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
         """`[actions]` and `[presets_of_simulation]`: what a sequence may ask of this machine, and its tests may set."""
@@ -466,7 +475,10 @@ class _TypeReader:
             table.note("of", derived.of, f"{'a point' if needs_of else 'nothing'} for {kind}")
         if needs_when != bool(derived.when):
             table.note("when", derived.when, f"{'a condition' if needs_when else 'nothing'} for {kind}")
-        if derived.of:
+        if derived.of and kind == "option":
+            if not isinstance(self.options.get(derived.of), float):
+                table.note("of", derived.of, f"an option of {self.name} that is a number")
+        elif derived.of:
             self.expressions.append((table, "of", derived.of, False))
         if derived.when:
             self.expressions.append((table, "when", derived.when, False))

@@ -221,8 +221,23 @@ def test_every_text_key_of_the_data_exists_in_every_language(kind: EquipmentType
         assert set(kind.texts[language]) - wanted == set(), f"{language}: nobody asks for these"
 
 
-def test_a_plc_with_another_number_of_steps_is_told(kind: EquipmentType) -> None:
+SAME = {
+    "device_steps": 8,
+    "definition_steps": 8,
+    "config_crc": 0xDEADBEEF,
+    "definition_crc": float(0xDEADBEEF),
+    "longest_force": 3600,
+    "definition_longest_force": 3600,
+    "keep_forces": 0,
+    "definition_keep_forces": 0,
+}
+
+
+@pytest.mark.parametrize(
+    "other", [{"device_steps": 7}, {"config_crc": 0xDEADBEEE}, {"longest_force": 28800}, {"keep_forces": 1}]
+)
+def test_a_plc_with_another_sequence_is_told(kind: EquipmentType, other: dict[str, float]) -> None:
     derived = kind.points["configuration_differs"].derived
     assert derived
-    assert parse(derived.when).true({"device_steps": 8, "definition_steps": 8}) is False
-    assert parse(derived.when).true({"device_steps": 7, "definition_steps": 8}) is True
+    assert parse(derived.when).true(SAME) is False
+    assert parse(derived.when).true(SAME | other) is True
