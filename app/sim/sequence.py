@@ -26,7 +26,7 @@ Events 1–16: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up 
 0 bit (0xFFFF none) · 1 together · 2 abort conditions as input · 3 input word of that step · 4–5 f32 value behind the permissive.
 
 Retained: times, statistics, first-out, settings, events, forces if the definition says so. Training registers: 0xE010 = 1 freezes the inputs;
-without a machine 0xE020 is the abort word, 0xE021–0xE02E are those of steps 1 to 14 (the words of further steps are always whole).
+without a machine 0xE100 is the abort word, 0xE101 + n that of step n + 1; the first 15 of these also stand at 0xE020–0xE02E.
 
 | subject | rule |
 | --- | --- |
@@ -187,6 +187,12 @@ def settings_of(definition: SequenceDefinition) -> SequenceSettings:
         raise ConfigurationError(f"{definition.name}: {error}") from error
 
 
+def _word_registers(steps: int) -> list[int]:
+    """Training registers of the permissive words."""
+    first = range(training.REG_PERMISSIVES, training.REG_PERMISSIVES + training.PERMISSIVE_WORDS)
+    return [*first, *range(training.REG_WORDS, training.REG_WORDS + steps + 1)]
+
+
 class VirtualSequence(VirtualPlc):
     """The PLC of one sequence."""
 
@@ -264,8 +270,8 @@ class VirtualSequence(VirtualPlc):
             tables=(self._steps_table, self._falls_table, self._forces_table),
             capacities=(self._count, BITS, EVENT_CAPACITY, FALL_ROWS, FORCE_ROWS),
             faults=FAULTS,
-            words={training.REG_PERMISSIVES + n: ALL for n in range(training.PERMISSIVE_WORDS)},
-            limits=training.SEQUENCE_LIMITS,
+            words=dict.fromkeys(_word_registers(self._count), ALL),
+            limits=training.sequence_limits(self._count),
         )
         self._start_up()
 
@@ -323,7 +329,7 @@ class VirtualSequence(VirtualPlc):
                 raise ValueError(f"preset {name}: expected word_0 to word_{self._count}")
             if not (0 <= value <= ALL and value == int(value)):
                 raise ValueError(f"preset {name} = {value:g}: expected 0 to {ALL}")
-            self._taught[number] = int(value)
+            self._teach(number, int(value))
 
     # ---- one scan
 
@@ -589,9 +595,15 @@ class VirtualSequence(VirtualPlc):
     # ---- settings, training, power
 
     def _trained(self, address: int, word: int) -> None:
-        number = address - training.REG_PERMISSIVES
+        number = address - (training.REG_WORDS if address >= training.REG_WORDS else training.REG_PERMISSIVES)
         if 0 <= number <= self._count:
-            self._taught[number] = word
+            self._teach(number, word)
+
+    def _teach(self, number: int, word: int) -> None:
+        self._taught[number] = word
+        self.training.act(training.REG_WORDS + number, word)
+        if number < training.PERMISSIVE_WORDS:
+            self.training.act(training.REG_PERMISSIVES + number, word)
 
     def _settings_changed(self) -> None:
         self._take_settings()

@@ -14,6 +14,7 @@ On every virtual device, holding registers from 0xE000; a real device answers ex
 | 0xE013 | rw | argument: exception code of mode 7 |
 | 0xE014 | rw | number of requests the line fault hits, 0 = until cleared |
 | 0xE020–0xE02E | | the device's own, below |
+| 0xE100–0xE1C8 | | of a sequence, below |
 | 0xE02F | – | reserved (time factor), reads 0 |
 | 0xE030 | w | 1 = back to the initial state, after all other writes of that step; reads 0 |
 
@@ -39,8 +40,15 @@ Of a PLC: 0xE031 w, 1 = power off and on, the retained area is kept. Of a `conve
 | 0xE026 | w | mm = put a product of 0xE022 mm by hand, its head there, without telling the PLC |
 
 Of a `coil_car`: 0xE020 strip arrives (1) or not (0) · 0xE021 growth of the coil [0.1 mm/s] · 0xE022 the crane takes a coil so many seconds
-after it was laid, 0 = never; machine faults in app/sim/coil_car.py. Of a `sequence` without a machine: 0xE020 abort conditions, 0xE021–0xE02E
-permissive words of steps 1–14; machine fault 1 = inputs frozen.
+after it was laid, 0 = never; machine faults in app/sim/coil_car.py.
+
+Of a `sequence`: machine fault 1 = inputs frozen; without a machine moreover its permissive words, 1 = there:
+
+| address | access | content |
+| --- | --- | --- |
+| 0xE100 | rw | abort conditions |
+| 0xE101–0xE1C8 | rw | words of steps 1 to 200, as many as it has steps; one telegram reads or writes up to 125 or 123 of them |
+| 0xE020–0xE02E | rw | the first 15 of these once more |
 
 Machine faults of a conveyor (0xE010, one at a time): 1–3 belt n jammed · 11–13 belt n slips · 21–24 sensor n blind (never interrupted) ·
 31–34 sensor n stuck (always interrupted) · 41–43 encoder of belt n dead · 50 emergency stop pressed · 60 the host's heartbeat does not arrive.
@@ -93,6 +101,10 @@ REG_CRANE = 0xE022
 REG_PERMISSIVES = 0xE020
 """Of a sequence: the first of its permissive words, abort conditions first."""
 PERMISSIVE_WORDS = 15
+REG_WORDS = 0xE100
+"""Of a sequence: the first of all its permissive words."""
+WORDS_END = REG_WORDS + 201
+"""First address after those of the longest sequence."""
 
 TYPE_CODES: Mapping[str, int] = {"eura_e800": 1, "conveyor": 10, "sequence": 20, "coil_car": 30}
 """Equipment type → 0xE003."""
@@ -152,8 +164,9 @@ SEQUENCE_LIMITS: Mapping[int, tuple[int, int]] = {
     **COMMON_LIMITS,
     REG_POWER: (1, 1),
     **{REG_PERMISSIVES + n: (0, 0xFFFF) for n in range(PERMISSIVE_WORDS)},
+    **{address: (0, 0xFFFF) for address in range(REG_WORDS, WORDS_END)},
 }
-"""Of a sequence: lowest and highest word per register."""
+"""Of a sequence of 200 steps: lowest and highest word per register."""
 LIMITS_OF: Mapping[str, Mapping[int, tuple[int, int]]] = {
     "eura_e800": LIMITS,
     "conveyor": CONVEYOR_LIMITS,
@@ -167,7 +180,12 @@ _LINE = (REG_LINE_FAULT, REG_LINE_DELAY, REG_LINE_ARGUMENT, REG_LINE_COUNT)
 
 def is_training(address: int) -> bool:
     """Whether a telegram to `address` is the instructor's and so is no sign of life of a master."""
-    return BASE <= address < END
+    return BASE <= address < END or REG_WORDS <= address < WORDS_END
+
+
+def sequence_limits(steps: int) -> Mapping[int, tuple[int, int]]:
+    """Lowest and highest word per register of a sequence of so many steps."""
+    return {address: span for address, span in SEQUENCE_LIMITS.items() if address <= REG_WORDS + steps}
 
 
 @dataclass(slots=True)
@@ -226,9 +244,13 @@ class TrainingRegisters:
             raise DeviceException(1, f"training registers: function {function:02d}, expected 03")
         if count < 1:
             raise DeviceException(3, f"training registers: count {count}, expected at least 1")
-        if not (address >= BASE and address + count <= END):
+        if address < REG_WORDS:
+            known = address >= BASE and address + count <= END
+        else:
+            known = all(at in self._limits for at in range(address, address + count))
+        if not known:
             raise DeviceException(
-                2, f"training registers: 0x{address:04X} + {count}, expected 0x{BASE:04X}–0x{END:04X}"
+                2, f"training registers: 0x{address:04X} + {count}, expected 0x{BASE:04X}–0x{END - 1:04X}"
             )
         fault = self.line_fault
         line = dict(zip(_LINE, (fault.mode, fault.delay_ms, fault.argument, fault.count), strict=True))

@@ -31,6 +31,10 @@ def test_whole_area_comes_in_one_telegram() -> None:
 
 def test_only_training_addresses_are_training() -> None:
     assert [is_training(a) for a in (0x1000, 0xDFFF, 0xE000, 0xE03F, 0xE040)] == [False, False, True, True, False]
+    assert [is_training(a) for a in (0xE0FF, 0xE100, 0xE1C8, 0xE1C9)] == [False, True, True, False]
+    with pytest.raises(DeviceException) as error:
+        VirtualE800().read(3, 0xE100, 1)
+    assert error.value.code == 2 and refused(VirtualE800(), 6, 0xE100, 1) == 2
 
 
 @pytest.mark.parametrize("address", sorted(set(LIMITS) - {0xE030}))
