@@ -678,7 +678,7 @@ class VirtualSequence(VirtualPlc):
             forced,
             len(run.forces),
             run.settings.abort_forceable,
-            run.run_time if running else 0.0,
+            run.run_time if running else self.last_run,
             self.last_run,
             self.runs_done & 0xFFFFFFFF,
             self.runs_aborted & 0xFFFFFFFF,

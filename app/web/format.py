@@ -137,11 +137,14 @@ def duration(seconds: float, lang: str) -> str:
     return f"{whole}{SPACE}s"
 
 
-def clock_time(micros: int, zone: ZoneInfo, *, milliseconds: bool = False, seconds: bool = True) -> str:
-    """Time of day in the plant's zone, 24 h with leading nought: `07:05:04`."""
+def clock_time(
+    micros: int, zone: ZoneInfo, *, milliseconds: bool = False, seconds: bool = True, lang: str = "en"
+) -> str:
+    """Time of day in the plant's zone, 24 h with leading nought: `07:05:04`; milliseconds after the decimal sign of `lang`."""
     moment = _floor(micros, zone)
     if milliseconds:
-        return f"{moment:%H:%M:%S}.{moment.microsecond // 1000:03d}"
+        mark = "." if lang in DECIMAL_POINT else ","
+        return f"{moment:%H:%M:%S}{mark}{moment.microsecond // 1000:03d}"
     return f"{moment:%H:%M:%S}" if seconds else f"{moment:%H:%M}"
 
 
@@ -157,7 +160,8 @@ def date_time(micros: int, zone: ZoneInfo, lang: str, now: int, *, milliseconds:
     """Date and time for lists: the year only when it is not that of `now`; the repeated hour of autumn with its offset."""
     moment = to_datetime(micros).astimezone(zone)
     same_year = moment.year == to_datetime(now).astimezone(zone).year
-    text = f"{date(micros, zone, lang, year=not same_year)} {clock_time(micros, zone, milliseconds=milliseconds)}"
+    time = clock_time(micros, zone, milliseconds=milliseconds, lang=lang)
+    text = f"{date(micros, zone, lang, year=not same_year)} {time}"
     return f"{text} {_offset(moment)}" if repeated(moment) else text
 
 

@@ -142,7 +142,7 @@ class Operation:
         if station is None or station.plc is None or not point.usable or not isinstance(point.value, int | float):
             return ""
         time = station.plc.clock.utc(int(point.value))
-        return fmt.clock_time(time, self.zone, milliseconds=True)
+        return fmt.clock_time(time, self.zone, milliseconds=True, lang=self.equipment.lang)
 
     @property
     def instructs(self) -> bool:

@@ -363,7 +363,7 @@ class _Words:
     def _step(self, item: Equipment | None, one: Passage, step: Step) -> dict[str, Any]:
         alarms = {alarm.event: alarm.priority for alarm in item.alarms if alarm.event} if item else {}
         return {
-            "time": fmt.clock_time(step.time, self.zone, milliseconds=True),
+            "time": fmt.clock_time(step.time, self.zone, milliseconds=True, lang=self.lang),
             "iso": fmt.iso(step.time, self.zone),
             "after": fmt.duration(max(0, step.time - one.entered) / 1e6, self.lang) if step.time > one.entered else "",
             "text": self.event(item, step.code),
@@ -390,7 +390,7 @@ class _Words:
 
     def moment(self, micros: int) -> str:
         if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
-            return fmt.clock_time(micros, self.zone, milliseconds=True)
+            return fmt.clock_time(micros, self.zone, milliseconds=True, lang=self.lang)
         return fmt.date_time(micros, self.zone, self.lang, self.now)
 
     def _item(self, equipment: str) -> Equipment | None:

@@ -464,7 +464,9 @@ class _Words:
         return {
             "text": self.permissive(one, definition),
             "place": self._place(definition, one.first_step, one.first_bit),
-            "time": "" if one.first_time is None else fmt.clock_time(one.first_time, self.zone, milliseconds=True),
+            "time": ""
+            if one.first_time is None
+            else fmt.clock_time(one.first_time, self.zone, milliseconds=True, lang=self.lang),
             "iso": "" if one.first_time is None else fmt.iso(one.first_time, self.zone),
             "value": self._value(definition, item, one.first_step, one.first_bit, one.first_value),
             "together": one.first_together,
@@ -481,9 +483,13 @@ class _Words:
             "state": step.state,
             "state_text": self.text(f"step_state.{step.state}"),
             "glyph": GLYPHS.get("open" if step.state == "active" else step.state, ""),
-            "entered": "" if step.entered is None else fmt.clock_time(step.entered, self.zone, milliseconds=True),
+            "entered": ""
+            if step.entered is None
+            else fmt.clock_time(step.entered, self.zone, milliseconds=True, lang=self.lang),
             "iso": "" if step.entered is None else fmt.iso(step.entered, self.zone),
-            "ended": "" if step.ended is None else fmt.clock_time(step.ended, self.zone, milliseconds=True),
+            "ended": ""
+            if step.ended is None
+            else fmt.clock_time(step.ended, self.zone, milliseconds=True, lang=self.lang),
             "seconds": "" if step.seconds is None else self.seconds(step.seconds),
             "suspended": self.seconds(step.suspended / 1e6) if step.suspended else "",
         }
@@ -502,7 +508,7 @@ class _Words:
                     "order": len(falls) + 1,
                     "text": self.bit(definition, event.step, event.bit),
                     "place": self._place(definition, event.step, event.bit),
-                    "time": fmt.clock_time(event.time, self.zone, milliseconds=True),
+                    "time": fmt.clock_time(event.time, self.zone, milliseconds=True, lang=self.lang),
                     "iso": fmt.iso(event.time, self.zone),
                     "value": self._value(definition, item, event.step, event.bit, event.signal),
                     "first": (event.step, event.bit, event.time) == (one.first_step, one.first_bit, one.first_time),
@@ -526,7 +532,7 @@ class _Words:
                 began = event.time
                 found.append(
                     {
-                        "time": fmt.clock_time(event.time, self.zone, milliseconds=True),
+                        "time": fmt.clock_time(event.time, self.zone, milliseconds=True, lang=self.lang),
                         "iso": fmt.iso(event.time, self.zone),
                         "person": event.person,
                         "reason": event.reason,
@@ -565,7 +571,7 @@ class _Words:
 
     def moment(self, micros: int) -> str:
         if fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang):
-            return fmt.clock_time(micros, self.zone, milliseconds=True)
+            return fmt.clock_time(micros, self.zone, milliseconds=True, lang=self.lang)
         return fmt.date_time(micros, self.zone, self.lang, self.now)
 
     def _item(self, equipment: str) -> Equipment | None:

@@ -16,6 +16,8 @@ from app.web.tables import RowView, TableView
 MOST_NAMED = 3
 """So many missing permissives are named in one sentence; the others are counted."""
 NO_BIT = 0xFFFF
+NEARLY = 0.8
+"""From this part of its greatest time on a step is said to be near it."""
 ROOM = 1.12
 """A time bar ends so far beyond the longest time."""
 
@@ -41,6 +43,13 @@ class BitView:
     force: RowView | None = None
     """Its row in the table of forces."""
 
+    @property
+    def since(self) -> PointView | None:
+        """When it became what it is, as far as the device knows: missing since it fell, there since it came back."""
+        if self.met is None or self.forced:
+            return None
+        return (self.back if number_of(self.back) else None) if self.met else self.fell
+
 
 @dataclass(frozen=True, slots=True)
 class StepView:
@@ -60,6 +69,12 @@ class StepView:
     def number_of(self, column: str) -> float | None:
         """Value of a cell; None when there is none to rely on."""
         return number_of(self.cells.get(column))
+
+    @property
+    def soon(self) -> float | None:
+        """From here on the greatest time is near [s]; None = the step may stay."""
+        maximum = self.number_of("maximum")
+        return maximum * NEARLY if maximum else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +99,8 @@ class Headline:
     detail: str
     kind: str
     """calm, wait or stop."""
+    soon: float | None = None
+    """While it runs: seconds from which on the greatest time is near."""
 
 
 class SequenceView:
@@ -265,12 +282,12 @@ class SequenceView:
         times = [step.number_of(column) or 0.0 for step in self.steps for column in ("minimum", "maximum", "most")]
         return max([*times, 1.0]) * ROOM
 
-    def seconds(self, value: float | None) -> str:
-        """A time of a step: `12,4 s`, `3 min 05 s`."""
+    def seconds(self, value: float | None, *, unit: bool = True) -> str:
+        """A time of a step: `12,4 s`, `3 min 05 s`; below 100 s also without the unit."""
         if value is None:
             return "–"
         lang = self.equipment.lang
-        return fmt.quantity(value, 1, "s", lang) if value < 100 else fmt.duration(value, lang)
+        return fmt.quantity(value, 1, "s" if unit else "", lang) if value < 100 else fmt.duration(value, lang)
 
     # ---- the headline ---------------------------------------------------------------------------------
 
@@ -313,7 +330,8 @@ class SequenceView:
         symbol = {"timed_out": "i-clock", "suspended": "i-pause", "stalled": "i-clock"}.get(kind, "i-right")
         detail = self._then() if kind == "timed_out" else self._waits(step, maximum)
         look = {"running": "calm", "suspended": "wait"}.get(kind, "stop")
-        return Headline(symbol, before, after, elapsed, detail, look)
+        soon = cells.soon if cells and state == SequenceState.RUNNING else None
+        return Headline(symbol, before, after, elapsed, detail, look, soon)
 
     def named(self, bits: Sequence[BitView]) -> str:
         """Some permissives in one line: A · B · C and 2 more."""

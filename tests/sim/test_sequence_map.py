@@ -82,7 +82,7 @@ def test_a_run_that_was_aborted_reads_as_it_was() -> None:
         "abort_forced": 0,
         "abort_forceable": 0,
         "forces": 1,
-        "run_time": 0,
+        "run_time": run.run_time,
         "last_run_time": run.run_time,
         "runs_done": 0,
         "runs_aborted": 1,

@@ -136,6 +136,8 @@ def test_times_are_those_of_the_plant_in_24_hours_with_their_nought() -> None:
     assert fmt.clock_time(moment, ZAGREB) == "07:05:04"
     assert fmt.clock_time(moment, ZAGREB, seconds=False) == "07:05"
     assert fmt.clock_time(moment, ZAGREB, milliseconds=True) == "07:05:04.120"
+    assert fmt.clock_time(moment, ZAGREB, milliseconds=True, lang="hr") == "07:05:04,120"
+    assert fmt.date_time(moment, ZAGREB, "de", moment, milliseconds=True) == "09.03. 07:05:04,120"
     assert [fmt.date(moment, ZAGREB, lang) for lang in LANGUAGES] == [
         "09.03.2026",
         "09/03/2026",
