@@ -315,6 +315,7 @@ class LinkRunner:
         self.statistics.last_error, self.statistics.last_error_text = error.kind, str(error)
         if not self._open:
             self._close(str(error))
+        self._wake()  # what it left undone is for the others, and whoever was closed with it finds out
 
     def _close(self, reason: str) -> None:
         """Nothing is connected any more: no job waits, everything is bad at once, and one line says so."""
@@ -608,14 +609,20 @@ class LinkRunner:
 
     async def _bring_up(self, station: Station) -> None:
         """Find out what the unit is, then scan it."""
-        try:
-            while not (await self._identify(station) and (station.plc is None or await station.plc.identify())):
-                self._to_configuration(station)
-                await asyncio.sleep(LAST_PAUSE)
-        except NoAnswer as error:
-            station.state = State.CONNECTING
-            self.later(station, error)
-            return
+        while True:
+            try:
+                if await self._identify(station) and (station.plc is None or await station.plc.identify()):
+                    break
+            except NotConnected:
+                if not self._open:
+                    raise
+                continue  # another connection may do it; those that are closed as well are found by asking
+            except NoAnswer as error:
+                station.state = State.CONNECTING
+                self.later(station, error)
+                return
+            self._to_configuration(station)
+            await asyncio.sleep(LAST_PAUSE)
         station.state = State.UP
         if station.plc is not None:
             station.plc.begin()

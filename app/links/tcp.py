@@ -44,7 +44,7 @@ class TcpTransport:
     @property
     def connected(self) -> bool:
         """Whether the socket is open, as far as anybody knows."""
-        return self._client is not None and self._client.connected
+        return self._client is not None and _is_open(self._client)
 
     async def connect(self) -> None:
         """Open the socket."""
@@ -68,6 +68,9 @@ class TcpTransport:
             client.close()
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: no connection")
+        if not _is_open(client):  # closed before pymodbus could hear of it, and it will not hear of it again
+            client.close()
+            raise NotConnected(f"{self._where}: closed by the other end")
         self._client = client
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
@@ -86,7 +89,7 @@ class TcpTransport:
 
     async def _ask(self, unit: int, request: Request, patience: float) -> list[int]:
         client = self._client
-        if client is None or not client.connected:
+        if client is None or not _is_open(client):
             raise NotConnected(f"{self._where}: not connected")
         try:
             telegram = _Telegram(unit, build_request(request))
@@ -102,6 +105,10 @@ class TcpTransport:
         except (ConnectionException, OSError) as error:
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
+        except RuntimeError as error:  # of uvloop, which lets nobody write to a socket that is closed
+            if _is_open(client):
+                raise
+            raise NotConnected(f"{self._where}: connection lost") from error
         finally:
             self._asking = False
         _raise_if_cancelled()
@@ -116,6 +123,12 @@ class TcpTransport:
         waiting: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
         if not waiting.done():
             waiting.set_exception(ConnectionException(f"{self._where}: closed by the other end"))
+
+
+def _is_open(client: AsyncModbusTcpClient) -> bool:
+    """Whether its socket is: pymodbus believes in one that was lost while it was being opened."""
+    transport: asyncio.BaseTransport | None = client.ctx.transport
+    return client.connected and transport is not None and not transport.is_closing()
 
 
 def _raise_if_cancelled() -> None:

@@ -1,12 +1,22 @@
 """The TCP transport beside its contract."""
 
 import asyncio
+import socket
+import struct
+import threading
 from contextlib import suppress
 
+import uvloop
+
 from app.errors import NotConnected
+from app.links.contract import Block
 from app.links.tcp import TcpTransport
-from app.plant.definitions import Link
+from app.plant.definitions import Device, Link
+from app.sim.bus import Bus
+from app.sim.server import TcpServer
+from app.tags.quality import is_good
 from tests.conftest import find_port
+from tests.links.devices import RegisterDevice, row, running, until
 
 
 async def test_a_connection_that_is_refused_while_its_task_ends_lets_it_end() -> None:
@@ -29,3 +39,93 @@ async def test_a_connection_that_is_refused_while_its_task_ends_lets_it_end() ->
             task.cancel()
             await asyncio.wait({task}, timeout=0.05)
         assert ended, f"the task went on after it was cancelled at turn {turns}"
+
+
+class _Door:
+    """A gateway in a thread of its own: while it is shut, it takes every connection and closes it at once."""
+
+    def __init__(self, port: int) -> None:
+        self.shut = True
+        self._behind = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._held: list[socket.socket] = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        """No more connections."""
+        self.slam()
+        self._listener.close()
+
+    def slam(self) -> None:
+        """Shut it, and cut whatever goes through."""
+        self.shut = True
+        for one in self._held:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # a reset, as a PLC sends it
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+        self._held.clear()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listener.accept()
+                if self.shut:
+                    near.close()
+                    continue
+                far = socket.create_connection(("127.0.0.1", self._behind))
+                self._held += [near, far]
+                threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
+                threading.Thread(target=self._carry, args=(far, near), daemon=True).start()
+
+    @staticmethod
+    def _carry(source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(4096):
+                sink.sendall(data)
+
+
+def test_a_connection_that_is_closed_while_it_is_opened_is_not_connected() -> None:
+    async def story() -> set[str]:
+        door = _Door(find_port())
+        transport = TcpTransport(Link("hall", "tcp", host="127.0.0.1", tcp_port=door.port), None)
+        seen = set[str]()
+        for turn in range(200):
+            try:
+                await transport.connect()
+                for _ in range(turn % 5):
+                    await asyncio.sleep(0)
+                await transport.read(1, Block(0, 10), 0.5)
+            except Exception as error:
+                seen.add(type(error).__name__)
+        await transport.close()
+        door.close()
+        return seen
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # the loop of the server
+        assert runner.run(story()) == {"NotConnected"}
+
+
+def test_a_link_whose_connections_were_all_closed_while_they_were_opened_comes_back() -> None:
+    async def story() -> None:
+        server = TcpServer(Bus({1: RegisterDevice({0: 7})}))
+        await server.start("127.0.0.1", 0)
+        door = _Door(server.address[1])
+        door.shut = False
+        item = row("m1", 1, 1, Device(timeout=0.5, fast=0.05, connections=4))
+        try:
+            async with running([item], link=Link("hall", "tcp", host="127.0.0.1", tcp_port=door.port)) as line:
+                await until(lambda: line.value("m1.v0") == 7)
+                for _ in range(6):
+                    door.slam()
+                    await until(lambda: not is_good(line.quality("m1.v0")))
+                    await asyncio.sleep(0.3)
+                    door.shut = False
+                    await until(lambda: is_good(line.quality("m1.v0")), 10)
+        finally:
+            door.close()
+            await server.close()
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(story())
