@@ -203,6 +203,38 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         await runtime.stop()
 
 
+async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None:
+    """While products run, and once more while the server is down: one list of passages, nothing missing, nothing twice."""
+    plant = folder(tmp_path / "line", SIMULATED)
+    data = tmp_path / "data"
+    runtime = Runtime(Settings(plant=plant, data=data))
+    await runtime.start()
+    try:
+        await asyncio.to_thread(wait, lambda: len(arrivals(data, "c1")) >= 2)
+        renamed = SIMULATED.replace("[equipment.c1]", '[equipment.line1]\nwas = "c1"')
+        (plant / "plant.toml").write_text(renamed, "utf-8")
+        assert (await runtime.reload(None, (await runtime.look()).digest)).done
+        await asyncio.to_thread(wait, lambda: len(arrivals(data, "line1")) >= 4)
+        assert arrivals(data, "c1") == []
+    finally:
+        await runtime.stop()
+    before = arrivals(data, "line1")
+    assert before == list(range(before[0], before[0] + len(before)))
+    (plant / "plant.toml").write_text(renamed.replace("equipment.line1", "equipment.belt"), "utf-8")
+    runtime = Runtime(Settings(plant=plant, data=data))
+    await runtime.start()
+    try:
+        await asyncio.to_thread(wait, lambda: arrivals(data, "belt")[: len(before)] == before, 10)
+        assert "sys.products.belt" in runtime.tags and runtime.passages.last("belt") is not None
+    finally:
+        await runtime.stop()
+
+
+def arrivals(data: Path, equipment: str) -> list[int]:
+    statement = f"SELECT product FROM passage WHERE equipment = '{equipment}' AND entry = 1 ORDER BY id"
+    return [product for (product,) in read(data, statement)]
+
+
 async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir(mode=0o700)
     (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)

@@ -9,7 +9,7 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy import Connection
@@ -17,6 +17,7 @@ from sqlalchemy import Connection
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
+from app.historian import renames
 from app.plant.definitions import Equipment
 from app.plant.events import Mark, RingEvent, begins_again, is_new, mark_of
 
@@ -97,6 +98,14 @@ class EventHistory(ABC):
         self._clock = clock
         self._machines: frozenset[str] = frozenset()
         self._marks: dict[str, Mark] = {}
+        self._names: dict[str, str] = {}
+        """Lasting id → name under which the rows of a machine are, as far as is known."""
+        self._now: dict[str, str] = {}
+        """Lasting id → name of the machines of this book."""
+        self._followed = True
+        """Whether the rows have the names of the plant as it is now."""
+        self._revision = 0
+        """Of the names."""
         self._waiting: list[Delivery] = []
         self._told: list[Told] = []
         self._taken = self._stored = 0
@@ -105,8 +114,12 @@ class EventHistory(ABC):
 
     async def load(self) -> None:
         """Read how far the events of each machine were stored; a history that cannot be read is told by the recorder."""
+
+        def work(connection: Connection) -> tuple[dict[str, Mark], dict[str, str]]:
+            return marks(connection), renames.names(connection)
+
         try:
-            self._marks = await self._database.read(marks)
+            self._marks, self._names = await self._database.read(work)
         except StorageError as error:
             log.warning("marks of events not read reason=%s", error)
 
@@ -123,8 +136,20 @@ class EventHistory(ABC):
         """What the events mean as the plant is now; it is used on another thread."""
 
     def configure(self, machines: Iterable[Equipment]) -> None:
-        """Take the machines of a plant that are in this book."""
-        self._machines = frozenset(item.id for item in machines if self.keeps(item))
+        """Take the machines of a plant that are in this book; what is kept of one that was renamed gets its new name."""
+        kept = [item for item in machines if self.keeps(item)]
+        self._machines = frozenset(item.id for item in kept)
+        now = self._now = {item.lasting: item.id for item in kept}
+        former = {self._names.get(id, id): name for id, name in now.items()}
+        moved = {before: after for before, after in former.items() if before != after}
+        if moved:
+            taken = set(moved.values()) - set(moved)
+            self._marks = {moved.get(name, name): mark for name, mark in self._marks.items() if name not in taken}
+            self._waiting = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._waiting]
+            self._told = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._told]
+        self._followed = self._followed and all(self._names.get(id) == name for id, name in now.items())
+        self._names |= now
+        self._revision += bool(moved)
 
     def last(self, equipment: str) -> Mark | None:
         """The last event of a machine that is stored; None = none ever was."""
@@ -160,7 +185,7 @@ class EventHistory(ABC):
         """Store what was not taken at once, and who asked for what, for ever."""
         while True:
             await asyncio.sleep(1.0)
-            if self._waiting or self._told:
+            if self._waiting or self._told or not self._followed:
                 async with self._lock:
                     try:
                         await self._write()
@@ -181,9 +206,10 @@ class EventHistory(ABC):
             raise StorageError("history.db: not written at the moment")
         waiting, told, number = self._waiting[:], self._told, self._taken
         now, book = self._clock.micros(), self.book()
+        names, revision = self._now, self._revision
 
         def work(connection: Connection) -> tuple[dict[str, Mark], list[Told], set[str]]:
-            touched: set[str] = set()
+            touched = renames.follow(connection, names)
             for one in waiting:
                 if store(connection, one, book, now):
                     touched.add(one.equipment)
@@ -205,8 +231,9 @@ class EventHistory(ABC):
             raise
         self._stored = number
         del self._waiting[: len(waiting)]
-        self._told = [*rest, *(one for one in self._told if one not in told)]
-        self._marks = found
+        if revision == self._revision:
+            self._told = [*rest, *(one for one in self._told if one not in told)]
+            self._marks, self._followed = found, True
         if self.failed:
             self.failed = False
             log.info("%s are written again dropped=%d", self.name, self.dropped)

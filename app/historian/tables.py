@@ -134,6 +134,14 @@ event_mark = Table(
 )
 """The last event of each machine that is in the passages, written with it."""
 
+event_machine = Table(
+    "event_machine",
+    history_tables,
+    Column("lasting_id", String, primary_key=True),
+    Column("name", String, nullable=False),
+)
+"""The name that a machine had when its events were last stored: rows say names, and follow a machine that is renamed."""
+
 event_gap = Table(
     "event_gap",
     history_tables,

@@ -438,6 +438,13 @@ class Equipment:
     """Equipment whose signals and actions its sequence uses; empty = none."""
     preset: str = ""
     """Preset of the type that its options come from; empty = none."""
+    was: str = ""
+    """Its first name, where it has another one now; empty = it still has it."""
+
+    @property
+    def lasting(self) -> str:
+        """What stays when it is renamed: the first part of the lasting ids of its points."""
+        return self.was or self.id
 
 
 @dataclass(frozen=True, slots=True)

@@ -318,7 +318,7 @@ class _PlantReader:
                 points[cell.key] = replace(cell, name=f"{id}.{cell.key}", id=lasting, equipment=id)
         alarms = tuple(data.type.alarms)
         self.equipment[id] = Equipment(
-            id, data.type, link, unit, label, area, points, alarms, options, tables, sequence, preset=preset
+            id, data.type, link, unit, label, area, points, alarms, options, tables, sequence, preset=preset, was=was
         )
 
     def _options(
