@@ -783,8 +783,8 @@ class VirtualCoilCar(VirtualPlc):
         if self.target_selected:
             self._target = self.target_selected
             return
-        at_it = self._target and self._at(measures.saddle(self._target)) and machine.v > LOWERED
-        if self._target and (self._free(self._target) if machine.load else at_it):
+        # Who stands at a saddle is at it, also when the coil lies there: the next target is that of who drives away.
+        if self._target and (self._free(self._target) if machine.load else self._at(measures.saddle(self._target))):
             return
         free = [n for n in (1, 2, 3) if self._free(n)]
         self._target = free[0] if free else 1

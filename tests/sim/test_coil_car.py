@@ -199,6 +199,18 @@ def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
     assert (value(car, "target_saddle"), value(car, "target_selected"), value(car, "target_free")) == (2, 2, 0)
 
 
+def test_the_target_stays_while_the_car_stands_at_it_and_is_the_next_one_once_it_leaves() -> None:
+    car, _ = line(start="automatic", coil=True)
+    for action in ACTIONS:
+        act(car, action)
+    act(car, "lower")
+    laid = {name: value(car, name) for name in ("target_saddle", "at_target", "coil_laid", "lowered", "saddle_1")}
+    assert laid == {"target_saddle": 1, "at_target": 1, "coil_laid": 1, "lowered": 1, "saddle_1": 1}
+    assert value(car, "target_free") == 1, "for the next coil there is a saddle"
+    act(car, "drive_to_mandrel")
+    assert (value(car, "target_saddle"), value(car, "at_target"), value(car, "coil_laid")) == (2, 0, 0)
+
+
 # ---- hold-to-run
 
 

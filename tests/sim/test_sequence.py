@@ -102,7 +102,7 @@ def test_a_run_goes_through_its_steps_and_is_counted() -> None:
     assert f32(step_row(plc, 2), 12) == pytest.approx(0.5)
     run(plc, 2)
     assert (word(plc, 1), word(plc, 2), word(plc, 26)) == (SequenceState.DONE, 0, 3)
-    assert long(plc, 14) == 1 and number(plc, 12) == pytest.approx(3.0) and number(plc, 10) == 0
+    assert long(plc, 14) == 1 and number(plc, 12) == pytest.approx(3.0) and number(plc, 10) == pytest.approx(3.0)
     assert [number(plc, at) for at in (20, 22, 24)] == pytest.approx([3.0] * 3)
     one = step_row(plc, 1)
     assert (one[16] << 16 | one[17]) == 1 and [f32(one, at) for at in (18, 20, 22, 24)] == pytest.approx([1.0] * 4)
