@@ -7,14 +7,20 @@ from .tracked import Gap, Product
 
 SMALL_CLOSING = 0.5
 """Pairs that come nearer by less than this [mm] get a margin in proportion: equal speeds that differ by a hair do not stop a line."""
+_BEHIND = 1e-6
+"""What interrupts a beam is behind it, if only by this [mm]."""
 
 
 def nearest(
-    products: Iterable[Product], belt_ends: Sequence[float], stop_distances: Sequence[float], margin: float
+    products: Iterable[Product],
+    belt_ends: Sequence[float],
+    stop_distances: Sequence[float],
+    margin: float,
+    shortest: float = 0.0,
 ) -> Gap | None:
     """The pair of adjacent products with the least reserve (gap − limit); None with fewer than two products.
 
-    `products` front-most first, `stop_distances` of the belts [mm, signed: + forward], `margin` [mm].
+    `products` front-most first, `stop_distances` of the belts [mm, signed: + forward], `margin` and `shortest` product [mm].
 
     The reference stops the line when (tail of the one ahead − head of the one behind) ≤ distance to stop of the belt of the rear
     product. Taken by the letter that would forbid two products nearer than that on one running belt, where they cannot meet. What
@@ -26,7 +32,8 @@ def nearest(
     With the front one at rest that is the reference's rule and the margin. With both at one speed closing is 0 and nothing stops; when
     the front one brakes, closing grows while it slows down, so the stop comes in time for both. Belts against each other add up. A
     product that lies on several belts, or gets onto another one before it stands, may go as little or as far as any of them: the worst
-    of both counts. Adjacent products on any belts are compared (decision 15); a product that two sensors missed is not.
+    of both counts. What a beam still holds reaches back behind its sensor: it lies on the belt before it, too, and is at least as long
+    as the shortest product. Adjacent products on any belts are compared (decision 15); a product that two sensors missed is not.
 
     Source: thesis 003, spacing; reference/theses-facts.md section 3 and conflict 15.
     """
@@ -42,6 +49,8 @@ def nearest(
             continue
         right = rear.right
         left = right - rear.length
+        if rear.open_at >= 0:
+            left, right = _known(rear, shortest)
         if not uniform or left >= end or right <= 0.0:
             least, most = _stop_range(left, right, belt_ends, stop_distances)
         if front is not None:
@@ -63,6 +72,12 @@ def nearest(
         if uniform:
             least = most = stop_distances[0]
     return found
+
+
+def _known(product: Product, shortest: float) -> tuple[float, float]:
+    """Where a product surely is whose other end a beam still holds."""
+    length = max(product.length, shortest) + _BEHIND
+    return (product.left, product.left + length) if product.open_right else (product.right - length, product.right)
 
 
 def _stop_range(

@@ -23,7 +23,7 @@ from .tracked import BLIND, Code, Product
 
 def rising(table: ProductTable, sensor: Sensor) -> None:
     """The beam is interrupted: by the product that is expected next, by one that is known to be there, or by one that nobody knows."""
-    sensor.risen = table.travel(sensor)
+    sensor.risen, sensor.apart = table.travel(sensor), table.apart(sensor)
     n, x = sensor.n, sensor.x
     near = max(table.settings.sensor_tolerance, table.settings.lost_after)
     best = over = None
@@ -204,9 +204,16 @@ def _tell_when_full(table: ProductTable, n: int, product: Product) -> None:
 
 
 def _close(table: ProductTable, product: Product, sensor: Sensor) -> None:
-    """The unknown end has passed it, or what came has gone back."""
+    """The unknown end has passed it, or what came has gone back. Where the belts beside the sensor went different ways meanwhile, the
+    length is a guess: it is measured anew at the next sensor, and nothing that may have been long enough is withdrawn."""
     limits, n = table.settings, sensor.n
     back = product.moving == (1 if product.open_right else -1)
+    apart = abs(table.apart(sensor) - sensor.apart)
+    guessed = apart > limits.alarm_tolerance
+    lacks = limits.shortest - product.length
+    if guessed and not back and lacks > 0.0 and limits.shortest <= abs(table.travel(sensor) - sensor.risen) + apart / 2:
+        shift(product, -lacks if product.open_right else lacks)
+        separate(table, None)
     if product.length < limits.shortest or (back and product.length <= limits.lost_after):
         table.withdraw(product, n)
         return
@@ -218,6 +225,9 @@ def _close(table: ProductTable, product: Product, sensor: Sensor) -> None:
     table.tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
     if product.length > limits.longest:
         table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - limits.longest, product.length)
+        doubt(product)
+    if guessed:
+        product.length_known = product.measured = False
         doubt(product)
 
 

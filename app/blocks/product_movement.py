@@ -10,7 +10,10 @@ _REVERSAL = 0.2
 
 
 def move(table: ProductTable, moved: tuple[float, ...]) -> None:
-    """All products with their belts; what turned round is told once, what ran into another is held apart."""
+    """All products with their belts; what turned round is told once, what ran into another is held apart.
+
+    How much of a product is still behind the beam that holds its end nobody knows: as much as the shortest product is long is taken.
+    """
     first = moved[0]
     uniform = True
     for belt, way in enumerate(moved):
@@ -19,7 +22,7 @@ def move(table: ProductTable, moved: tuple[float, ...]) -> None:
             table.ways[belt] = 1 if way > 0 else -1
         if way != first:
             uniform = False
-    ends = table.line.belt_ends
+    ends, unseen = table.line.belt_ends, table.settings.shortest
     end, now = ends[-1], table.now
     ahead = float("inf")
     contact = False
@@ -29,10 +32,12 @@ def move(table: ProductTable, moved: tuple[float, ...]) -> None:
         left = right - product.length
         if uniform and right > 0.0 and left < end:
             delta = first
-        elif product.open_right and product.length == 0.0:
-            delta = share(right, right + TOUCH, ends, moved)
-        else:
+        elif product.open_at < 0:
             delta = share(left, right, ends, moved)
+        elif product.open_right:
+            delta = share(left, right + unseen, ends, moved)
+        else:
+            delta = share(left - unseen, right, ends, moved)
         if delta:
             product.displacement += delta
             product.moved_us = now

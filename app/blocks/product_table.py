@@ -39,7 +39,7 @@ class Cut(NamedTuple):
 class Sensor:
     """What is known of one light barrier."""
 
-    __slots__ = ("before", "behind", "held", "misses", "n", "risen", "strangers", "stuck", "x")
+    __slots__ = ("apart", "before", "behind", "held", "misses", "n", "risen", "strangers", "stuck", "x")
 
     def __init__(self, n: int, x: float, belt_ends: tuple[float, ...]) -> None:
         self.n = n
@@ -51,7 +51,9 @@ class Sensor:
         self.behind = min(bisect_right(belt_ends, x), len(belt_ends) - 1)
         """Belt that carries what has passed it to the right; another one where the sensor is at a border."""
         self.risen = 0.0
-        """Way of the belts when its beam was interrupted last [mm]."""
+        """Way of the belts beside it when its beam was interrupted last [mm]."""
+        self.apart = 0.0
+        """By so much the one before had gone further then than the one behind [mm]."""
         self.held: Held | None = None
         self.misses = 0
         """Products in a row that were lost here."""
@@ -231,6 +233,10 @@ class ProductTable:
     def travel(self, sensor: Sensor) -> float:
         """Way of the belts beside it so far [mm]."""
         return (self.odometers[sensor.before] + self.odometers[sensor.behind]) / 2
+
+    def apart(self, sensor: Sensor) -> float:
+        """By so much the belt before it has gone further so far than the one behind it [mm]."""
+        return self.odometers[sensor.before] - self.odometers[sensor.behind]
 
     def way_at(self, sensor: Sensor) -> int:
         """Which way something comes to it: 1 forward, −1 backwards."""

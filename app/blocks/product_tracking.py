@@ -52,15 +52,17 @@ class ProductTracking(ProductTable):
     goes back out of S1, or that was shorter than the shortest product, is withdrawn; when it comes again it is a new arrival.
 
     **Movement.** A product moves by the mean of its belts' movements, weighted by the part of its length on each at the beginning of
-    the scan. Two products that would overlap are in contact: the one that ran into the other is held (a lost one gives way) and is
-    uncertain.
+    the scan; one whose other end is still in a beam reaches as far behind the sensor as the shortest product is long. When the belts
+    beside that sensor went different ways meanwhile, its length is a guess, measured anew at the next sensor, and it is uncertain; it
+    is withdrawn only if neither belt went as far as the shortest product is long. Two products that would overlap are in contact: the
+    one that ran into the other is held (a lost one gives way) and is uncertain.
 
     **Correction.** The leading end makes the rising edge, the trailing end the falling one; which is which follows the direction of
     travel, so backwards the left end leads. An end within the sensor tolerance is set to the sensor, the length stays, the amount
     (actual − expected) is kept. Above the alarm tolerance the product is *outside tolerance* until a smaller correction or a
-    confirmation. A correction makes an uncertain or lost product a tracked one (one
-    of the trailing end alone only where a sensor measured the length). A measured length that differs by more than the alarm tolerance
-    is told. A standing product makes no edges: a hand in the beam does not move it.
+    confirmation. A correction makes an uncertain or lost product a tracked one (one of the trailing end alone only where a sensor
+    measured the length). A measured length that differs by more than the alarm tolerance is told. A standing product makes no edges: a
+    hand in the beam does not move it.
 
     **Unexpected.** A rising edge with no product within the tolerance is told. If a record has not passed the sensor yet and is within
     `lost_after`, or is overdue with its body over the sensor, there is no room for another product: it is that one, set to the sensor,
@@ -148,7 +150,8 @@ class ProductTracking(ProductTable):
 
     def gap_with(self, stop_distances: Sequence[float]) -> Gap | None:
         """The most critical pair if the belts had these distances to stop [mm, signed]; ask before belts are started again."""
-        return nearest(self.products, self.line.belt_ends, stop_distances, self.settings.gap_margin)
+        limits = self.settings
+        return nearest(self.products, self.line.belt_ends, stop_distances, limits.gap_margin, limits.shortest)
 
     def release_gap_stop(self) -> list[TrackingEvent]:
         """Ends a latched gap stop (after the restart delay, or by reset); it comes again if a pair still comes too near."""
@@ -297,7 +300,7 @@ class ProductTracking(ProductTable):
         self.areas = areas
 
     def _supervise(self, stops: tuple[float, ...]) -> None:
-        self.gap = pair = nearest(self.products, self.line.belt_ends, stops, self.settings.gap_margin)
+        self.gap = pair = self.gap_with(stops)
         if pair and pair.stop and not self.gap_stop:
             self.gap_stop = True
             self.tell(Code.GAP_STOP, 0, pair.rear, pair.front, pair.gap, pair.closing)

@@ -616,6 +616,54 @@ def test_what_passes_a_stuck_sensor_is_uncertain(state: ProductState) -> None:
     assert product.state is ProductState.UNCERTAIN
 
 
+@pytest.mark.parametrize(("length", "seconds"), [(20.0, 1.0), (20.0, 2.0), (30.0, 2.0), (45.0, 1.5)])
+def test_an_unknown_product_across_a_border_keeps_its_record_while_the_belt_ahead_stands(
+    length: float, seconds: float
+) -> None:
+    line = line_with()
+    line.run(30.0, 0.1)
+    thing = line.put(443.0, length)
+    for _ in range(round(seconds * 100)):
+        line.step([30.0, 30.0, 0.0])
+    (product,) = line.tracking.products
+    assert product.right == pytest.approx(thing.right, abs=5.0)
+    events = line.run(30.0, 9.0)
+    assert line.tracking.products == [product] and Code.WITHDRAWN not in codes(line.events)
+    (closed,) = [event for event in events if event.code is Code.IDENTIFIED]
+    assert closed.value == pytest.approx(length, abs=7.0), "a guess: nobody saw how much of it was on which belt"
+    measured = [event for event in events if event.code is Code.LENGTH_DIFFERS]
+    assert [(event.source, round(event.value2)) for event in measured] == [(4, length)]
+    assert (product.length, product.right) == (pytest.approx(length, abs=0.3), pytest.approx(thing.right, abs=0.5))
+    assert product.state is ProductState.UNCERTAIN
+
+
+def test_backwards_an_unknown_product_across_a_border_keeps_its_record_too() -> None:
+    line = line_with()
+    line.run(-30.0, 0.1)
+    thing = line.put(447.0 + 30.0, 30.0)
+    for _ in range(150):
+        line.step([0.0, 0.0, -30.0])
+    line.run(-30.0, 3.0)
+    (product,) = line.tracking.products
+    assert (product.left, product.length) == (pytest.approx(thing.left, abs=5.0), pytest.approx(30.0, abs=5.0))
+    assert Code.WITHDRAWN not in codes(line.events)
+
+
+def test_what_may_be_longer_than_it_moved_at_a_border_is_not_withdrawn() -> None:
+    bench = Bench()
+    bench.beams[2] = True
+    bench.scan(0.0, 1.0, 1.0)
+    for _ in range(120):
+        bench.scan(0.0, 0.0, 0.1)
+    for _ in range(2):
+        bench.scan(0.0, 1.0, 0.0)
+    bench.beams[2] = False
+    events = bench.scan(0.0, 1.0, 0.0)
+    (product,) = bench.tracking.products
+    assert codes(events) == [Code.IDENTIFIED] and not bench.tracking.withdrawn
+    assert (product.length, product.length_known, product.state) == (10.0, False, ProductState.UNCERTAIN)
+
+
 def test_two_unknown_in_a_row_make_the_sensor_before_suspected() -> None:
     bench = Bench()
     bench.move(1)
@@ -797,6 +845,21 @@ def test_gap_stop_stays_until_released_and_comes_again_if_it_must() -> None:
     assert ask is not None and ask.stop
     bench.stops = (0.0, 20.0, 0.0)
     assert codes(bench.scan(0.0)) == [Code.GAP_STOP]
+
+
+def test_what_a_beam_still_holds_reaches_back_over_the_border_for_gaps_too() -> None:
+    bench = Bench(gap_margin=5.0, shortest=20.0)
+    put(bench, 415.0, 30.0)
+    bench.beams[2] = True
+    bench.scan(0.0, 1.0, 1.0)
+    bench.stops = (0.0, 0.0, 12.0)
+    bench.scan(0.0)
+    gap = bench.tracking.gap
+    assert gap is not None and gap.gap == pytest.approx(445.0 - 20.0 - 416.0)
+    assert gap.closing == 0.0, "belt 3 takes it away, or belt 2 keeps both where they are"
+    bench.stops = (0.0, 12.0, 0.0)
+    bench.scan(0.0)
+    assert bench.tracking.gap_stop, "belt 3 may hold it while belt 2 carries what comes behind"
 
 
 def test_fewer_than_two_products_have_no_gap() -> None:

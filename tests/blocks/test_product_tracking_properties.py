@@ -144,6 +144,31 @@ def test_displacement_of_a_product_is_what_the_encoder_counted(course: list[tupl
             assert abs(product.right - start - odometer - product.shifted) < 1e-6
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(11, 80),
+    st.floats(1, 30),
+    st.lists(st.tuples(st.sampled_from([(0, 0), (1, 0), (0, 1), (1, 1)]), st.integers(5, 150)), max_size=12),
+    st.sampled_from([0, 1]),
+)
+def test_a_product_that_nobody_knows_is_never_withdrawn_at_a_border_of_belts(
+    length: float, before: float, course: list[tuple[tuple[int, int], int]], border: int
+) -> None:
+    line = BeltLine()
+    line.run(30.0, 0.1)
+    line.put(line.tracking.line.belt_ends[border] - before, length)
+    for running, times in [*course, ((1, 1), 800)]:
+        speeds = [0.0, 0.0, 0.0]
+        speeds[border], speeds[border + 1] = 30.0 * running[0], 30.0 * running[1]
+        for _ in range(times):
+            line.step(speeds)
+            if line.tracking.gap_stop:
+                line.events += line.tracking.release_gap_stop()
+            held_together(line.tracking)
+    assert line.tracking.withdrawn == 0
+    assert line.tracking.unexpected > 0
+
+
 def true_and_tracked(line: BeltLine) -> list[tuple[float, float, Product]]:
     """Pairs of real and tracked products, front-most first (right end, length)."""
     known = [product for product in line.tracking.products if product.open_at < 0]
