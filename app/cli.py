@@ -1,31 +1,24 @@
 """The command line: pogon run, simulate, check, reload, probe, inject, export, user, audit, backup, restore."""
 
+# Each command imports what it needs when it is called: a web server and a database layer cost a second that `pogon --help` need not take.
 import asyncio
 import getpass
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app import __version__
-from app.access.access import lock, prepare
+from app.addresses import host_and_port
 from app.cli_access import audit_cli, user_cli
 from app.cli_history import backup, export, restore
 from app.cli_probe import inject, probe
-from app.clock import SystemClock
 from app.errors import ConfigurationError
-from app.main import create_app
-from app.plant.definitions import Plant
-from app.plant.loader import PLANT_FILE
-from app.plant.sequences import FOLDER, checksum, unused
-from app.settings import Settings, host_and_port, read_settings, unknown_settings
-from app.sim.plant import read_simulated
-from app.sim.sequence_tests import run_tests
-from app.sim.server import PARITIES, Openings
-from app.sim.server import simulate as serve_simulated
-from app.web.serve import serve
-from app.web.terminal import LOOK, ask
+
+if TYPE_CHECKING:
+    from app.plant.definitions import Plant
+    from app.settings import Settings
 
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
@@ -63,6 +56,11 @@ def run(
 ) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
     settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
+    from app.access.access import lock, prepare
+    from app.main import create_app
+    from app.settings import unknown_settings
+    from app.web.serve import serve
+
     for name in unknown_settings(os.environ):
         typer.echo(f"pogon: {name} is no setting of pogon, it is not used", err=True)
     os.umask(0o077)
@@ -83,11 +81,15 @@ def simulate(
     pty: Annotated[bool, typer.Option("--pty", help="Serve Modbus RTU on a new pseudo-terminal.")] = False,
     link: Annotated[str, typer.Option(help="Only the units of this link.")] = "",
     baud: Annotated[int | None, typer.Option(min=50, help="Baud rate; else that of the link.")] = None,
-    parity: Annotated[str | None, typer.Option(help=f"{', '.join(PARITIES)}; else that of the link.")] = None,
+    parity: Annotated[str | None, typer.Option(help="none, even or odd; else that of the link.")] = None,
     turnaround: Annotated[float, typer.Option(min=0, max=10000, help="Time a device takes to answer, in ms.")] = 0.0,
     seed: Annotated[int, typer.Option(help="The same seed and writes repeat a run.")] = 1,
 ) -> None:
     """Serve the virtual devices of a plant to any Modbus master, in a process of their own."""
+    from app.clock import SystemClock
+    from app.sim.server import Openings
+    from app.sim.server import simulate as serve_simulated
+
     try:
         address = _tcp_address(tcp) if tcp else None
         openings = Openings(address, serial, pty, link, baud, parity, turnaround / 1000, seed)
@@ -106,6 +108,8 @@ def check(
 
     The given/when/then tests of its sequences are run on simulated machines; one that fails makes the exit code 1.
     """
+    from app.plant.sequences import unused
+
     where = folder or settings_or_exit().plant
     plant = plant_or_exit(where)
     for name in unused(plant):
@@ -119,15 +123,19 @@ def check(
         raise typer.Exit(1)
 
 
-def _check_sums(plant: Plant) -> str:
+def _check_sums(plant: "Plant") -> str:
     """What the PLCs of its sequences have to say of themselves."""
+    from app.plant.sequences import checksum
+
     sums = {item.sequence.name: checksum(item.sequence) for item in plant.equipment.values() if item.sequence}
     named = ", ".join(f"{name} {number:08X}" for name, number in sorted(sums.items()))
     return f"check sums of sequences: {named}, " if sums else ""
 
 
-def _tests_pass(plant: Plant) -> bool:
+def _tests_pass(plant: "Plant") -> bool:
     """Run the tests of every sequence, one that several machines share once for each kind of machine; one line for each test."""
+    from app.sim.sequence_tests import run_tests
+
     done = 0
     failed = 0
     seen: list[tuple[object, ...]] = []
@@ -162,6 +170,8 @@ def reload(
     look: Annotated[bool, typer.Option("--look", help="Only say what would change.")] = False,
 ) -> None:
     """Let the running server take its plant files anew: says what changes, asks, and restarts only that."""
+    from app.web.terminal import LOOK, ask
+
     folder = data or settings_or_exit().data
     try:
         found = ask(folder, LOOK, getpass.getuser())
@@ -193,8 +203,12 @@ def _tcp_address(text: str) -> tuple[str, int]:
         raise ConfigurationError(f"--tcp {text}: {error}") from error
 
 
-def plant_or_exit(folder: Path) -> Plant:
+def plant_or_exit(folder: Path) -> "Plant":
     """The plant in `folder`, or all its problems and exit code 2."""
+    from app.plant.loader import PLANT_FILE
+    from app.plant.sequences import FOLDER
+    from app.sim.plant import read_simulated
+
     plant, problems = read_simulated(folder)
     for problem in problems:
         place = f"{folder}/" if problem.file == PLANT_FILE or problem.file.startswith(f"{FOLDER}/") else ""
@@ -204,8 +218,10 @@ def plant_or_exit(folder: Path) -> Plant:
     return plant
 
 
-def settings_or_exit(**given: str) -> Settings:
+def settings_or_exit(**given: str) -> "Settings":
     """The settings, `given` before the environment; or one line per mistake and exit code 2."""
+    from app.settings import read_settings
+
     try:
         return read_settings(**given)
     except ConfigurationError as error:

@@ -9,20 +9,16 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from app.access.access import Access, prepare
-from app.access.audit import printable
-from app.access.people import Account
 from app.access.roles import ROLES, Person
-from app.alarms import journal
-from app.clock import SystemClock, to_datetime
-from app.db import Database
 from app.errors import ConfigurationError, PogonError, Refused
-from app.plant.texts import Texts
-from app.settings import read_settings
+
+if TYPE_CHECKING:
+    from app.access.access import Access
+    from app.access.people import Account
 
 user_cli = typer.Typer(no_args_is_help=True, help="People: add, passwd, role, list. Works beside a running server.")
 audit_cli = typer.Typer(no_args_is_help=True, help="The audit: verify. Works beside a running server.")
@@ -118,6 +114,8 @@ def list_(data: Data = None) -> None:
 @audit_cli.command()
 def verify(data: Data = None) -> None:
     """Check the chains of audit and alarm journal: exit code 0 and their lengths, or 1 and the first line that is not in order."""
+    from app.alarms import journal
+
     with opened(data, existing=True) as access:
         chains = {
             "audit": access.audit.check_now(),
@@ -137,7 +135,9 @@ def verify(data: Data = None) -> None:
         raise typer.Exit(1)
 
 
-def _state(account: Account) -> str:
+def _state(account: "Account") -> str:
+    from app.clock import to_datetime
+
     if account.disabled:
         return "disabled"
     if account.must_change:
@@ -146,8 +146,14 @@ def _state(account: Account) -> str:
 
 
 @contextmanager
-def opened(data: Path | None, *, existing: bool = False) -> Iterator[Access]:
+def opened(data: Path | None, *, existing: bool = False) -> Iterator["Access"]:
     """People and audit of a data folder; every error of ours is one line and exit code 2."""
+    from app.access.access import Access, prepare
+    from app.clock import SystemClock
+    from app.db import Database
+    from app.plant.texts import Texts
+    from app.settings import read_settings
+
     db: Database | None = None
     access: Access | None = None
     try:
@@ -178,6 +184,8 @@ def fail(text: str) -> NoReturn:
 
 def terminal() -> Person:
     """Who is named in the audit: the user of the operating system."""
+    from app.access.audit import printable
+
     try:
         name = getpass.getuser()
     except (OSError, KeyError):

@@ -3,26 +3,19 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from zoneinfo import ZoneInfo, available_timezones
 
 import typer
 
-from app import backup as archive
 from app.cli_access import fail, opened, terminal
-from app.clock import SystemClock
-from app.db import Database
 from app.errors import ConfigurationError, StorageError
-from app.historian.export import FORMATS, Export, Sheet, Wish, moment, verify_export
-from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
-from app.historian.passage_query import Wanted
-from app.historian.run_export import RunExport, RunWish, running, step_names
-from app.historian.run_export import words as run_words
-from app.historian.run_query import Wanted as WantedRuns
-from app.plant.definitions import Equipment, Plant
-from app.plant.loader import read_plant
-from app.plant.texts import Texts
-from app.settings import read_settings
+
+if TYPE_CHECKING:
+    from app.backup import Manifest
+    from app.db import Database
+    from app.historian.export import Sheet
+    from app.plant.definitions import Equipment, Plant
 
 Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
 PlantFolder = Annotated[Path | None, typer.Option("--plant", help="Plant folder; else POGON_PLANT.")]
@@ -46,7 +39,7 @@ def export(
     aggregate: Annotated[
         int, typer.Option(min=0, help="Seconds per row: min, max, first, last, mean, good %; 0: every sample.")
     ] = 0,
-    locale: Annotated[str, typer.Option(help=f"Separator and decimal sign: {', '.join(FORMATS)}.")] = "machine",
+    locale: Annotated[str, typer.Option(help="Separator and decimal sign: hr, en, de, cs, machine.")] = "machine",
     bom: Annotated[bool, typer.Option("--bom", help="Mark the file as UTF-8 for spreadsheet programs.")] = False,
     rows: Annotated[int, typer.Option(min=0, help="Stop after so many rows; 0: never.")] = 0,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File; else standard output.")] = None,
@@ -58,6 +51,12 @@ def export(
 
     The file ends with its number of rows and its SHA-256.
     """
+    from app.clock import SystemClock
+    from app.db import Database
+    from app.historian.export import Export, Wish, moment
+    from app.plant.loader import read_plant
+    from app.settings import read_settings
+
     database: Database | None = None
     made: Sheet
     try:
@@ -113,6 +112,9 @@ def backup(
     plant: PlantFolder = None,
 ) -> None:
     """Databases and plant folder in one file, verified by restoring it; also beside a running server."""
+    from app import backup as archive
+    from app.settings import read_settings
+
     try:
         settings = read_settings()
         folder = data or settings.data
@@ -147,6 +149,9 @@ def restore(
 
     Nobody stays signed in, and no link writes until its plant file says so.
     """
+    from app import backup as archive
+    from app.settings import read_settings
+
     try:
         folder = data or read_settings().data
         if not file.is_file():
@@ -175,9 +180,16 @@ def restore(
 
 
 def _machine(
-    option: str, machine: str, known: list[Equipment], span: tuple[int, int], plant: Plant | None, about: dict[str, Any]
+    option: str,
+    machine: str,
+    known: "list[Equipment]",
+    span: tuple[int, int],
+    plant: "Plant | None",
+    about: dict[str, Any],
 ) -> str:
     """The machine that `option` names, empty for all; refuses what cannot be exported."""
+    from app.historian.export import FORMATS
+
     if span[1] <= span[0]:
         raise ConfigurationError("--to: expected after --from")
     if about["locale"] not in FORMATS:
@@ -188,8 +200,12 @@ def _machine(
     return "" if machine == ALL else machine
 
 
-def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
+def _products(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
     """The export of passages of `machine`, or of `all`."""
+    from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
+    from app.historian.passage_query import Wanted
+    from app.plant.texts import Texts
+
     equipment = _machine("--products", machine, tracking(plant), span, plant, about)
     wish = PassageWish(
         Wanted(equipment, *span),
@@ -200,16 +216,22 @@ def _products(machine: str, span: tuple[int, int], plant: Plant | None, about: d
     return PassageExport(wish)
 
 
-def _runs(machine: str, span: tuple[int, int], plant: Plant | None, about: dict[str, Any]) -> Sheet:
+def _runs(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
     """The export of runs of `machine`, or of `all`."""
+    from app.historian.run_export import RunExport, RunWish, running, step_names, words
+    from app.historian.run_query import Wanted
+    from app.plant.texts import Texts
+
     equipment = _machine("--runs", machine, running(plant), span, plant, about)
-    said = run_words(Texts.read(plant), about["locale"])
-    wish = RunWish(WantedRuns(equipment, *span), **said, **about)
+    said = words(Texts.read(plant), about["locale"])
+    wish = RunWish(Wanted(equipment, *span), **said, **about)
     return RunExport(replace(wish, steps=step_names(plant, equipment, wish.label)))
 
 
-def _write(made: Sheet, database: Database, out: Path | None) -> None:
+def _write(made: "Sheet", database: "Database", out: Path | None) -> None:
     """Write all portions, and check the file as it lies on the disk."""
+    from app.historian.export import verify_export
+
     shown = 0
     part = out.with_name(out.name + ".part") if out else None
     try:
@@ -244,7 +266,7 @@ def _write(made: Sheet, database: Database, out: Path | None) -> None:
         typer.echo(f"stopped at the limit of {made.rows} rows", err=True)
 
 
-def _zone(name: str, plant: Plant | None) -> ZoneInfo:
+def _zone(name: str, plant: "Plant | None") -> ZoneInfo:
     if name and name not in available_timezones():
         raise ConfigurationError(f"--timezone {name}: expected a name like Europe/Zagreb")
     if not name and plant is None:
@@ -252,7 +274,7 @@ def _zone(name: str, plant: Plant | None) -> ZoneInfo:
     return ZoneInfo(name or (plant.timezone if plant else "UTC"))
 
 
-def _said(manifest: archive.Manifest) -> str:
+def _said(manifest: "Manifest") -> str:
     history = manifest.counts.get("history.db", {}).get("sample")
     people = manifest.counts.get("pogon.db", {}).get("person", 0)
     samples = "no history" if history is None else f"{history} samples"

@@ -9,20 +9,22 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from app.addresses import host_and_port
 from app.errors import ConfigurationError, DeviceException, LinkError, NotConnected
-from app.links import inject as injecting
-from app.links import probe as probing
-from app.links.contract import Block
-from app.links.rtu import NotSupported
-from app.plant.definitions import Equipment, Link, Plant
-from app.plant.loader import read_plant
-from app.settings import host_and_port, read_settings
+from app.plant.definitions import Link
+from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
 from app.sim.conveyor_machine import FAULT_NAMES
 from app.sim.e800 import FAULTS
+
+if TYPE_CHECKING:
+    from app.links.contract import Block
+    from app.links.inject import Injection
+    from app.links.probe import Found, Try
+    from app.plant.definitions import Equipment, Plant
 
 AUTO = "auto"
 MACHINE_FAULTS: Mapping[str, Mapping[str, int]] = {
@@ -44,6 +46,8 @@ def probe(
     patience: Annotated[int, typer.Option(min=10, max=10000, help="Time a device is given to answer, in ms.")] = 150,
 ) -> None:
     """Find out what answers on a line, and read some registers raw. Never writes anything."""
+    from app.links.contract import Block
+
     try:
         if bool(port) == bool(tcp):
             raise ConfigurationError("give --port DEVICE, or --tcp HOST:PORT")
@@ -71,16 +75,19 @@ def inject(
         str,
         typer.Argument(
             metavar="FAULT",
-            help=f"A machine fault by its name or code (OC, 0x04, jam_1), {', '.join(injecting.LINE_FAULTS)}, or clear.",
+            help=f"A machine fault by its name or code (OC, 0x04, jam_1), {', '.join(LINE_FAULTS)}, or clear.",
         ),
     ],
     tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the simulated plant answers Modbus TCP.")] = "",
     plant: Annotated[Path | None, typer.Option(help="Plant folder; else POGON_PLANT.")] = None,
-    delay: Annotated[int, typer.Option(min=0, max=60000, help="Of a slow answer, in ms.")] = injecting.SLOW_DELAY,
+    delay: Annotated[int, typer.Option(min=0, max=60000, help="Of a slow answer, in ms.")] = SLOW_DELAY,
     code: Annotated[int, typer.Option(min=1, max=255, help="Of the exception.")] = 4,
     count: Annotated[int, typer.Option(min=0, max=65535, help="Telegrams that a line fault hits; 0: until clear.")] = 0,
 ) -> None:
     """Break a simulated machine, or its line, over its own Modbus port. A real device is never written to."""
+    from app.links.inject import injection
+    from app.settings import read_settings
+
     try:
         settings = read_settings()
         folder = plant or settings.plant
@@ -94,7 +101,7 @@ def inject(
                 f"{equipment} is simulated inside the server: start that with --serve-modbus HOST:PORT (or POGON_SERVE_MODBUS), "
                 "and give --tcp HOST:PORT"
             )
-        what = injecting.injection(fault, MACHINE_FAULTS.get(item.type.name, {}), delay=delay, code=code, count=count)
+        what = injection(fault, MACHINE_FAULTS.get(item.type.name, {}), delay=delay, code=code, count=count)
         asyncio.run(_inject(link, item.unit, what))
     except (ConfigurationError, NotConnected, ValueError) as error:
         _fail(error, 2)
@@ -103,25 +110,31 @@ def inject(
     typer.echo(f"{equipment}: {fault}")
 
 
-async def _inject(link: Link, unit: int, what: injecting.Injection) -> None:
-    transport = probing.transport_of(link)
+async def _inject(link: Link, unit: int, what: "Injection") -> None:
+    from app.links.inject import inject
+    from app.links.probe import transport_of
+
+    transport = transport_of(link)
     await transport.connect()
     try:
-        await injecting.inject(transport, unit, what)
+        await inject(transport, unit, what)
     finally:
         await transport.close()
 
 
-async def _probe(tries: Sequence[probing.Try], block: Block, read: bool, patience: float) -> None:
-    found: list[probing.Found] = []
+async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: float) -> None:
+    from app.links.probe import probe, settings_of
+    from app.links.rtu import NotSupported
+
+    found: list[Found] = []
     impossible: list[NotSupported] = []
     for number, one in enumerate(tries, 1):
 
-        def tell(unit: int, one: probing.Try = one, number: int = number) -> None:
+        def tell(unit: int, one: "Try" = one, number: int = number) -> None:
             _progress(f"{number}/{len(tries)} {one} unit {unit}")
 
         try:
-            found = await probing.probe(one, tell, patience)
+            found = await probe(one, tell, patience)
         except NotSupported as error:
             impossible.append(error)
             continue
@@ -131,7 +144,7 @@ async def _probe(tries: Sequence[probing.Try], block: Block, read: bool, patienc
     if len(impossible) == len(tries):
         raise impossible[0]
     for answer in found:
-        typer.echo(f"{probing.settings_of(answer.link)} unit {answer.unit} answers: {answer.answer}")
+        typer.echo(f"{settings_of(answer.link)} unit {answer.unit} answers: {answer.answer}")
     if not found:
         tried = f"{len(tries)} settings, " if len(tries) > 1 else ""
         raise LinkError(
@@ -148,10 +161,12 @@ async def _probe(tries: Sequence[probing.Try], block: Block, read: bool, patienc
         raise typer.Exit(1)
 
 
-async def _show(found: probing.Found, block: Block) -> bool:
+async def _show(found: "Found", block: "Block") -> bool:
     """Print the words of `block`, hexadecimal and decimal; False when they were refused."""
+    from app.links.probe import read_once
+
     try:
-        words = await probing.read_once(found.link, found.unit, block)
+        words = await read_once(found.link, found.unit, block)
     except DeviceException as error:
         typer.echo(f"unit {found.unit} {block.address:#06x}: {error}")
         return False
@@ -161,7 +176,9 @@ async def _show(found: probing.Found, block: Block) -> bool:
     return True
 
 
-def _tries(port: str, tcp: str, baud: str, parity: str, units: Sequence[int]) -> list[probing.Try]:
+def _tries(port: str, tcp: str, baud: str, parity: str, units: Sequence[int]) -> "list[Try]":
+    from app.links import probe as probing
+
     if tcp:
         host, number = _host(tcp, "--tcp")
         return [probing.Try(Link("probe", "tcp", host=host, tcp_port=number), units)]
@@ -208,7 +225,9 @@ def _host(text: str, name: str) -> tuple[str, int]:
     return host, port
 
 
-def _machine(folder: Path, name: str) -> tuple[Equipment, Link]:
+def _machine(folder: Path, name: str) -> "tuple[Equipment, Link]":
+    from app.plant.loader import read_plant
+
     plant: Plant | None
     plant, problems = read_plant(folder)
     if plant is None:

@@ -12,6 +12,7 @@ from app import __version__
 from app.access.access import Access, prepare
 from app.access.keys import read_key
 from app.access.roles import Person
+from app.addresses import host_and_port
 from app.alarms.definitions import alarm_points, frame_names
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock, SystemClock
@@ -36,7 +37,7 @@ from app.plant.retained import RetainedStates
 from app.plant.sequences import RUNNING
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_point, system_points
 from app.plant.texts import Texts
-from app.settings import Settings, host_and_port
+from app.settings import Settings
 from app.sim.bus import Bus
 from app.sim.device import VirtualDevice
 from app.sim.plant import SimPlant, exchange, read_simulated, units

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app import bundled
+from app.addresses import host_and_port, is_loopback
 from app.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -109,25 +110,3 @@ def unknown_settings(environment: Iterable[str]) -> list[str]:
     """Names in `environment` that begin as ours do and are none of ours: mistyped, most likely."""
     known = {f"POGON_{name.upper()}" for name in Settings.model_fields} | OTHERS
     return sorted(name for name in environment if name.upper().startswith("POGON_") and name.upper() not in known)
-
-
-def host_and_port(text: str) -> tuple[str, int]:
-    """Host and TCP port of `text`, `127.0.0.1:5020` or `[::1]:5020`.
-
-    Raises:
-        ConfigurationError: it is neither.
-    """
-    host, _, port = text.rpartition(":")
-    if not host or not port.isascii() or not port.isdecimal() or not int(port) <= 65535:
-        raise ConfigurationError("expected HOST:PORT, such as 127.0.0.1:5020")
-    return host.removeprefix("[").removesuffix("]"), int(port)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether `host` can only be reached from this machine."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from app import cli as command_line
 from app.cli import cli
 from app.plant.definitions import Plant, Problem
 from app.plant.loader import read_plant
+from app.sim import plant as sim_plant
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
 
 ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
@@ -57,7 +57,7 @@ def check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Checked":
     def read(folder: Path) -> tuple[Plant | None, list[Problem]]:
         return read_plant(folder, type_folder=types)
 
-    monkeypatch.setattr(command_line, "read_simulated", read)
+    monkeypatch.setattr(sim_plant, "read_simulated", read)
     return Checked(tmp_path)
 
 

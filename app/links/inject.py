@@ -10,23 +10,11 @@ from dataclasses import dataclass
 from app.errors import ConfigurationError, DeviceException, LinkError
 from app.links.contract import Block, Transport
 from app.links.runner import TRAINING_MAGIC, TRAINING_SIMULATED, TRAINING_VERSION, TRAINING_WORDS
+from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
 
 BASE = 0xE000
 MACHINE_FAULT, LINE_FAULT, LINE_DELAY, LINE_ARGUMENT, LINE_COUNT = 0xE010, 0xE011, 0xE012, 0xE013, 0xE014
 PATIENCE = 1.0
-SLOW_DELAY = 1500
-"""Delay of a slow answer when none is named [ms]: longer than any time-out of an equipment type."""
-
-LINE_FAULTS: Mapping[str, int] = {
-    "cable": 1,
-    "slow": 2,
-    "silent": 3,
-    "wrong-unit": 4,
-    "wrong-length": 5,
-    "wrong-answer": 6,
-    "exception": 7,
-}
-"""Name on the command line → mode of 0xE011."""
 CLEAR = "clear"
 
 

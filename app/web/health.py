@@ -8,8 +8,8 @@ from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Gauge, generate_latest
 
 from app import __version__
+from app.addresses import is_loopback
 from app.links.statistics import State
-from app.settings import is_loopback
 from app.web.guard import allow
 
 if TYPE_CHECKING:
