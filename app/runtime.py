@@ -53,6 +53,8 @@ RETAIN_PERIOD = 10.0
 """How often running hours and the like are kept [s]."""
 SIMULATION_LATE = 1.0
 """The virtual plant is behind by more than this [s]: an alarm."""
+SIMULATION_SLOW = 0.9
+"""Slower than this, compared with real time: an alarm."""
 PLANT_TASKS = ("simulation", "retained", "commands")
 """Tasks that there are only while there is a plant; beside them one for each link."""
 PRODUCTS = "products"
@@ -776,7 +778,8 @@ class Runtime:
         tell = self.alarms.raise_system
         for name, link in self.links.items():
             tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
-        tell("simulation_late", active=self.sim is not None and self.sim.lag > SIMULATION_LATE)
+        sim = self.sim
+        tell("simulation_late", active=sim is not None and (sim.lag > SIMULATION_LATE or sim.pace < SIMULATION_SLOW))
         audit = self.access.audit
         for item in self.plant.equipment.values() if self.plant else ():
             count = self.links[item.link].only_here(item.id) if item.link in self.links else 0

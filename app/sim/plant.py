@@ -25,7 +25,13 @@ from app.sim.plc import VirtualPlc
 from app.sim.sequence import Machine, VirtualSequence
 
 CATCH_UP = 20
-"""Most steps in one go."""
+"""Most steps that are made up for."""
+TURN = 0.02
+"""After this the loop is given back, whatever is still owed [s]."""
+GIVE_BACK = 0.5
+"""What the loop then has at least for others, as a part of what the steps took: links and pages go on beside a plant that is too large."""
+PACE_WINDOW = 5.0
+"""Over which the pace is measured [s]."""
 
 
 Factory = Callable[[Equipment, int], VirtualDevice]
@@ -207,6 +213,10 @@ class SimPlant:
         """Simulated time given up since the start [s]."""
         self.overruns = 0
         """Rounds that had to give time up."""
+        self.pace = 1.0
+        """Simulated time per real time, over the last 5 s."""
+        self._paced = (clock.monotonic(), 0)
+        """Since when it is measured [s], and steps given up since then."""
         self.step_last = 0.0
         """Computing time of the last step of the whole plant [s]."""
         self.step_max = 0.0
@@ -264,27 +274,48 @@ class SimPlant:
         self.step_max = max(self.step_max, self.step_last)
 
     def catch_up(self) -> int:
-        """Do the steps that are due, at most 20, and give up what is owed beyond them; the number done."""
-        late = self._clock.monotonic() - self._due
+        """Do the steps that are due, at most 20 and for about 20 ms, and give up what is owed beyond 20; the number done."""
+        began = self._clock.monotonic()
+        late = began - self._due
         self.lag = max(0.0, late)
         if late < 0:
+            self._measure_pace(began, 0)
             return 0
         owed = int(late / DT) + 1
-        done = min(owed, CATCH_UP)
-        for _ in range(done):
-            self.step()
-        self._due += owed * DT
-        if owed > done:
+        given_up = max(0, owed - CATCH_UP)
+        if given_up:
+            self._due += given_up * DT
             self.overruns += 1
-            self.lost += (owed - done) * DT
+            self.lost += given_up * DT
+        done = 0
+        while done < owed - given_up:
+            self.step()
+            done += 1
+            if self._clock.monotonic() - began >= TURN:
+                break
+        self._due += done * DT
+        self._measure_pace(began, given_up)
         return done
 
+    def _measure_pace(self, now: float, given_up: int) -> None:
+        since, lost = self._paced
+        if now - since >= PACE_WINDOW:
+            self.pace = max(0.0, 1 - lost * DT / (now - since))
+            since, lost = now, 0
+        self._paced = since, lost + given_up
+
     async def run(self) -> None:
-        """Keep the plant moving until cancelled. What lies before the call is not caught up."""
+        """Keep the plant moving until cancelled. What lies before the call is not caught up.
+
+        A plant that is too large for its computer runs slower; what reads it and shows it does not stand still.
+        """
         self._due = self._clock.monotonic() + DT
+        self._paced = (self._clock.monotonic(), 0)
         while True:
+            began = self._clock.monotonic()
             self.catch_up()
-            await asyncio.sleep(max(0.0, self._due - self._clock.monotonic()))
+            now = self._clock.monotonic()
+            await asyncio.sleep(max(GIVE_BACK * (now - began), self._due - now))
 
     def merged(self) -> Bus:
         """One bus with the units of all links, for one port.

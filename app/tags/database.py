@@ -54,7 +54,10 @@ class TagDatabase:
         self._seen: dict[tuple[str, int], int] = {}
         self._seen_monotonic: dict[tuple[str, int], float] = {}
         self._members: dict[tuple[str, int], set[int]] = {}
-        self._stale: set[int] = set()
+        self._stale: dict[tuple[str, int], set[int]] = {}
+        """Handles that are overdue, by block."""
+        self._limits: dict[tuple[str, int], float] = {}
+        """Least age from which anything of a block is stale [s], as far as known; infinite = nothing ever is."""
         self._subscribers: list[Subscriber] = []
 
     def configure(self, tags: Iterable[Tag]) -> None:
@@ -77,7 +80,7 @@ class TagDatabase:
         for handle, block in enumerate(self._blocks):
             if block is not None:
                 self._members.setdefault(block, set()).add(handle)
-        self._stale = set()
+        self._stale, self._limits = {}, {}
         self.tags, self._handles = new, handles
         self.revision += 1
 
@@ -113,7 +116,10 @@ class TagDatabase:
         values, qualities, times, blocks = self._values, self._qualities, self._times, self._blocks
         if batch.handles:
             members = self._members.setdefault(block, set())
+            count = len(members)
             members.update(batch.handles)
+            if len(members) != count:
+                self._limits.pop(block, None)
             time = batch.time
             if batch.qualities is None:
                 quality = batch.quality
@@ -125,7 +131,7 @@ class TagDatabase:
                     values[handle], qualities[handle], times[handle] = value, quality, time
                     blocks[handle] = block
         self._hand_on(batch)
-        if self._stale:
+        if block in self._stale:
             self._revive(block, batch)
 
     def read(self, handle: int) -> Sample:
@@ -162,23 +168,32 @@ class TagDatabase:
         now = self._clock.monotonic()
         for block, members in self._members.items():
             age = now - self._seen_monotonic.get(block, now)
+            if age <= self._limit(block, members):
+                continue
+            known = self._stale.get(block, ())
             for handle in members:
                 if self._blocks[handle] != block:  # another plan of its link reads it in another block now
                     continue
                 limit = self.tags[handle].stale_after
-                if limit and age > limit and self._qualities[handle] & 3 == GOOD and handle not in self._stale:
+                if limit and age > limit and self._qualities[handle] & 3 == GOOD and handle not in known:
                     overdue.setdefault(block, []).append(handle)
         for block, handles in overdue.items():
-            self._stale.update(handles)
+            self._stale.setdefault(block, set()).update(handles)
             for handle in handles:
                 self._qualities[handle] = self._qualities[handle] & 0xF00 | STALE
             self._hand_on(self._as_it_stands(block, handles))
 
+    def _limit(self, block: tuple[str, int], members: Iterable[int]) -> float:
+        limit = self._limits.get(block)
+        if limit is None:
+            limits = [self.tags[handle].stale_after for handle in members]
+            limit = self._limits[block] = min((one for one in limits if one), default=float("inf"))
+        return limit
+
     def _revive(self, block: tuple[str, int], batch: Batch) -> None:
         """A block that was overdue is seen again: what the batch did not list is good again."""
         listed = set(batch.handles)
-        back = [handle for handle in self._stale if self._blocks[handle] == block]
-        self._stale.difference_update(back)
+        back = [handle for handle in self._stale.pop(block) if self._blocks[handle] == block]
         silent = [handle for handle in back if handle not in listed]
         if silent and batch.quality & 3 != BAD:
             for handle in silent:

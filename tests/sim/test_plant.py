@@ -112,6 +112,47 @@ def test_late_it_catches_up_twenty_steps_and_gives_up_the_rest() -> None:
     assert sim.lag < 0.01
 
 
+def test_steps_that_are_owed_are_done_in_turns_that_leave_time_for_others() -> None:
+    clock = ManualClock()
+
+    class Heavy(FakeDevice):
+        def step(self) -> None:
+            FakeDevice.step(self)
+            clock.advance(0.006)
+
+    sim = SimPlant(plant(("m1", "hall", 1)), clock, factories={"fake": lambda equipment, seed: Heavy()})
+    clock.advance(0.1)
+    assert [sim.catch_up(), sim.catch_up()] == [4, 4]
+    assert (sim.steps, sim.overruns, sim.lost) == (8, 0, 0.0), "the rest is still owed, not given up"
+
+
+async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.sim.plant.PACE_WINDOW", 0.5)
+    clock = SystemClock()
+
+    class Heavy(FakeDevice):
+        def step(self) -> None:
+            FakeDevice.step(self)
+            began = clock.monotonic()
+            while clock.monotonic() - began < 0.002:
+                pass
+
+    many = plant(*((f"m{n}", "hall", n) for n in range(1, 21)))  # 40 ms for each 10 ms
+    sim = SimPlant(many, clock, factories={"fake": lambda equipment, seed: Heavy()})
+    running = asyncio.create_task(sim.run())
+    loop, turns = asyncio.get_running_loop(), list[float]()
+    end = loop.time() + 2.0
+    while loop.time() < end:
+        began = loop.time()
+        await asyncio.sleep(0)
+        turns.append(loop.time() - began)
+    running.cancel()
+    taken = sum(turn for turn in turns if turn > 0.03)
+    assert taken < 1.5, "the others have their part of the time"
+    assert sorted(turns)[-3] < 0.2, "and never wait for twenty steps"
+    assert sim.pace < 0.6 and sim.lost > 0.5
+
+
 def test_the_computing_time_of_a_step_is_told() -> None:
     clock = ManualClock()
 

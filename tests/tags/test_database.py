@@ -124,3 +124,24 @@ def test_a_value_that_moved_to_another_block_does_not_go_stale_with_its_old_one(
         tags.publish(batch(clock, {0: 1181.0}, block=2))
         tags.sweep()
     assert is_good(tags.quality(0))
+
+
+def test_a_value_with_a_shorter_limit_that_joins_its_block_later_counts() -> None:
+    clock = ManualClock()
+    tags = TagDatabase(clock)
+    tags.configure(
+        [Tag("a.slow", "a.slow", "hall", 30.0), Tag("a.never", "a.never", "hall"), Tag("a.fast", "a.fast", "hall", 2.0)]
+    )
+    tags.publish(batch(clock, {0: 1.0, 1: 1.0}))
+    clock.advance(5)
+    tags.sweep()
+    assert is_good(tags.quality(0)) and is_good(tags.quality(1))
+    tags.publish(batch(clock, {2: 1.0}))
+    clock.advance(5)
+    tags.sweep()
+    assert [is_good(tags.quality(handle)) for handle in (0, 1, 2)] == [True, True, False]
+    clock.advance(26)
+    tags.sweep()
+    assert [is_good(tags.quality(handle)) for handle in (0, 1, 2)] == [False, True, False]
+    tags.publish(batch(clock, {}))
+    assert all(is_good(tags.quality(handle)) for handle in (0, 1, 2))
