@@ -28,7 +28,7 @@ from app.commands.hold import HoldToRun, Lease
 from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Facts, Progress, State, advance, judge
 from app.commands.nonce import Nonces, Once, Rate
-from app.commands.orders import Audit, Job, Machine, Order, Task, Writer
+from app.commands.orders import LONGEST_REASON, Audit, Job, Machine, Order, Task, Writer
 from app.commands.orders import Question as Question
 from app.commands.trail import Trail
 from app.errors import LinkError, Refused
@@ -320,6 +320,8 @@ class Gate:
             return await asyncio.shield(self._keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
         if not known and not self._within_rate(order, prepared):
             raise Refused("why.rate", 429)
+        if len(order.reason) > LONGEST_REASON:
+            raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
         owner = "" if order.person is None else f"{order.person.id} {order.person.session}"
         try:
             return await self._once.run(

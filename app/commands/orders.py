@@ -104,6 +104,10 @@ class Audit(Protocol):
         ...
 
 
+LONGEST_REASON = 300
+"""A reason has at most so many characters: it stands in lists and in the audit trail, and is a sentence."""
+
+
 class Question(Refused):
     """The gate asks back before it acts: confirm, give a reason, enter the password. Nothing was done, nothing is in the audit trail."""
 

@@ -19,6 +19,7 @@ from app.blocks.sequence import Cause
 from app.clock import to_datetime, to_micros
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
+from app.commands.orders import LONGEST_REASON
 from app.errors import Refused
 from app.historian import passage_query, query, run_query
 from app.historian.passage_query import Passage, Step
@@ -291,7 +292,7 @@ class CommandIn(BaseModel):
         None, description="what the setpoint was seen at; 409 when it is not", allow_inf_nan=False
     )
     confirmed: bool = Field(False, description="the person has confirmed what needs it")
-    reason: str = Field("", max_length=500)
+    reason: str = Field("", description="why, for the audit trail", max_length=LONGEST_REASON)
 
 
 class CommandOut(BaseModel):

@@ -274,7 +274,7 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
         "nonce": form["nonce"],
         "expected": number_or_none(form["expected"]),
         "confirmed": form["confirmed"] == "1",
-        "reason": form["reason"][:500],
+        "reason": form["reason"],
         "address": address_of(request.scope),
         "language": language_of(request),
     }

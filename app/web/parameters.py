@@ -18,6 +18,7 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
+from app.commands.orders import LONGEST_REASON
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Setpoint
@@ -236,6 +237,8 @@ async def write(request: Request, key: str) -> Response:
     keys, values, expected = [await field_list(request, name) for name in ("key", "value", "expected")]
     if not keys or len(keys) > MOST or not len(keys) == len(values) == len(expected) or len(set(keys)) != len(keys):
         raise Refused("par.form", 422)
+    if len(form["reason"]) > LONGEST_REASON:
+        raise Refused("why.reason_too_long", 422, length=len(form["reason"]), limit=LONGEST_REASON)
     gate, person = gate_of(operation), person_of(request)
     rows: list[Row] = []
     ends = _Ends(gate)
@@ -254,7 +257,7 @@ async def write(request: Request, key: str) -> Response:
                     nonce=nonce,
                     expected=number_or_none(seen),
                     confirmed=True,
-                    reason=form["reason"][:500],
+                    reason=form["reason"],
                     address=address_of(request.scope),
                     language=language_of(request),
                 )

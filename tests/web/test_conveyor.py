@@ -240,6 +240,20 @@ def test_without_a_reason_nothing_is_deleted(ivo: Operator) -> None:
     assert table(line, "c2").row(row.id) is not None
 
 
+def test_a_reason_is_a_sentence_and_no_book(ivo: Operator, line: TestClient) -> None:
+    row = table(line, "c1").rows[0]
+    url, given = "/equipment/c1/command/delete_product", {"arg_product": str(row.id), "confirmed": "1"}
+    asked = ivo.get(f"/equipment/c1/ask/delete_product?product={row.id}").text
+    assert re.search(r'name="reason"[^>]*maxlength="300"', asked)
+    answer = ivo.press(url, **given, reason="x" * 5000)
+    assert answer.status_code == 422
+    assert line_of(answer) == "Reason too long: 5000 characters, permitted 300"
+    assert table(line, "c1").row(row.id) is not None
+    assert (
+        ivo.press("/equipment/c1/parameters", key="jerk", value="250", expected="", reason="x" * 301).status_code == 422
+    )
+
+
 def test_what_is_out_of_range_is_named_with_the_range(ivo: Operator) -> None:
     answer = ivo.press(
         "/equipment/c2/command/insert_product", arg_head="5000", arg_length="50", confirmed="1", reason="x"
