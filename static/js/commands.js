@@ -98,7 +98,8 @@ export function patch(inside) {
   bars();
 }
 
-const SYNCED = ["data-state", "aria-disabled", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url"];
+const SYNCED = ["data-state", "aria-disabled", "aria-pressed", "title", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url",
+  "data-command", "formaction"]; // a switch is another command once it is on
 
 function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;
