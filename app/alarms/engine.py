@@ -77,8 +77,11 @@ LONG_AGO = 60_000_000
 MARK_PERIOD = 10.0
 MARK_EVERY = 30
 """How often it is written down how far events without any effect were taken [s], and after how many [events]: a ring holds 63."""
+NAMED = 4
+"""Products that an alarm names at most; of more the newest."""
 UNTOLD: Mapping[str, object] = {
     "product": "–",
+    "products": "–",
     "second": "–",
     "source": "–",
     "second_value": "–",
@@ -511,6 +514,7 @@ class AlarmEngine:
         watch.value = event.value if math.isfinite(event.value) else watch.value
         watch.params = {
             "product": said.product or "–",
+            "products": _named("–" if watch.life.acked else watch.params.get("products", "–"), said.product),
             "second": said.second or "–",
             "source": event.source,
             "second_value": round(said.value, 3) if math.isfinite(said.value) else "–",
@@ -960,6 +964,13 @@ class AlarmEngine:
     async def verify(self) -> Verdict:
         """Walk the chain of the journal."""
         return await self._db.read(lambda connection: journal.verify(connection, self._key))
+
+
+def _named(before: object, product: int) -> str:
+    """All products that an alarm is about since it was acknowledged last, oldest first; `before` are those of its former occurrences."""
+    named = [one for one in str(before).split(", ") if one not in ("–", str(product))]
+    named += [str(product)] * bool(product)
+    return ", ".join(["…", *named[1 - NAMED :]] if len(named) > NAMED else named) or "–"
 
 
 def _in_stop(one: Watch, at: int) -> bool:

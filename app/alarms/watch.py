@@ -292,7 +292,10 @@ def written(watch: Watch) -> dict[str, object]:
 
 
 def spoken(texts: Texts, lang: str, type: str, params: Mapping[str, object]) -> dict[str, object]:
-    """Parameters in `lang`: one that begins with @ is the key of a text."""
+    """Parameters in `lang`: one that begins with @ is the key of a text. What was written down before alarms named all their products
+    names one."""
+    if "product" in params:
+        params = {"products": params["product"], **params}
     return {
         name: texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
         for name, value in params.items()

@@ -9,11 +9,13 @@ import pytest
 
 from app.alarms.conditions import EVENT_LATE
 from app.alarms.lifecycle import Life, State
+from app.alarms.watch import spoken
 from app.clock import ManualClock
 from app.db import Database
 from app.plant.definitions import Alarm
+from app.plant.texts import Texts
 from app.tags.quality import COMM_FAILURE
-from tests.alarms.test_engine import ANA, LOST, Plot
+from tests.alarms.test_engine import ANA, LOST, PRODUCT, Plot
 from tests.historian.rings import SECOND, Ring
 
 PASSED = Alarm("passed", "alarm.hot.label", "", 3, event=10, source=2)
@@ -52,7 +54,14 @@ async def test_an_event_raises_with_its_own_time_value_and_products(plot: Plot) 
     line.deliver()
     (one,) = engine.standing()
     assert (one.state, one.first_true, one.value) == (State.RETURNED, event.time, 2.125)
-    assert dict(one.params) == {"product": 7, "second": 6, "source": 2, "second_value": 1.5, "event": 1}
+    assert dict(one.params) == {
+        "product": 7,
+        "products": "7",
+        "second": 6,
+        "source": 2,
+        "second_value": 1.5,
+        "event": 1,
+    }
     assert await plot.story() == ["RAISED AB", "RTN BD"]
     raised, over = await plot.records()
     assert (raised.time, over.time, raised.value) == (event.time, event.time, 2.125)
@@ -83,6 +92,65 @@ async def test_each_event_is_an_occurrence_and_acknowledging_the_first_never_mee
     (answer,) = await engine.acknowledge([first.occurrence], ANA)
     assert answer.outcome == "gone"
     assert plot.letters == "D"
+
+
+@pytest.mark.parametrize("alarm", [PASSED, HELD, STOPPED], ids=lambda alarm: alarm.key)
+async def test_one_row_names_all_products_that_nobody_has_acknowledged_yet(plot: Plot, alarm: Alarm) -> None:
+    engine = await plot.begin(alarm)
+    line = Line(plot)
+    plot.put(status=4)
+
+    def named(*products: int) -> str:
+        for product in products:
+            line.ring.tell(alarm.event, product, source=2, value=2.0)
+        line.deliver()
+        (one,) = engine.standing()
+        assert one.params["product"] == products[-1]
+        return str(one.params["products"])
+
+    assert named(7) == "7"
+    assert named(8) == "7, 8"
+    assert named(7) == "8, 7", "lost again at the next sensor"
+    assert named(9, 10) == "8, 7, 9, 10"
+    assert named(11) == "…, 9, 10, 11"
+    assert named(12) == "…, 10, 11, 12"
+    (one,) = engine.standing()
+    assert one.count == 7
+    await engine.acknowledge([one.occurrence], ANA)
+    acknowledged = [record for record in await plot.records() if record.event == "ACK"]
+    assert '"products":"…, 10, 11, 12"' in acknowledged[0].params, "he took care of all that he saw"
+    assert named(13) == "13", "the others are taken care of"
+
+
+async def test_a_restart_forgets_none_of_the_products_that_nobody_has_acknowledged(plot: Plot) -> None:
+    engine = await plot.begin(PASSED)
+    line = Line(plot)
+    line.ring.tell(10, 7, source=2, value=2.0)
+    line.deliver()
+    await engine.flush()
+    engine = await plot.begin(PASSED)
+    line.ring.tell(10, 8, source=2, value=2.0)
+    line.deliver()
+    assert [one.params["products"] for one in engine.standing()] == ["7, 8"]
+
+
+async def test_an_event_without_a_product_names_none(plot: Plot) -> None:
+    engine = await plot.begin(PASSED)
+    line = Line(plot)
+    line.ring.tell(10, source=2, value=2.0)
+    line.deliver()
+    assert [one.params["products"] for one in engine.standing()] == ["–"]
+    line.ring.tell(10, 8, source=2, value=2.0)
+    line.deliver()
+    assert [one.params["products"] for one in engine.standing()] == ["8"]
+
+
+async def test_what_was_written_down_before_alarms_named_all_their_products_names_one(plot: Plot) -> None:
+    await plot.begin(PASSED)
+    texts = Texts(PRODUCT, plot.plant)
+    assert spoken(texts, "en", "", {"product": 7})["products"] == 7
+    assert spoken(texts, "en", "", {"product": 8, "products": "7, 8"})["products"] == "7, 8"
+    assert "products" not in spoken(texts, "en", "", {"link": "line"})
 
 
 async def test_order_within_a_stop_comes_from_the_ring_not_from_polling(plot: Plot) -> None:
