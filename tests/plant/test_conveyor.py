@@ -245,7 +245,7 @@ def test_an_event_raises_the_alarm_of_its_own_belt_or_sensor(line: EquipmentType
 
 
 def test_a_text_names_only_what_an_event_brings(line: EquipmentType) -> None:
-    brought = {"product", "second", "source", "second_value", "value"}
+    brought = {"product", "products", "second", "source", "second_value", "value"}
     for language in LANGUAGES:
         for alarm in line.alarms:
             for key in (alarm.label, alarm.consequence, alarm.cause, alarm.response):
