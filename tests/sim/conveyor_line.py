@@ -16,7 +16,8 @@ from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, real
 from app.sim import training
 from app.sim.bus import Bus
-from app.sim.conveyor import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Event, Place, State, VirtualConveyor
+from app.sim.conveyor import VirtualConveyor
+from app.sim.conveyor_map import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Event, Place, State
 from app.sim.plc import EVENT_CAPACITY
 from app.sim.server import MBAP, serve_tcp
 

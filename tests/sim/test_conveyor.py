@@ -10,8 +10,9 @@ from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Device, Equipment, EquipmentType
 from app.registers.plc_map import AnswerState, real, real_of
 from app.sim import training
-from app.sim.conveyor import REGISTERS, ROW, Command, Event, Motor, Place, Source, State, VirtualConveyor
+from app.sim.conveyor import VirtualConveyor
 from app.sim.conveyor_machine import FAULTS, Geometry
+from app.sim.conveyor_map import REGISTERS, ROW, Command, Event, Motor, Place, Source, State
 from app.sim.plant import MACHINE_FAULTS, VIRTUAL_DEVICES
 from tests.sim.conveyor_line import MemoryPort, Operator, Port, TestLine, Witness, tcp_port
 

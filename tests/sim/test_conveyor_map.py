@@ -3,13 +3,16 @@
 import math
 from collections.abc import Sequence
 
+from app.blocks import product_tracking as tracking
+from app.blocks.mode_control import Mode
 from app.plant import types
 from app.plant.definitions import EquipmentType
 from app.plant.loader import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import Value, decode
-from app.sim import conveyor
-from app.sim.conveyor import SETTINGS, VirtualConveyor
+from app.sim import conveyor_map as conveyor
+from app.sim.conveyor import VirtualConveyor
+from app.sim.conveyor_map import SETTINGS
 
 _data, _problems = types.read_type("conveyor", LANGUAGES)
 ONLY_THERE = {
@@ -136,8 +139,8 @@ def test_events_and_reasons_of_the_program_have_a_name() -> None:
     def codes(*enums: type) -> Sequence[int]:
         return [int(code) for enum in enums for code in enum]  # type: ignore[attr-defined]
 
-    assert set(codes(conveyor.Event, conveyor.tracking.Code)) <= set(kind.events)
-    assert set(codes(conveyor.Reason, conveyor.tracking.Reason)) <= set(kind.reasons)
+    assert set(codes(conveyor.Event, tracking.Code)) <= set(kind.events)
+    assert set(codes(conveyor.Reason, tracking.Reason)) <= set(kind.reasons)
     assert {command.code for command in kind.commands.values() if command.code} == set(codes(conveyor.Command))
 
 
@@ -145,12 +148,12 @@ def test_every_state_word_has_a_text() -> None:
     kind = line()
     for key, enum in (
         ("state", conveyor.State),
-        ("mode", conveyor.Mode),
+        ("mode", Mode),
         ("motor_1", conveyor.Motor),
         ("speed_source_3", conveyor.Source),
     ):
         assert set(kind.points[key].texts) == {int(word) for word in enum}, key
-    assert set(_data.columns["product"]["state"].point.texts) == {int(word) for word in conveyor.ProductState}
+    assert set(_data.columns["product"]["state"].point.texts) == {int(word) for word in tracking.ProductState}
 
 
 def test_a_simulated_line_begins_with_settings_within_their_limits() -> None:

@@ -20,8 +20,9 @@ import pytest
 from app.blocks.product_tracking import Code, ProductState
 from app.registers.plc_map import AnswerState
 from app.sim import training
-from app.sim.conveyor import Command, Event, State, VirtualConveyor
+from app.sim.conveyor import VirtualConveyor
 from app.sim.conveyor_machine import FAULTS, Geometry
+from app.sim.conveyor_map import Command, Event, State
 from tests.sim.conveyor_line import Life, Operator, TestLine, Witness, tcp_port
 
 QUICK = {
