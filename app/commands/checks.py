@@ -255,11 +255,10 @@ class Checks:
         """Judge every condition of the machine; whether anything that a screen says about its commands is other than before."""
         look, age, kind = self.look(machine), self.age(machine), machine.item.type
         for condition in (*kind.permissives, *kind.interlocks):
-            self.condition(machine, condition)
-        used = dict.fromkeys(key for prepared in machine.commands.values() for key in prepared.used)
+            self._judge(machine, condition, look, age)
         signature = (
             tuple(value for value, _ in machine.met.values()),
-            tuple((r.key, r.label) for r in interlocks.stale(machine.item, machine.link, used, look, age)),
+            tuple((r.key, r.label) for r in interlocks.stale(machine.item, machine.link, machine.used, look, age)),
             tuple(interlocks.level(prepared, look)[0] for prepared in machine.commands.values()),
         )
         changed = signature != machine.signature
@@ -268,7 +267,12 @@ class Checks:
 
     def condition(self, machine: Machine, condition: Condition) -> tuple[Condition, bool | None, int]:
         """`condition`, whether it is met (None = not known), and since when [µs UTC]."""
-        value = interlocks.met(condition, self.look(machine), age=self.age(machine))
+        return self._judge(machine, condition, self.look(machine), self.age(machine))
+
+    def _judge(
+        self, machine: Machine, condition: Condition, look: expression.Look, age: Age
+    ) -> tuple[Condition, bool | None, int]:
+        value = interlocks.met(condition, look, age=age)
         before = machine.met.get(condition.key)
         if before is None or before[0] is not value:
             machine.met[condition.key] = before = (value, self._clock.micros())
@@ -287,22 +291,31 @@ class Checks:
         return result
 
     def look(self, machine: Machine) -> expression.Look:
-        tags, prefix = self._tags, machine.item.id + "."
+        tags, handles = self._tags, self._handles
 
         def look(key: str) -> expression.Reading:
-            handle = tags.handles.get(prefix + key)
+            handle = handles(machine).get(key)
             return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
 
         return look
 
     def age(self, machine: Machine) -> Age:
-        tags, prefix = self._tags, machine.item.id + "."
+        tags, handles = self._tags, self._handles
 
         def age(key: str) -> float:
-            handle = tags.handles.get(prefix + key)
+            handle = handles(machine).get(key)
             return float("inf") if handle is None else tags.age(handle)
 
         return age
+
+    def _handles(self, machine: Machine) -> Mapping[str, int]:
+        """Point → handle, looked up once for each revision of the plant."""
+        revision, found = machine.handles
+        if revision != self._tags.revision:
+            known, prefix = self._tags.handles, machine.item.id + "."
+            found = {key: known[prefix + key] for key in machine.item.points if prefix + key in known}
+            machine.handles = self._tags.revision, found
+        return found
 
 
 def is_pulse(machine: Machine, prepared: Prepared) -> bool:

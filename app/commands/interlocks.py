@@ -150,13 +150,12 @@ def stale(item: Equipment, link: Link, keys: Iterable[str], look: Look, age: Age
     reasons: list[Reason] = []
     for key in keys:
         point = item.points[key]
-        word = look(key)[1]
-        old, limit = age(key), longest_age(point, item, link)
-        if quality.is_bad(word) or look(key)[0] is None:
+        value, word = look(key)
+        if quality.is_bad(word) or value is None:
             reasons.append(Reason("why.bad_value", {"point": point.name, "quality": quality.name(word)}, point.label))
         elif not quality.is_good(word):
             reasons.append(Reason("why.poor_value", {"point": point.name, "quality": quality.name(word)}, point.label))
-        elif not old < limit:
+        elif not (old := age(key)) < (limit := longest_age(point, item, link)):
             reasons.append(
                 Reason("why.old_value", {"point": point.name, "age": round(old, 1), "limit": limit}, point.label)
             )

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from secrets import randbelow
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from app.access.roles import Person
@@ -217,8 +218,15 @@ class Machine:
     counter: int = field(default_factory=lambda: randbelow(0xFFFF))
     """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
     signature: object = None
+    used: Sequence[str] = field(init=False)
+    """Points read from the device that anything about its commands uses."""
+    handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))
+    """Revision of the tags, and the handles of the points in it."""
     dirty: bool = True
     told: float = float("-inf")
+
+    def __post_init__(self) -> None:
+        self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))
 
 
 def may_write(link: Link, writer: Writer) -> bool:
