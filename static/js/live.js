@@ -11,13 +11,15 @@ let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, writt
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
+const keyOf = (name) => name.slice(name.indexOf(".") + 1);
+
 /** Bind everything with a data-tag below `root` that is not bound yet. */
 export function bind(root = document) {
   for (const tag of tags.values()) tag.items = tag.items.filter(({ element }) => element.isConnected);
   for (const element of root.querySelectorAll("[data-tag], [data-tags]")) {
-    const data = element.dataset, names = data.tags?.split(" ") ?? [data.tag];
+    const data = element.dataset, names = data.tags?.trim().split(/\s+/) ?? [data.tag];
     if (tags.get(names[0])?.items.some((item) => item.element === element)) continue;
-    const found = ways(element);
+    const found = ways(element), several = new Set(names.map(keyOf)).size < names.length; // the same point of several machines
     for (const name of names) {
       let tag = tags.get(name);
       if (!tag) {
@@ -25,7 +27,7 @@ export function bind(root = document) {
         tags.set(name, tag);
       }
       if (data.age) tag.since = performance.now() - data.age * 1000;
-      for (const item of found) if (item.tags) item.tags[name.slice(name.indexOf(".") + 1)] = tag;
+      for (const item of found) if (item.tags) item.tags[several ? name : keyOf(name)] = tag;
       tag.items.push(...found);
       tag.curve ||= found.some((item) => item.curve);
       if (tag.known) draw(tag, () => true);

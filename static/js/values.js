@@ -5,7 +5,7 @@
 //   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
 //   data-tags         "name name …" instead of data-tag: nothing is drawn; when some changed, the element dispatches `tags` once, with what
-//                     is known of them by key: {head: {value, state, quality, source}, …}
+//                     is known of them by key: {head: {value, state, quality, source}, …}; by name where machines share a key
 //   data-signed       a number carries its plus sign
 //   data-meter        role=meter: data-q and aria-value…; data-line "x0 x1": the curve of the last ten minutes
 import * as format from "./format.js";
