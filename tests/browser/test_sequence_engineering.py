@@ -1,0 +1,159 @@
+"""What engineers and administrators do at sequences in a real browser: forces on several, times while one runs, how it runs."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests import coil_plant
+from tests.browser.station import PASSWORD, SIZES, Sit, serving, take
+from tests.conftest import PogonServer
+
+pytestmark = pytest.mark.xdist_group("engineering")
+WHO, HOME = "ana", "/equipment/seq2"
+WHY = "The sensor shows nothing since the morning shift, a new one is ordered; checked by hand at the gauge. " * 3
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with two sequences; an administrator who is an engineer, and an engineer who is no administrator."""
+    folder = tmp_path_factory.mktemp("engineering")
+    coil_plant.write(folder / "plant")
+    drill = folder / "plant" / "sequences" / "drill.toml"
+    drill.write_text(drill.read_text("utf-8").replace("longest_force = 6", "longest_force = 600"), "utf-8")
+    people = {"ana": ("admin", "engineer", "operator"), "ivana": ("engineer", "operator")}
+    with serving(folder, people) as running:
+        yield running
+
+
+def force(page: Page, step: int, name: str, why: str) -> None:
+    """Force a permissive of a step on the page of its sequence."""
+    take(page)
+    page.click(f"[data-row-step='{step}'] .q-perm")
+    page.click("[data-all='1']")
+    page.locator(".q-word li").filter(has_text=name).locator(".q-f").click()
+    page.fill("#overlay [name=reason]", why)
+    page.fill("#overlay [name=password]", PASSWORD)
+    page.click("#overlay .danger")
+    expect(page.locator("#overlay dialog")).to_have_count(0, timeout=10_000)
+    expect(page.locator(f"[data-row-step='{step}'] .tickbox.f")).to_have_count(1, timeout=10_000)
+
+
+def let_go(page: Page) -> None:
+    page.locator(".token [data-token=release]").first.click()
+    expect(page.locator("[data-token=take]").first).to_be_visible()
+
+
+def test_forces_of_two_sequences_are_counted_listed_and_taken_back(sit: Sit) -> None:
+    watched = sit("ivana", path="/forces")
+    expect(watched.locator(".fc")).to_contain_text("Nothing is forced")
+    page = sit(path="/equipment/seq1")
+    force(page, 3, "Pressure is there", WHY[:300])
+    let_go(page)
+    root = page.url.split("/equipment")[0]
+    page.goto(root + "/equipment/seq2")
+    for step in (3, 5):
+        force(page, step, f"Tank {step} is ready", "Tank is being cleaned")
+    let_go(page)
+    expect(watched.locator(".f-force b")).to_have_text("3", timeout=10_000)
+    expect(watched.locator(".fc-group")).to_have_count(2)
+    expect(watched.locator(".fc-t tbody tr")).to_have_count(3)
+    expect(watched.locator(".fc-group").first).to_contain_text(WHY[:300])
+    for width, height in SIZES.values():
+        watched.set_viewport_size({"width": width, "height": height})
+        assert watched.evaluate("document.documentElement.scrollWidth") <= width
+        cut = watched.evaluate(
+            """() => [...document.querySelectorAll('.fc-t :is(td, th), .fc-t button')].filter((cell) => {
+                 const box = cell.getBoundingClientRect();
+                 return box.width && (box.right > innerWidth + 1 || cell.scrollWidth > cell.clientWidth + 1);
+               }).map((cell) => cell.className)"""
+        )
+        assert not cut, (width, cut)
+        for part in (".fc-who", ".fc-why", ".fc-left"):
+            expect(watched.locator(f".fc-t {part}").first).to_be_visible()
+    watched.set_viewport_size({"width": 1280, "height": 800})
+    take(watched)
+    release = watched.locator(".fc-group").first.locator("tbody .btn")
+    expect(release).not_to_have_attribute("aria-disabled", "true")
+    release.focus()
+    watched.keyboard.press("Enter")
+    expect(watched.locator("#overlay dialog")).to_contain_text("Pressure is there")
+    expect(watched.locator("#overlay [data-cancel]")).to_be_focused()
+    watched.keyboard.press("Tab")
+    watched.keyboard.press("Enter")
+    expect(watched.locator(".fc-group")).to_have_count(1, timeout=10_000)
+    expect(watched.locator(".f-force b")).to_have_text("2", timeout=5_000)
+    take(watched)
+    watched.locator("[data-command='seq2.release_all']").click()
+    asked = watched.locator("#overlay .danger")
+    expect(asked.or_(watched.locator(".fc", has_text="Nothing is forced"))).not_to_have_count(0)
+    if asked.count():
+        asked.click()
+    expect(watched.locator(".fc")).to_contain_text("Nothing is forced", timeout=10_000)
+    expect(page.locator(".f-force b")).to_have_text("0", timeout=5_000)
+    for machine in ("seq1", "seq2"):
+        watched.goto(f"{root}/equipment/{machine}")
+        let_go(watched)
+
+
+def test_an_administrator_changes_times_while_it_runs_and_says_why(sit: Sit) -> None:
+    page = sit()
+    take(page)
+    page.click("[data-command='seq2.start']")
+    page.locator("#overlay .danger").click()
+    expect(page.locator("[data-row-step='2'][aria-selected=true]")).to_have_count(1, timeout=15_000)
+    page.click("#q-tab-times")
+    row = page.locator("#q-times tbody tr").nth(3)
+    row.locator("[data-arguments]").click()
+    dialog = page.locator("#overlay dialog")
+    expect(dialog).to_contain_text("Exercise 4")
+    expect(dialog).not_to_contain_text("This step is active")
+    page.fill("[name=arg_maximum]", "77.5")
+    dialog.locator(".danger").click()
+    expect(dialog).to_be_visible()  # a reason is required
+    page.fill("[name=reason]", "the valve is slow today")
+    dialog.locator(".danger").click()
+    expect(dialog).to_have_count(0, timeout=10_000)
+    expect(row.locator("td").nth(2)).to_have_text("77.5 s", timeout=10_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Accepted .* Done"))
+    page.locator("#q-times tbody tr").nth(1).locator("[data-arguments]").click()
+    expect(dialog).to_contain_text("This step is active")
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    let_go(page)
+    other = sit("ivana")
+    take(other)
+    other.click("#q-tab-times")
+    locked = other.locator("#q-times tbody tr").nth(3).locator("[data-arguments]")
+    expect(locked).to_have_attribute("aria-disabled", "true")
+    locked.click(force=True)
+    expect(other.locator("#overlay dialog")).to_have_count(0)
+    other.click(".zone .stop")
+    expect(other.locator(".q-top")).to_contain_text("Suspended", timeout=10_000)
+    other.click("[data-command='seq2.abort']")
+    other.locator("#overlay .danger").click()
+    expect(other.locator(".q-top")).to_contain_text("Aborted", timeout=10_000)
+
+
+def test_a_switch_shows_what_it_is_set_to_and_is_switched_back(sit: Sit) -> None:
+    page = sit()
+    take(page)
+    single = page.locator(".q-switch button").nth(1)
+    expect(single).to_have_attribute("aria-pressed", "false")
+    single.click()
+    expect(single).to_have_attribute("aria-pressed", "true", timeout=10_000)
+    expect(page.locator("[data-command='seq2.advance']")).to_be_visible()
+    page.wait_for_timeout(2500)
+    single.focus()
+    page.keyboard.press("Enter")
+    expect(single).to_have_attribute("aria-pressed", "false", timeout=10_000)
+    expect(page.locator("[data-command='seq2.advance']")).to_be_hidden()
+    page.goto(page.url.split("/equipment")[0] + "/equipment/cc1")
+    take(page)
+    manual = page.locator(".cc-mode button").nth(1)
+    expect(manual).to_have_attribute("aria-pressed", "false")
+    manual.click()
+    page.locator("#overlay .danger").click()
+    expect(manual).to_have_attribute("aria-pressed", "true", timeout=10_000)
+    expect(page.locator("[data-hold='cc1.jog_forward']")).not_to_have_attribute("aria-disabled", "true", timeout=5_000)
