@@ -18,8 +18,10 @@ from app.plant.definitions import (
 )
 from app.registers import plc_map
 from app.registers.plc_map import Answer, DeviceEvent, Request, real
-from app.sim import coil_car, sequence, training
-from app.sim.coil_car import ACTIONS, VirtualCoilCar
+from app.sim import coil_car_map as coil_car
+from app.sim import sequence, training
+from app.sim.coil_car import VirtualCoilCar
+from app.sim.coil_car_map import ACTIONS
 from app.sim.plc import EVENT_CAPACITY, VirtualPlc
 from app.sim.sequence import VirtualSequence
 

@@ -8,8 +8,11 @@ import pytest
 
 from app.registers import plc_map
 from app.registers.plc_map import AnswerState
-from app.sim import coil_car, training
-from app.sim.coil_car import (
+from app.sim import coil_car_map as coil_car
+from app.sim import training
+from app.sim.coil_car import ARRIVED, VirtualCoilCar
+from app.sim.coil_car_machine import FAULTS, MEASURES, Geometry
+from app.sim.coil_car_map import (
     ACTIONS,
     PRESETS,
     REGISTERS,
@@ -23,9 +26,7 @@ from app.sim.coil_car import (
     Mode,
     Reason,
     State,
-    VirtualCoilCar,
 )
-from app.sim.coil_car_machine import FAULTS, MEASURES, Geometry
 from tests.sim.coil_line import Talker, act
 
 DONE, REJECTED, RUNNING = AnswerState.DONE, AnswerState.REJECTED, AnswerState.RUNNING
@@ -119,7 +120,7 @@ def test_an_axis_follows_an_s_ramp_and_ends_at_its_target() -> None:
     jerks = [(after - before) / 0.01 for before, after in pairwise(changes)]
     assert max(speeds) == pytest.approx(400, abs=0.1) and min(speeds) >= -0.01
     assert max(map(abs, changes)) <= 200 + 1e-6 and max(map(abs, jerks)) <= 300 + 1e-3
-    assert car.machine.x == pytest.approx(1000, abs=coil_car.ARRIVED)
+    assert car.machine.x == pytest.approx(1000, abs=ARRIVED)
 
 
 def test_a_withdrawn_action_stops_on_the_ramp() -> None:

@@ -5,7 +5,9 @@ from random import Random
 import pytest
 
 from app.sim import training
-from app.sim.coil_car import (
+from app.sim.coil_car import VirtualCoilCar
+from app.sim.coil_car_machine import FAULTS, CoilCar, Geometry, Hit
+from app.sim.coil_car_map import (
     ACTIONS,
     GEOMETRY,
     MOVEMENTS,
@@ -16,9 +18,7 @@ from app.sim.coil_car import (
     Fault,
     Mode,
     Reason,
-    VirtualCoilCar,
 )
-from app.sim.coil_car_machine import FAULTS, CoilCar, Geometry, Hit
 from tests.sim.coil_line import Talker, act
 
 OTHER = Geometry(
@@ -158,7 +158,7 @@ def test_what_the_interlock_prevents_happens_without_it(
         assert car.machine.hit is (Hit.NONE if guarded else kind)
         if guarded:
             movement = bits.bit_length() - 1
-            assert car.block(movement) is block
+            assert car.interlock.block(movement) is block
             assert car.signal(f"interlock_{MOVEMENTS[movement]}") == 1
             assert car.signal("collision_possible") == (block in GEOMETRY)
             told = [(event.source, event.value) for event in talker.events() if event.code == Event.INTERLOCK]

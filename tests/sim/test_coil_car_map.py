@@ -8,9 +8,10 @@ from app.plant.definitions import EquipmentType
 from app.plant.loader import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import Value, decode
-from app.sim import coil_car
-from app.sim.coil_car import ACTIONS, PRESETS, SETTINGS, SIGNALS, STARTS, VirtualCoilCar
-from app.sim.coil_car_machine import MEASURES, Geometry
+from app.sim import coil_car_map as coil_car
+from app.sim.coil_car import VirtualCoilCar
+from app.sim.coil_car_machine import MEASURES, Geometry, Hit
+from app.sim.coil_car_map import ACTIONS, PRESETS, SETTINGS, SIGNALS, STARTS
 
 _data, _problems = types.read_type("coil_car", LANGUAGES)
 
@@ -112,7 +113,7 @@ def test_every_state_word_has_a_text() -> None:
         ("mode", coil_car.Mode),
         ("fault", coil_car.Fault),
         ("action_state", coil_car.ActionState),
-        ("collision_kind", coil_car.Hit),
+        ("collision_kind", Hit),
         *((f"block_{name}", coil_car.Block) for name in coil_car.MOVEMENTS),
     ):
         assert set(kind.points[key].texts) == {int(word) for word in enum}, key

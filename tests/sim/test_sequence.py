@@ -10,7 +10,8 @@ from app.plant.definitions import SequenceDefinition
 from app.plant.sequences import checksum
 from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, real, real_of, time_of
-from app.sim import coil_car, training
+from app.sim import coil_car_map as coil_car
+from app.sim import training
 from app.sim.sequence import (
     FALLS,
     FORCE_ROWS,
