@@ -357,6 +357,11 @@ STARTS: Mapping[str, Mode] = MappingProxyType({"stopped": Mode.OFF, "automatic":
 
 
 def checked_settings(given: Mapping[str, float]) -> Mapping[str, float]:
+    """Initial setpoints by name.
+
+    Raises:
+        ValueError: no such setting, or a value outside its limits.
+    """
     limits = {setting.name: setting for setting in SETTINGS}
     for name, value in given.items():
         if name not in limits:
