@@ -262,6 +262,6 @@ async def test_ten_thousand_products_with_every_fault_again_and_again(preset: st
     print(
         f"\n{preset}: {machine.entered} fed, {machine.put} put, {dict(soak.witness.fates)}; worst position error "
         f"{soak.worst:.2f} mm in normal running, {soak.witness.worst_flagged:.1f} mm where the row said uncertain; "
-        f"greatest correction {tracking.greatest_correction:.2f} mm; lost {tracking.lost}, unexpected {tracking.unexpected}; each fault at least {min(soak.told.values())} times; "
-        f"{line.device.steps * 0.01 / 3600:.1f} h of the line"
+        f"greatest correction {tracking.greatest_correction:.2f} mm; lost {tracking.lost}, unexpected {tracking.unexpected}; "
+        f"each fault at least {min(soak.told.values())} times; {line.device.steps * 0.01 / 3600:.1f} h of the line"
     )
