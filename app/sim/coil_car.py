@@ -15,24 +15,21 @@ signals, which are the points of this map by name. Type code 30. Measures and nu
 """  # noqa: E501
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from math import isnan, nan
 from types import MappingProxyType
 
 from app.registers.plc_map import AnswerState, Request
 from app.sim import coil_car_presets, coil_car_signals, training
+from app.sim.coil_car_actions import ARRIVED, Wish, block_of, is_there, jogged, wish_of
 from app.sim.coil_car_interlock import DEPTH, Axis, Interlock
 from app.sim.coil_car_machine import FAULTS, HOST_OFF, CoilCar, Geometry, Hit
 from app.sim.coil_car_map import (
     ACTIONS,
-    BACK,
-    COLLAPSE,
     CONFIGURATION,
     CONFIGURATION_WORDS,
     DOWN,
     EXPAND,
     FORWARD,
-    GEOMETRY,
     SADDLES,
     SETTINGS,
     SETTINGS_AT,
@@ -54,25 +51,12 @@ from app.sim.coil_car_map import (
     checked_settings,
 )
 from app.sim.coil_car_notices import Notices
+from app.sim.coil_car_recoiler import Recoiler
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict, VirtualPlc
 from app.sim.plc import rejected as no
 
-ARRIVED = 1.0
-"""A positioned axis is there [mm]."""
 STUCK_AFTER = 6.0
 """The mandrel must have arrived in this time [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What is asked: a movement, and where an axis shall end."""
-
-    movement: int
-    speed: float = 0.0
-    target: float = nan
-    """NaN = as far as it may."""
-    block: Block = Block.FREE
-    """It makes no sense now."""
 
 
 class VirtualCoilCar(VirtualPlc):
@@ -101,17 +85,17 @@ class VirtualCoilCar(VirtualPlc):
     """Way that the mandrel is driven now: 1 expands, −1 collapses."""
     held_back: Block
     """What holds back what is asked now."""
+    stopping: bool
+    """A stop is not over."""
     preset_diameter: float
     """Of the coils that presets put [mm]."""
     interlock: Interlock
     notices: Notices
+    recoiler: Recoiler
     _asked: tuple[str, ...]
     _wish: Wish | None
     _action_since: int
     _mandrel_age: float
-    _stopping: bool
-    _wind: bool
-    _told_not_to_wind: bool
     _told: tuple[int, int]
     _start_mode: Mode
     _acting: int
@@ -314,13 +298,13 @@ class VirtualCoilCar(VirtualPlc):
         mandrel = 0
         horizontal = vertical = False
         if wish is not None:
-            block = wish.block or self._block_of(wish)
+            block = block_of(self, wish)
             if block not in (Block.FREE, Block.THERE):
                 self.held_back = block
-            elif wish.movement in (FORWARD, BACK):
-                horizontal = self._go(self.horizontal, wish, True)
+            elif wish.horizontal:
+                horizontal = self._go(self.horizontal, wish)
             elif wish.movement in (UP, DOWN):
-                vertical = self._go(self.vertical, wish, False)
+                vertical = self._go(self.vertical, wish)
             elif block is Block.FREE:
                 mandrel = 1 if wish.movement == EXPAND else -1
         if not horizontal:
@@ -330,13 +314,13 @@ class VirtualCoilCar(VirtualPlc):
             self.vertical.stop(self.dt)
             self.vertical.target = nan
         if not mandrel:
-            mandrel = self._recoil()
+            mandrel = self.recoiler.step()
         self._watch_mandrel(mandrel)
         self.mandrel_drive = mandrel
         self._tell_blocks(wish)
         self._follow_action(wish)
-        if self._stopping and not self.moving:
-            self._stopping = False
+        if self.stopping and not self.moving:
+            self.stopping = False
 
     def _judge_cut(self, axis: Axis, horizontal: bool) -> None:
         """Brake when there is no more supply, or less room than the ramp needs."""
@@ -356,36 +340,16 @@ class VirtualCoilCar(VirtualPlc):
             axis.cut = True
             axis.ramp.reset()
 
-    def _block_of(self, wish: Wish) -> Block:
-        block = self.interlock.block(wish.movement)
-        if wish.movement >= EXPAND or isnan(wish.target) or self._oversees(block):
-            return block
-        horizontal = wish.movement in (FORWARD, BACK)
-        here = self.machine.x if horizontal else self.machine.v
-        if abs(wish.target - here) <= ARRIVED:
-            return Block.THERE
-        way = self.interlock.way(horizontal)
-        if wish.target > way.high + ARRIVED:
-            return way.above
-        if wish.target < way.low - ARRIVED:
-            return way.below
-        return Block.FREE
-
-    @staticmethod
-    def _oversees(block: Block) -> bool:
-        """A block that has nothing to do with how far it may go."""
-        return block is not Block.FREE and block not in GEOMETRY and block not in (Block.LIMIT, Block.WINDING)
-
-    def _go(self, axis: Axis, wish: Wish, horizontal: bool) -> bool:
+    def _go(self, axis: Axis, wish: Wish) -> bool:
         """Move; False when there is nothing to move."""
         machine = self.machine
-        here = machine.x if horizontal else machine.v
-        way, up = self.interlock.way(horizontal), wish.movement in (FORWARD, UP)
+        here = machine.x if wish.horizontal else machine.v
+        way, up = self.interlock.way(wish.horizontal), wish.movement in (FORWARD, UP)
         end = way.high if up else way.low
         if not isnan(wish.target):
             end = min(max(wish.target, way.low), way.high)
         axis.target = end
-        standing = self.standing_x if horizontal else self.standing_v
+        standing = self.standing_x if wish.horizontal else self.standing_v
         if axis.cut or (standing and abs(end - here) <= ARRIVED):
             return False
         axis.go(1 if up else -1, wish.speed, (end - here) * (1 if up else -1), self.dt)
@@ -394,72 +358,14 @@ class VirtualCoilCar(VirtualPlc):
     def _wished(self) -> Wish | None:
         asked, self._asked = self._asked, ()
         self._acting = 0
-        if self.mode is Mode.MANUAL and not self._stopping:
-            return self._jogged()
-        if self.mode is Mode.AUTOMATIC and not self._stopping:
+        if self.mode is Mode.MANUAL and not self.stopping:
+            return jogged(self)
+        if self.mode is Mode.AUTOMATIC and not self.stopping:
             for name in asked:
                 if name in ACTIONS:
                     self._acting = ACTIONS.index(name) + 1
-                    return self._act(name)
+                    return wish_of(self, name)
         return None
-
-    def _jogged(self) -> Wish | None:
-        """Of hold-to-run; two bits at a time are none."""
-        bits = self.hold & (1 << EXPAND + 2) - 1
-        if not bits or bits & bits - 1:
-            return None
-        movement = bits.bit_length() - 1
-        return Wish(movement, self._values["manual_horizontal" if movement in (FORWARD, BACK) else "manual_vertical"])
-
-    def _act(self, name: str) -> Wish | None:
-        machine, m = self.machine, self.geometry
-        if name == "expand":
-            return Wish(EXPAND)
-        if name == "collapse":
-            return Wish(COLLAPSE)
-        speed = self._values["automatic_vertical"]
-        if name == "lift_to_coil" and not (machine.coil or machine.load):
-            return Wish(UP, block=Block.COIL_THERE)
-        target = {
-            "lower": 0.0,
-            "drive_to_mandrel": m.mandrel_position,
-            "lift_to_coil": m.contact(machine.coil or machine.load),
-            "drive_out": m.out_position,
-            "lift_over_saddle": m.saddle_height + m.clearance,
-            "drive_to_saddle": m.saddle(self.target),
-            "lower_onto_saddle": m.saddle_height - m.clearance,
-        }[name]
-        if name.startswith("drive"):
-            return Wish(FORWARD if target >= machine.x else BACK, self._values["automatic_horizontal"], target)
-        return Wish(UP if target >= machine.v else DOWN, speed, target)
-
-    def _recoil(self) -> int:
-        """The recoiler by itself: what its mandrel does."""
-        machine, values = self.machine, self._values
-        if self._wind and self.interlock.block(WIND) is Block.FREE:
-            self._begin_winding()
-        self._wind = False
-        if self.mode is not Mode.AUTOMATIC or not machine.strip or values["automatic_winding"] < 0.5:
-            return 0
-        if machine.finished or machine.winding or self._told_not_to_wind or self._stopping:
-            return 0
-        if machine.coil:
-            if self.interlock.block(WIND) is Block.FREE:
-                self._begin_winding()
-            return 0
-        if self.interlock.in_zone:
-            return 0
-        if machine.expansion < 1.0:
-            return 1 if self.interlock.block(EXPAND) is Block.FREE else 0
-        if self.interlock.block(WIND) is Block.FREE:
-            self._begin_winding()
-        return 0
-
-    def _begin_winding(self) -> None:
-        machine = self.machine
-        machine.coil = machine.coil or self.geometry.coil_smallest
-        machine.winding = True
-        self.interlock.renew()
 
     def _watch_mandrel(self, mandrel: int) -> None:
         if mandrel and mandrel == self.mandrel_drive:
@@ -490,22 +396,12 @@ class VirtualCoilCar(VirtualPlc):
             return
         if self.held_back is not Block.FREE:
             self.action_state = ActionState.BLOCKED
-        elif self._is_there(wish):
+        elif is_there(self, wish):
             if self.action_state is not ActionState.DONE:
                 self.action_state = ActionState.DONE
                 self.event(Event.ACTION_DONE, self.action, (self.time - self._action_since) / 1e6)
         else:
             self.action_state = ActionState.RUNNING
-
-    def _is_there(self, wish: Wish) -> bool:
-        machine = self.machine
-        if wish.movement == EXPAND:
-            return machine.expansion >= 1.0
-        if wish.movement == COLLAPSE:
-            return machine.expansion <= 0.0
-        here = machine.x if wish.movement in (FORWARD, BACK) else machine.v
-        standing = self.standing_x if wish.movement in (FORWARD, BACK) else self.standing_v
-        return standing and abs(wish.target - here) <= ARRIVED
 
     # ---- commands
 
@@ -517,9 +413,9 @@ class VirtualCoilCar(VirtualPlc):
         if self.fault:
             return State.HELD
         moving = self.moving
-        if self.mode is Mode.AUTOMATIC and not self._stopping:
+        if self.mode is Mode.AUTOMATIC and not self.stopping:
             return State.AUTOMATIC_MOVING if moving else State.AUTOMATIC
-        if self.mode is Mode.MANUAL and not self._stopping:
+        if self.mode is Mode.MANUAL and not self.stopping:
             return State.MANUAL_MOVING if moving else State.MANUAL
         return State.STOPPING if moving else State.OFF
 
@@ -556,7 +452,7 @@ class VirtualCoilCar(VirtualPlc):
         self.machine.winding = False
         if not self.moving:
             return Verdict()
-        self._stopping = True
+        self.stopping = True
 
         def standing() -> AnswerState:
             return AnswerState.RUNNING if self.moving else AnswerState.DONE
@@ -585,13 +481,13 @@ class VirtualCoilCar(VirtualPlc):
             return no(Reason.GUARD)
         if self.fault:
             return no(Reason.HELD, self.fault)
-        if mode is self.mode and not self._stopping:
+        if mode is self.mode and not self.stopping:
             return Verdict()
         if self.moving or self.hold:
             return no(Reason.MOVING)
         if mode is Mode.AUTOMATIC and self.host_silent:
             return no(Reason.WRONG_STATE, self.state)
-        self.mode, self._told_not_to_wind = mode, False
+        self.mode, self.recoiler.told_not_to = mode, False
         self.event(Event.AUTOMATIC if mode is Mode.AUTOMATIC else Event.MANUAL)
         return Verdict()
 
@@ -611,14 +507,14 @@ class VirtualCoilCar(VirtualPlc):
         if code == Command.STOP_WINDING:
             if not machine.winding:
                 return no(Reason.NOT_WINDING)
-            machine.winding, self._told_not_to_wind = False, True
+            machine.winding, self.recoiler.told_not_to = False, True
             return Verdict()
         if self.mode is Mode.OFF and not self.fault:
             return no(Reason.WRONG_STATE, self.state)
         block = self.interlock.block(WIND)
         if block is not Block.FREE:
             return no(_WINDING_REASONS[block])
-        self._wind, self._told_not_to_wind = True, False
+        self.recoiler.wind, self.recoiler.told_not_to = True, False
         return Verdict()
 
     # ---- settings, training, power
@@ -680,9 +576,9 @@ class VirtualCoilCar(VirtualPlc):
         self._wish = None
         self.held_back = Block.FREE
         self._mandrel_age = self._silent = 0.0
-        self._stopping = self._wind = self._told_not_to_wind = False
+        self.stopping = False
         self._told = (-1, 0)
-        self.interlock, self.notices = Interlock(self), Notices(self)
+        self.interlock, self.notices, self.recoiler = Interlock(self), Notices(self), Recoiler(self)
         self.notices.take_stock()
         self.choose_target()
         self.event(Event.POWER_UP, value=self.boots)

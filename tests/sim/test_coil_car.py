@@ -10,7 +10,8 @@ from app.registers import plc_map
 from app.registers.plc_map import AnswerState
 from app.sim import coil_car_map as coil_car
 from app.sim import training
-from app.sim.coil_car import ARRIVED, VirtualCoilCar
+from app.sim.coil_car import VirtualCoilCar
+from app.sim.coil_car_actions import ARRIVED
 from app.sim.coil_car_machine import FAULTS, MEASURES, Geometry
 from app.sim.coil_car_map import (
     ACTIONS,
