@@ -14,7 +14,7 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from app.access.audit import Filter, Record
 from app.access.roles import Person
-from app.clock import to_micros
+from app.clock import to_datetime, to_micros
 from app.errors import Refused
 from app.web import format as fmt
 from app.web import language
@@ -137,11 +137,19 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
 
 
 def read_time(request: Request, text: str, field: str) -> int | None:
-    """What a `datetime-local` field sends, in the plant's zone."""
+    """What a `datetime-local` field sends, in the plant's zone; a time that names its own offset keeps it.
+
+    Raises:
+        Refused: 422, it is none, or cannot be written in UTC and in the plant's zone.
+    """
     if not text:
         return None
+    zone = zone_of(request)
     try:
-        return to_micros(datetime.fromisoformat(text).replace(tzinfo=zone_of(request)))
+        typed = datetime.fromisoformat(text)
+        found = to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone))
+        to_datetime(found).astimezone(zone)
+        return found
     except (ValueError, OverflowError) as error:
         raise Refused("access.form_field", 422, field=field) from error
 

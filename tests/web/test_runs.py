@@ -263,3 +263,23 @@ def test_a_sequence_that_runs_is_in_the_list_with_who_started_it(staff: Staff) -
     page = ivo.get("/runs?equipment=seq2", fragment=False).text
     assert 'data-tag="sys.runs.seq2"' in page
     assert ids(page) == [one.id]
+
+
+@pytest.mark.parametrize("edge", [{"since": "0001-01-01T00:00"}, {"until": "9999-12-31T23:59-12:00"}])
+def test_a_time_that_no_clock_can_show_is_refused_before_an_export_begins(staff: Staff, edge: dict[str, str]) -> None:
+    staff.enter("ivo", "operator")
+    for path in ("/runs/list", "/runs/export.csv", "/runs/export/size", "/products/export.csv"):
+        get(staff, path, 422, **edge)
+
+
+def test_a_time_with_an_offset_of_its_own_keeps_it(staff: Staff) -> None:
+    staff.enter("ivo", "operator")
+
+    def begins(since: str) -> bool:
+        return (
+            "# from: 2026-03-09T09:00:00.000+01:00"
+            in get(staff, "/runs/export.csv", locale="machine", since=since).text
+        )
+
+    assert begins("2026-03-09T12:00+04:00")
+    assert begins("2026-03-09T09:00")
