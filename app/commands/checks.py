@@ -1,6 +1,6 @@
 """Whether an order can be carried out now: every check that reads the person, the token and the plant, in the order of the gate."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from app.access.roles import ROLE_PERMISSION, Person
 from app.clock import Clock
@@ -290,6 +290,28 @@ class Checks:
                 result[write.point] = float(value)
         return result
 
+    def stands(self, machine: Machine, stop: Prepared | None, since: float) -> bool:
+        """Whether values read after `since` say that the machine stands."""
+        if stop is None or stop.feedback is None:
+            return True
+        return self.read_since(machine, stop.watched, since) and self.feedback(machine, stop, None) is True
+
+    def feedback(self, machine: Machine, prepared: Prepared, argument: float | None) -> bool | None:
+        """Whether the values say that the command has worked; None = not known."""
+        if prepared.feedback is None:
+            return None
+        return prepared.feedback.true(self.look(machine), argument=argument, age=self.age(machine))
+
+    def read_since(self, machine: Machine, keys: Sequence[str], since: float) -> bool:
+        """Whether every one of `keys` is good and was read after `since`.
+
+        Where a device has several connections an answer that left before the write may arrive after it; its turnaround is added.
+        """
+        device = machine.item.type.device
+        elapsed = self._clock.monotonic() - since - (device.turnaround if device.connections > 1 else 0.0)
+        look, age = self.look(machine), self.age(machine)
+        return all(is_good(look(key)[1]) and age(key) < elapsed for key in keys)
+
     def look(self, machine: Machine) -> expression.Look:
         tags, handles = self._tags, self._handles
 
@@ -323,3 +345,8 @@ def is_pulse(machine: Machine, prepared: Prepared) -> bool:
     command = prepared.command
     stops = command.stop or (machine.stop is not None and command.feedback == machine.stop.command.feedback)
     return not (command.moves or command.argument or command.arguments or stops)
+
+
+def holds(text: str, look: expression.Look) -> bool | None:
+    """Whether a sentence over the points of a machine holds; None = not known."""
+    return expression.parse(text).true(look)

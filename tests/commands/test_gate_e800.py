@@ -143,6 +143,7 @@ async def test_forward_setpoint_reverse_and_stop_are_accepted_and_confirmed(hall
     await hall.ended(State.CONFIRMED)
     assert hall.value("status") == 0
     assert [words for address, words in hall.captured if address == COMMAND][:2] == [1, 2]
+    await hall.until(lambda: len(hall.lines) >= 4)  # lines are written beside the commands
     assert hall.lines == [
         ("m2.forward", "confirmed"),
         ("m2.set_frequency", "confirmed"),

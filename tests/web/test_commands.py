@@ -46,7 +46,7 @@ def calm(staff: Staff, ana: Operator, ivo: Operator) -> Iterator[None]:
     gate = runtime_of(staff.client).gate
     assert gate is not None
     staff.wait(_free)
-    gate._rate.take = lambda _person: True  # type: ignore[method-assign]
+    gate._admission.rate.take = lambda _person: True  # type: ignore[method-assign]
     for equipment in ("m1", "m2"):
         holder = gate.control.holder(equipment)
         if holder is not None:

@@ -1,0 +1,139 @@
+"""What the parts of the command gate share: the machines, what is at work on each, its end, and whom to tell."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Any
+
+from app.clock import Clock
+from app.commands.checks import Checks
+from app.commands.control_token import ControlToken
+from app.commands.delivery import Delivery
+from app.commands.hold import HoldToRun
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress, State, advance
+from app.commands.orders import Audit, Job, Machine, Writer
+from app.commands.trail import Trail
+from app.errors import Refused
+from app.tags.database import TagDatabase
+
+log = logging.getLogger(__name__)
+
+TELL = 0.1
+"""Least time between two notices about one machine [s]."""
+
+
+class Desk:
+    """The machines of one plant with the commands at work on them. `hold` is set by who leads motions (`motion.HeldMotion`)."""
+
+    hold: HoldToRun
+
+    def __init__(
+        self,
+        tags: TagDatabase,
+        clock: Clock,
+        writers: Mapping[str, Writer],
+        audit: Audit,
+        *,
+        dry_run: bool,
+        on_stop_unconfirmed: Callable[[str], None],
+    ) -> None:
+        self.clock = clock
+        self.writers = writers
+        self.dry_run = dry_run
+        self.on_stop_unconfirmed = on_stop_unconfirmed
+        self.machines: dict[str, Machine] = {}
+        self.subscribers: list[Callable[[str], None]] = []
+        self.enders: list[Callable[[Progress], None]] = []
+        self.tasks: set[asyncio.Task[None]] = set()
+        self.trail = Trail(audit, self.spawn)
+        self.control = ControlToken(clock, moving=self.moving, changed=self.mark, journal=self.trail.control)
+        self.delivery = Delivery(writers, clock)
+        self.checks = Checks(tags, clock, writers, self.control)
+
+    def moving(self, equipment: str) -> bool:
+        """Whether somebody holds a button that moves the machine."""
+        return self.hold.active(equipment) is not None
+
+    def tell_marked(self, now: float) -> None:
+        """Tell what was marked and was told too short ago to be told at once."""
+        for machine in self.machines.values():
+            if machine.dirty and now - machine.told >= TELL:
+                self._tell(machine, now)
+
+    def end(
+        self, machine: Machine, job: Job, state: State, reason: str = "", params: Mapping[str, object] | None = None
+    ) -> None:
+        """The command of `job` is over."""
+        if job.progress.over:
+            return
+        job.progress = advance(job.progress, state, self.clock.micros(), end=True, reason=reason, params=params or {})
+        if machine.job is job:
+            machine.job = None
+        machine.last = job.progress
+        machine.history.append(job.progress)
+        self.trail.command(job.order, job.progress)
+        self.tell_end(job.progress)
+        self.mark(machine.item.id)
+
+    def tell_end(self, progress: Progress) -> None:
+        """Tell whoever asked for ends."""
+        for callback in tuple(self.enders):
+            try:
+                callback(progress)
+            except Exception:
+                log.exception("subscriber of command ends failed command=%s", progress.id)
+
+    def mark(self, equipment: str) -> None:
+        """Something about the machine changed: tell at once, or with the next tick when that was just done."""
+        machine = self.machines.get(equipment)
+        if machine is None:
+            return
+        machine.dirty = True
+        now = self.clock.monotonic()
+        if now - machine.told >= TELL:
+            self._tell(machine, now)
+
+    def _tell(self, machine: Machine, now: float) -> None:
+        machine.dirty, machine.told = False, now
+        for callback in tuple(self.subscribers):
+            try:
+                callback(machine.item.id)
+            except Exception:
+                log.exception("subscriber of the gate failed equipment=%s", machine.item.id)
+
+    def find(self, equipment: str, key: str) -> tuple[Machine, Prepared]:
+        """A machine and its command or setpoint `key`.
+
+        Raises:
+            Refused: 404.
+        """
+        machine = self.machines.get(equipment)
+        prepared = (machine.commands.get(key) or machine.setpoints.get(key)) if machine else None
+        if machine is None or prepared is None:
+            raise Refused("why.no_such_command", 404, equipment=equipment, command=key)
+        return machine, prepared
+
+    def keep(self, work: Coroutine[Any, Any, Progress], name: str) -> "asyncio.Task[Progress]":
+        """A task that goes on when its caller goes away."""
+        task = asyncio.create_task(work, name=name)
+        task.add_done_callback(lambda done: None if done.cancelled() else done.exception())
+        return task
+
+    def spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Do `work` without waiting for it; what goes wrong is logged."""
+        task = asyncio.create_task(work, name=name)
+        self.tasks.add(task)
+        task.add_done_callback(self._finished)
+
+    def _finished(self, task: "asyncio.Task[None]") -> None:
+        self.tasks.discard(task)
+        if not task.cancelled() and task.exception() is not None:
+            log.error("task of the gate failed task=%s", task.get_name(), exc_info=task.exception())
+
+    def alarm_stop(self, equipment: str) -> None:
+        """A Stop was not read back."""
+        try:
+            self.on_stop_unconfirmed(equipment)
+        except Exception:
+            log.exception("alarm for an unconfirmed stop failed equipment=%s", equipment)

@@ -1,0 +1,254 @@
+"""Motions that last as long as a button is held: judged at the press and at the first keep-alive, stopped when the button is let go, is
+lost or may not be held any longer, and what they changed put back when the machine stands.
+"""
+
+import asyncio
+import logging
+import uuid
+
+from app.access.roles import ROLE_PERMISSION, Person
+from app.commands import interlocks
+from app.commands.admission import Admission
+from app.commands.desk import Desk
+from app.commands.hold import HoldToRun, Lease
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress, State, advance
+from app.commands.orders import Job, Machine, Order, Question
+from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
+from app.errors import LinkError, Refused
+from app.tags.batch import Value
+
+log = logging.getLogger(__name__)
+
+RESTORE_READS = 4
+"""How often a restored value is read until it is there."""
+RESTORE_AGAIN = 0.5
+"""Between two of these reads: a device may take a while to act [s]."""
+HOLD_REPEAT = 0.2
+"""Between two stop telegrams after a hold-to-run [s]."""
+HOLD_AFTER = 2.0
+"""How long they go on at least [s]."""
+HOLD_EVERY = 0.1
+"""Least time between two telegrams that hold request bits [s]."""
+
+
+class HeldMotion:
+    """Hold-to-run, from the press to the machine that stands again."""
+
+    def __init__(self, desk: Desk, admission: Admission, sending: Sending) -> None:
+        self._desk = desk
+        self._admission = admission
+        self._sending = sending
+        self._admitted: dict[str, tuple[Order, Prepared]] = {}
+        desk.hold = HoldToRun(
+            desk.clock, admit=self._admit, start=self._start, stop=self._stop, lost=self._lost, kept=self._pass_on
+        )
+
+    async def _admit(
+        self, person: Person, equipment: str, command: str, *, id: str, nonce: str, confirmed: bool, address: str
+    ) -> str:
+        order = Order(
+            person, equipment, command, None, id or uuid.uuid4().hex, nonce, None, confirmed, False, "", address, "en",
+            self._desk.clock.micros(),
+        )  # fmt: skip
+        machine = self._desk.machines.get(equipment)
+        prepared = machine.commands.get(command) if machine else None
+        try:
+            if machine is None or prepared is None or not prepared.command.hold:
+                raise Refused("why.no_such_command", 404, equipment=equipment, command=command)
+            if not self._admission.within_rate(order, prepared):
+                raise Refused("why.rate", 429)
+            self._admission.check_person(order, prepared)
+            await self._desk.checks.renew(machine, prepared)
+            machine = self._desk.machines[equipment]
+            self._desk.checks.task(order, machine, prepared)
+            if self._desk.dry_run:
+                raise Refused("why.dry_run", 409)
+        except Question:
+            raise
+        except Refused as refusal:
+            if refusal.reason != "why.rate":
+                self._admission.note_refusal(order, prepared, refusal)
+            raise
+        now = self._desk.clock.monotonic()
+        self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[0].asked / 1e6 < 60}
+        self._admitted[order.id] = (order, prepared)
+        return order.id
+
+    def _start(self, lease: Lease) -> None:
+        """The first keep-alive: everything is judged again, then the motion begins."""
+        order, prepared = self._admitted.pop(lease.id)
+        machine = self._desk.machines[lease.equipment]
+        try:
+            former, machine.job = machine.job, _without_lease(machine.job)
+            try:
+                plan = self._desk.checks.task(order, machine, prepared)
+            finally:
+                machine.job = former
+        except Refused as refusal:
+            self._admission.note_refusal(order, prepared, refusal)
+            raise
+        previous = self._desk.checks.previous(machine, prepared)
+        job = self._sending.begin(order, machine, prepared, plan)
+        job.lease = lease
+        if prepared.command.hold_bits:
+            job.held = self._desk.clock.monotonic()
+        for point, value in previous.items():
+            machine.restore.setdefault(point, value)
+        self._desk.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
+
+    def _pass_on(self, lease: Lease) -> None:
+        """A keep-alive of the browser goes on to a device that watches request bits itself."""
+        machine = self._desk.machines.get(lease.equipment)
+        job = machine.job if machine else None
+        if machine is None or job is None or job.lease is not lease or not job.prepared.command.hold_bits:
+            return
+        if not job.writing and self._desk.clock.monotonic() - job.last_hold >= HOLD_EVERY:
+            job.last_hold = self._desk.clock.monotonic()
+            self._desk.spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
+
+    async def _hold_on(self, machine: Machine, job: Job) -> None:
+        """One more telegram with the bits. One that is lost is made up for by the next, as long as the device itself goes on."""
+        job.writing += 1
+        try:
+            broke = await self._desk.delivery.send(machine, job, ())
+        finally:
+            job.writing -= 1
+        if job.ending is not None:
+            # it may have moved the machine after the first stop
+            job.since, job.last_write = None, float("-inf")
+        elif broke is not None and broke[0] is State.FAILED and job.lease is not None:
+            self._desk.hold.end(job.lease, "write")
+
+    def _stop(self, lease: Lease) -> None:
+        """The motion ends: stop now, and go on stopping for 2 s and until it is read back."""
+        machine = self._desk.machines.get(lease.equipment)
+        job = machine.job if machine else None
+        if machine is None or job is None or job.lease is not lease:
+            return
+        job.ending = self._desk.clock.monotonic()
+        job.since, job.echoed = None, False
+        job.other = None
+        self._desk.mark(lease.equipment)
+        self._desk.spawn(
+            self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
+            f"release {lease.equipment}",
+        )
+
+    def judge(self, machine: Machine, job: Job, verdict: State) -> None:
+        """What the feedback says of a motion that is held."""
+        assert job.lease is not None
+        if verdict is State.CONFIRMED:
+            if not job.moved:
+                job.moved = True
+                job.progress = advance(job.progress, State.CONFIRMED, self._desk.clock.micros(), end=False)
+                self._desk.mark(machine.item.id)
+            return
+        self._desk.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")
+
+    def follow_ending(self, machine: Machine, job: Job, now: float, ending: float) -> None:
+        """After the release of a hold-to-run. `since` counts from the first echo of the stop."""
+        assert job.lease is not None
+        waited = now - ending
+        limit = STOP_LIMIT
+        if job.echoed and machine.stop:
+            limit = max(STOP_LIMIT, job.progress.limit)
+        stands = job.since is not None and self._desk.checks.stands(machine, machine.stop, job.since)
+        if waited >= HOLD_AFTER and stands and not job.writing:
+            self._finish(machine, job, job.lease)
+        elif waited >= limit:
+            machine.restore.clear()
+            params = {"seconds": round(limit, 1), "cause": job.lease.cause}
+            self._desk.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", params)
+            self._desk.alarm_stop(machine.item.id)
+        elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
+            self._desk.spawn(
+                self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
+                f"release {machine.item.id}",
+            )
+
+    def _finish(self, machine: Machine, job: Job, lease: Lease) -> None:
+        params: dict[str, object] = {
+            "cause": lease.cause,
+            "armed": lease.armed_at,
+            "started": lease.started_at,
+            "stopped": lease.started_at + round(((job.ending or 0.0) - lease.started) * 1e6),
+            "seconds": round((job.ending or 0.0) - lease.started, 2),
+        }
+        state = State.CONFIRMED if job.moved else State.UNCONFIRMED
+        if lease.cause in ("fault", "write"):
+            state = State.FAILED
+        self._desk.end(machine, job, state, f"hold.cause.{lease.cause}", params)
+        if machine.restore:
+            self._desk.spawn(self.restore(machine), f"restore {machine.item.id}")
+
+    def _lost(self, lease: Lease) -> str:
+        """Why a motion that is held may not go on: token, role, values, conditions. Empty = it may."""
+        machine = self._desk.machines.get(lease.equipment)
+        prepared = machine.commands.get(lease.command) if machine else None
+        if machine is None or prepared is None:
+            return "reload"
+        if not self._desk.control.holds(lease.person, lease.equipment) or not lease.person.may(
+            ROLE_PERMISSION[prepared.command.role]
+        ):
+            return "token"
+        look, age = self._desk.checks.look(machine), self._desk.checks.age(machine)
+        if interlocks.stale(machine.item, machine.link, prepared.used, look, age):
+            return "values"
+        if interlocks.missing((*prepared.permissives, *prepared.interlocks), look, age=age):
+            return "permissive"
+        return ""
+
+    def _release(self, machine: Machine, job: Job) -> tuple[tuple[str, float], ...]:
+        """The telegrams that stop; what restores a former value waits until the machine stands."""
+        stop = [write for write in job.prepared.command.release if write.value != "previous"]
+        return interlocks.telegrams(machine.item, stop, None, {})
+
+    async def restore(self, machine: Machine) -> None:
+        """Give points back what they held before a hold-to-run, and read it back; what fails is told, not tried again."""
+        item, held = machine.item, dict(machine.restore)
+        machine.restoring = True
+        self._desk.mark(item.id)
+        try:
+            writer = self._desk.writers[item.link]
+            for point, value in held.items():
+                await writer.write(item.id, point, value)
+            wrong = list(held)
+            for attempt in range(RESTORE_READS):
+                await asyncio.sleep(RESTORE_AGAIN if attempt else 0)
+                await writer.refresh(item.id, wrong)
+                look = self._desk.checks.look(machine)
+                wrong = [p for p in wrong if not _near(look(p)[0], held[p], item.points[p].decimals)]
+                if not wrong:
+                    break
+        except (LinkError, Refused, KeyError) as error:
+            log.warning("former value not restored equipment=%s error=%s", item.id, error)
+            wrong = list(held)
+        finally:
+            machine.restoring = False
+            machine.restore.clear()
+            self._desk.mark(item.id)
+        for point in wrong:
+            now = self._desk.clock.micros()
+            progress = Progress(
+                uuid.uuid4().hex, item.id, point, item.points[point].label, "", State.UNCONFIRMED, now, ended=now,
+                reason="hold.not_restored", params={"value": held[point], "unit": item.points[point].unit},
+                argument=held[point],
+            )  # fmt: skip
+            machine.history.append(progress)
+            machine.last = progress
+            self._desk.tell_end(progress)
+            self._desk.trail.line(None, f"{item.id}.{point}", None, held[point], progress)
+
+
+def _near(value: Value, wanted: float, decimals: int) -> bool:
+    return isinstance(value, int | float) and abs(value - wanted) < 0.6 * 10.0**-decimals
+
+
+def _without_lease(job: Job | None) -> Job | None:
+    """A hold-to-run that is ending does not keep the next press from starting, once its stop was echoed."""
+    return (
+        None
+        if job is not None and job.ending is not None and job.echoed and not job.writing and not job.stopping
+        else job
+    )

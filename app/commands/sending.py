@@ -1,0 +1,184 @@
+"""From an admitted order to telegrams on a link, and what is known when they were answered, or were not.
+
+Nothing is ever sent again from here but a Stop, which `following` and `motion` ask for until it is read back.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+
+from app.commands import interlocks
+from app.commands.checks import holds, is_pulse
+from app.commands.desk import Desk
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress, State, advance
+from app.commands.orders import Job, Machine, Order, Task
+from app.errors import LinkError, Refused
+from app.plant.definitions import Scan
+from app.registers.plc_map import AnswerState
+
+log = logging.getLogger(__name__)
+
+STOP_REPEAT = 0.5
+"""Between two telegrams of a Stop that is not read back [s]."""
+STOP_LIMIT = 10.0
+"""Time after which a Stop that is not read back raises an alarm, unless its own time-out (a long ramp) is longer [s]."""
+DRIVE_FAULT = "drive"
+"""Alarm class of what stops a machine by itself."""
+
+
+class Sending:
+    """Commands on their way down."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+
+    async def send(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
+        """Carry out what was admitted; returns when it was written, or is unknown or failed."""
+        if prepared.command.stop:
+            self._desk.hold.disarm(order.equipment)
+        job = self.begin(order, machine, prepared, plan)
+        if self._desk.dry_run:
+            self._desk.end(machine, job, State.DRY_RUN, "why.dry_run")
+            return job.progress
+        if prepared.command.stop:
+            await self.write_stop(machine, job, plan.telegrams, job.prepared)
+        else:
+            await self.write(machine, job, plan.telegrams)
+        return job.progress
+
+    def begin(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Job:
+        """The job of an admitted order, at work on its machine from now on; what was at work there is superseded."""
+        look = self._desk.checks.look(machine)
+        command, now = prepared.command, self._desk.clock.monotonic()
+        assert order.person is not None
+        job = Job(
+            order,
+            prepared,
+            Progress(
+                order.id,
+                order.equipment,
+                command.key,
+                command.label,
+                order.person.display,
+                State.REQUESTED,
+                order.asked,
+                argument=plan.argument,
+                old=plan.old,
+                limit=max(plan.limit, STOP_LIMIT) if command.stop else plan.limit,
+                telegrams=plan.telegrams,
+                arguments=plan.arguments,
+            ),
+            prepared.feedback.true(look, argument=plan.argument) if prepared.feedback else None,
+            tuple(c for c in prepared.interlocks if interlocks.met(c, look)),
+            tuple(
+                alarm
+                for alarm in machine.item.alarms
+                if alarm.alarm_class == DRIVE_FAULT and alarm.expression and holds(alarm.expression, look) is False
+            ),
+            now,
+            words=plan.words,
+            expected=plan.expected,
+        )
+        if self._desk.dry_run:
+            return job
+        self._supersede(machine, job)
+        machine.job = job
+        if is_pulse(machine, prepared):
+            machine.pulses[command.key] = now
+        self._desk.mark(machine.item.id)
+        return job
+
+    def _supersede(self, machine: Machine, new: Job) -> None:
+        old = machine.job
+        if old is None:
+            return
+        new.other = old if old.writing else old.other
+        if old.prepared.command.stop and new.prepared.command.stop:
+            new.asked = old.asked
+        if old.lease is not None:
+            self._desk.hold.drop(old.lease, "stop")
+        new.clears = old.clears or bool(old.prepared.command.hold_bits)
+        key = "why.superseded"
+        self._desk.end(
+            machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person}
+        )
+
+    async def write(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> None:
+        """Send the telegrams in order; a Stop or a newer command in between ends it."""
+        item = machine.item
+        job.writing += 1
+        try:
+            broke = await self._desk.delivery.send(machine, job, telegrams)
+        finally:
+            job.writing -= 1
+        if job.ending is not None:
+            # it may have moved the machine after the first stop
+            job.since, job.last_write = None, float("-inf")
+        elif job.progress.over:
+            return
+        elif broke is not None:
+            self._broke(machine, job, *broke)
+        else:
+            job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
+            job.since = self._desk.clock.monotonic()
+            job.echoed = True
+            self._desk.mark(item.id)
+            self.read_back(machine, job)
+            if job.prepared.feedback is None and (job.answer is None or job.answer.state is AnswerState.DONE):
+                self._desk.end(machine, job, State.CONFIRMED)
+
+    def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
+        """A telegram was refused, never sent, or not answered."""
+        if job.lease is not None:
+            job.progress = advance(job.progress, State.UNKNOWN, self._desk.clock.micros(), reason=reason, params=params)
+            self._desk.hold.end(job.lease, "write")
+        elif state is State.UNKNOWN:
+            job.progress = advance(job.progress, state, self._desk.clock.micros(), reason=reason, params=params)
+            job.since = self._desk.clock.monotonic()
+            self._desk.mark(machine.item.id)
+            self.read_back(machine, job)
+        else:
+            self._desk.end(machine, job, state, reason, params)
+
+    def read_back(self, machine: Machine, job: Job) -> None:
+        """Have the feedback read now where no scan brings it."""
+        item = machine.item
+        job.last_read = self._desk.clock.monotonic()
+        unknown = job.progress.state is State.UNKNOWN
+        keys = [k for k in job.prepared.watched if unknown or item.points[k].scan in (Scan.PAGE, Scan.ONCE, Scan.SLOW)]
+        if keys:
+            self._desk.spawn(self._refresh(machine, keys), f"read back {item.id}")
+
+    async def _refresh(self, machine: Machine, keys: Sequence[str]) -> None:
+        try:
+            await self._desk.writers[machine.item.link].refresh(machine.item.id, keys)
+        except (LinkError, KeyError) as error:
+            log.info("read back failed equipment=%s error=%s", machine.item.id, error)
+
+    async def write_stop(
+        self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]], stop: Prepared | None
+    ) -> None:
+        """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `_follow`."""
+        item, now = machine.item, self._desk.clock.monotonic()
+        job.stopping += 1
+        job.last_write = now
+        try:
+            if not await self._desk.delivery.stop(machine, job, telegrams):
+                return
+        except (LinkError, Refused, KeyError) as error:
+            log.info("stop not answered equipment=%s error=%s", item.id, error)
+            return
+        finally:
+            job.stopping -= 1
+        if job.progress.over:
+            return
+        job.echoed = True
+        if job.since is None and job.other is None:
+            job.since = self._desk.clock.monotonic()
+        if job.progress.state is State.REQUESTED and job.lease is None:
+            job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
+            self._desk.mark(item.id)
+        watched = stop.watched if stop else ()
+        slow = [key for key in watched if item.points[key].scan is not Scan.FAST]
+        if slow:
+            self._desk.spawn(self._refresh(machine, slow), f"read back {item.id}")
