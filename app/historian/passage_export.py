@@ -1,27 +1,19 @@
-"""Passages of products as CSV, newest first: one line each, with the times and corrections at its sensors.
-
-The file is one like those of the history (historian/export.py): the same separators, comments, number of rows and SHA-256.
-"""
+"""Passages of products as CSV (event_export.py), newest first: one line each, with the times and corrections at its sensors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
-from zoneinfo import ZoneInfo
 
 from sqlalchemy import Connection
 
-from app import __version__
-from app.clock import to_datetime
 from app.errors import ConfigurationError
 from app.historian import passage_query as query
-from app.historian.export import BOM, FORMATS, Sheet, iso
+from app.historian.event_export import PAGE, ListExport, ListWish
 from app.historian.passage_query import Passage, Step, Wanted
 from app.historian.passages import Code, tracks_products
 from app.plant.definitions import Equipment, Plant
 from app.plant.texts import Texts
 
-PAGE = 500
-"""Passages per question to the database."""
 MOST_SENSORS = 8
 COLUMNS = (
     "entered_utc", "entered_local", "equipment", "product", "length_mm", "outcome", "ended_utc", "ended_local", "duration_s",
@@ -32,120 +24,52 @@ SENSOR_COLUMNS = ("sensor_utc", "sensor_correction_mm")
 
 
 @dataclass(frozen=True, slots=True)
-class PassageWish:
-    """What somebody wants to take home."""
+class PassageWish(ListWish):
+    """Which passages somebody wants to take home, and how."""
 
     wanted: Wanted
-    zone: ZoneInfo
-    """Of the local times."""
-    locale: str = "machine"
-    bom: bool = False
     sensors: int = 4
     """Sensors that have columns."""
-    headers: Mapping[str, str] = field(default_factory=dict)
-    """Column → its name in the reader's language; else the column itself."""
-    outcomes: Mapping[str, str] = field(default_factory=dict)
     events: Mapping[tuple[str, int], str] = field(default_factory=dict)
     """(machine, code) → the event in words; else its code."""
-    most_rows: int = 0
-    """0 = no limit."""
-    filters: str = ""
-    """The filter, as it is written into the file."""
-    plant: str = ""
-    person: str = ""
-    created: int = 0
-    """[µs UTC]"""
-    simulated: bool = False
 
     def check(self) -> None:
-        """Refuse what cannot be.
-
-        Raises:
-            ConfigurationError: names the part, its value and what was expected.
-        """
-        if self.locale not in FORMATS:
-            raise ConfigurationError(f"locale: {self.locale}, expected one of {', '.join(FORMATS)}")
+        ListWish.check(self)
         if not 0 <= self.sensors <= MOST_SENSORS:
             raise ConfigurationError(f"sensors: {self.sensors}, expected 0 to {MOST_SENSORS}")
 
 
-class PassageExport(Sheet):
+class PassageExport(ListExport[PassageWish, Passage]):
     """One export of passages under way."""
 
+    title = "product passages"
+    stem = "products"
+
     def __init__(self, wish: PassageWish) -> None:
-        """Raises:
-        ConfigurationError: `wish` cannot be.
-        """
-        wish.check()
-        self.wish = wish
-        self.total = 0
-        """Rows that it will have."""
-        super().__init__(wish.locale, wish.zone)
+        super().__init__(wish)
+        self._steps: Mapping[int, Sequence[Step]] = {}
+        """Of the page at hand."""
 
-    @property
-    def file_name(self) -> str:
-        """A name for the file that says what is in it."""
-        created = to_datetime(self.wish.created).astimezone(self.wish.zone)
-        return f"pogon-products{'-' * bool(self.wish.wanted.equipment)}{self.wish.wanted.equipment}-{created:%Y%m%d-%H%M%S}.csv"
+    def _count(self, connection: Connection, most: int) -> int:
+        return query.count(connection, self.wish.wanted, most)
 
-    @property
-    def progress(self) -> float:
-        """How far it has come, 0 to 1."""
-        return 1.0 if self.done or not self.total else min(1.0, self.rows / self.total)
+    def _columns(self) -> Iterator[str]:
+        headers = self.wish.headers
+        yield from (headers.get(name, name) for name in COLUMNS)
+        for n in range(1, self.wish.sensors + 1):
+            for name in SENSOR_COLUMNS:
+                yield headers.get(name, name.replace("sensor", "s{n}")).replace("{n}", str(n))
 
-    def open(self, connection: Connection) -> None:
-        """Count what fits."""
-        self.total = query.count(connection, self.wish.wanted, self.wish.most_rows or 10**9)
+    def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Passage]:
+        found = query.find(connection, replace(self.wish.wanted, before=before), PAGE)
+        self._steps = query.steps(connection, [one.id for one in found])
+        return found
 
-    def _all(self) -> Iterator[str | None]:
-        wish = self.wish
-        if wish.bom:
-            yield BOM
-        yield from map(self._comment, self._head())
-        names = [wish.headers.get(name, name) for name in COLUMNS]
-        for n in range(1, wish.sensors + 1):
-            names += [
-                wish.headers.get(name, name.replace("sensor", "s{n}")).replace("{n}", str(n)) for name in SENSOR_COLUMNS
-            ]
-        yield self._separator.join(map(self._cell, names)) + "\r\n"
-        page = wish.wanted
-        while True:
-            assert self._connection is not None
-            found = query.find(self._connection, page, PAGE)
-            steps = query.steps(self._connection, [one.id for one in found])
-            for one in found:
-                if self.rows == wish.most_rows > 0:
-                    self.complete = False
-                    yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows")
-                    break
-                self.rows += 1
-                yield self._line(one, steps[one.id])
-            if len(found) < PAGE or not self.complete:
-                break
-            page = replace(page, before=(found[-1].entered, found[-1].id))
-            yield None
-        yield self._comment(f"rows: {self.rows}")
+    def _place(self, one: Passage) -> tuple[int, int]:
+        return one.entered, one.id
 
-    def _head(self) -> Iterator[str]:
-        wish, wanted = self.wish, self.wish.wanted
-        yield f"Pogon {__version__} product passages"
-        if wish.plant:
-            yield f"plant: {wish.plant}"
-        if wish.simulated:
-            yield "SIMULATION: no real equipment"
-        if wish.person:
-            yield f"user: {wish.person}"
-        if wish.created:
-            yield f"created: {iso(wish.created, wish.zone)}"
-        for name, time in (("from", wanted.begin), ("to", wanted.end)):
-            if time is not None:
-                yield f"{name}: {iso(time, wish.zone)}"
-        yield f"time zone: {wish.zone.key}"
-        if wish.filters:
-            yield f"filter: {wish.filters}"
-
-    def _line(self, one: Passage, steps: Sequence[Step]) -> str:
-        wish, nothing = self.wish, self._separator
+    def _line(self, one: Passage) -> str:
+        wish, nothing, steps = self.wish, self._separator, self._steps[one.id]
         asked = next((step for step in reversed(steps) if step.person), None)
         cells = [
             self._times(one.entered),
@@ -165,12 +89,9 @@ class PassageExport(Sheet):
         seen = at_sensors(steps)
         for n in range(1, wish.sensors + 1):
             step = seen.get(n)
-            cells.append("" if step is None else self._times(step.time).partition(self._separator)[0])
+            cells.append(self._utc(None if step is None else step.time))
             cells.append("" if step is None or step.code != Code.HEAD else self._maybe(step.value))
         return self._separator.join(cells) + "\r\n"
-
-    def _maybe(self, value: float | None) -> str:
-        return "" if value is None else self._number(round(value, 6))
 
 
 def at_sensors(steps: Sequence[Step]) -> dict[int, Step]:

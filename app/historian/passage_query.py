@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.historian.event_history import lost as lost
+from app.historian.event_query import belonging, counted, filtered
 from app.historian.passages import Outcome
 
 ANY_ALARM = "any"
@@ -99,12 +100,7 @@ def find(connection: Connection, wanted: Wanted, limit: int) -> list[Passage]:
 
 def count(connection: Connection, wanted: Wanted, most: int) -> int:
     """How many passages `wanted` lets through, counted up to `most`."""
-    where, given = _where(wanted)
-    return int(
-        connection.exec_driver_sql(
-            f"SELECT count(*) FROM (SELECT 1 FROM passage {where} LIMIT ?)", (*given, most)
-        ).scalar_one()
-    )
+    return counted(connection, "passage", *_where(wanted), most)
 
 
 def get(connection: Connection, number: int) -> Passage | None:
@@ -115,40 +111,22 @@ def get(connection: Connection, number: int) -> Passage | None:
 
 def steps(connection: Connection, numbers: Iterable[int]) -> Mapping[int, list[Step]]:
     """Passage → its events in the order of the ring."""
-    wanted = list(numbers)
-    found: dict[int, list[Step]] = {number: [] for number in wanted}
-    for at in range(0, len(wanted), 500):
-        part = wanted[at : at + 500]
-        rows = connection.exec_driver_sql(
-            f"SELECT passage, {STEP} FROM passage_step WHERE passage IN ({', '.join('?' * len(part))}) "
-            "ORDER BY passage, boot, sequence",
-            tuple(part),
-        )
-        for row in rows:
-            found[row[0]].append(Step(*row[1:]))
-    return found
+    return belonging(
+        connection, f"SELECT passage, {STEP} FROM passage_step", "passage", "boot, sequence", numbers, Step
+    )
 
 
 def _where(wanted: Wanted) -> tuple[str, list[object]]:
-    parts: list[str] = []
-    given: list[object] = []
-    for sentence, value in (
-        ("equipment = ?", wanted.equipment or None),
-        ("entered >= ?", wanted.begin),
-        ("entered < ?", wanted.end),
-        ("product = ?", wanted.product),
-        ("outcome = ?", wanted.outcome or None),
-        ("greatest > ?", wanted.correction),
-    ):
-        if value is not None:
-            parts.append(sentence)
-            given.append(value)
-    if wanted.alarm == ANY_ALARM:
-        parts.append("alarms <> ''")
-    elif wanted.alarm:
-        parts.append("instr(alarms, ?) > 0")
-        given.append(f" {wanted.alarm} ")
-    if wanted.before is not None:
-        parts.append("(entered, id) < (?, ?)")
-        given.extend(wanted.before)
-    return (f"WHERE {' AND '.join(parts)}" if parts else ""), given
+    return filtered(
+        (
+            ("equipment = ?", wanted.equipment or None),
+            ("entered >= ?", wanted.begin),
+            ("entered < ?", wanted.end),
+            ("product = ?", wanted.product),
+            ("outcome = ?", wanted.outcome or None),
+            ("greatest > ?", wanted.correction),
+            ("instr(alarms, ?) > 0", f" {wanted.alarm} " if wanted.alarm not in ("", ANY_ALARM) else None),
+            ("(entered, id) < (?, ?)", wanted.before),
+        ),
+        ("alarms <> ''",) if wanted.alarm == ANY_ALARM else (),
+    )

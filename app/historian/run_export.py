@@ -1,28 +1,20 @@
-"""Runs of sequences as CSV, newest first: one line each, with how long each step took.
-
-The file is one like those of the history (historian/export.py): the same separators, comments, number of rows and SHA-256.
-"""
+"""Runs of sequences as CSV (event_export.py), newest first: one line each, with how long each step took."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
-from zoneinfo import ZoneInfo
 
 from sqlalchemy import Connection
 
-from app import __version__
 from app.blocks.sequence import Cause
-from app.clock import to_datetime
 from app.errors import ConfigurationError
 from app.historian import run_query as query
-from app.historian.export import BOM, FORMATS, Sheet, iso
+from app.historian.event_export import PAGE, ListExport, ListWish
 from app.historian.run_query import Definition, Run, RunStep, Wanted
 from app.historian.runs import runs_sequence
 from app.plant.definitions import Equipment, Plant
 from app.plant.texts import Texts
 
-PAGE = 500
-"""Runs per question to the database."""
 MOST_STEPS = 200
 COLUMNS = (
     "started_utc", "started_local", "equipment", "sequence", "outcome", "ended_utc", "ended_local", "run_time_s", "last_step", "cause",
@@ -40,124 +32,55 @@ def _english(label: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class RunWish:
-    """What somebody wants to take home."""
+class RunWish(ListWish):
+    """Which runs somebody wants to take home, and how."""
 
     wanted: Wanted
-    zone: ZoneInfo
-    """Of the local times."""
-    locale: str = "machine"
-    bom: bool = False
     steps: Sequence[str] = ()
     """Names of the steps that have columns, in their order."""
     label: Label = _english
-    headers: Mapping[str, str] = field(default_factory=dict)
-    """Column → its name in the reader's language; else the column itself."""
-    outcomes: Mapping[str, str] = field(default_factory=dict)
     causes: Mapping[int, str] = field(default_factory=dict)
-    most_rows: int = 0
-    """0 = no limit."""
-    filters: str = ""
-    """The filter, as it is written into the file."""
-    plant: str = ""
-    person: str = ""
-    created: int = 0
-    """[µs UTC]"""
-    simulated: bool = False
 
     def check(self) -> None:
-        """Refuse what cannot be.
-
-        Raises:
-            ConfigurationError: names the part, its value and what was expected.
-        """
-        if self.locale not in FORMATS:
-            raise ConfigurationError(f"locale: {self.locale}, expected one of {', '.join(FORMATS)}")
+        ListWish.check(self)
         if len(self.steps) > MOST_STEPS:
             raise ConfigurationError(f"steps: {len(self.steps)}, expected at most {MOST_STEPS}")
 
 
-class RunExport(Sheet):
+class RunExport(ListExport[RunWish, Run]):
     """One export of runs under way."""
 
+    title = "sequence runs"
+    stem = "runs"
+
     def __init__(self, wish: RunWish) -> None:
-        """Raises:
-        ConfigurationError: `wish` cannot be.
-        """
-        wish.check()
-        self.wish = wish
-        self.total = 0
-        """Rows that it will have."""
+        super().__init__(wish)
         self._definitions: dict[str, Definition] = {}
-        super().__init__(wish.locale, wish.zone)
+        self._steps: Mapping[int, Sequence[RunStep]] = {}
+        """Of the page at hand."""
 
-    @property
-    def file_name(self) -> str:
-        """A name for the file that says what is in it."""
-        created = to_datetime(self.wish.created).astimezone(self.wish.zone)
-        return f"pogon-runs{'-' * bool(self.wish.wanted.equipment)}{self.wish.wanted.equipment}-{created:%Y%m%d-%H%M%S}.csv"
+    def _count(self, connection: Connection, most: int) -> int:
+        return query.count(connection, self.wish.wanted, most)
 
-    @property
-    def progress(self) -> float:
-        """How far it has come, 0 to 1."""
-        return 1.0 if self.done or not self.total else min(1.0, self.rows / self.total)
+    def _columns(self) -> Iterator[str]:
+        headers = self.wish.headers
+        yield from (headers.get(name, name) for name in COLUMNS)
+        for n, step in enumerate(self.wish.steps, 1):
+            for name in STEP_COLUMNS:
+                yield headers.get(name, "step_{n}_s").replace("{n}", str(n)).replace("{name}", step)
 
-    def open(self, connection: Connection) -> None:
-        """Count what fits."""
-        self.total = query.count(connection, self.wish.wanted, self.wish.most_rows or 10**9)
+    def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Run]:
+        found = query.find(connection, replace(self.wish.wanted, before=before), PAGE)
+        self._steps = query.steps(connection, [one.id for one in found])
+        unknown = {one.definition for one in found} - set(self._definitions)
+        if unknown:
+            self._definitions |= query.definitions(connection, unknown)
+        return found
 
-    def _all(self) -> Iterator[str | None]:
-        wish = self.wish
-        if wish.bom:
-            yield BOM
-        yield from map(self._comment, self._head())
-        names = [wish.headers.get(name, name) for name in COLUMNS]
-        for n, step in enumerate(wish.steps, 1):
-            names += [
-                wish.headers.get(name, "step_{n}_s").replace("{n}", str(n)).replace("{name}", step)
-                for name in STEP_COLUMNS
-            ]
-        yield self._separator.join(map(self._cell, names)) + "\r\n"
-        page = wish.wanted
-        while True:
-            assert self._connection is not None
-            found = query.find(self._connection, page, PAGE)
-            steps = query.steps(self._connection, [one.id for one in found])
-            unknown = {one.definition for one in found} - set(self._definitions)
-            if unknown:
-                self._definitions |= query.definitions(self._connection, unknown)
-            for one in found:
-                if self.rows == wish.most_rows > 0:
-                    self.complete = False
-                    yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows")
-                    break
-                self.rows += 1
-                yield self._line(one, steps[one.id])
-            if len(found) < PAGE or not self.complete:
-                break
-            page = replace(page, before=(found[-1].started, found[-1].id))
-            yield None
-        yield self._comment(f"rows: {self.rows}")
+    def _place(self, one: Run) -> tuple[int, int]:
+        return one.started, one.id
 
-    def _head(self) -> Iterator[str]:
-        wish, wanted = self.wish, self.wish.wanted
-        yield f"Pogon {__version__} sequence runs"
-        if wish.plant:
-            yield f"plant: {wish.plant}"
-        if wish.simulated:
-            yield "SIMULATION: no real equipment"
-        if wish.person:
-            yield f"user: {wish.person}"
-        if wish.created:
-            yield f"created: {iso(wish.created, wish.zone)}"
-        for name, time in (("from", wanted.begin), ("to", wanted.end)):
-            if time is not None:
-                yield f"{name}: {iso(time, wish.zone)}"
-        yield f"time zone: {wish.zone.key}"
-        if wish.filters:
-            yield f"filter: {wish.filters}"
-
-    def _line(self, one: Run, steps: Sequence[RunStep]) -> str:
+    def _line(self, one: Run) -> str:
         wish, nothing, definition = self.wish, self._separator, self._definitions[one.definition]
         fell = ""
         if one.first_bit is not None and one.first_step is not None:
@@ -188,15 +111,9 @@ class RunExport(Sheet):
             self._cell(one.acknowledged_by),
             str(one.missed),
         ]
-        taken = {step.step: step.seconds for step in steps}
+        taken = {step.step: step.seconds for step in self._steps[one.id]}
         cells += [self._maybe(taken.get(n)) for n in range(1, len(wish.steps) + 1)]
         return self._separator.join(cells) + "\r\n"
-
-    def _utc(self, time: int | None) -> str:
-        return "" if time is None else self._times(time).partition(self._separator)[0]
-
-    def _maybe(self, value: float | None) -> str:
-        return "" if value is None else self._number(round(value, 6))
 
 
 def running(plant: Plant | None) -> list[Equipment]:

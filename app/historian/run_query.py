@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from json import loads
-from typing import Any, TypeVar
+from typing import Any
 
 from sqlalchemy import Connection
 
+from app.historian.event_query import belonging, counted, filtered
 from app.historian.runs import ABORT_KEY, Outcome
 
-T = TypeVar("T")
 OUTCOMES: Sequence[str] = tuple(outcome.value for outcome in Outcome)
 ANY = "any"
 """Filter: whatever fell first."""
@@ -210,12 +210,7 @@ def find(connection: Connection, wanted: Wanted, limit: int) -> list[Run]:
 
 def count(connection: Connection, wanted: Wanted, most: int) -> int:
     """How many runs `wanted` lets through, counted up to `most`."""
-    where, given = _where(wanted)
-    return int(
-        connection.exec_driver_sql(
-            f"SELECT count(*) FROM (SELECT 1 FROM sequence_run {where} LIMIT ?)", (*given, most)
-        ).scalar_one()
-    )
+    return counted(connection, "sequence_run", *_where(wanted), most)
 
 
 def get(connection: Connection, number: int) -> Run | None:
@@ -226,12 +221,12 @@ def get(connection: Connection, number: int) -> Run | None:
 
 def steps(connection: Connection, numbers: Iterable[int]) -> Mapping[int, list[RunStep]]:
     """Run → its steps in their order."""
-    return _of_runs(connection, f"SELECT run, {STEP} FROM sequence_step", "run, step", numbers, RunStep)
+    return belonging(connection, f"SELECT run, {STEP} FROM sequence_step", "run", "step", numbers, RunStep)
 
 
 def events(connection: Connection, numbers: Iterable[int]) -> Mapping[int, list[RunEvent]]:
     """Run → its events in the order of the ring."""
-    return _of_runs(connection, f"SELECT run, {EVENT} FROM sequence_event", "run, boot, sequence", numbers, RunEvent)
+    return belonging(connection, f"SELECT run, {EVENT} FROM sequence_event", "run", "boot, sequence", numbers, RunEvent)
 
 
 def forces(connection: Connection, run: Run) -> list[Forced]:
@@ -315,40 +310,16 @@ def _run(row: Any) -> Run:
     return Run(*cells)
 
 
-def _of_runs(
-    connection: Connection, select: str, order: str, numbers: Iterable[int], kind: type[T]
-) -> dict[int, list[T]]:
-    wanted = list(numbers)
-    found: dict[int, list[T]] = {number: [] for number in wanted}
-    for at in range(0, len(wanted), 500):
-        part = wanted[at : at + 500]
-        rows = connection.exec_driver_sql(
-            f"{select} WHERE run IN ({', '.join('?' * len(part))}) ORDER BY {order}", tuple(part)
-        )
-        for row in rows:
-            found[row[0]].append(kind(*row[1:]))
-    return found
-
-
 def _where(wanted: Wanted) -> tuple[str, list[object]]:
-    parts: list[str] = []
-    given: list[object] = []
-    for sentence, value in (
-        ("equipment = ?", wanted.equipment or None),
-        ("started >= ?", wanted.begin),
-        ("started < ?", wanted.end),
-        ("outcome = ?", wanted.outcome or None),
-        ("seconds > ?", wanted.longer),
-        ("first_out = ?", wanted.first_out if wanted.first_out not in ("", ANY) else None),
-    ):
-        if value is not None:
-            parts.append(sentence)
-            given.append(value)
-    if wanted.first_out:
-        parts.append("first_out <> ''")
-    if wanted.forced:
-        parts.append("forces > 0")
-    if wanted.before is not None:
-        parts.append("(started, id) < (?, ?)")
-        given.extend(wanted.before)
-    return (f"WHERE {' AND '.join(parts)}" if parts else ""), given
+    return filtered(
+        (
+            ("equipment = ?", wanted.equipment or None),
+            ("started >= ?", wanted.begin),
+            ("started < ?", wanted.end),
+            ("outcome = ?", wanted.outcome or None),
+            ("seconds > ?", wanted.longer),
+            ("first_out = ?", wanted.first_out if wanted.first_out not in ("", ANY) else None),
+            ("(started, id) < (?, ?)", wanted.before),
+        ),
+        (*(["first_out <> ''"] if wanted.first_out else []), *(["forces > 0"] if wanted.forced else [])),
+    )

@@ -1,0 +1,156 @@
+"""What lists of passages and of runs have in common as CSV: newest first, page by page, with what they are in comments.
+
+The file is one like those of the history (historian/export.py): the same separators, comments, number of rows and SHA-256.
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Generic, TypeVar
+from zoneinfo import ZoneInfo
+
+from sqlalchemy import Connection
+
+from app import __version__
+from app.clock import to_datetime
+from app.errors import ConfigurationError
+from app.historian.export import BOM, FORMATS, Sheet, iso
+
+PAGE = 500
+"""Rows per question to the database."""
+W = TypeVar("W", bound="ListWish")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class ListWish:
+    """What somebody wants to take home."""
+
+    wanted: Any
+    """The filter: `equipment`, `begin`, `end`, and `before` for the next page."""
+    zone: ZoneInfo
+    """Of the local times."""
+    locale: str = "machine"
+    bom: bool = False
+    headers: Mapping[str, str] = field(default_factory=dict)
+    """Column → its name in the reader's language; else the column itself."""
+    outcomes: Mapping[str, str] = field(default_factory=dict)
+    most_rows: int = 0
+    """0 = no limit."""
+    filters: str = ""
+    """The filter, as it is written into the file."""
+    plant: str = ""
+    person: str = ""
+    created: int = 0
+    """[µs UTC]"""
+    simulated: bool = False
+
+    def check(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigurationError: names the part, its value and what was expected.
+        """
+        if self.locale not in FORMATS:
+            raise ConfigurationError(f"locale: {self.locale}, expected one of {', '.join(FORMATS)}")
+
+
+class ListExport(Sheet, Generic[W, R]):
+    """One export of a list under way."""
+
+    title: ClassVar[str]
+    """First line of the file."""
+    stem: ClassVar[str]
+    """Of its name."""
+
+    def __init__(self, wish: W) -> None:
+        """Raises:
+        ConfigurationError: `wish` cannot be.
+        """
+        wish.check()
+        self.wish = wish
+        self.total = 0
+        """Rows that it will have."""
+        super().__init__(wish.locale, wish.zone)
+
+    @property
+    def file_name(self) -> str:
+        """A name for the file that says what is in it."""
+        created = to_datetime(self.wish.created).astimezone(self.wish.zone)
+        equipment = self.wish.wanted.equipment
+        return f"pogon-{self.stem}{'-' * bool(equipment)}{equipment}-{created:%Y%m%d-%H%M%S}.csv"
+
+    @property
+    def progress(self) -> float:
+        """How far it has come, 0 to 1."""
+        return 1.0 if self.done or not self.total else min(1.0, self.rows / self.total)
+
+    def open(self, connection: Connection) -> None:
+        """Count what fits."""
+        self.total = self._count(connection, self.wish.most_rows or 10**9)
+
+    @abstractmethod
+    def _count(self, connection: Connection, most: int) -> int:
+        """Rows that fit, counted up to `most`."""
+
+    @abstractmethod
+    def _columns(self) -> Iterator[str]:
+        """Names of the columns."""
+
+    @abstractmethod
+    def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[R]:
+        """The next rows of the list, at most `PAGE`, after `before`."""
+
+    @abstractmethod
+    def _place(self, one: R) -> tuple[int, int]:
+        """Its place in the list: time and number."""
+
+    @abstractmethod
+    def _line(self, one: R) -> str:
+        """A row as a line."""
+
+    def _all(self) -> Iterator[str | None]:
+        wish, before = self.wish, self.wish.wanted.before
+        if wish.bom:
+            yield BOM
+        yield from map(self._comment, self._head())
+        yield self._separator.join(map(self._cell, self._columns())) + "\r\n"
+        while True:
+            assert self._connection is not None
+            found = self._page(self._connection, before)
+            for one in found:
+                if self.rows == wish.most_rows > 0:
+                    self.complete = False
+                    yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows")
+                    break
+                self.rows += 1
+                yield self._line(one)
+            if len(found) < PAGE or not self.complete:
+                break
+            before = self._place(found[-1])
+            yield None
+        yield self._comment(f"rows: {self.rows}")
+
+    def _head(self) -> Iterator[str]:
+        wish, wanted = self.wish, self.wish.wanted
+        yield f"Pogon {__version__} {self.title}"
+        if wish.plant:
+            yield f"plant: {wish.plant}"
+        if wish.simulated:
+            yield "SIMULATION: no real equipment"
+        if wish.person:
+            yield f"user: {wish.person}"
+        if wish.created:
+            yield f"created: {iso(wish.created, wish.zone)}"
+        for name, time in (("from", wanted.begin), ("to", wanted.end)):
+            if time is not None:
+                yield f"{name}: {iso(time, wish.zone)}"
+        yield f"time zone: {wish.zone.key}"
+        if wish.filters:
+            yield f"filter: {wish.filters}"
+
+    def _utc(self, time: int | None) -> str:
+        return "" if time is None else self._times(time).partition(self._separator)[0]
+
+    def _maybe(self, value: float | None) -> str:
+        return "" if value is None else self._number(round(value, 6))
