@@ -571,6 +571,26 @@ async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
     assert (await on.status())["lost_present"] == 0
 
 
+async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unloads() -> None:
+    on = line(settings={**QUICK, "unload_dwell": 2.0})
+    first = await put(on, 640.0)
+    await on.done(Command.START)
+    await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
+    assert on.device.machine.place(443.0, 25.0)
+    found = await on.until_event(12, 3)
+    second = found.snapshot[1]
+    assert second != first and on.device.machine.speeds[2] == 0
+    on.go(1)
+    assert on.device.machine.products[1].tail < 445, "it hangs between a belt that runs and one that stands"
+    assert (await on.until_event(5)).snapshot[1] == first
+    assert (await on.until_event(5)).snapshot[1] == second
+    on.go(0.1)
+    assert on.true() == []
+    assert 15 not in [event.code for event in on.events], "never withdrawn"
+    assert {event.snapshot[1] for event in on.events if event.code == 12} == {second}, "never taken for another one"
+    assert (await on.status())["lost"] == 0
+
+
 async def test_an_empty_grip_of_the_unloader_is_told() -> None:
     on = line()
     await on.done(Command.START)
