@@ -6,6 +6,7 @@ limits from the Modbus application protocol 1.1b3 (reference/modbus.md section 2
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from struct import Struct, error, pack
 
 from app.errors import BadAnswer, DeviceException
@@ -70,6 +71,17 @@ def build_request(request: Request) -> bytes:
     Raises:
         ValueError: a function, address, word or count that a telegram cannot carry.
     """
+    if not request.words and not request.write_address:
+        return _built(request.function, request.address, request.count)  # a scan sends the same ones for ever
+    return _build(request)
+
+
+@lru_cache(4096)
+def _built(function: int, address: int, count: int) -> bytes:
+    return _build(Request(function, address, count))
+
+
+def _build(request: Request) -> bytes:
     check = _fault_of(request)
     if check:
         raise ValueError(f"{request} is no telegram: exception {check:02d} would be the answer")
@@ -177,4 +189,9 @@ def parse_answer(request: Request, pdu: bytes) -> list[int]:
     size = 2 * request.count
     if len(pdu) != 2 + size or pdu[1] != size:
         raise BadAnswer(f"{len(pdu) - 2} bytes, announced {pdu[1] if len(pdu) > 1 else 0}: expected {size}")
-    return list(Struct(f">{request.count}H").unpack_from(pdu, 2))
+    return list(_struct(request.count).unpack_from(pdu, 2))
+
+
+@lru_cache(256)
+def _struct(count: int) -> Struct:
+    return Struct(f">{count}H")
