@@ -8,6 +8,8 @@ BIN    := $(VENV)/bin
 T      ?= tests
 JOBS   ?= 4
 export PATH := $(abspath $(BIN)):$(PATH)
+# What Python has compiled is kept, or each of the hundreds of processes of the tests would do it again.
+unexport PYTHONDONTWRITEBYTECODE
 # The machine's own certificates count, so a site's authority does; then pip, uv and npm agree.
 ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt),)
 export UV_SYSTEM_CERTS ?= true
@@ -28,15 +30,12 @@ setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothin
 dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
-# What fails beside others is judged once more alone: only then it has failed. Exit 5: T has none of these.
 PYTEST := $(BIN)/python -m pytest
-AGAIN  := --last-failed --last-failed-no-failures none
 
 test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x goes to pytest, JOBS=1 one after the other
-	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ] || \
-	  $(PYTEST) -m "not soak and not browser and not alone" $(AGAIN) $(T) $(ARGS)
-	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and alone" $(AGAIN) $(T) $(ARGS)
-	$(PYTEST) -m "not soak and browser" -n 2 --dist loadgroup $(T) $(ARGS) || [ $$? = 5 ] || $(PYTEST) -m "not soak and browser" $(AGAIN) $(T) $(ARGS)
+	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none
+	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ]
+	$(PYTEST) -m "not soak and browser" -n 3 --dist loadgroup --no-loadscope-reorder $(if $(filter tests,$(T)),tests/browser,$(T)) $(ARGS) || [ $$? = 5 ]
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .

@@ -21,15 +21,28 @@ from app.clock import SystemClock
 from app.db import Database
 
 ROOT = Path(__file__).resolve().parent.parent
-START_LIMIT = 30.0
+LONGEST = ("operated", "coils", "coils over tcp", "line")
+"""Groups of browser tests that take minutes."""
+START_LIMIT = 90.0
+"""A server has answered by then even on a machine that is busy with other tests [s]."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Browser tests go last: after Playwright's own loop no other asynchronous test can start in this process."""
     for item in items:
-        if "page" in getattr(item, "fixturenames", ()) or "browser" in getattr(item, "fixturenames", ()):
+        if {"page", "browser"} & set(getattr(item, "fixturenames", ())):
             item.add_marker("browser")
-    items.sort(key=lambda item: item.get_closest_marker("browser") is not None)
+            if not item.path.is_relative_to(ROOT / "tests" / "browser") and not item.get_closest_marker("soak"):
+                raise pytest.UsageError(f"{item.nodeid} drives a browser: expected below tests/browser")
+    items.sort(key=_order)
+
+
+def _order(item: pytest.Item) -> tuple[bool, int]:
+    """Browsers last; of them first what shares a server, the longest of all at the head, so that no worker ends alone."""
+    group = item.get_closest_marker("xdist_group")
+    name = group.args[0] if group else ""
+    place = LONGEST.index(name) if name in LONGEST else len(LONGEST) + (group is None)
+    return item.get_closest_marker("browser") is not None, place
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, StorageState
 
-from tests.browser.station import Sit, serving
-from tests.conftest import PogonServer
+from tests.browser.station import Operator, Sit, serving
+from tests.conftest import PogonServer, find_port
 
 
 @pytest.fixture(scope="session")
@@ -32,5 +32,30 @@ def sit(
     """
     seat = Sit(browser, server, sessions, request.module.WHO, request.module.HOME)
     yield seat
+    seat.leave()
+    assert not seat.complaints
+
+
+@pytest.fixture(scope="session")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with the demo plant whose machines may be broken over Modbus, with somebody who may do everything."""
+    people = {"ana": ("admin", "engineer", "operator")}
+    modbus = f"127.0.0.1:{find_port()}"
+    with serving(tmp_path_factory.mktemp("broken"), people, serve_modbus=modbus) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def signed_in() -> dict[str, StorageState]:
+    return {}
+
+
+@pytest.fixture
+def operator(browser: Browser, broken: PogonServer, signed_in: dict[str, StorageState]) -> Iterator[Operator]:
+    """Somebody before a plant as it was built, with no alarm, whatever went on before."""
+    seat = Sit(browser, broken, signed_in, "ana", "/")
+    who = Operator(seat(), broken)
+    who.rebuild("m1", "m2")
+    yield who
     seat.leave()
     assert not seat.complaints

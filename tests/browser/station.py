@@ -1,5 +1,6 @@
 """Stations of a plant: a browser at which somebody sits, what hands do there, and a Pogon for all stories of a module."""
 
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -8,6 +9,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, BrowserContext, Page, StorageState, expect
 
+from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
 from tests.conftest import ROOT, PogonServer, enroll
 
 PASSWORD = "tri plave ladice u kutu"
@@ -87,6 +89,43 @@ class Sit:
             for page in context.pages:
                 let_go(page)
             context.close()
+
+
+class Operator:
+    """Somebody at a running plant who can also break it."""
+
+    def __init__(self, page: Page, server: PogonServer) -> None:
+        self.page = page
+        self.server = server
+        found = re.search(r"Modbus TCP at [\d.]+:(\d+)", server.log())
+        assert found, server.log()
+        self.modbus = int(found[1])
+
+    def trip(self, unit: int, code: int) -> None:
+        """Cause a fault of the drive with this unit, as a master on its line does."""
+        write(self.modbus, unit, MACHINE_FAULT, code)
+
+    def go(self, path: str) -> None:
+        """Look at another page of ours."""
+        self.page.goto(self.server.url + path)
+        expect(self.page.locator("body")).to_have_attribute("data-live", "live")
+
+    def rebuild(self, *machines: str) -> None:
+        """The simulated devices as when they were built, and no alarm that is left of what was."""
+        for machine in machines:
+            built(self.page, machine)
+        url, end = self.server.url, time.monotonic() + 20
+        while True:
+            self.page.goto(f"{url}/alarms")
+            left = [row.get_attribute("value") for row in self.page.locator("#content [name=occurrence]").all()]
+            if not left and self.page.locator("#alarms", has_text="No active alarms").count():
+                return
+            assert time.monotonic() < end, self.page.inner_text("#content")
+            for one in left:
+                csrf = self.page.locator("[name=csrf]").first.get_attribute("value") or ""
+                form = {"occurrence": str(one), "csrf": csrf}
+                self.page.request.post(f"{url}/alarms/acknowledge", form=form, headers={"Origin": url})
+            self.page.wait_for_timeout(200)
 
 
 def let_go(page: Page) -> None:

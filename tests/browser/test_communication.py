@@ -1,22 +1,11 @@
 """The Communication page in a real browser: numbers move, words are fetched again, the forecast answers while one types."""
 
-from collections.abc import Callable
-
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
-from tests.browser.test_alarms import AXE, Operator
-from tests.conftest import PogonServer, find_port
+from tests.browser.station import AXE, SIZES, Operator
 
-SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
-
-
-@pytest.fixture
-def operator(page: Page, pogon_server: Callable[..., PogonServer]) -> Operator:
-    modbus = find_port()
-    who = Operator(page, pogon_server(serve_modbus=f"127.0.0.1:{modbus}"), modbus)
-    who.enter()
-    return who
+pytestmark = pytest.mark.xdist_group("broken")
 
 
 def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operator) -> None:

@@ -1,14 +1,13 @@
 """The frame in a real browser: what htmx may not do, the message line, menus, sizes, and the looks of a lost connection."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.browser.station import AXE, SIZES
 from tests.conftest import PogonServer
 
-AXE = Path(__file__).resolve().parent.parent / ".vendor" / "axe.min.js"
 EVIL = """<b id="in" hx-on:click="window.bad = 1" data-hx-on:click="window.bad = 2"
   hx-get="/never" hx-trigger="dblclick[window.bad = 5]" hx-vals="js:{x: window.bad = 6}">here</b>
 <script>window.bad = 4</script><script src="/evil.js"></script>
@@ -18,12 +17,11 @@ ASK = """url => {
   document.getElementById('ask').setAttribute('hx-get', url);
   htmx.process(document.getElementById('overlay'));
 }"""
-SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
 
 
 @pytest.fixture
-def server(pogon_server: Callable[..., PogonServer]) -> PogonServer:
-    return pogon_server()
+def server(demo: PogonServer) -> PogonServer:
+    return demo
 
 
 @pytest.fixture(params=[False, True], ids=["with the policy", "without the policy"])

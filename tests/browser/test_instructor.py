@@ -1,32 +1,40 @@
 """An instructor breaks a machine in a real browser and sees what became of it; plant files are taken while the page is open."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, StorageState, expect
 
 from app import bundled
-from tests.conftest import ROOT, PogonServer
+from app.web.terminal import LOOK, ask
+from tests.browser.station import AXE, PASSWORD, Sit, built, serving
+from tests.conftest import PogonServer
 
-PASSWORD = "tri plave ladice u kutu"
-AXE = ROOT / "tests" / ".vendor" / "axe.min.js"
+pytestmark = pytest.mark.xdist_group("instructed")
+WHO, HOME = "ivana", "/"
 DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    found = tmp_path / "plant"
-    found.mkdir()
-    shutil.copytree(bundled("plants/demo"), found, dirs_exist_ok=True)
-    (found / "plant.toml").write_text(DEMO, "utf-8")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("lesson") / "plant"
+    shutil.copytree(bundled("plants/demo"), found)
     return found
 
 
-@pytest.fixture
-def engineer(page: Page, pogon_server: Callable[..., PogonServer], folder: Path) -> Page:
-    server = pogon_server(plant=folder)
+@pytest.fixture(scope="module")
+def server(folder: Path) -> Iterator[PogonServer]:
+    """One Pogon with a plant whose files are changed."""
+    with serving(folder.parent, people={}) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def sessions(browser: Browser, server: PogonServer) -> dict[str, StorageState]:
+    """The first account, made as a newcomer makes it."""
+    page = browser.new_page(locale="en-GB")
     page.goto(f"{server.url}/first")
     code = (server.data / "first-code").read_text().split()[-1]
     given = {"code": code, "name": "ivana", "display": "Ivana Horvat", "password": PASSWORD, "again": PASSWORD}
@@ -34,8 +42,22 @@ def engineer(page: Page, pogon_server: Callable[..., PogonServer], folder: Path)
         page.fill(f"[name={name}]", value)
     page.click(".sheet-form button.cmd")
     expect(page.locator("body")).to_contain_text("Ivana Horvat")
-    page.context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
-    page.goto(server.url)
+    state = page.context.storage_state()
+    page.close()
+    return {"ivana": state}
+
+
+@pytest.fixture
+def engineer(sit: Sit, server: PogonServer, folder: Path) -> Page:
+    """The overview of the demo plant as its files and its devices are delivered, whatever went on before."""
+    (folder / "plant.toml").write_text(DEMO, "utf-8")
+    found = ask(server.data, LOOK, "test")
+    assert not found["problems"]
+    if found["changes"]:
+        assert ask(server.data, found["digest"], "test")["done"]
+    page = sit()
+    for machine in ("m1", "m2"):
+        built(page, machine)
     return page
 
 

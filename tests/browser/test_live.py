@@ -5,10 +5,8 @@ import os
 import random
 import re
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 from zoneinfo import ZoneInfo
@@ -28,7 +26,7 @@ from app.web import format as fmt
 from app.web.assets import Assets
 from app.web.points import EquipmentView, live_texts
 from app.web.view import View
-from tests.conftest import ROOT, PogonServer, wait_healthy
+from tests.conftest import PogonServer
 
 LANGUAGES = ("hr", "en", "de", "cs")
 ADDRESS = "http://pogon.test"
@@ -514,25 +512,9 @@ def test_a_silent_server_is_delayed_after_two_seconds_and_gone_after_three(
 # ---- a real server --------------------------------------------------------------------------------------------
 
 
-def start_again(server: PogonServer) -> subprocess.Popen[bytes]:
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("POGON_")}
-    with server.output.open("ab") as sink:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "run"],
-            cwd=ROOT,
-            env=clean | {"POGON_DATA": str(server.data), "POGON_PORT": str(server.port)},
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-        )
-    server.process = process
-    wait_healthy(server)
-    return process
-
-
 @pytest.fixture
-def server(pogon_server: Callable[..., PogonServer]) -> Iterator[PogonServer]:
-    yield pogon_server()
+def server(demo: PogonServer) -> PogonServer:
+    return demo
 
 
 def number(page: Page, selector: str = ".val.hero b") -> float:
@@ -592,18 +574,20 @@ def test_nine_tabs_of_one_browser_stay_live(browser: Browser, server: PogonServe
     context.close()
 
 
-def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(page: Page, server: PogonServer) -> None:
+def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(
+    page: Page, pogon_server: Callable[..., PogonServer]
+) -> None:
+    server = pogon_server()
     page.goto(f"{server.url}/equipment/m1")
     live(page)
     page.evaluate(TIMES)
     killed = time.time() * 1000
-    server.process.send_signal(signal.SIGKILL)
-    server.process.wait()
+    server.kill()
     live(page, "offline", 6)
     assert page.evaluate("window.times.offline") - killed <= 3100
     expect(page.locator(".offline")).to_be_visible()
     expect(page.locator(".st.when-online")).to_be_hidden()
-    start_again(server)
+    pogon_server(data=server.data, port=server.port)
     live(page, "live", 8)
     page.wait_for_timeout(1500)
     assert page.locator(".val.hero").get_attribute("data-q") == "good"

@@ -16,16 +16,16 @@ from app.db import Database
 from app.historian import store
 from app.plant.loader import read_plant
 from app.tags.quality import COMM_FAILURE, GOOD
+from tests.browser.station import AXE, SIZES, serving
 from tests.conftest import PogonServer
 
-AXE = Path(__file__).resolve().parent.parent / ".vendor" / "axe.min.js"
+pytestmark = pytest.mark.xdist_group("trends")
 SECOND, HOUR = 1_000_000, 3_600_000_000
 SPIKE = 3 * HOUR
 """How long ago the one sample of 1490 was [µs]."""
 GAP = (5 * HOUR, 4 * HOUR)
 STEP = 2 * HOUR
 """When the setpoint changed from 30 to 40 Hz [µs ago]."""
-SIZES = {"panel": (1280, 800), "small": (800, 480), "phone": (390, 844)}
 
 PLOTTED = "(tag) => { const { chart } = document.querySelector('[data-canvas]'); return chart.points(chart.pen(tag)); }"
 """What uPlot was given of a pen: seconds and values."""
@@ -33,10 +33,10 @@ VIEW = "() => { const { chart } = document.querySelector('[data-canvas]'); retur
 LOADED = "Number(document.querySelector('[data-trend]').dataset.loaded ?? 0)"
 
 
-@pytest.fixture
-def past(tmp_path: Path) -> tuple[Path, int]:
+@pytest.fixture(scope="module")
+def past(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     """A data folder with 30 hours of history of m1, and its "now"."""
-    data = tmp_path / "data"
+    data = tmp_path_factory.mktemp("past") / "data"
     data.mkdir(mode=0o700)
     plant, _ = read_plant(bundled("plants/demo"))
     assert plant is not None
@@ -69,9 +69,11 @@ def past(tmp_path: Path) -> tuple[Path, int]:
     return data, now
 
 
-@pytest.fixture
-def server(pogon_server: Callable[..., PogonServer], past: tuple[Path, int]) -> Iterator[PogonServer]:
-    yield pogon_server(data=past[0])
+@pytest.fixture(scope="module")
+def server(past: tuple[Path, int]) -> Iterator[PogonServer]:
+    """One Pogon with that history; all only look at it."""
+    with serving(past[0].parent, people={}) as running:
+        yield running
 
 
 def show(page: Page, server: PogonServer, query: str) -> None:
@@ -290,7 +292,7 @@ def test_pens_are_added_and_removed_without_losing_the_view(page: Page, server: 
     show(page, server, "tags=m1.speed&span=8h")
     page.locator("[data-picker] summary").click()
     page.locator("[data-picker] input").fill("m1.current")
-    page.locator('[data-add="m1.current"]').click()
+    reload_of(page, page.locator('[data-add="m1.current"]').click)
     expect(page.locator('[data-pen="m1.current"]')).to_be_visible()
     assert parse_qs(urlsplit(page.url).query)["span"] == ["8h"]
     page.locator('[data-pen="m1.speed"] [data-remove]').click()

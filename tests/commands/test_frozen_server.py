@@ -5,8 +5,6 @@ import http.cookiejar
 import os
 import re
 import signal
-import subprocess
-import sys
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -18,7 +16,7 @@ import pytest
 from app.links.contract import Block
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
-from tests.conftest import ROOT, PogonServer
+from tests.conftest import PogonServer, enroll
 from tests.links.test_own_process import plant_at, ready, where_of
 from tests.sim.test_simulate_process import simulating
 
@@ -65,14 +63,6 @@ class Browser:
         return found[1]
 
 
-def account(server: PogonServer, name: str) -> None:
-    """An operator, made at the terminal."""
-    pogon = [sys.executable, "-m", "app.cli", "user"]
-    subprocess.run([*pogon, "add", name, "--data", server.data], cwd=ROOT, check=True, capture_output=True)
-    passwd = [*pogon, "passwd", name, "--stdin", "--data", server.data]
-    subprocess.run(passwd, cwd=ROOT, check=True, capture_output=True, input=PASSWORD.encode() + b"\n")
-
-
 async def frequency(said: dict[str, str]) -> int:
     """The setpoint in the drive [0.01 Hz], as another master reads it."""
     host, _, port = said["tcp"].rpartition(":")
@@ -92,7 +82,7 @@ async def test_what_was_asked_of_a_frozen_server_is_refused_when_it_wakes_up(
         plant = plant_at(tmp_path / "plant", *where_of(said))
         server = await asyncio.to_thread(pogon_server, plant=plant)
         await ready(server)
-        await asyncio.to_thread(account, server, "ana")
+        await asyncio.to_thread(enroll, server.data, {"ana": ("operator",)}, PASSWORD)
         ana = Browser(server)
         await asyncio.to_thread(ana.sign_in, "ana")
         await asyncio.to_thread(ana.post, "/equipment/m1/token/take")
