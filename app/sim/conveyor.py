@@ -1,12 +1,12 @@
-"""A virtual PLC that runs the conveyor: its register table and its program, 10 ms a scan, over `conveyor_machine`.
+"""A virtual PLC that runs the conveyor: its program, 10 ms a scan, over `conveyor_machine`; its registers: `conveyor_map`.
 
-Written from the map's description (issue 3) and the thesis' program, never from the equipment type's points. Decided here:
+Written from the thesis' program, never from the equipment type's points. Decided here:
 
 | subject | rule |
 | --- | --- |
 | emergency stop | cuts the drives at once; after it is released the line stays held until a reset |
 | jam | driven with the drive at its torque limit and without a pulse for the jam time; the belt's drive goes off, the others ramp down |
-| jam, position | what lies on the jammed belt and the next one is uncertain |
+| jam, position | what lies across the jammed belt and another one is uncertain |
 | encoder | what it counted differs from what the ramp must have moved; the products on its belt are uncertain from 1 mm on |
 | faults | stay until reset, which tries again: a fault whose cause is still there comes back |
 | gap stop, automatic | released when the belts stood for the restart delay (reset: at once) and a start would not bring a pair too near |
