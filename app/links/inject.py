@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from app.errors import ConfigurationError, DeviceException, LinkError
 from app.links.contract import Block, Transport
-from app.links.runner import TRAINING_MAGIC, TRAINING_SIMULATED, TRAINING_VERSION, TRAINING_WORDS
+from app.links.outages import TRAINING_MAGIC, TRAINING_SIMULATED, TRAINING_VERSION, TRAINING_WORDS
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
 
 BASE = 0xE000

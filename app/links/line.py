@@ -1,0 +1,203 @@
+"""What the parts of the loop around a register link share: its units, whose turn it is, what is published and how the link is doing."""
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Mapping
+from typing import Any
+
+from app.clock import Clock
+from app.errors import LinkError, NotConnected, Overtaken
+from app.links.contract import Block, StillOwed
+from app.links.events import LastSeen, OnEvents, StoredUpTo
+from app.links.scan_block import ScanBlock
+from app.links.schedule import Job, Priority, Schedule
+from app.links.station import Station
+from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
+from app.plant.definitions import Link
+from app.registers.rtu import read_time, write_time
+from app.tags.database import TagDatabase
+
+log = logging.getLogger(__name__)
+
+
+class Line:
+    """The state of one link. Its connections are the runner's, what goes wrong is of `outages`."""
+
+    def __init__(self, link: Link, stations: Mapping[int, Station], tags: TagDatabase, clock: Clock) -> None:
+        self.link = link
+        self.stations = stations
+        self.statistics = LinkStatistics(units={number: UnitStatistics() for number in stations})
+        self.demanded: frozenset[str] = frozenset()
+        self.clock = clock
+        self.on_events: OnEvents | None = None
+        self.last_seen: LastSeen | None = None
+        self.stored_up_to: StoredUpTo | None = None
+        self._tags = tags
+        self._schedule = Schedule()
+        self._open: set[int] = set()
+        self._sleepers: set[asyncio.Future[None]] = set()
+        self._failed: asyncio.Future[None] | None = None
+        self._publisher = StatisticsPublisher(link.name, self.statistics, tags, clock)
+        self._told_up: bool | None = None
+        self._heard = False
+        """Whether anybody answered since the connection was opened, or since all were silent."""
+        self._line_silent = False
+
+    @property
+    def connected(self) -> bool:
+        """Whether a connection is open."""
+        return bool(self._open)
+
+    async def ask(self, job: Job, priority: Priority) -> list[int]:
+        """Send the telegram of `job` when it is its turn.
+
+        Raises:
+            LinkError: as the transport, or NotConnected at once when there is no connection.
+        """
+        if not self._open:
+            raise NotConnected(f"link {self.link.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
+        if job.urgent:
+            if (station := self.stations.get(job.unit)) is not None:
+                station.stops += 1
+            for overtaken in self._schedule.overtake(job.unit):
+                fail(
+                    overtaken,
+                    Overtaken(f"unit {job.unit}: write to {overtaken.address:#06x} not sent, a Stop came first"),
+                )
+        self._schedule.add(job, priority)
+        self._wake()
+        return await job.done
+
+    def job(self, unit: int, read: Block | None = None, *, liveness: bool = True, scan: ScanBlock | None = None) -> Job:
+        """A read of `unit`, or the start of a write."""
+        station = self.stations.get(unit)
+        timeout = station.timeout if station else self.link.timeout or default_timeout(self.stations)
+        done: asyncio.Future[list[int]] = asyncio.get_running_loop().create_future()
+        return Job(unit, timeout, done, read, scan, liveness=liveness)
+
+    def schedule(self, block: ScanBlock, due: float) -> None:
+        """Scan `block` at `due` [s]; one that is not wanted loses its place."""
+        self._schedule.at(block, due)
+        self._wake()
+
+    def drop(self, block: ScanBlock) -> None:
+        """Scan `block` no more until it is given a place again."""
+        self._schedule.drop(block)
+
+    async def read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
+        """One read for a task that can wait, also for the line to forget an earlier request."""
+        while True:
+            try:
+                return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
+            except StillOwed as error:
+                await asyncio.sleep(error.wait)
+
+    def publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:
+        """Publish `words` as read by a telegram sent at `started` [s]."""
+        if started < block.started:  # a later request was answered before this one, on another connection
+            return
+        block.started = started
+        block.bind(self._tags.handles, self._tags.revision)
+        self._tags.publish(block.seen(words, self.clock.micros(), station.origin))
+
+    def _publish_lost(self, station: Station, quality: int) -> None:
+        for block in station.blocks:
+            self._publish_block_lost(station, block, quality)
+
+    def _publish_block_lost(self, station: Station, block: ScanBlock, quality: int) -> None:
+        block.bind(self._tags.handles, self._tags.revision)
+        block.attempts, block.scanned = 0, 0.0
+        block.started = self._now()
+        batch = block.lost(self.clock.micros(), quality | station.origin)
+        if batch is not None:
+            self._tags.publish(batch)
+
+    def _answered(self, station: Station | None, started: float, alive: bool, wire: float | None = None) -> None:
+        """`wire`: what the telegram takes on the line by itself [s]; None when it was not answered in full."""
+        self.statistics.telegrams += 1
+        if station is None or not alive:
+            return
+        self.statistics.units[station.number].answered(self._now() - started, wire)
+        self._line_silent = False
+        if not self._heard:
+            self._heard = True
+            self._settle()
+        if station.state is State.DOWN:
+            station.probe_now.set()
+
+    def _wire(self, read: Block | None, words: int = 0, function: int = 6) -> float:
+        """Time of a telegram on a serial line with both silences [s]; 0 elsewhere."""
+        if self.link.transport != "rtu":
+            return 0.0
+        return read_time(self.link.baud, read.count) if read else write_time(self.link.baud, words, function)
+
+    def attend(self, station: Station, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """Do `work` for a station beside its scans."""
+        task = asyncio.get_running_loop().create_task(work)
+        station.tasks.add(task)
+        task.add_done_callback(station.tasks.discard)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if error is None or isinstance(error, NotConnected):  # the lanes tell a lost connection
+            return
+        if self._failed is not None and not self._failed.done():
+            self._failed.set_exception(error)
+
+    def _settle(self) -> None:
+        """State of the link from the states of its units."""
+        states = [station.state for station in self.stations.values()]
+        for number, station in self.stations.items():
+            self.statistics.units[number].state = station.state
+        statistics = self.statistics
+        if not self._open:
+            statistics.state = State.CONNECTING if self._told_up is None else State.DOWN
+        elif State.CONFIGURATION in states:
+            statistics.state = State.CONFIGURATION
+        elif states and all(state is State.DOWN for state in states):
+            statistics.state = State.DOWN
+        elif State.DOWN in states:
+            statistics.state = State.SOME_SILENT
+        else:
+            statistics.state = State.CONNECTING if states and State.UP not in states else State.UP
+        statistics.simulated = self.link.simulated or (
+            bool(states) and all(station.simulated for station in self.stations.values())
+        )
+        if State.UP in states and self._open and self._heard:
+            self._note(up=True)
+        self._publisher.publish()
+
+    def _note(self, *, up: bool, reason: str = "") -> None:
+        if up == self._told_up:
+            return
+        self._told_up = up
+        if up:
+            log.info("link up link=%s", self.link.name)
+        else:
+            log.warning("link down link=%s reason=%s", self.link.name, reason)
+
+    def _wake(self) -> None:
+        for sleeper in self._sleepers:
+            finish(sleeper)
+
+    def _now(self) -> float:
+        return asyncio.get_running_loop().time()
+
+
+def finish(sleeper: asyncio.Future[None]) -> None:
+    """Wake who waits."""
+    if not sleeper.done():
+        sleeper.set_result(None)
+
+
+def fail(job: Job, error: LinkError) -> None:
+    """Tell whoever waits for `job` that nothing came of it."""
+    if not job.done.done():
+        job.done.set_exception(error)
+
+
+def default_timeout(stations: Mapping[int, Station]) -> float:
+    """Of a unit that the plant does not have [s]."""
+    return max((station.timeout for station in stations.values()), default=1.0)

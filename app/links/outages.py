@@ -1,0 +1,285 @@
+"""Units that come, refuse, fall silent and come back: what a unit is, what its refusals mean, and when it is asked again.
+
+What needs several telegrams (to identify a unit, to look whether a silent one is back) is a task that puts them into the schedule one by
+one, so a write never waits for more than the telegram on the wire.
+"""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from random import uniform
+
+from app.clock import Clock
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
+from app.links.contract import Block, StillOwed
+from app.links.examine import NO_REGISTER, Examiner
+from app.links.line import Line
+from app.links.plc import PlcUnit
+from app.links.scan_block import ScanBlock
+from app.links.schedule import Priority
+from app.links.station import Station
+from app.links.statistics import State
+from app.plant.definitions import Link
+from app.tags.database import TagDatabase
+from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
+
+log = logging.getLogger(__name__)
+
+RETRIES = 1
+"""Of a read without an answer; a write is never repeated here."""
+BUSY_PAUSE = 0.05
+"""Before a device that is busy is asked again [s]."""
+BUSY_TRIES = 2
+SLOWEST_REFUSED = 10.0
+"""Longest period of a block that the device keeps refusing [s]."""
+PERMANENT = 10.0
+"""Period of a block that the device cannot serve at all [s]; a repaired device comes back by itself."""
+FIRST_PROBE, LAST_PROBE = 1.0, 60.0
+"""Pauses between probes of a silent unit [s], doubling."""
+SETTLE = 0.05
+"""What a device is given to act on registers that somebody wrote, before it is looked at again [s]."""
+PROBE_SHARE = 0.05
+"""Most of the line's time that goes into probes while others live on it."""
+FIRST_PAUSE, LAST_PAUSE = 0.1, 5.0
+"""Pauses before a lost connection is opened again [s], doubling; the first try is at once."""
+TRAINING_WORDS = 4
+TRAINING_SPARE = 12
+"""Registers behind the head that may be read with it."""
+TRAINING_MAGIC = 0x5047
+TRAINING_SIMULATED = 0x0001
+TRAINING_VERSION = 1
+"""Head of the training registers (reference/register-map.md): magic, flags, version, type."""
+GATEWAY = (10, 11)
+PERMANENT_CODES = (1, 7)
+
+
+class Outages(Line):
+    """A link whose units are not always there."""
+
+    def __init__(self, link: Link, stations: Mapping[int, Station], tags: TagDatabase, clock: Clock) -> None:
+        super().__init__(link, stations, tags, clock)
+        self._examiner = Examiner(self)
+        self._probe_free = 0.0
+        self._reopened = 0.0
+        self._reopen: set[int] = set()
+
+    def _scan_failed(self, station: Station, block: ScanBlock, error: LinkError, started: float) -> None:
+        if isinstance(error, DeviceException) and error.code not in GATEWAY:
+            self._answered(station, started, True)
+            self._refused(station, block, error)
+        elif block.attempts < RETRIES and not self._line_silent:
+            block.attempts += 1
+            self.statistics.retries += 1
+            self._schedule.at(block, block.due, first=True)
+        else:
+            block.attempts = 0
+            if block.block.count > max(station.proven, station.device.fallback_read) and station.device.fallback_read:
+                self.attend(station, self._examiner.try_smaller(station, block, error))
+            else:
+                self._silent(station, error)
+
+    def refuse(self, station: Station, block: ScanBlock, reason: str) -> None:
+        """What `block` holds is not what the plant file says: bad, and looked at again later."""
+        log.debug("block refused link=%s unit=%d: %s", self.link.name, station.number, reason)
+        self._publish_block_lost(station, block, CONFIGURATION)
+        self._schedule.at(block, self._now() + PERMANENT)
+
+    def misconfigured(self, station: Station, reason: str) -> None:
+        """The unit is not the device of the plant file: all bad, no writes, until it is."""
+        asyncio.get_running_loop().call_soon(self._misconfigured, station)
+
+    def _misconfigured(self, station: Station) -> None:
+        if station.state is not State.UP or self.stations.get(station.number) is not station:
+            return
+        station.end_tasks()
+        for block in station.blocks:
+            self._schedule.drop(block)
+        self._to_configuration(station)
+        self.attend(station, self._bring_up(station))
+
+    def _to_configuration(self, station: Station) -> None:
+        station.state = State.CONFIGURATION
+        self._publish_lost(station, CONFIGURATION)
+        self._settle()
+
+    def _refused(self, station: Station, block: ScanBlock, error: DeviceException) -> None:
+        now = self._now()
+        if error.code in NO_REGISTER and block.part is not None:
+            if not block.failures:
+                log.warning(
+                    "no such registers link=%s unit=%d first=%#06x last=%#06x: %s",
+                    self.link.name,
+                    station.number,
+                    block.block.address,
+                    block.block.last,
+                    error,
+                )
+            block.failures += 1
+            self.refuse(station, block, str(error))
+        elif error.code in NO_REGISTER:
+            self.attend(station, self._examiner.examine(station, block))
+        elif error.code in PERMANENT_CODES:
+            self._publish_block_lost(station, block, CONFIGURATION if error.code == 1 else DEVICE)
+            self._schedule.at(block, now + PERMANENT)
+        elif block.attempts < BUSY_TRIES:
+            block.attempts += 1
+            self.statistics.retries += 1
+            self._schedule.at(block, now + BUSY_PAUSE * block.attempts)
+        else:
+            self._publish_block_lost(station, block, DEVICE)
+            block.failures += 1
+            shortest = min(block.period, 1.0)
+            self._schedule.at(block, now + min(SLOWEST_REFUSED, max(shortest, 0.25 * 2 ** min(block.failures, 6))))
+
+    def _silent(self, station: Station, error: LinkError) -> None:
+        """A unit in quarantine: bad at once, and from now on only probes."""
+        if station.state is State.DOWN or self.stations.get(station.number) is not station:
+            return
+        station.end_tasks()
+        for block in station.blocks:
+            self._schedule.drop(block)
+        station.state = State.DOWN
+        self._line_silent = True
+        self._publish_lost(station, COMM_FAILURE)
+        if self._several:
+            log.warning("unit silent link=%s unit=%d reason=%s", self.link.name, station.number, error)
+        self.attend(station, self._probe(station))
+        if self._all_silent:
+            self._heard = False
+            self._note(up=False, reason=str(error))
+        self._settle()
+
+    def later(self, station: Station, error: LinkError) -> None:
+        """`_silent`, outside the task that it ends."""
+        asyncio.get_running_loop().call_soon(self._silent, station, error)
+
+    @property
+    def _several(self) -> bool:
+        return len(self.stations) > 1
+
+    @property
+    def _all_silent(self) -> bool:
+        return all(station.state is State.DOWN for station in self.stations.values())
+
+    async def _probe(self, station: Station) -> None:
+        """Ask a silent unit for one register now and then, until it answers."""
+        pause = FIRST_PROBE
+        while True:
+            wait = pause * uniform(0.9, 1.1)
+            wait = min(wait, LAST_PAUSE) if self._all_silent else max(wait, self._probe_free - self._now())
+            station.probe_now.clear()
+            try:
+                async with asyncio.timeout(wait):
+                    await station.probe_now.wait()
+                await asyncio.sleep(SETTLE)
+                pause = FIRST_PROBE / 2
+            except TimeoutError:
+                pass
+            started = self._now()
+            try:
+                await self.read(station, station.probe())
+                break
+            except DeviceException as error:
+                if error.code not in GATEWAY:
+                    break
+            except LinkError:
+                pass
+            self._probe_free = max(self._probe_free, started) + (self._now() - started) / PROBE_SHARE
+            pause = min(2 * pause, LAST_PROBE)
+            self._reopen_when_all_silent()
+        if self._several:
+            log.info("unit answers link=%s unit=%d", self.link.name, station.number)
+        await self._bring_up(station)
+
+    def _reopen_when_all_silent(self) -> None:
+        """A socket can be open and dead; some devices need a new one (pymodbus #2619)."""
+        now = self._now()
+        if self.link.transport == "tcp" and self._all_silent and now - self._reopened > LAST_PAUSE:
+            self._reopened = now
+            self._reopen = set(self._open)
+            self._wake()
+
+    async def _bring_up(self, station: Station) -> None:
+        """Find out what the unit is, then scan it."""
+        while True:
+            try:
+                if await self._identify(station) and (station.plc is None or await station.plc.identify()):
+                    break
+            except NotConnected:
+                if not self._open:
+                    raise
+                continue  # another connection may do it; those that are closed as well are found by asking
+            except NoAnswer as error:
+                station.state = State.CONNECTING
+                self.later(station, error)
+                return
+            self._to_configuration(station)
+            await asyncio.sleep(LAST_PAUSE)
+        station.state = State.UP
+        if station.plc is not None:
+            station.plc.begin()
+        station.tell_unreadable(self._tags, self.clock.micros())
+        now = self._now()
+        for block in station.blocks:
+            self._schedule.at(block, now)
+        self._wake()
+        self._examiner.start_recheck(station)
+        self._settle()
+
+    async def _identify(self, station: Station) -> bool:
+        """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one."""
+        if self.link.simulated:
+            station.simulated = True
+            return True
+        station.simulated = False
+        for _ in range(1 + RETRIES):
+            try:
+                magic, flags, version, _ = await self._read_training_head(station)
+            except DeviceException:
+                return True
+            except (NoAnswer, BadAnswer):
+                continue
+            if magic != TRAINING_MAGIC:
+                return True
+            if version != TRAINING_VERSION or not flags & TRAINING_SIMULATED:
+                log.error(
+                    "training registers not understood link=%s unit=%d flags=%#x version=%d expected=%d",
+                    self.link.name,
+                    station.number,
+                    flags,
+                    version,
+                    TRAINING_VERSION,
+                )
+                return False
+            station.simulated = True
+            return True
+        return True
+
+    async def _read_training_head(self, station: Station) -> list[int]:
+        """Its words, in the shortest telegram that no earlier answer can be taken for: what lies behind them reads 0."""
+        for more in range(TRAINING_SPARE):
+            block = Block(station.device.training, TRAINING_WORDS + more)
+            try:
+                words = await self.ask(self.job(station.number, block, liveness=False), Priority.REFRESH)
+            except StillOwed:
+                continue
+            return words[:TRAINING_WORDS]
+        return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
+
+    def replan(self, station: Station) -> None:
+        """Read it by a new plan from now on."""
+        before = set(map(id, station.blocks))
+        for gone in station.plan():
+            gone.alive = False
+            self._schedule.drop(gone)
+        now = self._now()
+        station.tell_unreadable(self._tags, self.clock.micros())
+        for block in station.blocks:
+            if id(block) not in before and station.state is State.UP:
+                self._schedule.at(block, now)
+        self._wake()
+
+    def _prepare(self, station: Station) -> None:
+        station.plan()
+        if station.device.plc is not None:
+            station.plc = PlcUnit(self, station, station.device.plc)
