@@ -38,7 +38,7 @@ def pogon(data: Path, *arguments: str, **settings: object) -> subprocess.Complet
         env=clean | {"POGON_DATA": str(data)} | named,
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=False,
     )
 

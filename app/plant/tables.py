@@ -5,6 +5,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,12 @@ class Plain(str):
 
 
 MISSING, NONE = Plain("missing"), Plain("none")
+
+
+@lru_cache(maxsize=128)
+def _parsed(text: str) -> dict[str, Any]:
+    """The tables of `text`, which nobody changes: machines of one type, and a reload, read the same files again."""
+    return tomllib.loads(text)
 
 
 class Source:
@@ -52,7 +59,7 @@ class Source:
                 self.note((), "an empty file", "TOML tables")
             return
         try:
-            self.data = tomllib.loads(text)
+            self.data = _parsed(text)
         except tomllib.TOMLDecodeError as error:
             where = re.search(r"at line (\d+)", str(error))
             line = int(where[1]) if where else len(self._lines)

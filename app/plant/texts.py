@@ -105,6 +105,12 @@ class Texts:
         return f"[{key}]"
 
 
+@lru_cache(maxsize=256)
+def _parsed(text: str) -> tuple[tuple[str, str], ...]:
+    """Keys and texts of a file: what starts reads them for its pages, its alarms and its commands."""
+    return tuple(flatten(tomllib.loads(text)))
+
+
 def read_product(folder: Path = LOCALE) -> dict[str, dict[str, str]]:
     """Language → key → text of all files of `folder`/<lang>; a language without files is there and empty.
 
@@ -116,10 +122,10 @@ def read_product(folder: Path = LOCALE) -> dict[str, dict[str, str]]:
         own: dict[str, str] = {}
         for file in sorted((folder / language).glob("*.toml")):
             try:
-                table = tomllib.loads(file.read_text("utf-8"))
+                table = _parsed(file.read_text("utf-8"))
             except (OSError, ValueError) as error:
                 raise ConfigurationError(f"{language}/{file.name}: {error}, expected a TOML file of texts") from error
-            for key, text in flatten(table):
+            for key, text in table:
                 if key in own:
                     raise ConfigurationError(
                         f"{language}/{file.name}: text {key} is there twice, expected each key once"

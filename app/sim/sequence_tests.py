@@ -118,6 +118,8 @@ class _Run:
     sequence: VirtualSequence = field(init=False)
     machine: VirtualPlc | None = field(init=False)
     sim: SimPlant = field(init=False)
+    _told: Machine | None = field(init=False)
+    """The machine, if it has signals; asked at every step, so it is found out once."""
     _commands: int = 0
 
     def __post_init__(self) -> None:
@@ -133,6 +135,7 @@ class _Run:
         self.sequence = device
         machine = self.sim.devices.get(self.item.machine)
         self.machine = machine if isinstance(machine, VirtualPlc) else None
+        self._told = self.machine if isinstance(self.machine, Machine) else None
 
     def result(self) -> TestResult:
         """Run it to its end."""
@@ -249,8 +252,8 @@ class _Run:
 
     def _look(self, name: str) -> Reading:
         machine = self.machine
-        if isinstance(machine, Machine) and name in machine.signals:
-            value = machine.signal(name)
+        if self._told and name in self._told.signals:
+            value = self._told.signal(name)
             return (value, GOOD) if isfinite(value) else (None, NO_DATA)
         item = self.sim.equipment[self.item.machine] if self.item.machine else self.item
         point = item.points.get(name)

@@ -68,6 +68,7 @@ async def test_a_refusal_is_told_by_its_code(bench: Bench) -> None:
         await bench.transport.write(1, 1000, [1], 0.5)
 
 
+@pytest.mark.alone
 async def test_silence_lasts_the_patience_and_no_longer(bench: Bench) -> None:
     for patience in (0.05, 0.15):
         began = time.monotonic()
@@ -117,6 +118,7 @@ async def test_a_late_answer_is_not_the_answer_to_the_next_request(bench: Bench)
         await asyncio.sleep(0.03)
 
 
+@pytest.mark.alone
 async def test_a_closed_connection_refuses_at_once(bench: Bench) -> None:
     await bench.transport.close()
     await bench.transport.close()
@@ -131,6 +133,7 @@ async def test_a_closed_connection_refuses_at_once(bench: Bench) -> None:
     assert await bench.transport.read(1, Block(1, 1), 0.5) == [3]
 
 
+@pytest.mark.alone
 async def test_a_server_that_goes_away_is_noticed_at_once_not_after_the_patience() -> None:
     device = RegisterDevice({0: 1})
     device.line_fault.mode = LineFaultMode.SILENT

@@ -331,6 +331,7 @@ async def test_a_drive_that_answers_rubbish_never_makes_a_value() -> None:
 # TCP
 
 
+@pytest.mark.alone
 async def test_a_server_that_is_killed_and_comes_back_is_found_by_itself(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, logger="app.links")
     device = RegisterDevice({0: 5})
@@ -538,6 +539,7 @@ async def test_stop_goes_before_everything_and_what_it_overtakes_is_never_sent()
         assert any(isinstance(r, Overtaken) for r in results)
 
 
+@pytest.mark.alone
 async def test_a_write_is_sent_once_whatever_becomes_of_its_answer() -> None:
     device = RegisterDevice({0: 0, 1: 0, 2: 0, 0x20: 0})
     async with running([machine("m", 1, writable(), QUICK)], exchange=on_bus(Bus({1: device}))) as line:  # type: ignore[arg-type]

@@ -94,6 +94,7 @@ async def test_the_line_is_silent_before_every_telegram(baud: int) -> None:
         assert min(slave.gaps) >= silence(baud) * 0.98
 
 
+@pytest.mark.alone
 async def test_time_on_the_wire_is_not_taken_from_the_patience_of_the_device() -> None:
     async with (
         paced(Bus({1: RegisterDevice({n: n for n in range(25)})}), 1200) as line,
@@ -230,6 +231,7 @@ async def test_a_lasting_refusal_is_not_believed_while_an_earlier_request_may_ha
 # ---- what else a wire does ----------------------------------------------------------------------------------
 
 
+@pytest.mark.alone
 async def test_a_damaged_answer_is_told_at_once_and_counted() -> None:
     async with bad_slave() as slave, opened(rtu(slave.path)) as t:
         slave.damaged = 1.0
@@ -348,6 +350,7 @@ async def test_without_parity_a_character_ends_with_the_stop_bits_of_the_plant_f
             assert not flags & termios.PARENB
 
 
+@pytest.mark.alone
 async def test_an_adapter_that_is_unplugged_fails_the_request_on_its_way_at_once() -> None:
     device = RegisterDevice({0: 1})
     device.line_fault.mode = LineFaultMode.SILENT

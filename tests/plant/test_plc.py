@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import pytest
 
@@ -102,10 +102,10 @@ def test_the_history_of_a_renamed_table_goes_on(tmp_path: Path) -> None:
 def test_a_machine_of_250_slots_is_read_quickly(tmp_path: Path) -> None:
     columns = "".join(f'[product.columns.c{n}]\noffset = {4 + 2 * n}\ntype = "f32"\n' for n in range(12))
     tables = FILES["tables.toml"].replace("row = 16", "row = 40").partition("[product.columns.head]")[0] + columns
-    before = perf_counter()
+    before = process_time()
     item = machine(tmp_path, "slots = 250\n", tables=tables)
     assert sum(point.table == "product" for point in item.points.values()) == 250 * 14
-    assert perf_counter() - before < 3.0
+    assert process_time() - before < 3.0
 
 
 def test_a_preset_gives_defaults_that_the_plant_file_may_change(tmp_path: Path) -> None:

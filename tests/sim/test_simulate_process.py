@@ -49,7 +49,7 @@ async def simulating(*arguments: str) -> AsyncIterator[tuple[Process, dict[str, 
     assert process.stdout is not None
     try:
         said = {}
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(90):
             while (line := (await process.stdout.readline()).decode().strip()) != "ready":
                 assert line, (await process.communicate())[1].decode()
                 word, _, rest = line.rpartition(" ") if line.startswith("unit") else line.partition(" ")
@@ -64,7 +64,7 @@ async def simulating(*arguments: str) -> AsyncIterator[tuple[Process, dict[str, 
 
 async def stop(process: Process, number: int) -> None:
     process.send_signal(number)
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(30):
         output, errors = await process.communicate()
     assert (process.returncode, output, errors) == (0, b"", b"")
 
@@ -73,7 +73,7 @@ async def refused(*arguments: str) -> str:
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "app.cli", "simulate", *arguments, cwd=ROOT, stdout=PIPE, stderr=PIPE
     )
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(90):
         _, errors = await process.communicate()
     assert process.returncode == 2
     return errors.decode()
