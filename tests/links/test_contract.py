@@ -9,6 +9,7 @@ import pytest
 
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, Transport
+from app.links.memory import MemoryTransport
 from app.links.transports import TRANSPORTS
 from app.plant.definitions import Link
 from app.sim.bus import Bus, LineFaultMode
@@ -164,3 +165,34 @@ async def test_a_reader_that_is_ended_ends_also_when_the_answer_comes_at_that_mo
         reader.cancel()
         done, _ = await asyncio.wait([reader], timeout=1)
         assert done
+
+
+async def test_in_a_loop_that_is_slow_to_come_round_several_telegrams_are_carried_each_time() -> None:
+    rounds = 0
+
+    async def busy() -> None:
+        nonlocal rounds
+        while True:
+            time.sleep(0.02)
+            rounds += 1
+            await asyncio.sleep(0)
+
+    async def exchange(unit: int, pdu: bytes) -> bytes | None:
+        return bytes((3, 2, 0, unit))
+
+    transport = MemoryTransport(Link("l", "memory"), exchange)
+    await transport.connect()
+    task = asyncio.create_task(busy())
+    try:
+        for _ in range(300):
+            assert await transport.read(7, Block(0, 1), 1.0) == [7]
+        carried = rounds
+        assert carried < 150, "not one for each round"
+        began = rounds
+        end = time.monotonic() + 0.3
+        while time.monotonic() < end:
+            await transport.read(7, Block(0, 1), 1.0)
+        assert rounds - began >= 5, "and the others have their turns"
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
