@@ -173,7 +173,7 @@ async def test_in_a_loop_that_is_slow_to_come_round_several_telegrams_are_carrie
     async def busy() -> None:
         nonlocal rounds
         while True:
-            time.sleep(0.02)
+            hold_up(0.02)
             rounds += 1
             await asyncio.sleep(0)
 
@@ -196,3 +196,8 @@ async def test_in_a_loop_that_is_slow_to_come_round_several_telegrams_are_carrie
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
+
+
+def hold_up(seconds: float) -> None:
+    """Keep the loop from everybody."""
+    time.sleep(seconds)
