@@ -370,9 +370,11 @@ class SequenceView:
         text = self.equipment.text
         parts = []
         if self.first is not None:
-            parts.append(
-                text("sequence.head.first", name=self.label(*self.first), value=self.first_value).rstrip(" ()")
+            name, value = self.label(*self.first), self.first_value
+            one = (
+                text("sequence.head.first", name=name, value=value) if value else text("sequence.head.only", name=name)
             )
+            parts.append(one)
         if self.is_on("needs_acknowledge"):
             parts.append(text("sequence.head.acknowledge"))
         return " · ".join(parts)

@@ -452,7 +452,8 @@ function open(dialog) {
   const scrim = document.createElement("div");
   scrim.className = "scrim";
   scrim.append(dialog);
-  const stop = dialog.matches(".ask") && document.querySelector(`.stop[data-command^="${CSS.escape(machineOf(dialog))}."]`);
+  const machine = dialog.dataset.operation ?? machineOf(dialog);
+  const stop = machine && !dialog.querySelector(".stop") && document.querySelector(`.stop[data-command^="${CSS.escape(machine)}."]`);
   if (stop) {
     const also = stop.cloneNode(true); // Stop is never behind a dialog
     also.classList.add("scrim-stop");

@@ -157,3 +157,33 @@ def test_a_switch_shows_what_it_is_set_to_and_is_switched_back(sit: Sit) -> None
     page.locator("#overlay .danger").click()
     expect(manual).to_have_attribute("aria-pressed", "true", timeout=10_000)
     expect(page.locator("[data-hold='cc1.jog_forward']")).not_to_have_attribute("aria-disabled", "true", timeout=5_000)
+
+
+def test_a_step_says_that_its_greatest_time_is_near_before_it_is_over(sit: Sit) -> None:
+    page = sit()
+    take(page)
+    if page.locator("[data-command='seq2.acknowledge']").get_attribute("aria-disabled") is None:
+        page.click("[data-command='seq2.acknowledge']")
+        expect(page.locator(".q-top")).not_to_contain_text("Aborted", timeout=10_000)
+    page.click("#q-tab-times")
+    page.locator("#q-times tbody tr").first.locator("[data-arguments]").click()
+    page.fill("[name=arg_maximum]", "8")
+    if page.locator("#overlay [name=reason]").count():
+        page.fill("#overlay [name=reason]", "shorter")
+    page.locator("#overlay .danger").click()
+    expect(page.locator("#q-times tbody tr").first.locator("td").nth(2)).to_have_text("8.0 s", timeout=10_000)
+    page.click("#q-tab-steps")
+    page.locator(".q-switch button").nth(1).click()
+    expect(page.locator(".q-switch button").nth(1)).to_have_attribute("aria-pressed", "true", timeout=10_000)
+    page.click("[data-command='seq2.start']")
+    page.locator("#overlay .danger").click()
+    row = page.locator("[data-row-step='1']")
+    expect(row).to_have_attribute("aria-selected", "true", timeout=10_000)
+    expect(row.locator("small.q-soon")).to_be_hidden()
+    expect(row.locator("small.q-soon")).to_be_visible(timeout=10_000)
+    expect(page.locator(".q-top .q-soon")).to_have_text(re.compile("Near the greatest time"))
+    expect(row.locator(".time-done")).to_have_class(re.compile(r"\bsoon\b"))
+    assert not page.locator(".banner .alm").count() or "Maximum" not in page.inner_text(".banner"), "no alarm yet"
+    expect(page.locator(".q-top")).to_contain_text("allowed 8.0", timeout=10_000)
+    expect(page.locator(".q-top .q-soon")).to_have_count(0, timeout=15_000)
+    expect(row.locator("small.q-soon")).to_be_hidden()
