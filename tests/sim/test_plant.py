@@ -3,6 +3,7 @@
 import asyncio
 import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,7 @@ def test_steps_that_are_owed_are_done_in_turns_that_leave_time_for_others() -> N
     assert (sim.steps, sim.overruns, sim.lost) == (8, 0, 0.0), "the rest is still owed, not given up"
 
 
+@pytest.mark.alone
 async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.sim.plant.PACE_WINDOW", 0.5)
     clock = SystemClock()
@@ -133,8 +135,8 @@ async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(mon
     class Heavy(FakeDevice):
         def step(self) -> None:
             FakeDevice.step(self)
-            began = clock.monotonic()
-            while clock.monotonic() - began < 0.002:
+            began = time.process_time()
+            while time.process_time() - began < 0.002:
                 pass
 
     many = plant(*((f"m{n}", "hall", n) for n in range(1, 21)))  # 40 ms for each 10 ms
@@ -143,13 +145,13 @@ async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(mon
     loop, turns = asyncio.get_running_loop(), list[float]()
     end = loop.time() + 2.0
     while loop.time() < end:
-        began = loop.time()
+        began = time.process_time()  # of this process: whatever else the computer does
         await asyncio.sleep(0)
-        turns.append(loop.time() - began)
+        turns.append(time.process_time() - began)
     running.cancel()
     taken = sum(turn for turn in turns if turn > 0.03)
-    assert taken < 1.5, "the others have their part of the time"
-    assert sorted(turns)[-3] < 0.2, "and never wait for twenty steps"
+    assert taken < 0.9 * sum(turns), "the others have their part of the time"
+    assert max(turns) < 0.2, "and never wait for twenty steps"
     assert sim.pace < 0.6 and sim.lost > 0.5
 
 
