@@ -6,7 +6,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 T      ?= tests
-JOBS   ?= 4
+JOBS   ?= 6
+BROWSERS ?= 3
 export PATH := $(abspath $(BIN)):$(PATH)
 # What Python has compiled is kept, or each of the hundreds of processes of the tests would do it again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -35,7 +36,7 @@ PYTEST := $(BIN)/python -m pytest
 test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x goes to pytest, JOBS=1 one after the other
 	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none
 	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ]
-	$(PYTEST) -m "not soak and browser" -n 3 --dist loadgroup --no-loadscope-reorder $(if $(filter tests,$(T)),tests/browser,$(T)) $(ARGS) || [ $$? = 5 ]
+	$(PYTEST) -m "not soak and browser" -n $(BROWSERS) --dist loadfile --no-loadscope-reorder $(if $(filter tests,$(T)),tests/browser,$(T)) $(ARGS) || [ $$? = 5 ]
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .

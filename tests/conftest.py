@@ -21,8 +21,8 @@ from app.clock import SystemClock
 from app.db import Database
 
 ROOT = Path(__file__).resolve().parent.parent
-LONGEST = ("operated", "coils", "coils over tcp", "line")
-"""Groups of browser tests that take minutes."""
+LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")
+"""Files of browser tests that take a minute and more."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -38,11 +38,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _order(item: pytest.Item) -> tuple[bool, int]:
-    """Browsers last; of them first what shares a server, the longest of all at the head, so that no worker ends alone."""
-    group = item.get_closest_marker("xdist_group")
-    name = group.args[0] if group else ""
-    place = LONGEST.index(name) if name in LONGEST else len(LONGEST) + (group is None)
-    return item.get_closest_marker("browser") is not None, place
+    """Browsers last; of their files, each of which stays with one worker, the longest first."""
+    name = item.path.stem
+    return item.get_closest_marker("browser") is not None, LONGEST.index(name) if name in LONGEST else len(LONGEST)
 
 
 @pytest.fixture

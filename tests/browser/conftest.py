@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, StorageState
+from playwright.sync_api import Browser, StorageState, expect
 
 from tests.browser.station import Operator, Sit, serving
 from tests.conftest import PogonServer, find_port
+
+expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,6 @@ from playwright.sync_api import expect
 
 from tests.browser.station import AXE, Operator
 
-pytestmark = pytest.mark.xdist_group("broken")
-
 
 def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operator: Operator) -> None:
     page = operator.page

@@ -11,7 +11,6 @@ from playwright.sync_api import Page, expect
 from tests.browser.station import AXE, Sit, serving, take
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("operated")
 WHO, HOME = "", "/equipment/m1"
 PEOPLE = {"ana": ("operator", "engineer"), "ivo": ("operator",)}
 SPEED = ".hero-v .val b"

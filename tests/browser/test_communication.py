@@ -5,8 +5,6 @@ from playwright.sync_api import expect
 
 from tests.browser.station import AXE, SIZES, Operator
 
-pytestmark = pytest.mark.xdist_group("broken")
-
 
 def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operator) -> None:
     page = operator.page

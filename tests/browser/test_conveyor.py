@@ -11,7 +11,6 @@ from playwright.sync_api import Page, expect
 from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving, take
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("line")
 WHO, HOME = "ivana", "/equipment/c1"
 PLANT = """
 [plant]

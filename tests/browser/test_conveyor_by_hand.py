@@ -9,7 +9,6 @@ from playwright.sync_api import Locator, Page, expect
 from tests.browser.station import Sit, serving, take
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("by-hand")
 WHO, HOME = "ivana", "/equipment/c1"
 PLANT = """
 [plant]

@@ -12,7 +12,6 @@ from app.web.terminal import LOOK, ask
 from tests.browser.station import AXE, PASSWORD, Sit, built, serving
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("instructed")
 WHO, HOME = "ivana", "/"
 DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
 

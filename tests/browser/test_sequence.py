@@ -11,7 +11,6 @@ from tests import coil_plant
 from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, serving, take
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("coils")
 WHO, HOME = "ivana", "/equipment/seq1"
 
 

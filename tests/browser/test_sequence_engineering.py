@@ -10,7 +10,6 @@ from tests import coil_plant
 from tests.browser.station import PASSWORD, SIZES, Sit, serving, take
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("engineering")
 WHO, HOME = "ana", "/equipment/seq2"
 WHY = "The sensor shows nothing since the morning shift, a new one is ordered; checked by hand at the gauge. " * 3
 

@@ -28,7 +28,6 @@ __all__ = [
     "test_an_abort_is_told_with_its_cause_and_has_to_be_reset",
     "test_suspend_stops_the_time_and_resume_goes_on",
 ]
-pytestmark = pytest.mark.xdist_group("coils over tcp")
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,6 @@ from app.tags.quality import COMM_FAILURE, GOOD
 from tests.browser.station import AXE, SIZES, serving
 from tests.conftest import PogonServer
 
-pytestmark = pytest.mark.xdist_group("trends")
 SECOND, HOUR = 1_000_000, 3_600_000_000
 SPIKE = 3 * HOUR
 """How long ago the one sample of 1490 was [µs]."""

@@ -9,7 +9,6 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from statistics import median
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -379,12 +378,12 @@ def test_no_bytes_on_a_line_stop_the_slave(noise: list[bytes]) -> None:
 
 
 async def time_of_a_poll(end: Wire, polls: int) -> float:
-    """Median time between the answers of a master that asks again at once [s]."""
+    """Time between the answers of a master that asks again at once [s]: of all the lower quarter, for other work only adds to it."""
     marks = []
     for _ in range(polls + 1):
         assert await end.ask(FRAME, 55) == build_frame(1, ANSWER)
         marks.append(time.monotonic())
-    return median(later - sooner for sooner, later in pairwise(marks))
+    return sorted(later - sooner for sooner, later in pairwise(marks))[polls // 4]
 
 
 @pytest.mark.alone
@@ -394,6 +393,7 @@ async def test_the_line_is_as_fast_as_its_arithmetic(baud: int, count: int) -> N
         assert await time_of_a_poll(end, count) == pytest.approx(read_time(baud, 25), rel=0.1)
 
 
+@pytest.mark.alone
 async def test_the_turnaround_comes_on_top_of_the_wire_time() -> None:
     async with wire(Bus({1: FakeDevice()}, turnaround=0.03), baud=38400) as end:
         assert await time_of_a_poll(end, 9) == pytest.approx(read_time(38400, 25) + 0.03, rel=0.1)
