@@ -11,9 +11,10 @@ from app.errors import ConfigurationError
 from app.plant import expression, plc, types
 from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, SequenceDefinition, TableMap, Texts
 from app.plant.derive import order_problem
+from app.plant.sequences import FOLDER as SEQUENCES
 from app.plant.sequences import SequenceFiles
 from app.plant.sequences import options as definition_options
-from app.plant.tables import NONE, Plain, Source, Table, one_of, read_label
+from app.plant.tables import MISSING, NONE, Plain, Source, Table, one_of, read_label
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -272,7 +273,18 @@ class _PlantReader:
             if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
                 table.note("machine", name, "a machine that is simulated like its sequence, or real like it")
             self.equipment[id] = replace(item, machine=machine.id)
+        elif number <= 1 and item.link in links and links[item.link].simulated:
+            self._check_alone(item, table)
         self.sequences.check(item, machine)
+
+    def _check_alone(self, item: Equipment, table: Table) -> None:
+        """A simulated sequence without a machine: what only a machine could answer is a mistake, perhaps the machine was forgotten."""
+        if unread := self.sequences.unread_without_machine(item):
+            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+            expected = f"the id of an equipment: only its machine gives {unread[0]}{more} a meaning on a simulated link"
+            table.note(
+                "machine", MISSING, f"{expected}; else take them out of {SEQUENCES}/{table.data['definition']}.toml"
+            )
 
     def _instance(
         self,

@@ -30,8 +30,9 @@
     then = [{ within = 120, state = "done" }, { step = "lift", within = 30 }, { never = "collision == 1" },
             { first_out = "pressure_ok" }, { at = 20, expect = "horizontal > 100" }]
 
-Without a machine the device itself knows its permissives (a virtual one takes them from its training registers): `when` may be left
-out, the presets are the words, `word_0` (abort conditions) to `word_<steps>`.
+Without a machine the device itself knows its permissives (a virtual one takes them from its training registers), the presets are the words,
+`word_0` (abort conditions) to `word_<steps>`. Nobody here evaluates `when`, `value` and `actions` then: of a real PLC they say what its own
+program does, and are part of its check sum; on a simulated link they are a mistake.
 """
 
 import re
@@ -117,14 +118,22 @@ class SequenceFiles:
         return sorted(path.stem for path in self.folder.glob("*.toml") if re.fullmatch(NAME, path.stem))
 
     def read(self, name: str) -> SequenceDefinition | None:
-        """The definition `name`; None when its file has mistakes, which `problems` has then.
+        """The definition `name`, as far as it can be read when its file has mistakes, which `problems` has then; None when it has no step.
 
         The file must be there (`names`).
         """
         if name not in self._files:
             self._files[name] = self._read(name)
-        file = self._files[name]
-        return None if file.source.problems else file.definition
+        definition = self._files[name].definition
+        return definition if definition.steps else None
+
+    def unread_without_machine(self, item: Equipment) -> list[str]:
+        """Keys of the definition of `item` that have a meaning with a machine only: sentences, values, actions."""
+        file = self._files[item.sequence.name] if item.sequence else None
+        if file is None:
+            return []
+        asked = [(table, key) for table, key, text in (*file.signals, *file.values, *file.actions) if text]
+        return [".".join((*table.path, key)) for table, key in asked]
 
     def check(self, item: Equipment, machine: Equipment | None) -> None:
         """Note what the definition of `item` asks for that its machine, or its own type, does not have."""

@@ -1,5 +1,6 @@
 """A sequence is a file of the plant: what it says is read, every mistake in it is told, its texts come in the person's language."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,8 @@ from app.plant.types import MOST_STEPS
 from tests.plant.transport import PLANT, STROKE, TYPES, load, loaded, write_plant, write_types
 
 ALONE = PLANT.replace('machine = "p1"\n', "")
+OF_A_MACHINE = re.compile(r"^(when|value|actions) = .*\n", re.MULTILINE)
+"""Lines of a definition that nobody evaluates without a machine."""
 
 
 def sequence(folder: Path, plant: str = PLANT, **definitions: str) -> Equipment:
@@ -131,14 +134,41 @@ def test_repeated_sequences_have_repeated_machines(tmp_path: Path) -> None:
 
 def test_a_sequence_without_a_machine_needs_no_sentences(tmp_path: Path) -> None:
     plain = STROKE.partition("[[tests]]")[0].replace('when = "at_top == 1"\n', "")
-    item = sequence(tmp_path, ALONE, stroke=plain)
+    alone = OF_A_MACHINE.sub("", plain)
+    item = sequence(tmp_path, ALONE, stroke=alone)
     assert item.machine == "" and item.sequence and item.sequence.steps[0].permissives[0].when == ""
     problem = one(tmp_path, stroke=plain)
     assert (problem.key, problem.value) == ("steps.0.permissives.0.when", "missing")
     assert problem.expected == "a sentence over points of p1 that says when it is there"
-    words = plain + '[[tests]]\nname = "a"\ngiven = { word_2 = 0xFFFF }\nthen = [{ at = 1, expect = "state == 0" }]\n'
+    words = alone + '[[tests]]\nname = "a"\ngiven = { word_2 = 0xFFFF }\nthen = [{ at = 1, expect = "state == 0" }]\n'
     assert sequence(tmp_path, ALONE, stroke=words).sequence
     assert "word_0, word_1, word_2" in one(tmp_path, ALONE, stroke=words.replace("word_2", "word_3")).expected
+
+
+def test_a_forgotten_machine_is_told_where_nobody_else_evaluates_the_sentences(tmp_path: Path) -> None:
+    plain = STROKE.partition("[[tests]]")[0]
+    found = one(tmp_path, ALONE, stroke=plain)
+    assert (found.file, found.key, found.value) == ("plant.toml", "equipment.seq1.machine", "missing")
+    assert found.expected == (
+        "the id of an equipment: only its machine gives steps.0.permissives.3.when and 6 more a meaning on a simulated link; "
+        "else take them out of sequences/stroke.toml"
+    )
+    bare = OF_A_MACHINE.sub("", plain)
+    for line in ('actions = ["fly"]', '[steps.permissives.0]\nlabel = "A"\nvalue = "nix"'):
+        rest = f'[[steps]]\nkey = "rest"\nlabel = "Rest"\n{line}\n[abort.0]'
+        told = one(tmp_path, ALONE, stroke=bare.replace("[abort.0]", rest))
+        assert told.key == "equipment.seq1.machine" and " and " not in told.expected, told
+
+
+def test_of_a_real_plc_without_a_machine_the_sentences_say_what_its_program_does(tmp_path: Path) -> None:
+    plain = STROKE.partition("[[tests]]")[0]
+    real = ALONE.replace('type = "sequence"\nlink = "hall"', 'type = "sequence"\nlink = "real"')
+    real += '[links.real]\ntransport = "tcp"\nhost = "10.0.0.1"\n'
+    item = sequence(tmp_path, real, stroke=plain)
+    assert item.machine == "" and item.sequence and item.sequence.steps[0].permissives[1].when == "pressure > 80"
+    other = sequence(tmp_path, real, stroke=plain.replace("pressure > 80", "pressure > 90"))
+    assert item.options["program"] != other.options["program"], "they are part of the program's check sum"
+    assert one(tmp_path, real, stroke=plain.replace("pressure > 80", "pressure >")).key == "steps.0.permissives.3.when"
 
 
 def test_labels_come_in_the_language_of_the_person_or_with_its_mark(tmp_path: Path) -> None:
@@ -339,6 +369,34 @@ def test_a_mistake_in_a_definition_is_told(tmp_path: Path, old: str, new: str, k
     assert problems[0].expected.startswith(expected), problems[0]
     assert problems[0].line or key in ("sequence", "tests")
     assert len(problems) <= 2, "what follows from one mistake is not to hide it"
+
+
+def test_mistakes_of_every_kind_are_told_at_once(tmp_path: Path) -> None:
+    text = STROKE
+    for old, new in (
+        ("minimum = 1", "minimum = -1"),
+        ('["lower"]', '["fly"]'),
+        ("pressure > 80", "presure > 80"),
+        ('value = "pressure"', 'value = "presure"'),
+        ("pressure > 20", "pressure >"),
+        ('command = "start"', 'command = "stert"'),
+        ("coil = 1 }", "coil = 9 }"),
+        ("pressure > 300", "heat > 300"),
+    ):
+        text = changed(old, new, text)
+    _, problems = load(tmp_path, changed('label = "Stroke"', 'lable = "Stroke"', PLANT), stroke=text)
+    assert {(found.file.rpartition("/")[2], found.key) for found in problems} == {
+        ("plant.toml", "equipment.seq1.lable"),
+        ("stroke.toml", "steps.0.minimum"),
+        ("stroke.toml", "steps.0.actions.0"),
+        ("stroke.toml", "steps.0.permissives.3.when"),
+        ("stroke.toml", "steps.0.permissives.3.value"),
+        ("stroke.toml", "abort.0.when"),
+        ("stroke.toml", "tests.0.when.1.command"),
+        ("stroke.toml", "tests.0.given.coil"),
+        ("stroke.toml", "tests.0.then.2.never"),
+    }
+    assert len(problems) == 9
 
 
 def test_a_mistake_is_told_with_the_line_of_its_own_row(tmp_path: Path) -> None:
