@@ -25,6 +25,12 @@ def test_its_plant_file_is_read_and_is_the_preset_of_the_model(tmp_path: Path) -
     assert {key: options[key] for key in _data.type.presets["model"]} == dict(_data.type.presets["model"])
 
 
+def test_it_says_how_many_connections_are_opened() -> None:
+    (word,) = re.findall(r"^Up to (\w+) TCP connections", PAGE, re.MULTILINE)
+    assert ("none", "one", "two", "three", "four", "five").index(word) == _data.type.device.connections
+    assert f"Pogon opens up to {word} and works with one" in PAGE
+
+
 def test_bytes_are_twice_the_registers_and_these_are_the_ones_of_the_map() -> None:
     rows = {
         int(register, 16): int(byte) for register, byte in re.findall(r"^\| 0x(\w{4}) \| (\d+) \|", PAGE, re.MULTILINE)
