@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 T      ?= tests
-JOBS   ?= 6
+JOBS   ?= 4
 BROWSERS ?= 3
 export PATH := $(abspath $(BIN)):$(PATH)
 # What Python has compiled is kept, or each of the hundreds of processes of the tests would do it again.

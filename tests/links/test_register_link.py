@@ -109,6 +109,7 @@ async def test_new_handles_after_a_change_of_the_plant_get_their_values() -> Non
 # what is scanned when
 
 
+@pytest.mark.alone
 async def test_slow_points_are_read_slower_and_once_points_once() -> None:
     device = RegisterDevice({n: n for n in range(400)})
     points = [point("m", "fast", 0), point("m", "slow", 200, Scan.SLOW), point("m", "once", 399, Scan.ONCE)]
@@ -146,6 +147,7 @@ async def test_a_point_of_a_page_is_read_once_and_then_only_while_somebody_looks
         line.link.release("page 2")
 
 
+@pytest.mark.alone
 async def test_scans_keep_their_period_without_drift() -> None:
     device = RegisterDevice({0: 0})
     equipment = row("m", 1, 1, Device(timeout=0.1, fast=0.05))
@@ -159,6 +161,7 @@ async def test_scans_keep_their_period_without_drift() -> None:
         assert line.link.statistics.bus_share == pytest.approx(0.2, abs=0.1)
 
 
+@pytest.mark.alone
 async def test_a_line_that_is_too_short_counts_late_scans_and_forgets_nobody() -> None:
     device = RegisterDevice({n: 0 for n in range(400)})
     points = [point("m", "fast", 0), point("m", "slow", 200, Scan.SLOW)]
@@ -390,6 +393,7 @@ async def test_a_server_that_accepts_and_never_answers_is_down_and_told_once(cap
     assert told == ["link up link=hall", "link down link=hall", "link up link=hall"]
 
 
+@pytest.mark.alone
 async def test_several_connections_give_a_thousand_registers_in_100_ms_from_a_device_that_needs_20() -> None:
     device = RegisterDevice({n: n for n in range(1000)})
     server = await serving(Bus({1: device}, turnaround=0.02))
@@ -508,6 +512,7 @@ async def test_training_registers_of_another_make_are_a_configuration_error() ->
     await server.close()
 
 
+@pytest.mark.alone
 async def test_a_write_waits_for_the_telegram_on_the_wire_and_no_longer() -> None:
     device = RegisterDevice({n: 0 for n in range(600)})
     points = [point("m", f"v{n}", n) for n in range(0, 600, 5)] + [point("m", "command", 599, writable=True)]

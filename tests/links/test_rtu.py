@@ -66,6 +66,7 @@ async def best_rate(transport: RtuTransport, count: int, polls: int, enough: flo
     return best
 
 
+@pytest.mark.alone
 async def test_a_line_of_9600_baud_carries_95_percent_of_what_arithmetic_allows() -> None:
     async with (
         paced(Bus({1: RegisterDevice({n: n for n in range(25)})}), 9600) as line,
@@ -76,6 +77,7 @@ async def test_a_line_of_9600_baud_carries_95_percent_of_what_arithmetic_allows(
         assert 0.95 * limit <= await best_rate(t, 25, 12, 0.95 * limit) <= limit * 1.001
 
 
+@pytest.mark.alone
 async def test_a_faster_line_is_as_fast_as_its_milliseconds_allow() -> None:
     async with (
         paced(Bus({1: RegisterDevice({n: n for n in range(25)})}), 38400) as line,
