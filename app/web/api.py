@@ -26,6 +26,7 @@ from app.historian.passage_query import Passage, Step
 from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
+from app.web.event_list import in_order
 from app.web.guard import address_of, allow, person_of
 from app.web.history import read
 from app.web.language import language_of
@@ -448,11 +449,13 @@ async def products(
     runtime = runtime_of(request)
     if outcome not in ("", *passage_query.OUTCOMES) or any(one and one.tzinfo is None for one in (begin, end)):
         raise HTTPException(422)
+    since, until = (to_micros(one) if one else None for one in (begin, end))
+    in_order(since, until)
     entered, _, number = before.partition("-")
     wanted = passage_query.Wanted(
         equipment,
-        to_micros(begin) if begin else None,
-        to_micros(end) if end else None,
+        since,
+        until,
         product,
         outcome,
         correction,
@@ -491,11 +494,13 @@ async def runs(
     runtime, lang = runtime_of(request), language_of(request)
     if outcome not in ("", *run_query.OUTCOMES) or any(one and one.tzinfo is None for one in (begin, end)):
         raise HTTPException(422)
+    since, until = (to_micros(one) if one else None for one in (begin, end))
+    in_order(since, until)
     started, _, number = before.partition("-")
     wanted = run_query.Wanted(
         equipment,
-        to_micros(begin) if begin else None,
-        to_micros(end) if end else None,
+        since,
+        until,
         outcome,
         first_out,
         longer,

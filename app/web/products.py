@@ -1,6 +1,6 @@
 """What became of each product: the list of passages with its filter, the steps of one, CSV."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import urlencode
 
@@ -18,7 +18,7 @@ from app.historian.passage_query import ANY_ALARM, OUTCOMES, Passage, Step, Want
 from app.historian.passages import Code, Outcome
 from app.plant.definitions import Equipment
 from app.web import format as fmt
-from app.web.audit import read_time
+from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
 from app.web.history import MOST_EXPORTS, Download, exports_of, read
 from app.web.language import language_of
@@ -54,26 +54,33 @@ AT_SENSOR = frozenset((Code.ARRIVED, Code.HEAD, Code.TAIL, Code.TOLERANCE, Code.
 @router.get("/products", dependencies=[allow("view")], name="products")
 async def products(request: Request) -> Response:
     """The list of passages, newest first: of all machines, or of one."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
     view, runtime = view_of(request), view_of(request).runtime(request)
+    try:
+        found = await _list(request, typed, _wanted(request, typed))
+    except Refused as refusal:
+        if refusal.reason != RANGE:
+            raise
+        found = {"problem": view.text(request, RANGE), "export_url": ""}
     item = runtime.plant.equipment.get(typed["equipment"]) if runtime.plant else None
     return view.page(
         request,
         "pages/products.html",
+        status=422 if "problem" in found else 200,
         title=view.text(request, "products.title"),
         kind="products",
         area=item.area if item else "",
         up=f"/equipment/{item.id}" if item else "/",
         chip=item.id if item else "",
-        **_tools(request, typed),
-        **await _list(request, typed, wanted),
+        **(_tools(request, typed) | found),
     )
 
 
 @router.get("/products/list", dependencies=[allow("view")])
 async def rows(request: Request) -> Response:
     """The rows alone, after a change."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
+    wanted = _wanted(request, typed)
     return view_of(request).fragment(request, "fragments/product_rows.html", **await _list(request, typed, wanted))
 
 
@@ -101,7 +108,8 @@ async def detail(request: Request, number: int) -> Response:
 @router.get("/products/export.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
     """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
+    wanted = _wanted(request, typed)
     runtime, person, lang = view_of(request).runtime(request), person_of(request), language_of(request)
     locale = request.query_params.get("locale", "") or lang
     if locale not in FORMATS:
@@ -113,7 +121,7 @@ async def export(request: Request) -> Response:
     plant = runtime.plant
     made = PassageExport(
         PassageWish(
-            _without_page(wanted),
+            replace(wanted, before=None),
             zone_of(request),
             locale,
             bom=request.query_params.get("bom", "") in ("1", "on"),
@@ -138,42 +146,36 @@ async def export(request: Request) -> Response:
 @router.get("/products/export/size", dependencies=[allow("export")])
 async def size(request: Request) -> Response:
     """How many rows an export would have, and the limit."""
-    _, wanted = _wanted(request)
+    wanted = _wanted(request, _typed(request))
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
-    found = await read(runtime, lambda connection: query.count(connection, _without_page(wanted), limit or 10**9))
+    found = await read(
+        runtime, lambda connection: query.count(connection, replace(wanted, before=None), limit or 10**9)
+    )
     return Response(orjson.dumps({"rows": found, "limit": limit}), media_type="application/json")
 
 
 # ---- the filter -------------------------------------------------------------------------------------------
 
 
-def _wanted(request: Request) -> tuple[dict[str, str], Wanted]:
-    """What the address asks for, as typed and as understood.
+def _typed(request: Request) -> dict[str, str]:
+    return fields(request, NAMES, 80)
+
+
+def _wanted(request: Request, typed: dict[str, str]) -> Wanted:
+    """What the address asks for, as understood.
 
     Raises:
-        Refused: 422, a field is there twice, is none of its choices or cannot be read.
+        Refused: 422, a field is none of its choices or cannot be read, or the end is not after the beginning.
     """
-    given = request.query_params
-    for name in NAMES:
-        if len(given.getlist(name)) > 1:
-            raise Refused("access.form_field", 422, field=name)
-    typed = {name: given.get(name, "").strip()[:80] for name in NAMES}
     if typed["outcome"] not in ("", *OUTCOMES):
         raise Refused("access.form_field", 422, field="outcome")
     product = _whole(typed["product"].removeprefix("#"), "product", 2**32)
     if typed["alarm"] != ANY_ALARM:
         _whole(typed["alarm"], "alarm", 2**16)
-    return typed, Wanted(
-        equipment=typed["equipment"],
-        begin=read_time(request, typed["since"], "since"),
-        end=read_time(request, typed["until"], "until"),
-        product=product,
-        outcome=typed["outcome"],
-        correction=_millimetres(typed["correction"]),
-        alarm=typed["alarm"],
-        before=_page(typed["before"]),
-    )
+    correction, before = amount(typed["correction"], "correction", 1e6), place(typed["before"])
+    begin, end = span(request, typed)
+    return Wanted(typed["equipment"], begin, end, product, typed["outcome"], correction, typed["alarm"], before)
 
 
 def _whole(text: str, field: str, limit: int) -> int | None:
@@ -182,38 +184,6 @@ def _whole(text: str, field: str, limit: int) -> int | None:
     if not (text.isascii() and text.isdecimal() and len(text) <= 10 and int(text) < limit):
         raise Refused("access.form_field", 422, field=field)
     return int(text)
-
-
-def _millimetres(text: str) -> float | None:
-    """A distance with the sign of either language."""
-    if not text:
-        return None
-    try:
-        value = float(text.replace(",", ".")) if len(text) <= 12 and text.isascii() else -1.0
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < 1e6:
-        raise Refused("access.form_field", 422, field="correction")
-    return value
-
-
-def _page(text: str) -> tuple[int, int] | None:
-    if not text:
-        return None
-    entered, _, number = text.partition("-")
-    if not all(one.isascii() and one.isdecimal() and len(one) <= 18 for one in (entered, number)):
-        raise Refused("access.form_field", 422, field="before")
-    return int(entered), int(number)
-
-
-def _without_page(wanted: Wanted) -> Wanted:
-    return Wanted(
-        wanted.equipment, wanted.begin, wanted.end, wanted.product, wanted.outcome, wanted.correction, wanted.alarm
-    )
-
-
-def _query(typed: dict[str, str]) -> dict[str, str]:
-    return {name: value for name, value in typed.items() if value and name != "before"}
 
 
 def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
@@ -229,7 +199,7 @@ def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
                 for alarm in item.alarms
                 if alarm.event and _of_product(alarm.event)
             }
-    chosen = _query(typed)
+    chosen = set_filters(typed)
     link = urlencode(chosen | {"locale": lang, "bom": "1"})
     return {
         "typed": typed,
@@ -257,12 +227,12 @@ def _of_product(code: int) -> bool:
 
 async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
     runtime = view_of(request).runtime(request)
-    chosen = _query(typed)
+    chosen = set_filters(typed)
 
     def work(connection: Connection) -> tuple[list[Passage], int, int]:
         return (
             query.find(connection, wanted, PAGE + 1),
-            query.count(connection, _without_page(wanted), MOST_COUNTED + 1),
+            query.count(connection, replace(wanted, before=None), MOST_COUNTED + 1),
             query.lost(connection, wanted.equipment, wanted.begin, wanted.end),
         )
 

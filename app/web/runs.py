@@ -33,7 +33,7 @@ from app.historian.run_query import (
 from app.historian.runs import Outcome
 from app.plant.definitions import Equipment
 from app.web import format as fmt
-from app.web.audit import read_time
+from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
 from app.web.history import MOST_EXPORTS, Download, exports_of, read
 from app.web.language import language_of
@@ -56,26 +56,33 @@ GLYPHS: Mapping[str, str] = {"done": "i-check", "aborted": "i-cross", "timed_out
 @router.get("/runs", dependencies=[allow("view")], name="runs")
 async def runs(request: Request) -> Response:
     """The list of runs, newest first: of all sequences, or of one; or the times of the steps in these runs."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
     view, runtime = view_of(request), view_of(request).runtime(request)
+    try:
+        found = await _main(request, typed, _wanted(request, typed))
+    except Refused as refusal:
+        if refusal.reason != RANGE:
+            raise
+        found = {"problem": view.text(request, RANGE), "export_url": ""}
     item = runtime.plant.equipment.get(typed["equipment"]) if runtime.plant else None
     return view.page(
         request,
         "pages/runs.html",
+        status=422 if "problem" in found else 200,
         title=view.text(request, "runs.title"),
         kind="runs",
         area=item.area if item else "",
         up=f"/equipment/{item.id}" if item else "/",
         chip=item.id if item else "",
-        **await _tools(request, typed),
-        **await _main(request, typed, wanted),
+        **(await _tools(request, typed) | found),
     )
 
 
 @router.get("/runs/list", dependencies=[allow("view")])
 async def rows(request: Request) -> Response:
     """The rows, or the times, alone, after a change."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
+    wanted = _wanted(request, typed)
     template = "fragments/run_times.html" if typed["view"] == TIMES else "fragments/run_rows.html"
     return view_of(request).fragment(request, template, **await _main(request, typed, wanted))
 
@@ -111,7 +118,8 @@ async def detail(request: Request, number: int) -> Response:
 @router.get("/runs/export.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
     """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
-    typed, wanted = _wanted(request)
+    typed = _typed(request)
+    wanted = _wanted(request, typed)
     runtime, person, lang = view_of(request).runtime(request), person_of(request), language_of(request)
     locale = request.query_params.get("locale", "") or lang
     if locale not in FORMATS:
@@ -119,7 +127,7 @@ async def export(request: Request) -> Response:
     exports = exports_of(request.app)
     if len(exports) >= MOST_EXPORTS:
         raise Refused("history.busy", 503, n=MOST_EXPORTS)
-    filters = "; ".join(f"{name}={value}" for name, value in _query(typed).items() if name != "view")
+    filters = "; ".join(f"{name}={value}" for name, value in set_filters(typed).items() if name != "view")
     plant = runtime.plant
     said = words(runtime.texts, locale)
     wish = RunWish(
@@ -147,7 +155,7 @@ async def export(request: Request) -> Response:
 @router.get("/runs/export/size", dependencies=[allow("export")])
 async def size(request: Request) -> Response:
     """How many rows an export would have, and the limit."""
-    _, wanted = _wanted(request)
+    wanted = _wanted(request, _typed(request))
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
     whole = replace(wanted, before=None)
@@ -158,56 +166,24 @@ async def size(request: Request) -> Response:
 # ---- the filter -------------------------------------------------------------------------------------------
 
 
-def _wanted(request: Request) -> tuple[dict[str, str], Wanted]:
-    """What the address asks for, as typed and as understood.
+def _typed(request: Request) -> dict[str, str]:
+    return fields(request, NAMES, 120)
+
+
+def _wanted(request: Request, typed: dict[str, str]) -> Wanted:
+    """What the address asks for, as understood.
 
     Raises:
-        Refused: 422, a field is there twice, is none of its choices or cannot be read.
+        Refused: 422, a field is none of its choices or cannot be read, or the end is not after the beginning.
     """
-    given = request.query_params
-    for name in NAMES:
-        if len(given.getlist(name)) > 1:
-            raise Refused("access.form_field", 422, field=name)
-    typed = {name: given.get(name, "").strip()[:120] for name in NAMES}
     for name, choices in (("outcome", OUTCOMES), ("forced", ("1",)), ("view", (TIMES,))):
         if typed[name] not in ("", *choices):
             raise Refused("access.form_field", 422, field=name)
-    return typed, Wanted(
-        equipment=typed["equipment"],
-        begin=read_time(request, typed["since"], "since"),
-        end=read_time(request, typed["until"], "until"),
-        outcome=typed["outcome"],
-        first_out=typed["first_out"],
-        longer=_seconds(typed["longer"]),
-        forced=bool(typed["forced"]),
-        before=_page(typed["before"]),
+    longer, before = amount(typed["longer"], "longer", 1e7), place(typed["before"])
+    begin, end = span(request, typed)
+    return Wanted(
+        typed["equipment"], begin, end, typed["outcome"], typed["first_out"], longer, bool(typed["forced"]), before
     )
-
-
-def _seconds(text: str) -> float | None:
-    """A time with the decimal sign of either language."""
-    if not text:
-        return None
-    try:
-        value = float(text.replace(",", ".")) if len(text) <= 12 and text.isascii() else -1.0
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < 1e7:
-        raise Refused("access.form_field", 422, field="longer")
-    return value
-
-
-def _page(text: str) -> tuple[int, int] | None:
-    if not text:
-        return None
-    started, _, number = text.partition("-")
-    if not all(one.isascii() and one.isdecimal() and len(one) <= 18 for one in (started, number)):
-        raise Refused("access.form_field", 422, field="before")
-    return int(started), int(number)
-
-
-def _query(typed: dict[str, str]) -> dict[str, str]:
-    return {name: value for name, value in typed.items() if value and name != "before"}
 
 
 def _url(chosen: Mapping[str, str], path: str = "/runs") -> str:
@@ -228,7 +204,7 @@ async def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
     keys: dict[str, str] = {run.first_out: draw.permissive(run, known[run.definition], step=True) for run in fallen}
     if typed["first_out"] not in ("", ANY):
         keys.setdefault(typed["first_out"], typed["first_out"])
-    chosen = _query(typed)
+    chosen = set_filters(typed)
     link = {name: value for name, value in chosen.items() if name != "view"} | {"locale": lang, "bom": "1"}
     others = {name: value for name, value in chosen.items() if name != "view"}
     only = {"equipment": typed["equipment"]} if typed["equipment"] else {}
@@ -256,7 +232,7 @@ async def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
 async def _main(request: Request, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
     """The list, or the times per step, as the address asks."""
     draw, runtime = _Words(request), view_of(request).runtime(request)
-    whole, chosen = replace(wanted, before=None), _query(typed)
+    whole, chosen = replace(wanted, before=None), set_filters(typed)
     source = _url({name: value for name, value in typed.items() if value}, "/runs/list")
     common = {"list_url": source, "live": not typed["before"], "several": not typed["equipment"]}
     if typed["view"] == TIMES:

@@ -210,3 +210,23 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
     monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
     get(staff, "/products", 503)
     get(staff, "/api/v1/products", 503)
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+@pytest.mark.parametrize("path", ["/products", "/runs"])
+def test_an_end_before_the_beginning_is_named_and_what_was_typed_stays(staff: Staff, path: str, lang: str) -> None:
+    staff.enter("ivo", "operator")
+    staff.client.cookies.set("pogon_lang", lang)
+    turned = {"since": "2026-03-10T00:00", "until": "2026-03-09T00:00", "equipment": "c1"}
+    page = get(staff, path, 422, **turned).text
+    said = runtime_of(staff.client).texts.text(lang, "history.range")
+    assert re.search(rf'role="alert">.*<p>{re.escape(said)}</p>', page)
+    assert 'name="since" type="datetime-local" value="2026-03-10T00:00"' in page
+    assert 'name="until" type="datetime-local" value="2026-03-09T00:00"' in page
+    assert "export.csv" not in page and 'id="event-list"' not in page
+    same = {"since": "2026-03-09T00:00", "until": "2026-03-09T00:00"}
+    get(staff, path, 422, **same)
+    for part in ("list", "export.csv", "export/size"):
+        assert said in get(staff, f"{path}/{part}", 422, **turned).text
+    get(staff, f"/api/v1{path}", 422, from_="2026-03-10T00:00:00Z", to="2026-03-09T00:00:00Z")
+    staff.client.cookies.delete("pogon_lang")
