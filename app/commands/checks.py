@@ -73,9 +73,12 @@ class Checks:
         if prepared.command.stop:
             return reasons
         look, age = self.look(machine), self.age(machine)
-        for found in interlocks.stale(machine.item, machine.link, prepared.used, look, age):
-            silent = reason(look(str(found.params["point"]).partition(".")[2])[1]) is Why.COMM_FAILURE
-            reasons.append((found, 503 if silent else 409))
+        stale = interlocks.stale(machine.item, machine.link, prepared.used, look, age)
+        silent = [found for found in stale if reason(look(_key(found))[1]) is Why.COMM_FAILURE]
+        if silent:
+            # whoever operates does not want to hear it of each value
+            reasons.append((Reason("why.no_communication", {"point": silent[0].params["point"]}), 503))
+        reasons += [(found, 409) for found in stale if found not in silent]
         reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.interlocks, look, age=age)]
@@ -338,6 +341,11 @@ class Checks:
             found = {key: known[prefix + key] for key in machine.item.points if prefix + key in known}
             machine.handles = self._tags.revision, found
         return found
+
+
+def _key(stale: Reason) -> str:
+    """Of the point that a reason is about."""
+    return str(stale.params["point"]).partition(".")[2]
 
 
 def is_pulse(machine: Machine, prepared: Prepared) -> bool:

@@ -331,7 +331,7 @@ async def test_limits_that_are_not_known_let_nothing_through() -> None:
     stand.bad.add("k1")
     await stand.pass_time(0.2)
     refused = await refusal(stand, GIVEN)
-    assert refused.reason == "why.bad_value"
+    assert refused.reason == "why.no_communication"
     assert stand.plc.orders == []
 
 

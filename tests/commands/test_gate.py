@@ -329,8 +329,13 @@ async def test_bad_values_and_old_values_refuse_every_command_but_stop() -> None
             await stand.pass_time(2.1)
         for command in ("forward", "reverse", "reset", "set_frequency"):
             refused = await refusal(stand, ANA, command, argument=41.0 if command == "set_frequency" else None)
-            assert refused.reason == ("why.bad_value" if trouble == "bad" else "why.old_value"), command
+            assert refused.reason == ("why.no_communication" if trouble == "bad" else "why.old_value"), command
             assert refused.status == (503 if trouble == "bad" else 409)
+        if trouble == "bad":
+            keys = [reason.key for reason in stand.gate.why_not(ANA, "m1", "forward")]
+            assert keys.count("why.no_communication") == 1 and "why.bad_value" not in keys, (
+                "said once, not of each value"
+            )
         assert stand.link.writes == []
         await stand.ask(ANA, "stop")
         assert stand.link.sent() == [("command", 3.0)]
