@@ -16,7 +16,7 @@ from app.commands.gate import Gate
 from app.commands.interlocks import Reason
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
-from app.plant.definitions import Condition, Equipment
+from app.plant.definitions import Argument, Condition, Equipment
 from app.web import format as fmt
 from app.web.points import CommandView, EquipmentView, PointView
 
@@ -285,15 +285,36 @@ class Operation:
         return text if named in text else f"{named}: {text}"
 
     def told(self, progress: Progress) -> str:
-        """The arguments of a command in words: Product 5, Head 100.5 mm."""
+        """The arguments of a command in words: Product 5, Head 100.5 mm; a permissive by its name."""
         command = self.equipment.equipment.type.commands.get(progress.command)
+        given = progress.arguments
         parts = []
+        bit = self._permissive(given)
+        if bit:
+            parts.append(bit)
         for argument in command.arguments if command else ():
-            if argument.name in progress.arguments:
-                value = fmt.number(progress.arguments[argument.name], argument.decimals, self.equipment.lang)
-                unit = fmt.unit_symbol(argument.unit, self.equipment.text)
-                parts.append(f"{self.equipment.t(argument.label)} {value}\u00a0{unit}".rstrip())
+            if argument.name in given and not (bit and argument.name in ("step", "bit")):
+                value = self._amount(float(given[argument.name]), argument)
+                parts.append(f"{self.equipment.t(argument.label)} {value}")
         return ", ".join(parts)
+
+    def _permissive(self, given: Mapping[str, float]) -> str:
+        """The permissive of a sequence that `step` and `bit` mean, by its name; empty when they mean none."""
+        definition = self.equipment.equipment.sequence
+        if definition is None or not {"step", "bit"} <= given.keys():
+            return ""
+        step, bit = int(given["step"]), int(given["bit"])
+        named = definition.permissive(step, bit)
+        text = self.equipment.text
+        label = self.equipment.words(named.label) if named else text("sequence.bit", n=bit)
+        return f"{label} ({text('sequence.bit_of', step=step, bit=bit) if step else text('sequence.abort')})"
+
+    def _amount(self, value: float, argument: Argument) -> str:
+        """An argument with its unit; whole minutes as minutes and hours."""
+        lang = self.equipment.lang
+        if argument.unit == "s" and 60 <= value < 86400 and value % 60 == 0:
+            return fmt.duration(value, lang)
+        return fmt.quantity(value, argument.decimals, fmt.unit_symbol(argument.unit, self.equipment.text), lang)
 
     @cached_property
     def story(self) -> Story | None:

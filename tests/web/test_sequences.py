@@ -11,8 +11,8 @@ from app.web.points import EquipmentView
 from app.web.sequences import SequenceView, sequence_of, sequences_for
 from tests import coil_plant
 from tests.web.conftest import _running
-from tests.web.operating import Operator, runtime_of, until
-from tests.web.people import Staff
+from tests.web.operating import Operator, line_of, runtime_of, until, words
+from tests.web.people import PASSWORD, Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
 PAGES = ("/equipment/seq1", "/equipment/seq2", "/equipment/cc1", "/forces", "/")
@@ -122,6 +122,43 @@ def test_a_force_is_asked_for_by_name_with_password_and_no_longer_than_allowed(
     assert wrong.status_code == 401
     assert runtime_of(plant).tags.sample("seq2.forces").value == 0
     engineer.post("/equipment/seq2/token/release")
+
+
+def test_a_force_is_told_by_the_name_of_its_permissive_and_in_hours(plant: TestClient, engineer: Operator) -> None:
+    view = sequence(plant, "seq1")
+    bit = next(
+        bit
+        for bit in range(16)
+        if (view.word(3, "forceable") or 0) >> bit & 1 and view.definition.permissive(3, bit) is not None
+    )
+    engineer.take("seq1")
+    try:
+        given = {"arg_step": "3", "arg_bit": str(bit), "reason": "test", "confirmed": "1", "password": PASSWORD}
+        said = line_of(engineer.press("/equipment/seq1/command/force", arg_duration="7200", **given))
+        assert f"({view.label(3, bit)} (step 3, bit {bit}), Duration 2 h 00 min)" in said
+        assert until(lambda: runtime_of(plant).tags.sample("seq1.forces").value == 1)
+        said = line_of(engineer.press("/equipment/seq1/command/release", arg_step="3", arg_bit=str(bit), confirmed="1"))
+        assert f"({view.label(3, bit)} (step 3, bit {bit}))" in said
+        assert until(lambda: runtime_of(plant).tags.sample("seq1.forces").value == 0)
+    finally:
+        engineer.post("/equipment/seq1/token/release")
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_what_nobody_knows_is_not_said_to_be_nothing(plant: TestClient, engineer: Operator, lang: str) -> None:
+    engineer.language = lang
+    texts = runtime_of(plant).texts
+    nothing, unknown = (texts.text(lang, f"sequence.{key}") for key in ("no_first", "first_unknown"))
+    first = lambda: words(engineer.get("/equipment/seq2/part/first").text)  # noqa: E731
+    assert nothing in first()
+    engineer.post("/instructor/seq2/line", mode="1")
+    try:
+        assert until(lambda: sequence(plant, "seq2").value("first_out_cause") is None, 20)
+        assert unknown in first() and nothing not in first()
+    finally:
+        engineer.post("/instructor/seq2/line", mode="0")
+    assert until(lambda: nothing in first(), 20)
+    assert unknown not in first()
 
 
 def test_the_dialog_of_times_says_what_is_there(plant: TestClient, engineer: Operator) -> None:
