@@ -149,9 +149,24 @@ function open() {
     opened = performance.now();
     here.send(JSON.stringify({ subscribe: page.kind, rev: +page.rev }));
   };
-  here.onmessage = ({ data }) => receive(JSON.parse(data));
-  here.onclose = here.onerror = () => socket === here && drop();
+  let refused = "";
+  here.onmessage = ({ data }) => {
+    const message = JSON.parse(data);
+    if (message.error) gone((refused = message.error) === "unknown_kind");
+    else receive(message);
+  };
+  here.onclose = here.onerror = () => {
+    if (socket !== here) return;
+    if (!refused) gone(false);
+    drop();
+  };
   retry = setTimeout(() => socket === here && here.readyState !== WebSocket.OPEN && drop(), 4000);
+}
+
+/** The server knows this page no more: its machine was taken out of the plant. It is asked for further on, it may come back. */
+function gone(is) {
+  if (is) connection("offline");
+  body.toggleAttribute("data-gone", is && document.querySelector(".off-gone") !== null);
 }
 
 function receive(message) {
@@ -182,6 +197,7 @@ function receive(message) {
 }
 
 function welcome(hello) {
+  gone(false);
   rev = hello.rev;
   fresh = false;
   byHandle = new Map();
