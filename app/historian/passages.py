@@ -149,6 +149,9 @@ def _put(connection: Connection, equipment: str, event: RingEvent, alarms: Colle
     match event.code:
         case Code.IDENTIFIED if math.isfinite(event.value):
             connection.exec_driver_sql("UPDATE passage SET length = ? WHERE id = ?", (event.value, number))
+        case Code.INSERTED | Code.EDITED if math.isfinite(said.value) and said.value > 0:
+            # the person's measure, where the device passes it on; 0 where it does not
+            connection.exec_driver_sql("UPDATE passage SET length = ? WHERE id = ?", (said.value, number))
         case Code.HEAD | Code.TAIL:
             _found(connection, number)
             if math.isfinite(event.value):

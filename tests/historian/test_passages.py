@@ -162,6 +162,21 @@ async def test_who_was_inserted_in_front_says_nothing_about_those_behind(kept: P
     assert {one.product: one.outcome for one in ask(history)} == {1: "open", 2: "unloaded"}
 
 
+async def test_the_length_that_a_person_gives_is_that_of_the_passage(kept: Passages, history: Database) -> None:
+    ring = Ring()
+    ring.tell(8, 1, value=100.0, other=20.0)
+    ring.tell(1, 2)
+    ring.tell(2, 2, value=30.5)
+    ring.tell(7, 2, value=140.0, other=28.0)
+    ring.tell(8, 3, value=300.0)
+    ring.tell(8, 4, value=400.0, other=0.0)
+    ring.tell(8, 5, value=500.0, other=25.0)
+    ring.tell(7, 5, value=510.0, other=0.0)
+    await kept.take("c1", ring.drain())
+    lengths = {one.product: one.length for one in ask(history)}
+    assert lengths == {1: 20.0, 2: 28.0, 3: None, 4: None, 5: 25.0}, "a device that passes no length on changes none"
+
+
 async def test_a_lost_product_that_is_deleted_stays_lost_and_says_so(kept: Passages, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
