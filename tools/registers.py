@@ -45,9 +45,9 @@ RULES = """\
 Addresses are 0-based holding registers. Functions 03, 06, 16 (23 optional). Bytes big-endian, high word first; bits from 0. NaN and 0x8000
 mean "no value". What has no row here answers exception 02.
 
-An image begins with a generation (word 0) and ends with the same one; a table row carries it behind its id (word 2) and at its end. Even, and
-equal at both places, or it was being changed and is read again. The device swaps an image between two scans. A telegram never cuts an image
-or a row."""
+An image begins with a generation (word 0) and ends with the same one; a table row carries it behind its id (word 2) and at its end. Even,
+and equal at both places, or it was being changed and is read again. The device swaps an image between two scans. A telegram never cuts an
+image or a row."""
 
 COMMAND = """\
 One write (16) of {words} words; nothing less is taken.
