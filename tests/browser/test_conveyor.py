@@ -281,3 +281,37 @@ def test_the_screen_can_be_read_by_everybody(sit: Sit, server: PogonServer, them
     found = page.evaluate("axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] })")
     told = [(fault["id"], [node["html"][:160] for node in fault["nodes"]][:3]) for fault in found["violations"]]
     assert not told
+
+
+LONGEST = """() => {
+    for (const one of document.querySelectorAll("[data-tag]")) one.removeAttribute("data-tag");
+    const gap = document.querySelector(".c-stat .grow2");
+    for (const one of gap.querySelectorAll("[data-show]")) one.hidden = ["0,1", ">0.05,bad"].includes(one.dataset.show);
+    const put = (place, text) => document.querySelectorAll(place).forEach(one => { one.textContent = text; });
+    put(".c-stat .val b", "123456");
+    put(".c-counts dd", "12 345");
+}"""
+"""Shows the longest that the facts can become, with nothing closing; nothing is written after it."""
+OVERLAPS = """() => {
+    const boxes = [...document.querySelectorAll(".c-stat > *")].filter(one => one.offsetWidth).map(one => {
+        const shown = [...one.querySelectorAll("*")].filter(part => part.offsetWidth && !part.closest(".lab .push"));
+        const ends = shown.map(part => part.getBoundingClientRect());
+        const own = one.getBoundingClientRect();
+        return [own.left, Math.max(own.right, ...ends.map(end => end.right)), own.top];
+    });
+    const panel = document.querySelector(".c-facts").getBoundingClientRect();
+    return boxes.filter(([, right], at) => right > panel.right + 0.5
+        || boxes.some(([left, , top], other) => other > at && top === boxes[at][2] && left < right)).length;
+}"""
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_facts_never_run_into_each_other(sit: Sit, lang: str) -> None:
+    page = sit(lang=lang)
+    page.evaluate(LONGEST)
+    for size in ((1280, 800), (1024, 768), (800, 480), (390, 844)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.wait_for_timeout(300)
+        assert page.evaluate(OVERLAPS) == 0, size
+        closing = page.locator(".c-stat .lab .push").first
+        assert closing.evaluate("one => one.getBoundingClientRect().width") > 40, "there is room to read it"
