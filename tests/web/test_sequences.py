@@ -149,7 +149,10 @@ def test_what_nobody_knows_is_not_said_to_be_nothing(plant: TestClient, engineer
     engineer.language = lang
     texts = runtime_of(plant).texts
     nothing, unknown = (texts.text(lang, f"sequence.{key}") for key in ("no_first", "first_unknown"))
-    first = lambda: words(engineer.get("/equipment/seq2/part/first").text)  # noqa: E731
+
+    def first() -> str:
+        return words(engineer.get("/equipment/seq2/part/first").text)
+
     assert nothing in first()
     engineer.post("/instructor/seq2/line", mode="1")
     try:
