@@ -34,8 +34,6 @@ DRAWN: Mapping[State, str] = {
 """`data-state` of a button; every other state is drawn as failed."""
 RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
 """What a browser may say of why it let go."""
-NUMBERS = frozenset({"value", "current", "expected", "min", "max", "asked", "a", "b", "old", "new"})
-"""Parameters of a reason that are values with the reason's unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,24 +244,14 @@ class Operation:
         own = self.equipment.equipment.type.texts.get(self.equipment.lang, {})
         if key in own:
             return own[key]
-        return self.equipment.text(key, **filled)
+        return self.equipment.text(key, **filled).rstrip()
 
     def filled(self, params: Mapping[str, object], label: str = "") -> dict[str, object]:
         """`params` of a reason as they are written in this language."""
         text, lang = self.equipment.text, self.equipment.lang
-        result: dict[str, object] = dict(params)
-        unit = params.get("unit")
-        for name, value in params.items():
-            if name in NUMBERS and isinstance(value, int | float):
-                result[name] = fmt.number(value, fmt.shortest(value, 4), lang)
-            elif name in ("seconds", "limit") and isinstance(value, int | float):
-                result[name] = fmt.number(float(value), fmt.shortest(float(value), 1), lang)
-            elif name == "age" and isinstance(value, int | float):
-                result[name] = fmt.age(float(value))
-            elif name == "since" and isinstance(value, int):
-                result[name] = self.time(value)
-        if isinstance(unit, str):
-            result["unit"] = fmt.unit_symbol(unit, text)
+        result = fmt.parameters(params, lang, text)
+        if isinstance(since := params.get("since"), int):
+            result["since"] = self.time(since)
         wanted = label or params.get("label")
         result["label"] = self.equipment.t(str(wanted)) if wanted else self.equipment.label
         return result
@@ -307,7 +295,7 @@ class Operation:
         named = definition.permissive(step, bit)
         text = self.equipment.text
         label = self.equipment.words(named.label) if named else text("sequence.bit", n=bit)
-        return f"{label} ({text('sequence.bit_of', step=step, bit=bit) if step else text('sequence.abort')})"
+        return f"{text('sequence.in_step', n=step) if step else text('sequence.abort')} · {label}"
 
     def _amount(self, value: float, argument: Argument) -> str:
         """An argument with its unit; whole minutes as minutes and hours."""

@@ -91,9 +91,14 @@ def test_forces_of_two_sequences_are_counted_listed_and_taken_back(sit: Sit) -> 
         asked.click()
     expect(watched.locator(".fc")).to_contain_text("Nothing is forced", timeout=10_000)
     expect(page.locator(".f-force b")).to_have_text("0", timeout=5_000)
+    held = watched.locator(".fc-held")
+    expect(held).to_have_count(2, timeout=5_000)
     for machine in ("seq1", "seq2"):
-        watched.goto(f"{root}/equipment/{machine}")
-        let_go(watched)
+        held.filter(has_text=machine).locator("[data-token=release]").click()
+        expect(held.filter(has_text=machine)).to_have_count(0, timeout=5_000)
+        page.goto(f"{root}/equipment/{machine}")
+        expect(page.locator("[data-token=take]").first).to_be_visible()
+    expect(watched.locator(".fc")).to_contain_text("Nothing is forced")
 
 
 def test_an_administrator_changes_times_while_it_runs_and_says_why(sit: Sit) -> None:

@@ -135,10 +135,10 @@ def test_a_force_is_told_by_the_name_of_its_permissive_and_in_hours(plant: TestC
     try:
         given = {"arg_step": "3", "arg_bit": str(bit), "reason": "test", "confirmed": "1", "password": PASSWORD}
         said = line_of(engineer.press("/equipment/seq1/command/force", arg_duration="7200", **given))
-        assert f"({view.label(3, bit)} (step 3, bit {bit}), Duration 2 h 00 min)" in said
+        assert f"(step 3 · {view.label(3, bit)}, Duration 2 h 00 min)" in said
         assert until(lambda: runtime_of(plant).tags.sample("seq1.forces").value == 1)
         said = line_of(engineer.press("/equipment/seq1/command/release", arg_step="3", arg_bit=str(bit), confirmed="1"))
-        assert f"({view.label(3, bit)} (step 3, bit {bit}))" in said
+        assert f"(step 3 · {view.label(3, bit)})" in said
         assert until(lambda: runtime_of(plant).tags.sample("seq1.forces").value == 0)
     finally:
         engineer.post("/equipment/seq1/token/release")
