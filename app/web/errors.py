@@ -1,6 +1,7 @@
 """What a person reads when a request was not carried out: the page in their language, a line for htmx, JSON for programs."""
 
 import logging
+from functools import partial
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -8,6 +9,8 @@ from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from starlette.exceptions import HTTPException
 
 from app.errors import Refused
+from app.web import format as fmt
+from app.web.language import language_of
 from app.web.view import View
 
 log = logging.getLogger(__name__)
@@ -49,7 +52,7 @@ async def internal(request: Request, reference: str) -> Response:
 def answer(request: Request, status: int, key: str, reference: str = "", **params: object) -> Response:
     """The text `key` in the form that the asker can use."""
     view: View = request.app.state.view
-    text = view.text(request, key, **params)
+    text = view.text(request, key, **params).rstrip()
     if request.url.path.startswith("/api/"):
         more = {"reference": reference} if reference else {}
         more |= {"argument": str(params["argument"])} if "argument" in params else {}
@@ -84,7 +87,9 @@ async def _invalid(request: Request, error: Exception) -> Response:
 
 async def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, Refused)
-    return answer(request, error.status, error.reason, "", **error.params)
+    view: View = request.app.state.view
+    written = fmt.parameters(error.params, language_of(request), partial(view.text, request))
+    return answer(request, error.status, error.reason, "", **written)
 
 
 async def _broken_plant(request: Request, error: Exception) -> Response:

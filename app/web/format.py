@@ -5,7 +5,7 @@ writes later is one text (tests/browser/test_live.py sweeps both). Decisions: re
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from decimal import ROUND_HALF_UP, Context, Decimal
 from zoneinfo import ZoneInfo
@@ -52,6 +52,11 @@ SPOKEN_UNITS: dict[str, str] = {
     "°": "degree",
 }
 """Unit → `unit.spoken.<key>`: the words for a screen reader."""
+
+VALUES = frozenset({"value", "current", "expected", "min", "max", "asked", "a", "b", "old", "new"})
+"""Parameters of a reason that are values with the reason's unit."""
+MOST_DECIMALS = 4
+"""Of such a value; noughts at its end are left out."""
 
 _EXACT = Context(prec=400)
 """Digits enough for every float."""
@@ -211,6 +216,22 @@ def quality_words(quality: int, text: Text) -> str:
     if source != "field":
         words = text("quality.from", quality=words, origin=text(f"quality.origin.{source}"))
     return words
+
+
+def parameters(params: Mapping[str, object], lang: str, text: Text) -> dict[str, object]:
+    """`params` of a reason as a person reads them: values and units in the language, ages and seconds short; others as they are."""
+    written = dict(params)
+    for name, value in params.items():
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            continue
+        if name in VALUES or name in ("seconds", "limit"):
+            most = MOST_DECIMALS if name in VALUES else 1
+            written[name] = number(value, shortest(value, most) if math.isfinite(value) else 0, lang)
+        elif name == "age":
+            written[name] = age(value)
+    if isinstance(unit := params.get("unit"), str):
+        written["unit"] = unit_symbol(unit, text)
+    return written
 
 
 def _round(value: float, decimals: int) -> Decimal:

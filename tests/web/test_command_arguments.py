@@ -187,3 +187,30 @@ def test_programs_give_arguments_by_name(staff: Staff) -> None:
 
 async def _in_loop(work: Any, *arguments: Any) -> None:
     work(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("lang", "said", "broken"),
+    [
+        ("hr", "Najmanje 1", "Previše decimalnih mjesta. Dopušteno: 0"),
+        ("en", "At least 1", "Too many decimal places. Permitted: 0"),
+    ],
+)
+def test_limits_of_whole_numbers_are_whole_in_the_interface(staff: Staff, lang: str, said: str, broken: str) -> None:
+    program = Program(staff, "view", "operate", "configure")
+    program.headers["Accept-Language"] = lang
+    program.post("/equipment/c1/control/take")
+    try:
+        texts = [
+            program.order(
+                "/equipment/c1/commands/delete_product",
+                uuid.uuid4().hex,
+                arguments={"product": product},
+                confirmed=True,
+                reason="test",
+            ).json()["text"]
+            for product in (0, 1.5)
+        ]
+    finally:
+        program.post("/equipment/c1/control/release")
+    assert texts == [said, broken]

@@ -94,6 +94,35 @@ def test_the_reasons_of_the_live_script_are_those_of_the_quality_word() -> None:
     assert tuple(reason.name.lower() for reason in q.Reason if reason) == REASONS
 
 
+def test_parameters_of_a_reason_are_written_for_people() -> None:
+    given = {
+        "min": 1.0,
+        "max": 1250.5,
+        "value": -0.25,
+        "unit": "rpm",
+        "seconds": 2.0,
+        "age": 90.0,
+        "since": 5,
+        "code": 3,
+    }
+    assert fmt.parameters(given, "hr", text("hr")) == {
+        "min": "1",
+        "max": f"1{fmt.GROUP}250,5",
+        "value": f"{fmt.MINUS}0,25",
+        "unit": "o/min",
+        "seconds": "2",
+        "age": f"1{fmt.SPACE}min",
+        "since": 5,
+        "code": 3,
+    }
+    assert fmt.parameters({"max": 1.5, "unit": "mm"}, "en", text("en")) == {"max": "1.5", "unit": "mm"}
+    assert fmt.parameters({"value": float("inf"), "a": True, "b": "2.0"}, "en", text("en")) == {
+        "value": fmt.NO_VALUE,
+        "a": True,
+        "b": "2.0",
+    }
+
+
 def test_a_percentage_has_a_space_in_every_language() -> None:
     assert {fmt.percent(26, 0, lang) for lang in LANGUAGES} == {"26\u00a0%"}
 
