@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo
 
 from app.clock import Clock
 from app.plant.definitions import Command, Equipment, Kind, Plant, Point, Setpoint
+from app.plant.texts import Texts
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA
@@ -204,7 +205,7 @@ class EquipmentView:
 
     @property
     def label(self) -> str:
-        """Name in the language of the page, else in the plant's first."""
+        """Name in the language of the page, else in another one with its mark."""
         return plant_text(self.equipment.label, self.lang, self.runtime.plant) or self.equipment.id
 
     @property
@@ -244,7 +245,7 @@ class EquipmentView:
         return key in self.equipment.points
 
     def words(self, texts: Mapping[str, str]) -> str:
-        """`texts` of the plant's files in the language of the page, else in the plant's first."""
+        """`texts` of the plant's files in the language of the page, else in another one with its mark."""
         return plant_text(texts, self.lang, self.runtime.plant)
 
     def other(self, id: str) -> "EquipmentView | None":
@@ -402,11 +403,8 @@ def point_view(
 
 
 def plant_text(texts: Mapping[str, str], lang: str, plant: Plant | None) -> str:
-    """A label of the plant file in `lang`, else in the first language of the plant that has one."""
-    if lang in texts:
-        return texts[lang]
-    languages = plant.languages if plant else ()
-    return next((texts[other] for other in languages if other in texts), next(iter(texts.values()), ""))
+    """A label of the plant's files in `lang`, else in another language with its mark: `[en] Fan 2` (plant/texts.py)."""
+    return Texts({}, plant).label(lang, texts)
 
 
 def live_texts(text: Text) -> dict[str, object]:

@@ -3,12 +3,14 @@
 The device says numbers (steps, bits); the definition in the plant's files says what they are called. Both come together here.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from app.blocks.sequence import ABORT, ALL, BITS, Cause, SequenceState, StepState
-from app.plant.definitions import SequenceDefinition, SequencePermissive
+from app.errors import Refused
+from app.plant.definitions import Command, SequenceDefinition, SequencePermissive
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
 from app.web.tables import RowView, TableView
@@ -397,6 +399,39 @@ class SequenceView:
 
 STATES = StepState
 """For templates that compare."""
+
+
+def check_asked(sequence: SequenceView, command: Command, given: Mapping[str, str]) -> None:
+    """Whether there is what `command` is asked for: the permissive that `step` and `bit` of `given` name, or the step.
+
+    Raises:
+        Refused: 422 one of them is missing or no whole number; 404 there is none of that number, or the definition does not name it;
+            409 it may not be forced, or is not forced.
+    """
+    numbers: dict[str, int] = {}
+    for argument in command.arguments:
+        if argument.name not in ("step", "bit"):
+            continue
+        text, named = given.get(argument.name, ""), {"argument": argument.name, "label": argument.label}
+        if not text:
+            raise Refused("why.argument_missing", 422, **named)
+        if not re.fullmatch("[0-9]{1,9}", text):
+            raise Refused("why.not_a_number", 422, **named, text=text[:20])
+        numbers[argument.name] = int(text)
+    step, bit = numbers.get("step"), numbers.get("bit")
+    if step is not None and not (0 if bit is not None else 1) <= step <= sequence.total:
+        raise Refused("reason.no_such_step", 404)
+    if step is None or bit is None:
+        return
+    if bit >= BITS:
+        raise Refused("reason.no_such_bit", 404)
+    one = sequence.bit(step, bit)
+    if command.key == "force" and not one.named:
+        raise Refused("reason.no_such_bit", 404)
+    if command.key == "force" and not one.forceable:
+        raise Refused("reason.not_forceable", 409)
+    if command.key == "release" and not one.forced and one.force is None:
+        raise Refused("reason.not_forced", 409)
 
 
 def sequence_of(equipment: EquipmentView) -> SequenceView | None:
