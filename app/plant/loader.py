@@ -273,18 +273,17 @@ class _PlantReader:
             if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
                 table.note("machine", name, "a machine that is simulated like its sequence, or real like it")
             self.equipment[id] = replace(item, machine=machine.id)
-        elif number <= 1 and item.link in links and links[item.link].simulated:
-            self._check_alone(item, table)
-        self.sequences.check(item, machine)
+        forgotten = machine is None and item.link in links and links[item.link].simulated
+        unread = self.sequences.unread_without_machine(item) if forgotten else []
+        if unread and number <= 1:
+            self._note_forgotten(table, unread)
+        self.sequences.check(item, machine, forgotten=bool(unread))
 
-    def _check_alone(self, item: Equipment, table: Table) -> None:
-        """A simulated sequence without a machine: what only a machine could answer is a mistake, perhaps the machine was forgotten."""
-        if unread := self.sequences.unread_without_machine(item):
-            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-            expected = f"the id of an equipment: only its machine gives {unread[0]}{more} a meaning on a simulated link"
-            table.note(
-                "machine", MISSING, f"{expected}; else take them out of {SEQUENCES}/{table.data['definition']}.toml"
-            )
+    def _note_forgotten(self, table: Table, unread: Sequence[str]) -> None:
+        """A simulated sequence without a machine asks for what only a machine could answer, at the keys `unread`."""
+        more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+        expected = f"the id of an equipment: only its machine gives {unread[0]}{more} a meaning on a simulated link"
+        table.note("machine", MISSING, f"{expected}; else take them out of {SEQUENCES}/{table.data['definition']}.toml")
 
     def _instance(
         self,

@@ -135,10 +135,13 @@ class SequenceFiles:
         asked = [(table, key) for table, key, text in (*file.signals, *file.values, *file.actions) if text]
         return [".".join((*table.path, key)) for table, key in asked]
 
-    def check(self, item: Equipment, machine: Equipment | None) -> None:
-        """Note what the definition of `item` asks for that its machine, or its own type, does not have."""
+    def check(self, item: Equipment, machine: Equipment | None, *, forgotten: bool = False) -> None:
+        """Note what the definition of `item` asks for that its machine, or its own type, does not have.
+
+        `forgotten`: the machine was meant and not named, which is told already; nothing is held against its lack.
+        """
         file = self._files[item.sequence.name] if item.sequence else None
-        kinds = (item.type.name, machine and (machine.type.name, *machine.tables.items()))
+        kinds = (item.type.name, machine and (machine.type.name, *machine.tables.items()), forgotten)
         if file is None or (item.sequence and (item.sequence.name, kinds) in self._checked):
             return
         self._checked.add((file.definition.name, kinds))
@@ -146,6 +149,8 @@ class SequenceFiles:
             self._check_machine(file, machine)
         for table, key, arguments in file.commands:
             _check_command(table, key, arguments, item)
+        if forgotten:
+            return
         ranges = machine.type.simulation_presets if machine else _words(file.definition)
         owner = machine.type.name if machine else "a sequence without a machine"
         for table, key, given in file.presets:

@@ -153,6 +153,9 @@ def test_a_forgotten_machine_is_told_where_nobody_else_evaluates_the_sentences(t
         "the id of an equipment: only its machine gives steps.0.permissives.3.when and 6 more a meaning on a simulated link; "
         "else take them out of sequences/stroke.toml"
     )
+    assert one(tmp_path, ALONE, stroke=STROKE) == found, "what its tests ask of the machine follows from it"
+    _, problems = load(tmp_path, ALONE, stroke=changed('command = "start"', 'command = "stert"'))
+    assert [problem.key for problem in problems] == [found.key, "tests.0.when.1.command"]
     bare = OF_A_MACHINE.sub("", plain)
     for line in ('actions = ["fly"]', '[steps.permissives.0]\nlabel = "A"\nvalue = "nix"'):
         rest = f'[[steps]]\nkey = "rest"\nlabel = "Rest"\n{line}\n[abort.0]'
