@@ -77,10 +77,18 @@ def test_a_product_is_put_moved_and_deleted_and_the_audit_says_by_whom_and_why(s
     standing(staff, eva)
     product = put(staff, eva, "40")
     assert until(lambda: product in numbers(staff))
-    moved = eva.press(EDIT, confirmed="1", reason="slipped", arg_product=str(product), arg_head="45.5", arg_length="20")
+    program = Program(staff, "view")
+
+    def length() -> object:
+        found = program.get("/products", equipment="c1", product=product).json()["products"]
+        return found[0]["length"] if found else None
+
+    assert until(lambda: length() == 20.0), "its passage has the length that was given"
+    moved = eva.press(EDIT, confirmed="1", reason="slipped", arg_product=str(product), arg_head="45.5", arg_length="22")
     assert moved.status_code in (200, 202), words(moved.text)
     assert over(staff).state == "confirmed"
     assert "45.5" in words(eva.get("/equipment/c1/commands").text)
+    assert until(lambda: length() == 22.0)
     gone = eva.press(DELETE, confirmed="1", reason="fell off", arg_product=str(product))
     assert gone.status_code in (200, 202)
     assert over(staff).state == "confirmed"
