@@ -1,5 +1,6 @@
 """What every test may ask for: a free port, a running Pogon, a browser that never leaves this machine."""
 
+import atexit
 import os
 import shutil
 import socket
@@ -49,18 +50,15 @@ def free_port() -> int:
     return find_port()
 
 
-_HELD: list[socket.socket] = []
-
-
 def find_port() -> int:
     """A TCP port on loopback that is ours until this process ends.
 
     It stays bound but nobody listens, so the system gives it to nobody else; who names it, as a server does, may listen on it.
     """
     held = socket.socket()
+    atexit.register(held.close)  # which also keeps it
     held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     held.bind(("127.0.0.1", 0))
-    _HELD.append(held)
     port: int = held.getsockname()[1]
     return port
 

@@ -134,7 +134,7 @@ def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -
 
 def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start, free_port: int) -> None:
     server = pogon_server("--serve-modbus", f"127.0.0.1:{free_port}")
-    until = time.monotonic() + 10
+    until = time.monotonic() + 60
     while f"Modbus TCP at 127.0.0.1:{free_port}" not in server.log():
         assert time.monotonic() < until, server.log()
         time.sleep(0.05)
@@ -150,7 +150,7 @@ def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start,
         history.close()
         return row[0] if row else None
 
-    until = time.monotonic() + 25
+    until = time.monotonic() + 60
     while shown() != pytest.approx(35.0, abs=0.2):
         assert time.monotonic() < until, shown()
         time.sleep(0.3)

@@ -37,7 +37,7 @@ def pogon(data: Path, *arguments: str) -> Done:
 def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., PogonServer], tmp_path: Path) -> None:
     server = pogon_server()
     data = server.data
-    until = time.monotonic() + 20
+    until = time.monotonic() + 60
     while not (data / "history.db").exists() or table_counts(data / "history.db").get("sample", 0) < 50:
         assert time.monotonic() < until, server.log()
         time.sleep(0.2)

@@ -73,7 +73,7 @@ class Plant:
         return tags.sample(name).value if name in tags and is_good(tags.sample(name).quality) else None
 
     async def until(self, true: Callable[[], bool]) -> None:
-        end = time.monotonic() + 5
+        end = time.monotonic() + 30
         while not true():
             assert time.monotonic() < end, "not in time"
             await asyncio.sleep(0.02)

@@ -25,7 +25,7 @@ def read(data: Path, query: str) -> list[Any]:
         return base.execute(query).fetchall()
 
 
-def wait(what: Callable[[], Any], limit: float = 15.0) -> Any:
+def wait(what: Callable[[], Any], limit: float = 60.0) -> Any:
     until = time.monotonic() + limit
     while not (found := what()):
         assert time.monotonic() < until, "it did not happen"

@@ -111,7 +111,7 @@ class Line:
         value = self.tags.sample(f"c1.{key}").value
         return float(value) if isinstance(value, int | float) else float("nan")
 
-    async def until(self, true: Callable[[], object], limit: float = 8.0) -> None:
+    async def until(self, true: Callable[[], object], limit: float = 30.0) -> None:
         began = time.monotonic()
         while not true():
             assert time.monotonic() - began < limit, (self.gate.progress("c1"), self.value("state"), self.results)
@@ -122,7 +122,7 @@ class Line:
         asked = {"confirmed": True, "reason": "test"} | asked
         return await self.gate.ask(who, "c1", command, nonce=nonce, **asked)  # type: ignore[arg-type]
 
-    async def ended(self, limit: float = 8.0) -> Progress:
+    async def ended(self, limit: float = 30.0) -> Progress:
         await self.until(lambda: (progress := self.gate.progress("c1")) is not None and progress.over, limit)
         progress = self.gate.progress("c1")
         assert progress is not None

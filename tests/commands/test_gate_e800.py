@@ -82,7 +82,7 @@ class Hall:
         value = self.tags.sample(f"m2.{key}").value
         return float(value) if isinstance(value, int | float) else float("nan")
 
-    async def until(self, true: Callable[[], object], limit: float = 8.0) -> None:
+    async def until(self, true: Callable[[], object], limit: float = 30.0) -> None:
         began = time.monotonic()
         while not true():
             assert time.monotonic() - began < limit, (self.gate.progress("m2"), self.value("status"))
@@ -92,7 +92,7 @@ class Hall:
         nonce = self.gate.nonces.issue(who.session)
         return await self.gate.ask(who, "m2", command, nonce=nonce, **asked)  # type: ignore[arg-type]
 
-    async def ended(self, state: State, limit: float = 8.0) -> Progress:
+    async def ended(self, state: State, limit: float = 30.0) -> Progress:
         """Wait until the command at work is over, and expect how."""
 
         def over() -> bool:

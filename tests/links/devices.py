@@ -133,7 +133,7 @@ async def running(
                 raise results[0] or AssertionError("the link ended by itself")
 
 
-async def until(true: Callable[[], object], limit: float = 5.0) -> float:
+async def until(true: Callable[[], object], limit: float = 30.0) -> float:
     """Wait until `true()`; the seconds that it took."""
     began = time.monotonic()
     while not true():

@@ -69,4 +69,4 @@ async def test_the_instructor_pulls_a_cable_and_plugs_it_in_again(transport: str
         assert is_good(line.quality("m2.frequency"))
         assert await line.link.raw_read(1, 0xE000, 2) == [0x5047, 1]
         await line.link.raw_write(1, 0xE011, [0])
-        await until(lambda: is_good(line.quality("m1.frequency")), limit=1)
+        await until(lambda: is_good(line.quality("m1.frequency")))

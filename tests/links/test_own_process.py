@@ -130,7 +130,7 @@ def both(line: Line, true: Callable[[int], bool]) -> Callable[[], bool]:
 async def test_screens_over_a_wire_show_what_the_drives_of_another_process_do(plant: tuple[Path, int]) -> None:
     folder, _ = plant
     async with screens(folder) as line:
-        await until(both(line, is_good), limit=10)
+        await until(both(line, is_good))
         assert origin(line.quality("m1.frequency")) == Origin.SIMULATED
         assert line.value("m1.status") == line.value("m2.status") == FORWARD
         await line.link.write("m1", "command", 3)
@@ -144,13 +144,13 @@ async def test_screens_over_a_wire_show_what_the_drives_of_another_process_do(pl
 async def test_drives_that_freeze_are_bad_on_the_screen_and_come_back_by_themselves(plant: tuple[Path, int]) -> None:
     folder, number = plant
     async with screens(folder) as line:
-        await until(both(line, is_good), limit=10)
+        await until(both(line, is_good))
         os.kill(number, signal.SIGSTOP)
         assert await until(both(line, is_bad), limit=10) < 2.5
         await asyncio.sleep(3)
         os.kill(number, signal.SIGCONT)
         assert await until(both(line, is_good), limit=15) < 10
-        await until(lambda: line.value("m1.status") == FORWARD, limit=10)
+        await until(lambda: line.value("m1.status") == FORWARD)
 
 
 @pytest.mark.slow
@@ -159,7 +159,7 @@ async def test_drives_of_a_process_that_dies_are_bad_and_those_of_the_next_one_a
     async with simulating(str(drives), "--tcp", "127.0.0.1:0") as (first, said):
         folder = plant_at(tmp_path / "plant", *where_of(said))
         async with screens(folder) as line:
-            await until(both(line, is_good), limit=10)
+            await until(both(line, is_good))
             first.kill()
             assert await until(both(line, is_bad), limit=5) < 1.0
             await asyncio.sleep(1.5)

@@ -118,7 +118,7 @@ async def test_what_the_ring_overwrote_is_counted_and_told() -> None:
         for _ in range(EVENT_CAPACITY + 20):
             device.event(2)
         bus.fault = lambda pdu: ""
-        await until(lambda: len(taker.events) == EVENT_CAPACITY + 1, limit=8)
+        await until(lambda: len(taker.events) == EVENT_CAPACITY + 1)
         assert sum(taker.lost) == 20
         assert taker.sequences == [1, *range(22, EVENT_CAPACITY + 22)]
 
@@ -189,7 +189,7 @@ async def test_a_lost_connection_loses_and_doubles_nothing(kind: str) -> None:
             if number % 10 == 9:
                 bus.fault = lambda pdu: ""
             await asyncio.sleep(0.02)
-        await until(lambda: len(taker.events) == 30, limit=25)
+        await until(lambda: len(taker.events) == 30)
         assert taker.codes == list(range(1, 31)) and sum(taker.lost) == 0
 
 
@@ -204,7 +204,7 @@ async def test_a_connection_lost_while_events_are_taken_does_not_hand_them_over_
         await asyncio.sleep(0.6)
         bus.fault = lambda pdu: ""
         device.event(2)
-        await until(lambda: taker.codes == [1, 2], limit=10)
+        await until(lambda: taker.codes == [1, 2])
         assert taker.calls == 2
 
 

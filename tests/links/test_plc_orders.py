@@ -289,7 +289,7 @@ async def test_setpoints_written_at_once_do_not_lose_each_other(kind: str) -> No
         )
         assert device.settings == {"a": 4.0, "b": 5.0, "c": 6.0, "d": 0.0}
         assert device.commits == 3
-        await until(lambda: (line.value("p.a"), line.value("p.b"), line.value("p.c")) == (4.0, 5.0, 6.0), limit=1)
+        await until(lambda: (line.value("p.a"), line.value("p.b"), line.value("p.c")) == (4.0, 5.0, 6.0))
 
 
 async def test_a_set_that_the_device_rejects_changes_nothing_and_says_why() -> None:

@@ -103,7 +103,7 @@ async def test_an_image_that_is_read_once_is_read_until_it_was_whole_once() -> N
         await asyncio.sleep(0.5)
         assert line.value("p.size") is None and line.link.statistics.torn == 4
         device.torn.clear()
-        await until(lambda: line.value("p.size") == 5, limit=2)
+        await until(lambda: line.value("p.size") == 5)
         await asyncio.sleep(0.2)
         device.reads = []
         await asyncio.sleep(1.2)
@@ -135,7 +135,7 @@ async def test_on_a_serial_line_a_lost_answer_does_not_end_the_scans_of_an_image
         await until(lambda: bus.spoiled == 1)
         for _ in range(5):
             before = line.value("p.counter")
-            await until(lambda before=before: line.value("p.counter") > before, limit=1)
+            await until(lambda before=before: line.value("p.counter") > before)
             shown = line.value("p.counter")
             assert device.counter - shown < 60, "and what is shown is as old as a telegram"  # type: ignore[operator]
         bus.late = 0.22
@@ -143,7 +143,7 @@ async def test_on_a_serial_line_a_lost_answer_does_not_end_the_scans_of_an_image
             bus.fault = once("late", lambda pdu: pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") == STATUS)
             for _ in range(4):
                 before = line.value("p.counter")
-                await until(lambda before=before: line.value("p.counter") > before, limit=2)
+                await until(lambda before=before: line.value("p.counter") > before)
         assert {line.value("p.level"), line.value("p.state")} == {1.5, 1}
 
 
@@ -244,7 +244,7 @@ async def test_a_device_that_is_exchanged_while_running_is_noticed_and_comes_bac
         await until(lambda: line.quality("p.counter") == WRONG and line.quality("p.thing_40_id") == WRONG)
         assert {line.value("p.counter"), line.value("p.size"), line.value("p.thing_40_id")} == {None}
         device.header.clear()
-        await until(lambda: is_good(line.quality("p.counter")) and is_good(line.quality("p.size")), limit=8)
+        await until(lambda: is_good(line.quality("p.counter")) and is_good(line.quality("p.size")))
 
 
 async def test_a_newer_minor_version_is_fine() -> None:

@@ -235,7 +235,7 @@ async def test_registers_that_appear_later_are_found_again() -> None:
     async with running([row("m", 1, 3, QUICK)], exchange=on_bus(Bus({1: device}))) as line:
         await until(lambda: line.quality("m.v0") == NOT_CONNECTED | SIMULATED)
         device.words = {0: 1, 1: 2, 2: 3}
-        await until(lambda: line.value("m.v2") == 3, limit=8)
+        await until(lambda: line.value("m.v2") == 3)
 
 
 @pytest.mark.parametrize(("code", "quality"), [(1, CONFIGURATION), (4, DEVICE), (6, DEVICE)])
@@ -249,7 +249,7 @@ async def test_a_device_that_refuses_to_read_shows_it_and_comes_back(code: int, 
         assert line.link.statistics.exceptions > 0
         device.line_fault.mode = LineFaultMode.NONE
         await line.link.raw_write(1, 0, [2])  # the instructor's hand is noticed at once
-        await until(lambda: line.value("m.v0") == 2, limit=1)
+        await until(lambda: line.value("m.v0") == 2)
 
 
 async def test_a_busy_answer_now_and_then_is_repeated_and_not_seen() -> None:
@@ -281,7 +281,7 @@ async def test_a_pulled_cable_shows_within_one_time_out_and_a_second_and_heals_b
         told = [b for b in line.batches if b.source == "link.hall" and b.quality & 3]
         assert len(told) == 1
         device.line_fault.mode = LineFaultMode.NONE
-        await until(lambda: line.value("m.v4") == 4 and is_good(line.quality("m.v4")), limit=6)
+        await until(lambda: line.value("m.v4") == 4 and is_good(line.quality("m.v4")))
         assert line.link.statistics.state is State.UP
 
 
@@ -328,7 +328,7 @@ async def test_a_drive_that_answers_rubbish_never_makes_a_value() -> None:
             await asyncio.sleep(0.2)
             assert {v for b in line.batches if b.source == "link.hall" for v in b.values} <= {1, 2, None}
             device.line_fault.mode = LineFaultMode.NONE
-            await until(lambda line=line: line.value("m.v0") == 1, limit=8)
+            await until(lambda line=line: line.value("m.v0") == 1)
 
 
 # TCP
@@ -357,7 +357,7 @@ async def test_a_server_that_is_killed_and_comes_back_is_found_by_itself(caplog:
         assert line.link.statistics.state is State.DOWN
         device.words[0] = 6
         server = await serving(bus, port)
-        await until(lambda: line.value("m.v0") == 6 and is_good(line.quality("m.v0")), limit=6)
+        await until(lambda: line.value("m.v0") == 6 and is_good(line.quality("m.v0")))
     await server.close()
     told = [m.split(" reason")[0] for m in caplog.messages if m.startswith("link ")]
     assert told == ["link up link=hall", "link down link=hall", "link up link=hall"]
@@ -387,7 +387,7 @@ async def test_a_server_that_accepts_and_never_answers_is_down_and_told_once(cap
         await asyncio.sleep(7)
         assert line.link.statistics.state is State.DOWN
         device.line_fault.mode = LineFaultMode.NONE
-        await until(lambda: is_good(line.quality("m.v0")), limit=6)
+        await until(lambda: is_good(line.quality("m.v0")))
     await server.close()
     told = [m.split(" reason")[0] for m in caplog.messages if m.startswith("link ")]
     assert told == ["link up link=hall", "link down link=hall", "link up link=hall"]
@@ -439,7 +439,7 @@ async def test_a_write_is_scaled_echoed_and_read_back() -> None:
         await until(lambda: line.value("m.setpoint") == 0)
         await line.link.write("m", "setpoint", 42.5)
         assert device.words[1] == 4250
-        await until(lambda: line.value("m.setpoint") == 42.5, limit=1)
+        await until(lambda: line.value("m.setpoint") == 42.5)
         await line.link.write("m", "flags", 3)
         assert device.words[2] == 0xAB3D, "the other bits of the register are left as they are"
         device.words[1] = 100
@@ -626,12 +626,12 @@ async def test_no_write_succeeds_falsely_over_a_bad_line(mode: LineFaultMode) ->
 async def test_statistics_are_tags() -> None:
     device = RegisterDevice({0: 1})
     async with running([row("m", 1, 1, QUICK)], exchange=on_bus(Bus({1: device}))) as line:
-        await until(lambda: line.value("sys.link.hall.polls") not in (None, 0.0), limit=3)
+        await until(lambda: line.value("sys.link.hall.polls") not in (None, 0.0))
         assert line.value("sys.link.hall.state") == State.UP
         assert line.value("sys.link.hall.simulated") == 1
         assert 30 < float(str(line.value("sys.link.hall.polls"))) < 60
         assert float(str(line.value("sys.link.hall.scan_time"))) == pytest.approx(20, abs=4)
         device.line_fault.mode = LineFaultMode.CABLE_PULLED
-        await until(lambda: line.value("sys.link.hall.unit1.state") == State.DOWN, limit=3)
-        await until(lambda: line.value("sys.link.hall.last_error") == 2, limit=3)
+        await until(lambda: line.value("sys.link.hall.unit1.state") == State.DOWN)
+        await until(lambda: line.value("sys.link.hall.last_error") == 2)
         assert float(str(line.value("sys.link.hall.unit1.timeouts"))) >= 2

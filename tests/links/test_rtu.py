@@ -382,7 +382,7 @@ async def test_an_adapter_that_is_plugged_in_again_comes_back_by_itself(tmp_path
         await asyncio.sleep(0.5)
         line = await serve_pty(bus, 115200)
         port.symlink_to(line.path)
-        await until(lambda: is_good(hall.quality("m1.v3")), limit=3)
+        await until(lambda: is_good(hall.quality("m1.v3")))
     await line.close()
 
 

@@ -24,7 +24,7 @@ def publish(tags: TagDatabase, clock: ManualClock, **values: float) -> None:
 
 
 async def frame(watcher: Any) -> dict[str, Any]:
-    return orjson.loads(await asyncio.wait_for(watcher.next(), 1))  # type: ignore[no-any-return]
+    return orjson.loads(await asyncio.wait_for(watcher.next(), 10))  # type: ignore[no-any-return]
 
 
 async def test_the_first_frame_is_full_and_the_next_holds_only_what_changed() -> None:
@@ -83,7 +83,7 @@ async def test_a_frame_comes_every_second_even_when_nothing_changes() -> None:
     await frame(watcher)
     beat = asyncio.create_task(live.beat())
     try:
-        assert (await asyncio.wait_for(frame(watcher), 1.3))["v"] == []
+        assert (await asyncio.wait_for(frame(watcher), 2))["v"] == []
     finally:
         beat.cancel()
 

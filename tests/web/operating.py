@@ -16,7 +16,7 @@ from tests.web.people import Staff
 Answer = Any
 
 
-def until(what: Callable[[], object], limit: float = 15.0) -> bool:
+def until(what: Callable[[], object], limit: float = 30.0) -> bool:
     """Whether `what` comes true in time."""
     end = time.monotonic() + limit
     while time.monotonic() < end:

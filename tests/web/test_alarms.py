@@ -77,7 +77,7 @@ class Hall:
             for start in range(0, len(numbers), 500):
                 self.acknowledge(*numbers[start : start + 500])
         self.staff.have()
-        deadline = time.monotonic() + 10  # off-delays
+        deadline = time.monotonic() + 30  # off-delays
         while self.standing() and time.monotonic() < deadline:
             time.sleep(0.1)
         assert self.standing() == []
@@ -156,7 +156,7 @@ def test_an_address_that_makes_no_sense_is_refused(hall: Hall, query: str) -> No
 
 def test_parameters_are_inert_everywhere(hall: Hall) -> None:
     hall.tell("task_down", task=EVIL)
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 30
     while not hall.standing() and time.monotonic() < deadline:
         time.sleep(0.1)
     hall.staff.enter("eva", "operator")
@@ -328,7 +328,7 @@ def test_a_new_alarm_changes_the_tag_that_pages_listen_to(hall: Hall) -> None:
     time.sleep(0.6)
     before = tags.sample("sys.alarms.revision").value
     hall.tell("audit_broken")
-    deadline = time.monotonic() + 2
+    deadline = time.monotonic() + 30
     while tags.sample("sys.alarms.revision").value == before and time.monotonic() < deadline:
         time.sleep(0.02)
     assert tags.sample("sys.alarms.revision").value != before

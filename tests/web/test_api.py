@@ -40,7 +40,7 @@ class Program:
         return self.post(path, {"id": id, "nonce": nonce, **body})
 
 
-def until(wanted: Callable[[], bool], limit: float = 15.0) -> bool:
+def until(wanted: Callable[[], bool], limit: float = 30.0) -> bool:
     end = time.monotonic() + limit
     while time.monotonic() < end:
         if wanted():

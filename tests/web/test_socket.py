@@ -91,7 +91,7 @@ async def served() -> AsyncIterator[Served]:
 
 
 async def hear(socket: ClientConnection) -> dict[str, Any]:
-    return orjson.loads(await asyncio.wait_for(socket.recv(), 3))  # type: ignore[no-any-return]
+    return orjson.loads(await asyncio.wait_for(socket.recv(), 15))  # type: ignore[no-any-return]
 
 
 async def say(socket: ClientConnection, message: object) -> None:
