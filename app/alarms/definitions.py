@@ -78,7 +78,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "audit_waiting": SystemAlarm(2),
     "audit_broken": SystemAlarm(1),
     "journal_waiting": SystemAlarm(2),
-    "simulation_late": SystemAlarm(4, on_delay=5.0, off_delay=5.0, audible=False),
+    "simulation_late": SystemAlarm(4, on_delay=30.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
 }
 """Key → alarm. `{task}`, `{link}`, `{command}`, `{percent}`, `{count}` in their texts come from the parameters."""

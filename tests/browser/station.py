@@ -3,11 +3,11 @@
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, BrowserContext, Page, StorageState, expect
+from playwright.sync_api import Browser, BrowserContext, Page, StorageState, TimeoutError, expect
 
 from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
 from tests.conftest import ROOT, PogonServer, enroll
@@ -114,7 +114,7 @@ class Operator:
         """The simulated devices as when they were built, and no alarm that is left of what was."""
         for machine in machines:
             built(self.page, machine)
-        url, end = self.server.url, time.monotonic() + 20
+        url, end = self.server.url, time.monotonic() + 60
         while True:
             self.page.goto(f"{url}/alarms")
             left = [row.get_attribute("value") for row in self.page.locator("#content [name=occurrence]").all()]
@@ -134,10 +134,12 @@ def let_go(page: Page) -> None:
     if page.locator("dialog").count():
         page.reload()
     release = page.locator(".token [data-token=release]")
-    end = time.monotonic() + 10
+    end = time.monotonic() + 30
     while release.count():
         assert time.monotonic() < end, page.inner_text("#message")
-        release.first.click()
+        # the panel may be drawn anew, without it, between the look and the press
+        with suppress(TimeoutError):
+            release.first.click(timeout=2_000)
         page.wait_for_timeout(300)
 
 

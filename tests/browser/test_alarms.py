@@ -15,7 +15,7 @@ def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operat
     banner = page.locator("#alarms")
     expect(banner).to_contain_text("No active alarms")
     operator.trip(1, 4)
-    expect(banner.locator("strong")).to_have_text("Converter: overcurrent", timeout=4000)
+    expect(banner.locator("strong")).to_have_text("Converter: overcurrent", timeout=30_000)
     expect(page.locator("[data-mark-area] .alm-2")).to_be_visible()
     expect(page.locator("#alarm-alert")).to_have_text("New alarm, priority 2: Converter: overcurrent")
     assert page.locator("#silence").get_attribute("data-idle") is None
@@ -36,7 +36,7 @@ def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(oper
             if (button) { watcher.disconnect(); button.click(); document.body.dataset.pressed = "1"; }
         }).observe(document.getElementById("banner"), { childList: true, subtree: true })"""
     )
-    expect(page.locator("body")).to_have_attribute("data-pressed", "1", timeout=5000)
+    expect(page.locator("body")).to_have_attribute("data-pressed", "1", timeout=30_000)
     page.wait_for_timeout(800)
     expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent")
     page.keyboard.press("F8")
@@ -60,7 +60,7 @@ def test_the_list_stays_still_while_something_is_chosen(operator: Operator) -> N
     operator.trip(2, 9)
     expect(page.locator(".a-new")).to_have_text("New: 1. Show")
     expect(rows).to_have_count(1)
-    expect(page.locator("#alarms strong")).to_have_text("Converter: overheated", timeout=4000)
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overheated", timeout=30_000)
     page.locator("#ack-selected").click()
     expect(rows).to_have_count(2)
     expect(page.locator("tr[data-unack]")).to_have_count(1)
@@ -76,7 +76,7 @@ def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> Non
     operator.go("/")
     operator.trip(1, 4)
     silence = page.locator("#silence")
-    expect(page.locator("#alarms strong")).to_be_visible(timeout=4000)
+    expect(page.locator("#alarms strong")).to_be_visible(timeout=30_000)
     page.mouse.click(5, 400)  # the browser lets a page sound after the first gesture
     expect(silence).not_to_have_attribute("data-blocked", "")
     silence.click()
@@ -88,7 +88,7 @@ def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> Non
     assert station.locator("#silence").get_attribute("aria-pressed") == "false", "another station sounds on"
     other.close()
     operator.trip(2, 9)
-    expect(silence).to_have_attribute("aria-pressed", "false", timeout=5000)
+    expect(silence).to_have_attribute("aria-pressed", "false", timeout=30_000)
 
 
 @pytest.mark.parametrize("path", ["/alarms", "/alarms?tab=journal", "/"])

@@ -37,7 +37,7 @@ def wait_speed(page: Page, holds: Callable[[float], bool], limit: float = 20.0) 
 
 def stop(page: Page) -> None:
     page.click(".zone .stop")
-    expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=20_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
     wait_speed(page, lambda now: now == 0)
 
 
@@ -153,7 +153,7 @@ def test_what_is_being_typed_survives_live_changes_and_another_hand(sit: Sit) ->
     field = page.locator("#set-m1\\.set_frequency")
     field.fill("33")
     page.click("[data-command='m1.stop']")  # the column is drawn anew several times
-    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=20_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=30_000)
     expect(field).to_have_value("33")
     engineer.fill("tr[data-key=frequency_setpoint] [data-new]", "42")
     engineer.click("[data-submit]")
@@ -224,7 +224,7 @@ def moves(page: Page) -> None:
     """Wait until the motor turns. A station that is too busy to keep the motion alive lets go, as it must; then it is pressed anew."""
     button = page.locator("[data-hold='m2.jog_forward']")
     for _ in range(4):
-        end = time.monotonic() + 8
+        end = time.monotonic() + 20
         while time.monotonic() < end:
             if speed(page) > 30 and button.get_attribute("data-state") == "held":
                 return
@@ -232,7 +232,7 @@ def moves(page: Page) -> None:
                 break
             page.wait_for_timeout(50)
         page.mouse.up()
-        expect(button).not_to_have_attribute("aria-disabled", "true", timeout=10_000)
+        expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
         press(page)
     raise AssertionError(f"the motor does not move: {page.inner_text('#message')}")
 
@@ -259,7 +259,7 @@ def test_m2_moves_while_it_is_held_and_stops_at_release(sit: Sit) -> None:
     assert speed(page) > 30
     page.mouse.up()
     stands(page)
-    expect(page.locator("#message")).to_contain_text(re.compile("M2 Jog .* Done"), timeout=10_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("M2 Jog .* Done"), timeout=30_000)
 
 
 @pytest.mark.parametrize(
@@ -343,10 +343,10 @@ def test_the_faceplate_opens_over_the_page_lives_and_gives_the_focus_back(sit: S
     expect(page.locator(".app-main")).to_have_attribute("inert", "")
     expect(page.locator(".banner")).not_to_have_attribute("inert", "")
     dialog.locator("[data-command='m1.stop']").click()
-    expect(dialog.locator("header")).to_contain_text("Stopped", timeout=15_000)
+    expect(dialog.locator("header")).to_contain_text("Stopped", timeout=30_000)
     expect(dialog.locator("[data-command='m1.forward']")).not_to_have_attribute("aria-disabled", "true")
     dialog.locator("[data-command='m1.forward']").click()
-    expect(dialog.locator("header")).to_contain_text("Running forward", timeout=15_000)
+    expect(dialog.locator("header")).to_contain_text("Running forward", timeout=30_000)
     dialog.locator("[name=argument]").fill("20")
     page.keyboard.press("Enter")
     expect(dialog.locator(".review-form")).to_contain_text("Outside the normal range")
@@ -413,7 +413,7 @@ def test_without_the_server_every_command_is_refused_here_but_stop_tries_and_tel
         assert [url for url in asked if url.endswith("/equipment/m1/stop")]
     finally:
         server.process.send_signal(signal.SIGCONT)
-    expect(page.locator("body")).to_have_attribute("data-live", "live", timeout=10_000)
+    expect(page.locator("body")).to_have_attribute("data-live", "live", timeout=30_000)
     page.keyboard.press("Escape")
     expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
     stop(page)
@@ -432,7 +432,7 @@ def test_a_machine_is_operated_with_the_keyboard_alone(sit: Sit) -> None:
             break
         page.keyboard.press("Tab")
     page.keyboard.press("Space")
-    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=20_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: .* Done"), timeout=30_000)
     assert page.evaluate("document.activeElement.dataset.command") == "m1.stop"
     for _ in range(12):
         if page.evaluate("document.activeElement.dataset?.command") == "m1.forward":

@@ -15,7 +15,7 @@ def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operat
     first = words.inner_text()
     operator.trip(1, 4)  # over-current: the drive lets its motor go
     assert first != "0000"
-    expect(words).to_have_text("0000", timeout=8000)
+    expect(words).to_have_text("0000", timeout=30_000)
     cost = page.locator("#co-cost-hall")
     page.fill("#co-n-hall", "500")
     expect(cost).to_contain_text("500 more registers cost")

@@ -70,17 +70,17 @@ def run(page: Page) -> None:
     fault(page, "c1", 0)
     if "Automatic" not in page.inner_text(".c-line h2"):
         page.click(".zone .stop")
-        expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=20_000)
+        expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
         if page.locator("[data-command='c1.reset']").get_attribute("aria-disabled") is None:
             reset(page)
         page.click(".c-op > [data-command='c1.start_automatic']")
         page.locator("#overlay .danger").click()
-    expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=15_000)
+    expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=30_000)
 
 
 def reset(page: Page) -> None:
     page.click("[data-command='c1.reset']")
-    expect(page.locator("#message")).to_contain_text(re.compile("reset: Accepted .* Done"), timeout=10_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("reset: Accepted .* Done"), timeout=30_000)
 
 
 def drawn(page: Page, product: str = "") -> list[dict[str, Any]]:
@@ -159,7 +159,7 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     run(page)
     fault(page, "c1", 2)
     expect(page.locator(".c-first")).to_contain_text(
-        re.compile(r"Stopped: belt 2 jammed\s*\d\d:\d\d:\d\d\.\d{3}"), timeout=10_000
+        re.compile(r"Stopped: belt 2 jammed\s*\d\d:\d\d:\d\d\.\d{3}"), timeout=30_000
     )
     expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\bjam\b"))
     expect(page.locator(".c-belt").nth(0)).not_to_have_class(re.compile(r"\bjam\b"))
@@ -175,7 +175,7 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     page.click(".c-op > [data-command='c1.start_automatic']")
     expect(page.locator("#overlay dialog")).to_contain_text("Start automatic")
     page.locator("#overlay .danger").click()
-    expect(page.locator(".c-line h2")).to_contain_text("running", timeout=10_000)
+    expect(page.locator(".c-line h2")).to_contain_text("running", timeout=30_000)
     expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\brun\b"))
 
 
@@ -248,14 +248,14 @@ def test_positions_nobody_knows_are_not_shown(sit: Sit) -> None:
     page.wait_for_selector(".prod:not([display])", timeout=30_000, state="attached")
     instruct(page, "c1/line", mode="1")
     try:
-        expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "bad", timeout=15_000)
+        expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "bad", timeout=30_000)
         expect(page.locator(".c-dead")).to_be_visible()
         expect(page.locator(".c-prods")).not_to_be_visible()
         expect(page.locator(".c-line h2")).to_contain_text("No communication")
         expect(page.locator(".c-belt").first).to_have_class(re.compile(r"\bunknown\b"))
     finally:
         instruct(page, "c1/line", mode="0")
-    expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "good", timeout=20_000)
+    expect(page.locator("[data-conveyor]")).to_have_attribute("data-q", "good", timeout=30_000)
     expect(page.locator(".c-dead")).not_to_be_visible()
 
 

@@ -44,10 +44,10 @@ def manual(page: Page) -> None:
     """Hand mode, by the switch."""
     mode = page.locator(".c-mode button").nth(1)
     if mode.get_attribute("aria-pressed") != "true":
-        expect(mode).not_to_have_attribute("aria-disabled", "true", timeout=15_000)
+        expect(mode).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
         mode.click()
         page.locator("#overlay .danger").click()
-    expect(mode).to_have_attribute("aria-pressed", "true", timeout=10_000)
+    expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)
 
 
 def whole(button: Locator) -> bool:
@@ -95,19 +95,19 @@ def test_one_belt_moves_by_hand_and_the_others_stand(sit: Sit) -> None:
     assert box
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.down()
-    expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\brun\b"), timeout=5_000)
+    expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\brun\b"), timeout=30_000)
     assert belts(page) == [False, True, False]
     page.mouse.up()
-    expect(page.locator(".c-belt").nth(1)).not_to_have_class(re.compile(r"\brun\b"), timeout=10_000)
+    expect(page.locator(".c-belt").nth(1)).not_to_have_class(re.compile(r"\brun\b"), timeout=30_000)
     page.locator(".c-belts input").nth(2).focus()
     page.keyboard.press("ArrowRight")
     page.locator("[data-hold='c1.jog_reverse_3']").focus()
     page.keyboard.down(" ")
-    expect(page.locator(".c-belt").nth(2)).to_have_class(re.compile(r"\brun\b"), timeout=5_000)
+    expect(page.locator(".c-belt").nth(2)).to_have_class(re.compile(r"\brun\b"), timeout=30_000)
     expect(page.locator(".c-line .cap").first).to_contain_text("Right to left")
     assert belts(page) == [False, False, True]
     page.keyboard.up(" ")
-    expect(page.locator(".c-belt").nth(2)).not_to_have_class(re.compile(r"\brun\b"), timeout=10_000)
+    expect(page.locator(".c-belt").nth(2)).not_to_have_class(re.compile(r"\brun\b"), timeout=30_000)
 
 
 def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
@@ -141,7 +141,7 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
                 break
             page.keyboard.press("Tab")
         page.keyboard.press("Enter")
-        expect(dialog).to_have_count(0, timeout=10_000)
+        expect(dialog).to_have_count(0, timeout=30_000)
         expect(first).to_be_focused()
 
     take_it = page.locator("[data-token=take]")
@@ -149,12 +149,12 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
     page.keyboard.press("Enter")
     expect(page.locator(".token")).to_have_attribute("data-holding", "mine")
     insert = page.locator("[data-part='c1.insert_product']")
-    expect(insert).not_to_have_attribute("aria-disabled", "true", timeout=10_000)
+    expect(insert).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
     to(insert)
     page.keyboard.press("Enter")
     answer(insert, arg_head="300", arg_length="40", reason="put by hand")
     row = page.locator(".prods tr[data-product]")
-    expect(row).to_have_count(1, timeout=10_000)
+    expect(row).to_have_count(1, timeout=30_000)
     name = row.locator(".c-id")
     to(name)
     page.keyboard.press("Enter")
@@ -163,7 +163,7 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
     to(edit)
     page.keyboard.press("Enter")
     answer(name, arg_head="320.5", reason="it lies further")
-    expect(page.locator(".prods td").first).to_have_text("320.5", timeout=10_000)
+    expect(page.locator(".prods td").first).to_have_text("320.5", timeout=30_000)
     start = page.locator(".c-op > [data-command='c1.start_automatic']")
     if start.is_visible():
         to(start)
@@ -172,15 +172,15 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
         to(start)
     page.keyboard.press("Enter")
     answer(start)
-    expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=10_000)
+    expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=30_000)
     stop = page.locator(".zone .stop")
     to(stop)
     page.keyboard.press("Enter")
-    expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=20_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
     if row.count():
         to(name)
         page.keyboard.press("Enter")
         to(page.locator("#overlay [data-arguments*='delete_product']"))
         page.keyboard.press("Enter")
         answer(name, reason="taken off")
-        expect(row).to_have_count(0, timeout=10_000)
+        expect(row).to_have_count(0, timeout=30_000)

@@ -45,16 +45,16 @@ def begin(page: Page) -> None:
     """A run that has just begun on a line as it was built, whatever went on before."""
     for machine in ("cc1", "seq1"):
         built(page, machine)
-    expect(head(page)).to_contain_text("Ready to start", timeout=20_000)
+    expect(head(page)).to_contain_text("Ready to start", timeout=30_000)
     take(page)
     press(page, "seq1.start")
-    expect(page.locator(".seqt [aria-selected=true]")).to_have_count(1, timeout=10_000)
+    expect(page.locator(".seqt [aria-selected=true]")).to_have_count(1, timeout=30_000)
 
 
 @pytest.mark.timeout(300)  # a minute on an idle machine
 def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
     page = sit()
-    expect(head(page)).to_contain_text("Ready to start", timeout=20_000)
+    expect(head(page)).to_contain_text("Ready to start", timeout=30_000)
     begin(page)
     car = page.locator(".cc-car")
     place = "element => new DOMMatrix(getComputedStyle(element).transform).m41"
@@ -79,7 +79,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
     try:
         fault(page, "cc1", 31)
         expect(head(page)).to_contain_text(
-            re.compile(r"Stalled: step \d waits [\d.]+\ss, allowed 60.0\ss"), timeout=20_000
+            re.compile(r"Stalled: step \d waits [\d.]+\ss, allowed 60.0\ss"), timeout=30_000
         )
         expect(head(page)).to_contain_text(re.compile(r"Missing for step \d: .*Pressure is there"))
         expect(page.locator(".q-word .miss").filter(has_text="Pressure is there")).to_have_count(1)
@@ -100,14 +100,14 @@ def test_suspend_stops_the_time_and_resume_goes_on(sit: Sit) -> None:
     page = sit()
     begin(page)
     page.click(".zone .stop")
-    expect(head(page)).to_contain_text("Suspended in step", timeout=5_000)
+    expect(head(page)).to_contain_text("Suspended in step", timeout=30_000)
     page.wait_for_timeout(1200)
     stands = page.locator(".seqt [aria-selected=true] .q-act").inner_text()
     page.wait_for_timeout(1500)
     assert page.locator(".seqt [aria-selected=true] .q-act").inner_text() == stands
     expect(page.locator("[data-command='seq1.start']")).to_be_hidden()
     press(page, "seq1.resume")
-    expect(head(page)).to_contain_text("of 8", timeout=5_000)
+    expect(head(page)).to_contain_text("of 8", timeout=30_000)
     expect(page.locator("[data-command='seq1.resume']")).to_be_hidden()
 
 
@@ -115,11 +115,11 @@ def test_an_abort_is_told_with_its_cause_and_has_to_be_reset(sit: Sit) -> None:
     page = sit()
     begin(page)
     press(page, "seq1.abort")
-    expect(head(page)).to_contain_text(re.compile(r"Aborted in step \d: by an operator"), timeout=10_000)
+    expect(head(page)).to_contain_text(re.compile(r"Aborted in step \d: by an operator"), timeout=30_000)
     expect(head(page)).to_contain_text("Reset the first-out")
     expect(page.locator(".op [data-command='seq1.start']")).to_have_attribute("aria-disabled", "true")
     press(page, "seq1.acknowledge")
-    expect(head(page)).not_to_contain_text("Aborted", timeout=10_000)
+    expect(head(page)).not_to_contain_text("Aborted", timeout=30_000)
     expect(page.locator(".q-first")).to_contain_text("Nothing has stopped the sequence")
 
 
@@ -138,13 +138,13 @@ def test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself(s
     page.fill("[name=reason]", "Sensor is being replaced")
     page.fill("[name=password]", "not this one at all")
     dialog.locator(".danger").click()
-    expect(dialog.locator("[data-hint]")).not_to_be_empty(timeout=10_000)
+    expect(dialog.locator("[data-hint]")).not_to_be_empty(timeout=30_000)
     expect(page.locator(".f-force b")).to_have_text("0")
     page.wait_for_timeout(1200)
     page.fill("[name=password]", PASSWORD)
     dialog.locator(".danger").click()
-    expect(dialog).to_have_count(0, timeout=10_000)
-    expect(page.locator(".f-force b")).to_have_text("1", timeout=5_000)
+    expect(dialog).to_have_count(0, timeout=30_000)
+    expect(page.locator(".f-force b")).to_have_text("1", timeout=30_000)
     expect(page.locator("[data-row-step='3'] .tickbox.f")).to_have_count(1)
     expect(page.locator(".q-word li").filter(has_text="Tank 3 is ready")).to_contain_text("forced, left")
     other = page.context.new_page()
@@ -153,8 +153,8 @@ def test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself(s
     expect(row).to_contain_text("Tank 3 is ready")
     expect(row).to_contain_text("Sensor is being replaced")
     expect(row).to_contain_text("ivana")
-    expect(other.locator(".fc")).to_contain_text("Nothing is forced", timeout=15_000)
-    expect(page.locator(".f-force b")).to_have_text("0", timeout=5_000)
+    expect(other.locator(".fc")).to_contain_text("Nothing is forced", timeout=30_000)
+    expect(page.locator(".f-force b")).to_have_text("0", timeout=30_000)
     expect(page.locator("[data-row-step='3'] .tickbox.f")).to_have_count(0)
 
 
@@ -177,8 +177,8 @@ def test_a_step_without_maximum_says_that_it_stays_and_times_are_changed(sit: Si
     if page.locator("[name=reason]").count():
         page.fill("[name=reason]", "slower valve")
     dialog.locator(".danger").click()
-    expect(dialog).to_have_count(0, timeout=10_000)
-    expect(page.locator("#q-times tbody tr:nth-child(4) td").nth(1)).to_have_text("3.5 s", timeout=5_000)
+    expect(dialog).to_have_count(0, timeout=30_000)
+    expect(page.locator("#q-times tbody tr:nth-child(4) td").nth(1)).to_have_text("3.5 s", timeout=30_000)
 
 
 def test_the_list_of_twelve_steps_follows_the_active_one(sit: Sit) -> None:

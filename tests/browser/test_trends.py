@@ -77,7 +77,7 @@ def server(past: tuple[Path, int]) -> Iterator[PogonServer]:
 
 def show(page: Page, server: PogonServer, query: str) -> None:
     page.goto(f"{server.url}/trends?{query}")
-    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=8000)
+    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=30_000)
 
 
 def reload_of(page: Page, deed: Callable[[], object]) -> None:
@@ -87,7 +87,7 @@ def reload_of(page: Page, deed: Callable[[], object]) -> None:
     wait_for(page, lambda: page.evaluate(LOADED) > before)
 
 
-def wait_for(page: Page, truth: Callable[[], bool], seconds: float = 8) -> None:
+def wait_for(page: Page, truth: Callable[[], bool], seconds: float = 30) -> None:
     """Poll from outside: the content policy lets nothing be evaluated within."""
     until = time.monotonic() + seconds
     while not truth():
@@ -277,13 +277,13 @@ def test_the_address_round_trips_and_survives_a_change_of_language(page: Page, s
     assert query["off"] == ["m1.frequency_setpoint"] and query["axis"] == ["fit"]
     here = page.evaluate(VIEW)
     page.reload()
-    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=8000)
+    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=30_000)
     assert page.evaluate(VIEW) == pytest.approx(here, abs=2000)
     expect(page.locator('[data-pen="m1.frequency_setpoint"] .ck')).not_to_be_checked()
     page.locator(".lang summary").click()
     page.locator('.lang button[value="cs"]').click()
     expect(page.locator("html")).to_have_attribute("lang", "cs")
-    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=8000)
+    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=30_000)
     assert page.evaluate(VIEW) == pytest.approx(here, abs=2000)
 
 
@@ -336,12 +336,12 @@ def test_days_on_the_axis_have_23_24_and_25_hours(page: Page, server: PogonServe
 
 def test_an_empty_range_and_a_broken_history_are_told_in_the_same_place(page: Page, server: PogonServer) -> None:
     page.goto(f"{server.url}/trends?tags=m1.speed&from=2020-01-01T00:00&to=2020-01-02T00:00")
-    expect(page.locator('[data-trend][data-state="empty"] [data-say]')).to_be_visible(timeout=8000)
+    expect(page.locator('[data-trend][data-state="empty"] [data-say]')).to_be_visible(timeout=30_000)
     size = page.locator("[data-canvas]").bounding_box()
     page.route("**/history/series*", lambda route: route.fulfill(status=503, body="<p data-message>Disk gone</p>"))
     page.reload()
     say = page.locator('[data-trend][data-state="error"] [data-say]')
-    expect(say).to_have_text("Disk gone", timeout=8000)
+    expect(say).to_have_text("Disk gone", timeout=30_000)
     assert page.locator("[data-canvas]").bounding_box() == size
 
 
@@ -349,7 +349,7 @@ def test_the_motor_screen_begins_with_its_history(page: Page, server: PogonServe
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto(f"{server.url}/equipment/m1")
-    expect(page.locator('[data-panel][data-state="ready"]')).to_be_attached(timeout=8000)
+    expect(page.locator('[data-panel][data-state="ready"]')).to_be_attached(timeout=30_000)
     points = page.evaluate(
         "() => { const { chart } = document.querySelector('[data-panel]'); return chart.points(chart.pen('m1.speed')); }"
     )
