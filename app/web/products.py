@@ -94,7 +94,7 @@ async def detail(request: Request, number: int) -> Response:
     runtime = view_of(request).runtime(request)
 
     def work(connection: Connection) -> tuple[Passage | None, list[Step]]:
-        one = query.get(connection, number)
+        one = query.get(connection, number) if 0 < number < 2**63 else None
         return one, query.steps(connection, [number])[number] if one else []
 
     one, steps = await read(runtime, work)

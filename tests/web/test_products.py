@@ -150,7 +150,8 @@ def test_the_steps_of_one_are_told_in_every_language(staff: Staff, lang: str) ->
 
 def test_one_that_is_not_there_is_not_found(staff: Staff) -> None:
     staff.enter("ana", "viewer")
-    get(staff, "/products/detail/999999", 404)
+    for number in (999999, 0, -1, 2**63, 10**30):
+        get(staff, f"/products/detail/{number}", 404)
 
 
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs", "machine"])
