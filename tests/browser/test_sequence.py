@@ -27,13 +27,10 @@ def press(page: Page, command: str) -> None:
     """Press a command, and say yes when it asks."""
     button = page.locator(f".op [data-command='{command}']:visible")
     expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
-    button.click()
-    asked = page.locator("#overlay .danger")
-    message = page.locator("#message")
-    expect(asked.or_(message.filter(has_text=re.compile("Accepted|Requested")))).not_to_have_count(0)
-    page.wait_for_timeout(300)
-    if asked.count():
-        asked.click()
+    with page.expect_response(lambda answer: answer.url.endswith("/command/" + command.partition(".")[2])) as answer:
+        button.click()
+    if "<dialog" in answer.value.text():
+        page.locator("#overlay .danger").click()
         expect(page.locator("#overlay dialog")).to_have_count(0)
 
 
