@@ -94,6 +94,8 @@ async def running(tmp_path: Path) -> AsyncIterator[Plant]:
     await plant.runtime.start()
     try:
         assert plant.runtime.plant is not None, plant.runtime.problems
+        # in its first scan a PLC does not know yet that it may start
+        await plant.until(lambda: min(plant.device(f"seq{n}").steps for n in (1, 2)) > 1)
         for id in ("seq1", "seq2"):
             plant.device(id).preset({"word_2": 0xFFFB})  # both stay in their first step
             plant.start(id)
