@@ -158,7 +158,7 @@ class Sending:
     async def write_stop(
         self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]], stop: Prepared | None
     ) -> None:
-        """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `_follow`."""
+        """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `following`."""
         item, now = machine.item, self._desk.clock.monotonic()
         job.stopping += 1
         job.last_write = now

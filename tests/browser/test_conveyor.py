@@ -10,26 +10,12 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving, take
 from tests.conftest import PogonServer
+from tests.line_plant import plant
 
 WHO, HOME = "ivana", "/equipment/c1"
-PLANT = """
-[plant]
-name = { hr = "Pogon", en = "Plant", de = "Werk", cs = "Závod" }
-timezone = "Europe/Zagreb"
-languages = ["hr", "en", "de", "cs"]
-
-[links.hall]
-transport = "memory"
-writes = true
-
-[equipment.c1]
-type = "conveyor"
-link = "hall"
-unit = 10
-preset = "model"
-label = { hr = "Traka 1", en = "Conveyor 1", de = "Förderer 1", cs = "Dopravník 1" }
-simulation = { start = "automatic", automatic_speed = 70.0, unload_dwell = 0.2, interval = 3, shortest = 25, longest = 45 }
-"""
+PLANT = plant(
+    'start = "automatic", automatic_speed = 70.0, unload_dwell = 0.2, interval = 3, shortest = 25, longest = 45'
+)
 ENDS = """(group) => {
   const box = group.querySelector('.p-box'), width = parseFloat(getComputedStyle(box).width);
   const to = group.parentNode.getCTM().inverse().multiply(box.getCTM());

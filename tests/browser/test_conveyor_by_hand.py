@@ -8,26 +8,10 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.browser.station import Sit, serving, take
 from tests.conftest import PogonServer
+from tests.line_plant import plant
 
 WHO, HOME = "ivana", "/equipment/c1"
-PLANT = """
-[plant]
-name = { hr = "Pogon", en = "Plant", de = "Werk", cs = "Závod" }
-timezone = "Europe/Zagreb"
-languages = ["hr", "en", "de", "cs"]
-
-[links.hall]
-transport = "memory"
-writes = true
-
-[equipment.c1]
-type = "conveyor"
-link = "hall"
-unit = 10
-preset = "model"
-label = { hr = "Traka 1", en = "Conveyor 1", de = "Förderer 1", cs = "Dopravník 1" }
-simulation = { start = "stopped", arrivals = 0 }
-"""
+PLANT = plant('start = "stopped", arrivals = 0')
 
 
 @pytest.fixture(scope="module")

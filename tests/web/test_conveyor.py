@@ -18,29 +18,15 @@ from app.sim.plant import MACHINE_FAULTS
 from app.web.drawing import Scale
 from app.web.points import EquipmentView
 from app.web.tables import TableView
+from tests.line_plant import plant
 from tests.web.conftest import _running
 from tests.web.operating import Operator, button, line_of, runtime_of, until, words
 from tests.web.people import Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
-PLANT = """
-[plant]
-name = { hr = "Pogon", en = "Plant", de = "Werk", cs = "Závod" }
-timezone = "Europe/Zagreb"
-languages = ["hr", "en", "de", "cs"]
-
-[links.hall]
-transport = "memory"
-writes = true
-
-[equipment.c1]
-type = "conveyor"
-link = "hall"
-unit = 10
-preset = "model"
-label = { hr = "Traka 1", en = "Conveyor 1", de = "Förderer 1", cs = "Dopravník 1" }
-simulation = { start = "automatic", interval = 5 }
-
+PLANT = (
+    plant('start = "automatic", interval = 5')
+    + """
 [equipment.c2]
 type = "conveyor"
 link = "hall"
@@ -57,6 +43,7 @@ product_slots = 12
 label = { hr = "Traka 2", en = "Conveyor 2", de = "Förderer 2", cs = "Dopravník 2" }
 simulation = { start = "stopped", arrivals = 0 }
 """
+)
 
 
 @pytest.fixture(scope="module")
