@@ -5,9 +5,6 @@ SHELL  := /bin/bash
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-T      ?= tests
-JOBS   ?= 4
-BROWSERS ?= 3
 export PATH := $(abspath $(BIN)):$(PATH)
 # What Python has compiled is kept, or each of the hundreds of processes of the tests would do it again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -31,12 +28,8 @@ setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothin
 dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
-PYTEST := $(BIN)/python -m pytest
-
-test: check .browser ## check, then pytest; T=tests/alarms runs a part, ARGS=-x goes to pytest, JOBS=1 one after the other
-	$(PYTEST) -m "not soak and not browser and not alone" -n $(JOBS) --dist worksteal $(T) $(ARGS) || [ $$? = 5 ]  # 5: T has none
-	$(PYTEST) -m "not soak and alone" $(T) $(ARGS) || [ $$? = 5 ]
-	$(PYTEST) -m "not soak and browser" -n $(BROWSERS) --dist loadfile --no-loadscope-reorder $(if $(filter tests,$(T)),tests/browser,$(T)) $(ARGS) || [ $$? = 5 ]
+test: setup $(VENV)/.test ## every test; T=tests/alarms a part, SEED=7 the order, ARGS=-x for pytest, JOBS=1 one after the other
+	$(BIN)/python tools/run_tests.py --seed "$(SEED)" --jobs "$(JOBS)" --browsers "$(BROWSERS)" $(T) -- $(ARGS)
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .
@@ -54,7 +47,7 @@ bench: setup $(VENV)/.test ## measure the numbers the design must not lose
 	$(BIN)/python tools/bench.py $(ARGS)
 
 soak: setup $(VENV)/.test .browser ## the tests that run for minutes
-	$(BIN)/python -m pytest -m soak --timeout 0 $(T) $(ARGS) || [ $$? = 5 ]  # 5: none there yet
+	$(BIN)/python -m pytest -m soak --timeout 0 $(or $(T),tests) $(ARGS) || [ $$? = 5 ]  # 5: none there yet
 
 pictures: setup $(VENV)/.test .browser ## photograph every screen into build/pictures
 	@[ -f tools/pictures.py ] || { echo "tools/pictures.py is not there yet: no pictures to take"; exit 1; }

@@ -1,0 +1,148 @@
+"""`make test` runs all its stages and closes with a line that tells the truth, whatever becomes of the tests."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tools.run_tests import ROOT, Result, Stage, main, report, run, stages, total, within
+
+PASSES, FAILS = "def test_a(): pass\n", "def test_b(): assert False\n"
+SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_c(): pass\n"
+ERRS = "import pytest\n@pytest.fixture\ndef f(): raise OSError\ndef test_d(f): pass\n"
+ERRS_AFTER = "import pytest\n@pytest.fixture\ndef g():\n  yield\n  raise OSError\ndef test_e(g): pass\n"
+DIES = "import os\ndef test_f(): os._exit(3)\n"
+HANGS = "import time\ndef test_g(): time.sleep(60)\n"
+
+
+@pytest.fixture(autouse=True)
+def only_pytest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its plugins take two seconds to come up."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+
+
+def outcome(
+    root: Path, text: str, *options: str, conftest: str = "", limit: float = 60.0, asked: bool = False
+) -> Result:
+    (root / "pytest.ini").write_text("[pytest]\n")
+    (root / "conftest.py").write_text(conftest)
+    (root / "test_x.py").write_text(text)
+    return run(Stage("some", "not other", options), ["test_x.py"], ["-p", "no:cacheprovider"], asked, root, limit)
+
+
+@pytest.mark.parametrize(
+    ("text", "counts", "complaint"),
+    [
+        (PASSES, (1, 0, 0), None),
+        (PASSES + SKIPPED, (1, 0, 1), None),
+        (SKIPPED, (0, 0, 1), None),
+        (PASSES + FAILS, (1, 1, 0), "failure: test_x.py::test_b"),
+        (PASSES + ERRS, (1, 1, 0), "error: test_x.py::test_d"),
+        (PASSES + ERRS_AFTER, (1, 1, 0), "error: test_x.py::test_e"),
+        (PASSES + "import nothing_of_the_kind\n", (0, 1, 0), "error: "),
+        (PASSES + "def test_(:\n", (0, 1, 0), "error: "),
+        ("", (0, 1, 0), "no test was found"),
+    ],
+    ids=["passes", "skips one", "skips", "fails", "errs", "errs after", "import", "syntax", "empty"],
+)
+def test_a_stage_is_green_only_when_all_its_tests_ran_and_passed(
+    tmp_path: Path, text: str, counts: tuple[int, int, int], complaint: str | None
+) -> None:
+    result = outcome(tmp_path, text)
+    assert result.counts == counts
+    assert [line for line in result.complaints if complaint and line.startswith(complaint)] == result.complaints
+    assert bool(result.complaints) == bool(counts[1])
+
+
+@pytest.mark.parametrize("options", [(), ("-p", "xdist", "-n", "1")], ids=["one process", "workers"])
+def test_a_process_that_dies_under_a_test_is_a_failure(tmp_path: Path, options: tuple[str, ...]) -> None:
+    result = outcome(tmp_path, DIES, *options)
+    assert (result.passed, bool(result.failed)) == (0, True)
+    assert result.complaints
+
+
+def test_a_stage_that_breaks_inside_is_a_failure(tmp_path: Path) -> None:
+    result = outcome(tmp_path, PASSES, conftest="def pytest_sessionfinish(): raise SystemError\n")
+    assert result.failed == 1
+    assert "ended with code" in result.complaints[0]
+
+
+def test_a_stage_that_does_not_end_is_a_failure(tmp_path: Path) -> None:
+    result = outcome(tmp_path, HANGS, limit=3.0)
+    assert (result.counts, result.complaints) == ((0, 1, 0), ["not done in 3 s"])
+
+
+def test_a_part_may_have_no_test_of_a_stage(tmp_path: Path) -> None:
+    assert outcome(tmp_path, "", asked=True).counts == (0, 0, 0)
+
+
+def test_a_stage_without_what_it_needs_is_a_failure(tmp_path: Path) -> None:
+    stage = Stage("some", "", needs=("false",))
+    assert run(stage, ["test_x.py"], [], False, tmp_path).complaints == ["false failed, so no test ran"]
+
+
+def test_an_old_sheet_is_not_read(tmp_path: Path) -> None:
+    assert outcome(tmp_path, PASSES).counts == (1, 0, 0)
+    assert outcome(tmp_path, DIES).counts == (0, 1, 0)
+
+
+def test_the_closing_line_counts_all_stages_and_stands_alone() -> None:
+    results = [Result("a", 3, 1, 0, ["failure: x.py::test_a"]), Result("b", 4, 0, 2)]
+    lines = report(results, 7)
+    assert lines[-1] == "7 passed, 1 failed, 2 skipped"
+    assert [line for line in lines[:-1] if line] == [
+        "a:",
+        "  failure: x.py::test_a",
+        "In the same order: make test SEED=7",
+    ]
+    assert total([Result("a", 3)]) == "3 passed, 0 failed"
+
+
+def test_every_test_is_in_exactly_one_stage() -> None:
+    everywhere = [
+        {"soak": soak, "browser": browser, "alone": alone} for soak in (0, 1) for browser in (0, 1) for alone in (0, 1)
+    ]
+    for marks in everywhere:
+        homes = [stage.name for stage in stages(2, 2) if eval(stage.marks, {}, marks)]
+        if not (marks["browser"] and marks["alone"]):  # a browser is never alone
+            assert len(homes) == (0 if marks["soak"] else 1), (marks, homes)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "found"),
+    [
+        ("tests", ["tests/browser"]),
+        ("tests/", ["tests/browser"]),
+        ("tests/browser", ["tests/browser"]),
+        ("./tests/browser/test_live.py", ["./tests/browser/test_live.py"]),
+        ("tests/browser/test_live.py::test_a[x/y]", ["tests/browser/test_live.py::test_a[x/y]"]),
+        (str(ROOT / "tests" / "browser"), [str(ROOT / "tests" / "browser")]),
+        ("tests/web/test_api.py", []),
+        ("tests/browser2", []),
+    ],
+)
+def test_a_part_without_browser_tests_starts_no_browser(chosen: str, found: list[str]) -> None:
+    assert within(stages(2, 2)[-1], [chosen]) == found
+
+
+@pytest.mark.parametrize(
+    ("asked", "complaint"),
+    [
+        (["tests/test_db.py", "--", "-k", "of_no_such_name"], "no test matches tests/test_db.py -k of_no_such_name"),
+        (["tests/test_no_such_file.py"], "there is no tests/test_no_such_file.py"),
+        (["tests/test_db.py::test_no_such_test"], "ended with code 4"),
+    ],
+)
+def test_a_part_that_matches_no_test_fails(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], asked: list[str], complaint: str
+) -> None:
+    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
+    monkeypatch.setattr("tools.run_tests._check", lambda: Result("check"))
+    monkeypatch.setattr("tools.run_tests.stages", lambda jobs, browsers: [Stage("some", "not soak")])
+    assert main(asked) == 1
+    told = capfd.readouterr().out.splitlines()
+    assert told[-1] == "0 passed, 1 failed"
+    assert [line for line in told if line.startswith(f"  {complaint}")]
+    assert [line for line in told if re.fullmatch(r"(\w+: )?\d+ passed, \d+ failed(, \d+ skipped)?", line)] == [
+        told[-1]
+    ]

@@ -1,0 +1,213 @@
+"""Run every stage of the tests, also after one that failed, and close with one line of counts (`make test`).
+
+    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [T ...] [-- arguments for pytest]
+
+A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept as JUnit XML
+in build/tests.
+"""
+
+import argparse
+import os
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parent.parent
+LIMIT = 3600.0
+"""A stage has ended by then, or it is ended [s]."""
+FAILED, INTERRUPTED, NOTHING = 1, 2, 5
+"""What pytest ends with when tests failed, when it stopped before its end, and when no test was chosen."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One run of pytest over the tests with these marks."""
+
+    name: str
+    marks: str
+    options: tuple[str, ...] = ()
+    folder: str = "tests"
+    """Its tests are below this one."""
+    needs: tuple[str, ...] = ()
+    """What has to succeed before it."""
+
+
+@dataclass
+class Result:
+    """What became of a stage."""
+
+    stage: str
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+    complaints: list[str] = field(default_factory=list)
+    """The tests that failed, and what else went wrong."""
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        return self.passed, self.failed, self.skipped
+
+    def went_wrong(self, why: str) -> None:
+        """The stage itself failed, whatever became of its tests."""
+        self.failed += 1
+        self.complaints.append(why)
+
+
+def stages(jobs: int, browsers: int) -> list[Stage]:
+    """What `make test` runs after the check, in this order."""
+    make = os.environ.get("MAKE", "make")
+    return [
+        Stage("in process", "not soak and not browser and not alone", ("-n", str(jobs), "--dist", "worksteal")),
+        Stage("alone", "not soak and alone"),
+        Stage(
+            "browser",
+            "not soak and browser",
+            ("-n", str(browsers), "--dist", "loadfile", "--no-loadscope-reorder", "--randomly-dont-reorganize"),
+            "tests/browser",
+            (make, "-s", ".browser"),
+        ),
+    ]
+
+
+def main(arguments: Sequence[str]) -> int:
+    options = _options(arguments)
+    seed = options.seed if options.seed is not None else random.SystemRandom().getrandbits(32)
+    print(f"The order of the tests: make test SEED={seed}", flush=True)
+    results = [_check()]
+    if absent := [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]:
+        results[-1].went_wrong(f"there is no {' '.join(absent)}")
+    part = bool(options.tests) or any(text.startswith(("-k", "-m")) for text in options.pytest)
+    for stage in stages(options.jobs, options.browsers) if not absent else ():
+        if chosen := within(stage, options.tests or ["tests"]):
+            extra = [f"--randomly-seed={seed}", f"--hypothesis-seed={seed}", *options.pytest]
+            results.append(run(stage, chosen, extra, may_be_empty=part))
+    if not any(any(result.counts) for result in results):
+        results[-1].went_wrong(f"no test matches {' '.join([*options.tests, *options.pytest])}")
+    print(*report(results, seed), sep="\n", flush=True)
+    return 1 if any(result.failed for result in results) else 0
+
+
+def within(stage: Stage, chosen: Sequence[str]) -> list[str]:
+    """Which of the `chosen` files, folders and tests may hold tests of this stage, narrowed to its folder."""
+    found = []
+    for text in chosen:
+        path = os.path.relpath(ROOT / text.split("::")[0], ROOT)
+        if Path(path).is_relative_to(stage.folder):
+            found.append(text)
+        elif Path(stage.folder).is_relative_to(path):
+            found.append(stage.folder)
+    return found
+
+
+def run(
+    stage: Stage,
+    chosen: Sequence[str],
+    extra: Sequence[str],
+    may_be_empty: bool,
+    root: Path = ROOT,
+    limit: float = LIMIT,
+) -> Result:
+    """Run a stage to its end, or for `limit` seconds, and count what its tests did."""
+    print(f"\n{stage.name}: {' '.join(chosen)}", flush=True)
+    result, began = Result(stage.name), time.monotonic()
+    if stage.needs and subprocess.run(stage.needs, cwd=root).returncode:
+        result.went_wrong(f"{' '.join(stage.needs)} failed, so no test ran")
+        return result
+    sheet = root / "build" / "tests" / f"{stage.name.replace(' ', '-')}.xml"
+    sheet.unlink(missing_ok=True)
+    kept = ["-o", "junit_family=xunit1", f"--junit-xml={sheet}"]
+    command = [sys.executable, "-m", "pytest", "-m", stage.marks, *stage.options, *kept, *chosen, *extra]
+    try:
+        code = subprocess.run(command, cwd=root, timeout=limit).returncode
+    except subprocess.TimeoutExpired:
+        code = None
+    trouble = count(sheet, result)
+    if code is None:
+        result.went_wrong(f"not done in {limit:.0f} s")
+    elif code == NOTHING:
+        if not may_be_empty:
+            result.went_wrong("no test was found")
+    elif trouble:
+        result.went_wrong(f"ended with code {code}: {trouble}")
+    elif code not in (0, FAILED, INTERRUPTED) or (code and not result.failed):
+        result.went_wrong(f"ended with code {code}")
+    elif not any(result.counts):
+        result.went_wrong("no test ran")
+    print(f"{stage.name}: done in {time.monotonic() - began:.0f} s", flush=True)
+    return result
+
+
+def count(sheet: Path, result: Result) -> str:
+    """Add what the JUnit XML tells to `result`; returns what is wrong with the sheet, or nothing."""
+    try:
+        cases = list(ElementTree.parse(sheet).iter("testcase"))
+    except (OSError, ElementTree.ParseError) as problem:
+        return str(problem)
+    for case in cases:
+        if bad := [kind for kind in ("failure", "error") if case.find(kind) is not None]:
+            result.failed += 1
+            result.complaints.append(f"{bad[0]}: {_name(case)}")
+        elif case.find("skipped") is not None:
+            result.skipped += 1
+        else:
+            result.passed += 1
+    return ""
+
+
+def report(results: Sequence[Result], seed: int) -> list[str]:
+    """What failed, how to run it again in the same order, and the closing line."""
+    lines = [""]
+    for result in results:
+        if result.complaints:
+            lines += [f"{result.stage}:", *(f"  {complaint}" for complaint in result.complaints)]
+    if len(lines) > 1:
+        lines += [f"In the same order: make test SEED={seed}", ""]
+    return [*lines, total(results)]
+
+
+def total(results: Sequence[Result]) -> str:
+    """`4553 passed, 0 failed`, and how many were skipped if any."""
+    passed, failed, skipped = (sum(counted) for counted in zip(*(r.counts for r in results), strict=True))
+    return f"{passed} passed, {failed} failed" + (f", {skipped} skipped" if skipped else "")
+
+
+def _check() -> Result:
+    result = Result("check")
+    print("check", flush=True)
+    if code := subprocess.run([os.environ.get("MAKE", "make"), "-s", "check"], cwd=ROOT).returncode:
+        result.went_wrong(f"make check ended with code {code}")
+    return result
+
+
+def _name(case: ElementTree.Element) -> str:
+    """The test as pytest takes it."""
+    place = case.get("file") or (case.get("classname") or "").replace(".", "/")
+    return f"{place}::{case.get('name')}"
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    split = list(arguments).index("--") if "--" in arguments else len(arguments)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--seed", type=_number, help="order of the tests, and what they draw; another one each time")
+    parser.add_argument("--jobs", type=_number, help="processes for the tests without a browser; as many as cores")
+    parser.add_argument("--browsers", type=_number, help="browsers at once; as many as cores")
+    parser.add_argument("tests", nargs="*", help="files, folders, tests; all")
+    options = parser.parse_args(arguments[:split])
+    options.jobs, options.browsers = options.jobs or cores, options.browsers or cores
+    options.pytest = list(arguments[split + 1 :])
+    return options
+
+
+def _number(text: str) -> int | None:
+    """What make hands over: a number, or nothing."""
+    return int(text) if text else None
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
