@@ -43,7 +43,7 @@ from app.sim.device import VirtualDevice
 from app.sim.plant import SimPlant, exchange, read_simulated, units
 from app.sim.server import TcpServer, serve_tcp
 from app.tags.batch import Batch, Value
-from app.tags.database import Tag, TagDatabase
+from app.tags.database import Standstill, Tag, TagDatabase
 
 log = logging.getLogger(__name__)
 
@@ -164,6 +164,7 @@ class Runtime:
         for book in self.books:
             await book.load()
         self.tags.subscribe(self._derive)
+        self.tags.on_standstill(self._stood_still)
         self.access.sessions.subscribe(self._sessions_ended)
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
@@ -727,6 +728,10 @@ class Runtime:
                 qualities=[quality for _, _, quality in results],
             )
         )
+
+    def _stood_still(self, still: Standstill) -> None:
+        if self._derivation is not None:
+            self._derivation.interrupted(still.begin, still.end)
 
     async def _retain(self) -> None:
         """Keep what derived points remember, for ever; a killed server forgets the last seconds."""

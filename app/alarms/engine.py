@@ -46,7 +46,7 @@ from app.plant.system import SYSTEM
 from app.plant.texts import Texts
 from app.tags import quality
 from app.tags.batch import Batch, Value
-from app.tags.database import TagDatabase
+from app.tags.database import Standstill, TagDatabase
 from app.tags.quality import NO_DATA
 
 log = logging.getLogger(__name__)
@@ -141,6 +141,7 @@ class AlarmEngine:
         self._lock = asyncio.Lock()
         self._retry = 0.0
         self._unsubscribe = tags.subscribe(self.take)
+        tags.on_standstill(self.put_off)
 
     # ---- what there is --------------------------------------------------------------------------------
 
@@ -356,6 +357,7 @@ class AlarmEngine:
 
     def tick(self) -> None:
         """Look at everything that time alone decides: delays, ages, rates, re-alarms, the end of a flood."""
+        self._tags.wake()
         now, at = self._clock.monotonic(), self._clock.micros()
         due = {watch.index: watch for watch in self._pending.values() if (watch.delay.due or 0.0) <= now}
         due |= {watch.index: watch for watch in (*self._timed, *self._settling.values())}
@@ -368,6 +370,12 @@ class AlarmEngine:
             if at - watch.acked_at >= watch.alarm.realarm * 1e6:
                 self._apply(watch, Event.REALARM)
         self._judge_flood(now)
+
+    def put_off(self, still: Standstill) -> None:
+        """Nobody saw anything for a while: that time does not count for any delay."""
+        for watch in self._pending.values():
+            if watch.delay.since is not None:
+                watch.delay.since += still.seconds
 
     @property
     def due(self) -> float | None:

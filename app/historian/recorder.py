@@ -21,7 +21,7 @@ from app.historian import store
 from app.historian.store import DAY, HEARTBEAT, HOUR, Row
 from app.plant.definitions import Kind, Point
 from app.tags.batch import Batch, Value
-from app.tags.database import TagDatabase
+from app.tags.database import Standstill, TagDatabase
 from app.tags.quality import BAD, NO_DATA, Reason
 
 log = logging.getLogger(__name__)
@@ -173,6 +173,7 @@ class Recorder:
         self._retry_at = 0.0
         self._rates: deque[tuple[float, int]] = deque(maxlen=21)
         self._unsubscribe = tags.subscribe(self.take)
+        tags.on_standstill(self.break_off)
 
     async def configure(self, points: Iterable[Point]) -> None:
         """Record `points` from now on (those with `history`); what the point is called does not matter, its lasting id does.
@@ -274,6 +275,18 @@ class Recorder:
                 if track is not None:
                     track.take(time, value, quality, seen, rows)
 
+    def break_off(self, still: Standstill) -> None:
+        """Nobody saw anything from `still.begin` to `still.end`: no value holds in between."""
+        if still.begin >= still.end:
+            return
+        for handle, track in self._tracks.items():
+            if track.quality < 0 or track.quality & 3 == BAD or track.time >= still.begin:
+                continue
+            sample = self._tags.read(handle)
+            seen = min(sample.seen, still.begin)
+            track.take(still.begin, None, track.quality & 0xF00 | NO_DATA, seen, self._rows)
+            track.take(still.end, sample.value, sample.quality, 0, self._rows)
+
     async def run(self) -> None:
         """Write twice a second what was taken; roll up, measure and cut once a minute."""
         async with asyncio.TaskGroup() as group:
@@ -282,6 +295,7 @@ class Recorder:
 
     async def flush(self) -> None:
         """Write what waits. What the database does not take is kept and tried again."""
+        self._tags.wake()
         now = self._clock.micros()
         for track in self._tracks.values():
             track.beat(now, self._rows)

@@ -12,7 +12,7 @@ from math import inf
 from random import uniform
 
 from app.clock import Clock
-from app.errors import BadAnswer, DeviceException, LinkError, NotConnected
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import StillOwed, Transport
 from app.links.line import fail, finish
 from app.links.outages import FIRST_PAUSE, GATEWAY, LAST_PAUSE, SETTLE, Outages
@@ -229,7 +229,7 @@ class LinkRunner(Outages):
 
     async def _do(self, lane: _Lane, job: Job) -> None:
         transport = lane.transport
-        started = self._now()
+        started, standstills = self._now(), self._tags.standstills
         station = self.stations.get(job.unit)
         try:
             if job.read is not None:
@@ -260,7 +260,9 @@ class LinkRunner(Outages):
         lane.answers += 1
         self.statistics.busy += self._now() - started
         self._answered(station, started, job.liveness, self._wire(job.read, len(job.words), job.function))
-        if job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
+        if job.scan is not None and self._answer_was_kept(standstills):
+            fail(job, NoAnswer(f"unit {job.unit}: its answer waited while this program stood still"))
+        elif job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
             seen = Seen.WHOLE if job.scan.part is None else self._look(station, job.scan, words, started)
             if seen is Seen.TORN:
                 fail(job, Torn(f"unit {job.unit}: {job.scan.block.address:#06x} changed while it was read"))
@@ -274,6 +276,7 @@ class LinkRunner(Outages):
         started = self._now()
         ticket = block.ticket
         timeout = min(station.timeout, RETRY_LIMIT) if block.attempts else station.timeout
+        standstills = self._tags.standstills
         try:
             words = await lane.transport.read(block.unit, block.block, timeout)
         except NotConnected:
@@ -302,6 +305,10 @@ class LinkRunner(Outages):
             if block.scanned:
                 self.statistics.fast_scan(ended - block.scanned)
             block.scanned = ended
+        if self._answer_was_kept(standstills):
+            if ticket == block.ticket:
+                self._schedule.at(block, self._now(), first=True)
+            return
         seen = Seen.WHOLE
         if block.part is not None and station.state is State.UP and block.alive:
             seen = self._look(station, block, words, started)
@@ -316,6 +323,11 @@ class LinkRunner(Outages):
                 self._schedule.at(block, self._now() + TORN_PAUSE)
         if seen <= Seen.PARTLY and station.state is State.UP and block.alive:
             self.publish(station, block, words, started)
+
+    def _answer_was_kept(self, standstills: int) -> bool:
+        """Whether this program stood still while it waited: the answer may have been there all the time, and tells of the past."""
+        self._tags.wake()
+        return self._tags.standstills != standstills
 
     def _look(self, station: Station, block: ScanBlock, words: list[int], started: float) -> Seen:
         """What words of a machine with a map of ours are worth."""

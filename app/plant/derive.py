@@ -9,8 +9,9 @@
     max_today      greatest `of` since midnight of the plant's zone, retained
     since          time of the last change of `of`, retained [µs UTC]
 
-Integrals are taken over the times given, never over the number of calls. Time during which `when` is not known is not counted. Quality is
-the worst of the inputs; an accumulation lives through bad inputs and is then stale, because it may miss something.
+Integrals are taken over the times given, never over the number of calls. Time during which `when` is not known is not counted, nor is
+time of stale inputs: nobody saw it. Quality is the worst of the inputs; an accumulation lives through bad inputs and is then stale, because
+it may miss something.
 """
 
 from collections.abc import Mapping
@@ -23,7 +24,7 @@ from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.definitions import Plant, Point
 from app.tags.batch import Value
-from app.tags.quality import GOOD, NO_DATA, STALE, is_bad, origin, worst
+from app.tags.quality import GOOD, NO_DATA, STALE, is_bad, is_unseen, origin, worst
 
 KINDS: Mapping[str, tuple[bool, bool]] = {
     "option": (True, False),
@@ -129,6 +130,13 @@ class Derivation:
                 result.append((state.point.name, *reading))
         return result
 
+    def interrupted(self, begin: int, end: int) -> None:
+        """Nobody saw anything from `begin` to `end` [µs UTC]: that time is not counted."""
+        for state in self._states:
+            if state.kind == "running_hours" and state.at:
+                self._compute(state, max(begin, state.at))
+                state.at = max(end, state.at)
+
     def retained(self) -> dict[str, Retained]:
         """State of every point that survives a restart, by the lasting id of the point."""
         return {
@@ -182,6 +190,7 @@ class Derivation:
         truth = None
         if state.when is not None:
             truth = state.when.true(lambda key: self._values.get(state.keys[key], _NEVER))
+        seen = None if is_unseen(quality) else truth
         match state.kind:
             case "signed":
                 size = _number(self._values.get(state.of, _NEVER)[0])
@@ -194,14 +203,14 @@ class Derivation:
                 if state.truth and state.at and now > state.at:
                     state.value = (state.value or 0.0) + (now - state.at) / HOUR
                 state.value = state.value or 0.0
-                state.truth, state.at = truth, now
-                return round(state.value, max(1, state.point.decimals)), _accumulated(quality, known=truth is not None)
+                state.truth, state.at = seen, now
+                return round(state.value, max(1, state.point.decimals)), _accumulated(quality, known=seen is not None)
             case "starts":
-                if truth and state.truth is False:
+                if seen and state.truth is False:
                     state.value = (state.value or 0.0) + 1
                 state.value = state.value or 0.0
-                state.truth = state.truth if truth is None else truth
-                return round(state.value), _accumulated(quality, known=truth is not None)
+                state.truth = state.truth if seen is None else seen
+                return round(state.value), _accumulated(quality, known=seen is not None)
             case "since":
                 value = readings[0][0]
                 if value is not None and not is_bad(quality) and value != state.last:
@@ -216,7 +225,7 @@ class Derivation:
         if state.day != self._day:
             state.day, state.value = self._day, None
         value = _number(reading[0])
-        if value is not None and not is_bad(quality):
+        if value is not None and not is_bad(quality) and not is_unseen(quality):
             better = min if state.kind == "min_today" else max
             state.value = value if state.value is None else better(state.value, value)
         if state.value is None:

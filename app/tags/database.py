@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from math import inf
 
 from app.clock import Clock
 from app.tags.batch import Batch, Value
@@ -11,6 +12,9 @@ from app.tags.quality import BAD, GOOD, NO_DATA, STALE
 log = logging.getLogger(__name__)
 
 Subscriber = Callable[[Batch], None]
+
+STOOD_STILL = 2.0
+"""A program that neither heard nor looked for so long was not there: what it knew holds no longer than this [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +43,24 @@ class Sample:
     """When its source last made sure of it [µs UTC]."""
 
 
+@dataclass(frozen=True, slots=True)
+class Standstill:
+    """A time in which this program did not run (stopped, suspended, held up) or that its wall clock left out: nobody saw anything."""
+
+    begin: int
+    """Until then the last values hold [µs UTC]."""
+    end: int
+    """When it was noticed [µs UTC]; not before `begin`."""
+    seconds: float
+    """What delays and leases must not count [s, monotonic]; 0 when only the wall clock was set."""
+
+
 class TagDatabase:
-    """Values by handle; a handle is an index, valid for one revision of the plant."""
+    """Values by handle; a handle is an index, valid for one revision of the plant.
+
+    A value is stale from `seen + stale_after` on, whenever that is noticed: by the sweep, or by the first batch behind it. Once it is swept
+    it also knows when the program itself stood still (`on_standstill`).
+    """
 
     def __init__(self, clock: Clock) -> None:
         self.revision = 0
@@ -59,6 +79,17 @@ class TagDatabase:
         self._limits: dict[tuple[str, int], float] = {}
         """Least age from which anything of a block is stale [s], as far as known; infinite = nothing ever is."""
         self._subscribers: list[Subscriber] = []
+        self._on_standstill: list[Callable[[Standstill], None]] = []
+        self.standstills = 0
+        """How many there were: what was asked before one and answered after it is of no time that anybody could name."""
+        self._active = 0.0
+        """When it last heard or looked [s, monotonic]."""
+        self._looked: tuple[float, int] | None = None
+        """Both clocks at the last look [s, µs UTC]; None before the first."""
+        self._wall_limit = 0
+        """A batch that was seen later than this shows that the wall clock jumped [µs UTC]; 0 = not known."""
+        self._dark = 0
+        """End of the last standstill [µs UTC]."""
 
     def configure(self, tags: Iterable[Tag]) -> None:
         """Take a new set of tags; values of tags whose id and source stay are kept.
@@ -111,8 +142,15 @@ class TagDatabase:
     def publish(self, batch: Batch) -> None:
         """Take a batch and hand it on. A subscriber that fails is logged and does not keep the others from it."""
         block = (batch.source, batch.block)
+        now = self._clock.monotonic()
+        if self._looked is not None:
+            if now - self._active > STOOD_STILL or batch.seen > self._wall_limit:
+                self.wake()
+            self._active = now
+        if now - self._seen_monotonic.get(block, now) > self._limits.get(block, inf):
+            self._mark_overdue(now, (block,))
         self._seen[block] = batch.seen
-        self._seen_monotonic[block] = self._clock.monotonic()
+        self._seen_monotonic[block] = now
         values, qualities, times, blocks = self._values, self._qualities, self._times, self._blocks
         if batch.handles:
             members = self._members.setdefault(block, set())
@@ -160,34 +198,74 @@ class TagDatabase:
         """Seconds since its source last made sure of it; infinite when never."""
         block = self._blocks[handle]
         seen = self._seen_monotonic.get(block) if block is not None else None
-        return float("inf") if seen is None else self._clock.monotonic() - seen
+        return inf if seen is None else self._clock.monotonic() - seen
+
+    def on_standstill(self, tell: Callable[[Standstill], None]) -> None:
+        """Call `tell` when this program stood still, before anything else is handed on."""
+        self._on_standstill.append(tell)
+
+    def wake(self) -> None:
+        """Notice a standstill. For whoever acts on time alone, before it does; the sweep and the first batch notice it as well."""
+        if self._looked is not None:
+            self._look(*self._looked)
+
+    def _look(self, looked: float, looked_wall: int) -> None:
+        now, wall, active = self._clock.monotonic(), self._clock.micros(), self._active
+        self._looked, self._active = (now, wall), now
+        self._wall_limit = wall + round(2 * STOOD_STILL * 1e6)
+        lost = now - active
+        jumped = (wall - looked_wall) / 1e6 - (now - looked)
+        if max(lost, jumped) <= STOOD_STILL:
+            return
+        begin = min(wall, looked_wall + round((active - looked + STOOD_STILL) * 1e6))
+        self.standstills += 1
+        still = Standstill(begin, wall, lost if lost > STOOD_STILL else 0.0)
+        log.warning("stood still seconds=%.1f clock_jump=%.1f", lost, jumped if jumped > STOOD_STILL else 0.0)
+        self._mark_overdue(now, list(self._members), until=begin)
+        for tell in self._on_standstill:
+            try:
+                tell(still)
+            except Exception:
+                log.exception("told of a standstill and failed")
+        self._dark = wall
 
     def sweep(self) -> None:
         """Mark overdue values as stale; the value is kept, its quality becomes uncertain. Called a few times a second."""
-        overdue: dict[tuple[str, int], list[int]] = {}
         now = self._clock.monotonic()
-        for block, members in self._members.items():
+        if self._looked is None:
+            self._looked, self._active = (now, self._clock.micros()), now
+        self.wake()
+        self._mark_overdue(now, self._members)
+
+    def _mark_overdue(self, now: float, blocks: Iterable[tuple[str, int]], until: int | None = None) -> None:
+        """Values of `blocks` that nobody has made sure of for too long, as of when they became so; later than `until` stays open."""
+        overdue: dict[tuple[int, tuple[str, int]], list[int]] = {}
+        wall = self._clock.micros()
+        for block in blocks:
+            members = self._members.get(block, ())
             age = now - self._seen_monotonic.get(block, now)
             if age <= self._limit(block, members):
                 continue
-            known = self._stale.get(block, ())
+            known, seen = self._stale.get(block, ()), self._seen.get(block, 0)
             for handle in members:
                 if self._blocks[handle] != block:  # another plan of its link reads it in another block now
                     continue
                 limit = self.tags[handle].stale_after
                 if limit and age > limit and self._qualities[handle] & 3 == GOOD and handle not in known:
-                    overdue.setdefault(block, []).append(handle)
-        for block, handles in overdue.items():
+                    at = min(wall, max(seen + round(limit * 1e6), self._dark))
+                    if until is None or at <= until:
+                        overdue.setdefault((at, block), []).append(handle)
+        for (at, block), handles in sorted(overdue.items()):
             self._stale.setdefault(block, set()).update(handles)
             for handle in handles:
                 self._qualities[handle] = self._qualities[handle] & 0xF00 | STALE
-            self._hand_on(self._as_it_stands(block, handles))
+            self._hand_on(self._as_it_stands(block, handles, at))
 
     def _limit(self, block: tuple[str, int], members: Iterable[int]) -> float:
         limit = self._limits.get(block)
         if limit is None:
             limits = [self.tags[handle].stale_after for handle in members]
-            limit = self._limits[block] = min((one for one in limits if one), default=float("inf"))
+            limit = self._limits[block] = min((one for one in limits if one), default=inf)
         return limit
 
     def _revive(self, block: tuple[str, int], batch: Batch) -> None:
@@ -198,13 +276,13 @@ class TagDatabase:
         if silent and batch.quality & 3 != BAD:
             for handle in silent:
                 self._qualities[handle] = self._qualities[handle] & 0xF00
-            self._hand_on(self._as_it_stands(block, silent))
+            self._hand_on(self._as_it_stands(block, silent, self._clock.micros()))
 
-    def _as_it_stands(self, block: tuple[str, int], handles: list[int]) -> Batch:
+    def _as_it_stands(self, block: tuple[str, int], handles: list[int], time: int) -> Batch:
         return Batch(
             source=block[0],
             block=block[1],
-            time=self._clock.micros(),
+            time=time,
             seen=self._seen.get(block, 0),
             handles=handles,
             values=[self._values[h] for h in handles],

@@ -44,6 +44,9 @@ class Origin(IntFlag):
     LOCAL = 0x800
 
 
+UNSEEN = frozenset({Reason.STALE})
+"""Reasons that mean: the value is the last one known, what is true now nobody has seen."""
+
 NO_DATA = BAD | Reason.NO_DATA << 2
 COMM_FAILURE = BAD | Reason.COMM_FAILURE << 2
 STALE = UNCERTAIN | Reason.STALE << 2
@@ -76,6 +79,11 @@ def is_good(quality: int) -> bool:
 def is_bad(quality: int) -> bool:
     """True when the value must not be shown or used."""
     return quality & 3 == BAD
+
+
+def is_unseen(quality: int) -> bool:
+    """True for the last value known, when nobody sees what is true now."""
+    return quality >> 2 & 15 in UNSEEN
 
 
 def worst(qualities: Iterable[int]) -> int:
