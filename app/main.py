@@ -5,7 +5,6 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from fastapi import FastAPI
-from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from app import __version__, bundled
 from app.runtime import Runtime
@@ -37,6 +36,7 @@ from app.web import (
 )
 from app.web.assets import Assets
 from app.web.guard import check_declared
+from app.web.proxy import Proxied
 from app.web.security import Shield
 from app.web.view import View
 
@@ -102,6 +102,5 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.add_middleware(guard.Gatekeeper)
     app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
     if settings.behind_proxy:
-        proxies = [address.strip() for address in settings.behind_proxy.split(",") if address.strip()]
-        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=proxies)
+        app.add_middleware(partial(Proxied, proxies=settings.behind_proxy))
     check_declared(app)

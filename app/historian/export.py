@@ -434,6 +434,7 @@ def iso(micros: int, zone: ZoneInfo) -> str:
     return to_datetime(micros // 1000 * 1000).astimezone(zone).isoformat(timespec="milliseconds")
 
 
+LONGEST_MOMENT = 40
 RELATIVE = re.compile(r"^(?:now)?-(\d{1,9})(s|m|min|h|d)$")
 SECONDS = {"s": 1, "m": 60, "min": 60, "h": 3600, "d": DAY}
 
@@ -447,10 +448,12 @@ def moment(text: str, zone: ZoneInfo, now: int) -> int:
     text = text.strip()
     if text == "now":
         return now
-    if match := RELATIVE.match(text):
-        return now - int(match[1]) * SECONDS[match[2]] * 1_000_000
     try:
-        if re.fullmatch(r"\d{9,16}", text):
+        if len(text) > LONGEST_MOMENT:
+            raise ValueError
+        if match := RELATIVE.match(text):
+            micros = now - int(match[1]) * SECONDS[match[2]] * 1_000_000
+        elif re.fullmatch(r"\d{9,16}", text):
             micros = int(text)
         else:
             value = datetime.fromisoformat(text.replace(" ", "+") if re.search(r"T.* \d\d:?\d\d$", text) else text)
@@ -458,7 +461,7 @@ def moment(text: str, zone: ZoneInfo, now: int) -> int:
         to_datetime(micros).astimezone(zone)
     except (ValueError, OverflowError) as error:
         raise ConfigurationError(
-            f"time: {text}, expected 2026-03-09T06:00, 2026-03-09T06:00+01:00, µs since 1970, now, or -8h"
+            f"time: {text[:LONGEST_MOMENT]}, expected 2026-03-09T06:00, 2026-03-09T06:00+01:00, µs since 1970, now, or -8h"
         ) from error
     return micros
 

@@ -5,6 +5,7 @@ line for the operator with the whole column, so that every part that changed is 
 looks at the machine when its revision tag `sys.commands.<equipment>` changes. Stop needs neither script nor nonce: it is a form.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -69,6 +70,8 @@ def gate_of(operation: Operation) -> Gate:
 
 ARGUMENT = "arg_"
 """Before the name of an argument in a form."""
+ROW = re.compile("[0-9]{1,18}")
+"""How the row of a table is named in an address."""
 
 
 # ---- routes -------------------------------------------------------------------------------------------------
@@ -234,7 +237,9 @@ def arguments_of(operation: Operation, command: Command, given: Mapping[str, str
     """The arguments of `command` as fields; one that is called as a table names a row, whose columns fill the others."""
     machine, found = operation.equipment, []
     tables = tables_of(machine)
-    row = next((tables[name].row(int(text)) for name, text in given.items() if name in tables and text.isdigit()), None)
+    row = next(
+        (tables[name].row(int(text)) for name, text in given.items() if name in tables and ROW.fullmatch(text)), None
+    )
     for argument in command.arguments:
         low, high = (
             expression.number(bound, look_of(operation)) if bound else None for bound in (argument.low, argument.high)

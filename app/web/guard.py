@@ -28,9 +28,9 @@ from app.access.access import Access
 from app.access.audit import printable
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
-from app.access.tokens import PREFIX
 from app.errors import ConfigurationError, Refused, StorageError
 from app.web.errors import answer
+from app.web.security import is_own_origin
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -83,7 +83,15 @@ class Gatekeeper:
         bearer = _bearer(scope, headers)
         if bearer is not None:
             state["bearer"] = True
-            state["person"] = await access.tokens.find(bearer, address_of(scope))
+            try:
+                state["person"] = await access.tokens.find(bearer, address_of(scope))
+            except StorageError as error:
+                log.error("token not read reason=%s", error)
+                await _turn_away(scope, receive, send, 503, "error.unavailable")
+                return
+            if state["person"] is None:
+                await _turn_away(scope, receive, send, 401, "access.token_unknown")
+                return
         else:
             fresh = await self._browser(scope, state, access, headers, cookies)
         await self._app(scope, receive, _with_cookie(send, cookie_name(PRE, secure), fresh, secure) if fresh else send)
@@ -248,22 +256,29 @@ async def check_origin_and_token(request: Request) -> None:
         raise Refused("access.json_only", 415)
     if request.state.bearer:
         return  # a token that a program sends on purpose cannot be borrowed by a page
-    site = request.headers.get("sec-fetch-site")
-    if site is not None:
-        good = site == "same-origin"
-    else:
-        named = request.headers.get("origin") or request.headers.get("referer") or ""
-        good = bool(named) and urlsplit(named).netloc.lower() == request.headers.get("host", "").lower()
-    if not good:
+    if not _from_own_page(request):
         raise Refused("access.other_site", 403)
     token = request.headers.get("x-csrf-token", "")
-    if not token and content in ("application/x-www-form-urlencoded", "multipart/form-data"):
+    if not token and content == "application/x-www-form-urlencoded":
         form = await request.form()
         values = form.getlist("csrf")
         token = values[0] if len(values) == 1 and isinstance(values[0], str) else ""
     access = access_of(request.app)
     if access is None or not access.is_form_token(token, request.state.bound):
         raise Refused("access.form_stale", 403)
+
+
+def _from_own_page(request: Request) -> bool:
+    """Whether a page of ours sends it: fetch metadata and origin say so, as far as they are there, else the referer does."""
+    site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
+    if site is not None:  # a form of ours says "Origin: null", since our pages tell no referer
+        return site == "same-origin" and (origin in (None, "null") or is_own_origin(request.scope, origin))
+    named = origin or request.headers.get("referer") or ""
+    try:
+        parts = urlsplit(named)
+    except ValueError:
+        return False
+    return is_own_origin(request.scope, f"{parts.scheme}://{parts.netloc}")
 
 
 async def fields(
@@ -383,9 +398,20 @@ def _cookies(headers: Headers) -> dict[str, str]:
 def _bearer(scope: Scope, headers: Headers) -> str | None:
     """The API token of a program; browsers' pages do not take one."""
     kind, _, token = headers.get("authorization", "").partition(" ")
-    if kind.lower() != "bearer" or not token.startswith(PREFIX):
+    if kind.lower() != "bearer":
         return None
     return token.strip() if scope["type"] == "websocket" or scope["path"].startswith("/api/") else None
+
+
+async def _turn_away(scope: Scope, receive: Receive, send: Send, status: int, key: str) -> None:
+    """Who names a token that is none is nobody, and not a guest either."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+        return
+    response = answer(Request(scope), status, key)
+    if status == 401:
+        response.headers["WWW-Authenticate"] = "Bearer"
+    await response(scope, receive, send)
 
 
 def _is_deed(scope: Scope, headers: Headers) -> bool:

@@ -6,6 +6,8 @@ import socket
 import ssl
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -26,6 +28,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
         ConfigurationError: address, port or TLS files cannot be used, or the plant's server cannot start with these settings.
     """
     _log(settings)
+    check_key(settings.tls_key)
     lifespan = _Lifespan(app)
     config = uvicorn.Config(
         lifespan,
@@ -41,6 +44,8 @@ def serve(app: FastAPI, settings: Settings) -> None:
         ws_per_message_deflate=False,  # a frame is small, and every browser would cost a compressor
         lifespan="on",
     )
+    for name in ("uvicorn.access", "uvicorn.error"):
+        logging.getLogger(name).addFilter(without_query)
     try:
         config.load()
     except (OSError, ssl.SSLError) as error:
@@ -58,6 +63,28 @@ def serve(app: FastAPI, settings: Settings) -> None:
     finally:
         for one in sockets:
             one.close()
+
+
+def check_key(path: Path | None) -> None:
+    """Refuse a private key that others than its owner may read.
+
+    Raises:
+        ConfigurationError: names the file and its mode. One that cannot be looked at is told when it is loaded.
+    """
+    with suppress(OSError):
+        if path is not None and (mode := path.stat().st_mode & 0o777) & 0o077:
+            raise ConfigurationError(
+                f"POGON_TLS_KEY={path}: its mode {mode:04o} lets others use it, expected 0600 (chmod 600 {path})"
+            )
+
+
+def without_query(record: logging.LogRecord) -> bool:
+    """Leave the query out of an address in the server's log: it may hold what somebody typed."""
+    if isinstance(record.args, tuple):
+        record.args = tuple(
+            one.partition("?")[0] if isinstance(one, str) and one.startswith("/") else one for one in record.args
+        )
+    return True
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:

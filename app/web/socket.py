@@ -17,7 +17,6 @@ import logging
 from collections import Counter
 from collections.abc import Awaitable, Callable, Collection
 from typing import Any
-from urllib.parse import urlsplit
 
 import orjson
 from fastapi import APIRouter
@@ -28,6 +27,7 @@ from app.errors import Refused
 from app.live.frames import Live, Watcher
 from app.web.guard import allow
 from app.web.operation import RELEASE_CAUSES, Operation
+from app.web.security import host_of, is_own_origin
 
 log = logging.getLogger(__name__)
 
@@ -140,16 +140,9 @@ async def live(websocket: WebSocket) -> None:
 
 def same_origin(websocket: WebSocket, hosts: frozenset[str]) -> bool:
     """Whether a page of this very server opens the socket: its `Origin` is this `Host`, and that is one of `hosts`."""
-    headers = websocket.headers
-    host = headers.get("host", "")
-    origin = urlsplit(headers.get("origin", ""))
-    site = headers.get("sec-fetch-site", "same-origin")
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return False
-    known = {entry.strip("[]") for entry in hosts}
-    return origin.scheme in ("http", "https") and origin.netloc == host and name in known and site == "same-origin"
+    site = websocket.headers.get("sec-fetch-site", "same-origin")
+    own = is_own_origin(websocket.scope, websocket.headers.get("origin", ""))
+    return own and host_of(websocket.scope) in hosts and site == "same-origin"
 
 
 class _Refuse(Exception):
