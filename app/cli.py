@@ -210,7 +210,7 @@ def plant_or_exit(folder: Path) -> "Plant":
     from app.sim.plant import read_simulated
 
     plant, problems = read_simulated(folder)
-    for problem in problems:
+    for problem in problems:  # not many: `shortened`
         place = f"{folder}/" if problem.file == PLANT_FILE or problem.file.startswith(f"{FOLDER}/") else ""
         typer.echo(f"pogon: {place}{problem}", err=True)
     if plant is None:

@@ -15,6 +15,7 @@ import typer
 
 from app.access.roles import ROLES, Person
 from app.errors import ConfigurationError, PogonError, Refused
+from app.files import read_text
 
 if TYPE_CHECKING:
     from app.access.access import Access
@@ -25,6 +26,11 @@ audit_cli = typer.Typer(no_args_is_help=True, help="The audit: verify. Works bes
 
 COLUMNS = ("name", "display", "roles")
 """Columns of the file of a class; `roles` are separated by spaces, empty means operator."""
+
+LARGEST_LIST = 1024 * 1024
+"""Of that file [bytes]."""
+MOST_PEOPLE = 1000
+"""In that file: each costs a password hash."""
 
 BROKEN = {
     "changed": "was changed",
@@ -204,20 +210,33 @@ def _asked() -> str:
 def _rows(file: Path) -> list[tuple[str, str, tuple[str, ...]]]:
     """The people of a CSV file; comma or semicolon, a heading with at least `name`."""
     try:
-        text = file.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        fail(f"{file}: {error}, expected a CSV file in UTF-8")
+        text = read_text(file, LARGEST_LIST)
+    except ConfigurationError as error:
+        fail(f"{error}, in a CSV file of people")
     first = text.partition("\n")[0]
-    reader = csv.DictReader(text.splitlines(), delimiter=";" if first.count(";") > first.count(",") else ",")
-    heading = [name.strip().lower() for name in reader.fieldnames or ()]
-    reader.fieldnames = heading
-    if "name" not in heading or set(heading) - set(COLUMNS):
-        fail(f"{file}:1: heading {', '.join(heading) or 'is empty'}, expected {', '.join(COLUMNS)}")
-    rows = []
-    for row in reader:
-        roles = tuple((row.get("roles") or "operator").replace(",", " ").split())
-        if (row.get("name") or "").strip():
-            rows.append((row["name"].strip(), (row.get("display") or "").strip(), roles))
+    lines = text.splitlines()
+    reader = csv.DictReader(lines, delimiter=";" if first.count(";") > first.count(",") else ",", restval="")
+    try:
+        heading = [name.strip().lower() for name in reader.fieldnames or ()]
+        reader.fieldnames = heading
+        if "name" not in heading or set(heading) - set(COLUMNS):
+            fail(f"{file}:1: heading {_cut(', '.join(heading)) or 'is empty'}, expected {', '.join(COLUMNS)}")
+        rows: list[tuple[str, str, tuple[str, ...]]] = []
+        for row in reader:
+            if None in row or not all(text.isprintable() for text in row.values()):
+                fail(f"{file}:{reader.line_num}: expected {len(heading)} columns of letters that can be printed")
+            if len(rows) == MOST_PEOPLE:
+                fail(f"{file}:{reader.line_num}: expected at most {MOST_PEOPLE} people")
+            roles = tuple((row.get("roles") or "operator").replace(",", " ").split())
+            if row["name"].strip():
+                rows.append((row["name"].strip(), row.get("display", "").strip(), roles))
+    except csv.Error as error:
+        fail(f"{file}:{reader.line_num}: {error}, expected a CSV file of people")
     if not rows:
         fail(f"{file}: nobody in it")
     return rows
+
+
+def _cut(text: str) -> str:
+    shown = "".join(sign if sign.isprintable() else "?" for sign in text[:120])
+    return shown + "…" * (len(text) > 120)

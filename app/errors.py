@@ -2,6 +2,8 @@
 
     PogonError
     ├── ConfigurationError   a plant folder, a setting or a file is wrong: names file, key, value and what was expected
+    │   └── UnusableFile     a file that cannot be read as what it should be
+    │       └── MissingFile  it is not there
     ├── LinkError            a device or its line did not do what was asked
     │   ├── NoAnswer         silence until the time-out
     │   ├── NotConnected     the line or the socket is not there
@@ -16,6 +18,7 @@ A message names the thing, the value and what was expected.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 
 
 class PogonError(Exception):
@@ -24,6 +27,20 @@ class PogonError(Exception):
 
 class ConfigurationError(PogonError):
     """A file or a setting that cannot be used."""
+
+
+class UnusableFile(ConfigurationError):
+    """A file that cannot be read as what it should be: `found` in place of `expected`, at `line` (from 1) of a text."""
+
+    def __init__(self, path: Path, found: str, expected: str, line: int | None = None) -> None:
+        super().__init__(f"{path}{f':{line}' if line else ''}: {found}, expected {expected}")
+        self.found = found
+        self.expected = expected
+        self.line = line
+
+
+class MissingFile(UnusableFile):
+    """A file that is not there."""
 
 
 class LinkError(PogonError):

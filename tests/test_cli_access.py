@@ -2,6 +2,7 @@
 
 import csv
 import io
+import os
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from app.access.keys import read_key
 from app.access.passwords import Passwords
 from app.alarms import journal
 from app.cli import cli
+from app.cli_access import LARGEST_LIST, MOST_PEOPLE
 from app.db import Database
 from app.main import create_app
 from app.settings import Settings
@@ -83,6 +85,34 @@ def test_a_class_is_added_from_a_file_all_or_none(pogon: Pogon, tmp_path: Path) 
     failed = pogon("user", "add", "--file", str(file))
     assert (failed.exit_code, failed.stderr) == (2, "pogon: There is already an account ivo.\n")
     assert "nova" not in pogon("user", "list").output
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "a pipe, expected an ordinary file, in a CSV file of people"),
+        (b"x" * (LARGEST_LIST + 1), f"expected at most {LARGEST_LIST} bytes"),
+        (b"name\n" + b"".join(b"p%d\n" % i for i in range(MOST_PEOPLE + 1)), f"expected at most {MOST_PEOPLE} people"),
+        (b"name\n\xff\xfe\n", "class.csv:2: byte 0xff, expected text in UTF-8"),
+        (b"name\na\0b\n", "expected 1 columns of letters"),
+        (b"name,display\nivo,\x1b[2J\n", "expected 2 columns of letters"),
+        (b"name,roles\nivo,operator,admin\n", "expected 2 columns of letters"),
+        (b'name\n"' + b"x" * 200_000, "field larger than field limit"),
+        (b"\x1b[2J" * 1000 + b"\nivo\n", "class.csv:1: heading ?[2j"),
+        (b"name,name,name\n", "nobody in it"),
+        (b"", "heading is empty"),
+    ],
+    ids=range(11),
+)
+def test_a_file_that_is_no_class_is_one_line(tmp_path: Path, pogon: Pogon, content: bytes | None, said: str) -> None:
+    file = tmp_path / "class.csv"
+    if content is None:
+        os.mkfifo(file)
+    else:
+        file.write_bytes(content)
+    failed = pogon("user", "add", "--file", str(file))
+    assert failed.exit_code == 2
+    assert said in failed.stderr and failed.stderr.count("\n") == 1 and len(failed.stderr) < 600
 
 
 @pytest.mark.parametrize(

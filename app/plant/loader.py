@@ -9,12 +9,23 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from app.errors import ConfigurationError
 from app.plant import expression, plc, types
-from app.plant.definitions import Alarm, Equipment, Link, Plant, Point, Problem, SequenceDefinition, TableMap, Texts
+from app.plant.definitions import (
+    Alarm,
+    Equipment,
+    Link,
+    MoreProblems,
+    Plant,
+    Point,
+    Problem,
+    SequenceDefinition,
+    TableMap,
+    Texts,
+)
 from app.plant.derive import order_problem
 from app.plant.sequences import FOLDER as SEQUENCES
 from app.plant.sequences import SequenceFiles
 from app.plant.sequences import options as definition_options
-from app.plant.tables import MISSING, NONE, Plain, Source, Table, one_of, read_label
+from app.plant.tables import MISSING, MOST_PROBLEMS, NONE, STOP_AT, Enough, Plain, Source, Table, one_of, read_label
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -27,6 +38,9 @@ ID_EXPECTED = "small letters, digits and _, beginning with a letter, at most 32"
 RESERVED_IDS = ("sys",)
 LARGEST_UNIT = 247
 MOST_REPEATS = 1000
+MOST_MACHINES = 2000
+MOST_POINTS = 200_000
+"""Of one plant: what a program of one process can carry, and a reading takes a few seconds."""
 
 
 def languages() -> tuple[str, ...]:
@@ -44,10 +58,21 @@ def read_plant(
     """
     try:
         reader = _PlantReader(Path(folder), type_folder, transports)
-        plant = reader.read()
+        try:
+            plant = reader.read()
+        except Enough:
+            plant = None
     except (OSError, RecursionError) as error:
         return None, [Problem(PLANT_FILE, "(file)", str(folder), f"a plant folder ({error})")]
-    return (None if reader.problems else plant), reader.problems
+    problems = reader.problems
+    return (None if problems else plant), shortened(problems)
+
+
+def shortened(problems: list[Problem]) -> list[Problem]:
+    """The first `MOST_PROBLEMS`, and a line that says how many more there are."""
+    if len(problems) <= MOST_PROBLEMS:
+        return problems
+    return [*problems[:MOST_PROBLEMS], MoreProblems(len(problems) - MOST_PROBLEMS, stopped=len(problems) >= STOP_AT)]
 
 
 class _PlantReader:
@@ -55,7 +80,8 @@ class _PlantReader:
         self.folder = folder
         self.type_folder = type_folder
         self.transports = transports
-        self.source = Source(folder / PLANT_FILE, PLANT_FILE)
+        self.source = Source(folder / PLANT_FILE, PLANT_FILE, inside=folder)
+        self.type_names = types.names(type_folder)
         self.known_languages = languages()
         self.languages: Sequence[str] = self.known_languages
         self.types: dict[str, types.TypeData | None] = {}
@@ -63,6 +89,8 @@ class _PlantReader:
         self.equipment: dict[str, Equipment] = {}
         self.texts: dict[str, dict[str, str]] = {}
         self.units: dict[tuple[str, int], str] = {}
+        self.points = 0
+        """Of all machines so far."""
         self.ids: dict[str, str] = {}
         self.sequences = SequenceFiles(folder, lambda table, key: self._label(table, key, required=True))
         self.runs: dict[str, tuple[Table, str, int]] = {}
@@ -89,6 +117,10 @@ class _PlantReader:
             root.note("links", NONE, "at least one [links.<name>]")
         for key, table in root.tables("equipment"):
             self._equipment(key, table, links, areas)
+            if self.is_too_large:
+                found = f"more than {MOST_MACHINES} machines or {MOST_POINTS} points"
+                root.note("equipment", Plain(found), "no more in one plant")
+                return None
         if not root.data.get("equipment"):
             root.note("equipment", NONE, "at least one [equipment.<id>]")
         for id, (table, machine, number) in self.runs.items():
@@ -103,6 +135,11 @@ class _PlantReader:
                     language: item.area for language in self.languages
                 }
         return Plant(self.folder, name, timezone, tuple(self.languages), areas, links, self.equipment, used, self.texts)
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether there are more machines or points than one plant may have."""
+        return len(self.equipment) > MOST_MACHINES or self.points > MOST_POINTS
 
     def _languages(self, head: Table) -> Sequence[str]:
         given = head.items("languages", list(self.known_languages), "a list of languages")
@@ -190,7 +227,7 @@ class _PlantReader:
 
     def _equipment(self, key: str, table: Table, links: Mapping[str, Link], areas: Mapping[str, Texts]) -> None:
         self._check_id(key, table)
-        kind_name = table.text("type", choices=types.names(self.type_folder))
+        kind_name = table.text("type", choices=self.type_names)
         data = self._type(kind_name) if table.data.get("type") == kind_name and kind_name else None
         link = table.text("link", choices=sorted(links))
         unit = table.whole("unit", low=1, high=LARGEST_UNIT)
@@ -220,6 +257,8 @@ class _PlantReader:
             count = LARGEST_UNIT - unit + 1
         width = max(2, len(str(count)))
         for number in range(1, count + 1) if count else (0,):
+            if self.is_too_large:
+                return
             suffix = f"_{number:0{width}d}" if number else ""
             self._instance(
                 table,
@@ -327,6 +366,7 @@ class _PlantReader:
                 lasting = f"{was or id}.{cell.id}"
                 self.ids.setdefault(lasting, f"{id}.{cell.key}")
                 points[cell.key] = replace(cell, name=f"{id}.{cell.key}", id=lasting, equipment=id)
+        self.points += len(points)
         alarms = tuple(data.type.alarms)
         self.equipment[id] = Equipment(
             id, data.type, link, unit, label, area, points, alarms, options, tables, sequence, preset=preset, was=was

@@ -115,6 +115,8 @@ class SequenceFiles:
 
     def names(self) -> list[str]:
         """Definitions that the folder has."""
+        if not self.folder.resolve().is_relative_to(self.folder.parent.resolve()):
+            return []  # a link to a folder that is none of our business
         return sorted(path.stem for path in self.folder.glob("*.toml") if re.fullmatch(NAME, path.stem))
 
     def read(self, name: str) -> SequenceDefinition | None:
@@ -183,7 +185,7 @@ class SequenceFiles:
     # ---- one file -------------------------------------------------------------------------------------
 
     def _read(self, name: str) -> _File:
-        source = Source(self.folder / f"{name}.toml", f"{FOLDER}/{name}.toml")
+        source = Source(self.folder / f"{name}.toml", f"{FOLDER}/{name}.toml", inside=self.folder.parent)
         file = _File(source, SequenceDefinition(name, {}, ()))
         if source.problems:
             return file

@@ -3,17 +3,31 @@
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property
 from pathlib import Path
+from reprlib import Repr
 from typing import Any
 
+from app.errors import MissingFile, UnusableFile
+from app.files import ORDINARY, read_text
 from app.plant.definitions import Problem
+from app.plant.toml import LARGEST_FILE, TomlRefused, parse
 
 REQUIRED: Any = object()
-LARGEST_FILE = 4 * 1024 * 1024
-"""Nobody writes a plant of this size by hand [bytes]."""
+MOST_PROBLEMS = 200
+"""Mistakes of one reading that are told; of the rest, their number."""
+STOP_AT = 1000
+"""Mistakes in one file after which it is not worth reading on."""
+LONGEST_SHOWN = 120
+LONGEST_EXPECTED = 400
+"""Of a value, and of what was expected of it [characters]."""
+LONGEST_LINE = 1000
+"""Of a line in which a key is looked for [characters]."""
+MOST_CHOICES = 40
+"""Choices that one line lists."""
+COMPARED = 1000
+"""Choices among which the one that was perhaps meant is looked for."""
 
 
 class Plain(str):
@@ -23,35 +37,30 @@ class Plain(str):
 MISSING, NONE = Plain("missing"), Plain("none")
 
 
-@lru_cache(maxsize=128)
-def _parsed(text: str) -> dict[str, Any]:
-    """The tables of `text`, which nobody changes: machines of one type, and a reload, read the same files again."""
-    return tomllib.loads(text)
+class Enough(Exception):
+    """A file has so many mistakes that its reading was stopped."""
 
 
 class Source:
-    """One TOML file and the problems found in it. Reading never raises."""
+    """One TOML file and the problems found in it. Reading never raises; noting more than `STOP_AT` mistakes does (`Enough`).
 
-    def __init__(self, path: Path, name: str, *, optional: bool = False) -> None:
+    `inside`: links may not lead out of this folder.
+    """
+
+    def __init__(self, path: Path, name: str, *, optional: bool = False, inside: Path | None = None) -> None:
         self.name = name
         self.problems: list[Problem] = []
         self.data: dict[str, Any] = {}
         self._lines: list[str] = []
         try:
-            if path.is_file() and path.stat().st_size > LARGEST_FILE:
-                self.note((), f"{path.stat().st_size} bytes", f"a text file of at most {LARGEST_FILE} bytes")
-                return
-            text = path.read_text("utf-8-sig")
-        except FileNotFoundError:
+            text = read_text(path, LARGEST_FILE, inside=inside)
+        except MissingFile as error:
             if not optional:
-                self.note((), "no such file", "a TOML file")
+                self.note((), error.found, "a TOML file")
             return
-        except UnicodeDecodeError as error:
-            before = error.object[: error.start].count(b"\n") + 1
-            self.note((), f"byte 0x{error.object[error.start]:02x}", "text in UTF-8", line=before)
-            return
-        except (OSError, ValueError) as error:
-            self.note((), getattr(error, "strerror", None) or str(error), "a readable TOML file")
+        except UnusableFile as error:
+            expected = "a TOML file" if error.expected == ORDINARY else error.expected
+            self.note((), error.found, expected, line=error.line)
             return
         self._lines = text.splitlines()
         if not text.strip():
@@ -59,31 +68,47 @@ class Source:
                 self.note((), "an empty file", "TOML tables")
             return
         try:
-            self.data = _parsed(text)
-        except tomllib.TOMLDecodeError as error:
-            where = re.search(r"at line (\d+)", str(error))
-            line = int(where[1]) if where else len(self._lines)
-            shown = self._lines[line - 1].strip() if 0 < line <= len(self._lines) else ""
-            self.note((), shown or "the end of the file", f"TOML ({error})", line=line)
-        except RecursionError:
-            self.note((), "tables in tables", "tables nested a few levels deep")
+            self.data = parse(text)
+        except TomlRefused as refused:
+            self.note((), refused.found, refused.expected, line=refused.line or None)
 
     def note(self, path: Sequence[str], value: object, expected: str, *, line: int | None = None) -> None:
-        """Remember a mistake at the key `path`."""
-        key = ".".join(path) if path else "(file)"
-        shown = f'"{value}"' if isinstance(value, str) and path and not isinstance(value, Plain) else str(value)
-        if len(shown) > 120:
-            shown = shown[:117] + "…"
-        shown = "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in shown)
-        self.problems.append(Problem(self.name, key, shown, expected, line if line is not None else self.line(path)))
+        """Remember a mistake at the key `path`.
+
+        Raises:
+            Enough: it is one of very many.
+        """
+        key = _printable(".".join(path) if path else "(file)", LONGEST_SHOWN)
+        text = isinstance(value, str) and bool(path) and not isinstance(value, Plain)
+        shown = f'"{value}"' if text else str(value) if isinstance(value, str) else _SHORT.repr(value)
+        place = line if line is not None else self.line(path)
+        self.problems.append(
+            Problem(self.name, key, _printable(shown, LONGEST_SHOWN), _printable(expected, LONGEST_EXPECTED), place)
+        )
+        if len(self.problems) >= STOP_AT:
+            raise Enough
 
     def line(self, path: Sequence[str]) -> int | None:
         """The line (from 1) on which the key `path` stands, or the nearest table around it."""
-        best: tuple[int, int] | None = None
+        if not path or not self._lines:
+            return None
+        whole, begun = self._places
+        wanted = tuple(path)
+        if wanted in begun:
+            return begun[wanted]
+        return next(
+            (whole[wanted[:length]] for length in range(len(wanted) - 1, 0, -1) if wanted[:length] in whole), None
+        )
+
+    @cached_property
+    def _places(self) -> tuple[dict[tuple[str, ...], int], dict[tuple[str, ...], int]]:
+        """The first line of each key that is written out; and of each that such a key begins with."""
+        whole: dict[tuple[str, ...], int] = {}
+        begun: dict[tuple[str, ...], int] = {}
         table: tuple[str, ...] = ()
         counts: dict[tuple[str, ...], int] = {}
         for number, raw in enumerate(self._lines, 1):
-            text = raw.strip()
+            text = raw.strip()[:LONGEST_LINE]
             if header := re.match(r"^(\[{1,2})\s*([^\]]+?)\s*\]", text):
                 *parents, last = _split(header[2]) or ("",)
                 table = ()
@@ -102,10 +127,10 @@ class Source:
                 found = (*table, *_split(assignment[1]))
             else:
                 continue
-            length = min(len(found), len(path))  # of `[[steps]]`, a list, the first row is where it begins
-            if length and tuple(path[:length]) == found[:length] and (best is None or length > best[0]):
-                best = (length, number)
-        return best[1] if best else None
+            whole.setdefault(found, number)  # of `[[steps]]`, a list, the first row is where it begins
+            for length in range(1, len(found) + 1):
+                begun.setdefault(found[:length], number)
+        return whole, begun
 
     def table(self) -> "Table":
         """The whole file as a table."""
@@ -276,9 +301,12 @@ def read_label(
 
 
 def one_of(choices: Sequence[str], value: object = "") -> str:
-    """`one of a, b`, with the choice that was perhaps meant."""
-    near = difflib.get_close_matches(str(value), choices, n=1)
-    return f"one of {', '.join(choices) or 'none'}" + (f" (perhaps {near[0]})" if near else "")
+    """`one of a, b`, with the choice that was perhaps meant; of very many the first."""
+    meant = str(value)[:LONGEST_SHOWN] if isinstance(value, str) else ""
+    near = difflib.get_close_matches(meant, choices[:COMPARED], n=1) if meant else []
+    shown = ", ".join(choices[:MOST_CHOICES]) or "none"
+    more = f" and {len(choices) - MOST_CHOICES} more" if len(choices) > MOST_CHOICES else ""
+    return f"one of {shown}{more}" + (f" (perhaps {near[0]})" if near else "")
 
 
 def span(what: str, low: float, high: float) -> str:
@@ -292,3 +320,20 @@ def span(what: str, low: float, high: float) -> str:
 
 def _split(dotted: str) -> tuple[str, ...]:
     return tuple(part.strip().strip("\"'") for part in re.findall(r"""[^."'\s]+|"[^"]*"|'[^']*'""", dotted))
+
+
+def _printable(text: str, longest: int) -> str:
+    """`text` on one line of a terminal, cut."""
+    cut = text if len(text) <= longest else text[: longest - 3] + "…"
+    return "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in cut)
+
+
+_SHORT = Repr()
+"""Of what a file may hold, no more than one line."""
+_SHORT.maxlevel, _SHORT.maxdict, _SHORT.maxlist, _SHORT.maxstring, _SHORT.maxother = (
+    4,
+    12,
+    12,
+    LONGEST_SHOWN,
+    LONGEST_SHOWN,
+)

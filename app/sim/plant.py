@@ -12,7 +12,7 @@ from zlib import crc32
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant, Problem
-from app.plant.loader import PLANT_FILE, read_plant
+from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.sequences import program
 from app.sim import coil_car_machine, conveyor_machine, sequence
 from app.sim.bus import Bus, damaged
@@ -145,8 +145,10 @@ MACHINE_FAULTS: Mapping[str, Sequence[int]] = {
 def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None) -> tuple[Plant | None, list[Problem]]:
     """A plant folder as `read_plant` reads it; what the virtual devices of its simulated links do not take is a problem, too."""
     plant, problems = read_plant(folder)
-    for item in plant.equipment.values() if plant else ():
-        if plant and plant.links[item.link].simulated:
+    if plant is None:
+        return None, problems
+    for item in plant.equipment.values():
+        if plant.links[item.link].simulated:
             try:
                 _try_out(item, plant, VIRTUAL_DEVICES if factories is None else factories)
             except ConfigurationError as error:
@@ -154,7 +156,7 @@ def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None)
                 problems.append(
                     Problem(PLANT_FILE, f"equipment.{item.id}.simulation", said, "what its virtual device takes")
                 )
-    return (None if problems else plant), problems
+    return (None if problems else plant), shortened(problems)
 
 
 class SimPlant:

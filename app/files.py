@@ -1,0 +1,86 @@
+"""Files that other people wrote: ordinary ones only, of an agreed size, inside the folder they belong to; opening one never waits.
+
+A plant folder, a list of people or an archive may hold anything: a pipe that nobody writes to, a device, a link to a file that is none of
+our business. Each is one line, and nothing of its content is shown.
+"""
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from app.errors import MissingFile, UnusableFile
+
+KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+ORDINARY = "an ordinary file"
+
+
+def open_ordinary(path: Path, *, inside: Path | None = None) -> BinaryIO:
+    """Open `path` for reading if it is an ordinary file and, links followed, lies in the folder `inside`.
+
+    Raises:
+        MissingFile: it is not there.
+        UnusableFile: it is no ordinary file, lies elsewhere or may not be read.
+    """
+    try:
+        real = Path(os.path.realpath(path, strict=True))
+        if inside is not None and not real.is_relative_to(os.path.realpath(inside)):
+            raise UnusableFile(path, "a link that leads out of its folder", f"{ORDINARY} in {inside}")
+        _check(path, real.stat().st_mode)
+        handle = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY | os.O_NOFOLLOW)
+        try:
+            _check(path, os.fstat(handle).st_mode)  # another one may have been put there meanwhile
+            return os.fdopen(handle, "rb")
+        except BaseException:
+            os.close(handle)
+            raise
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise MissingFile(path, "no such file", ORDINARY) from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise UnusableFile(path, getattr(error, "strerror", None) or str(error), ORDINARY) from error
+
+
+def read_bytes(path: Path, most: int, *, inside: Path | None = None) -> bytes:
+    """All of `path`, at most `most` bytes.
+
+    Raises:
+        MissingFile, UnusableFile: as `open_ordinary`, or the file is larger.
+    """
+    with open_ordinary(path, inside=inside) as file:
+        try:
+            size = os.fstat(file.fileno()).st_size
+            content = file.read(most + 1) if size <= most else b""
+        except OSError as error:
+            raise UnusableFile(path, error.strerror or str(error), ORDINARY) from error
+    if size > most or len(content) > most:
+        raise UnusableFile(path, f"{max(size, len(content))} bytes", f"at most {most} bytes")
+    return content
+
+
+def read_text(path: Path, most: int, *, inside: Path | None = None) -> str:
+    """The text in `path`, UTF-8 with or without its mark.
+
+    Raises:
+        MissingFile, UnusableFile: as `read_bytes`, or it is no such text.
+    """
+    content = read_bytes(path, most, inside=inside)
+    expected = "text in UTF-8"
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        found = f"byte 0x{error.object[error.start]:02x}"
+        raise UnusableFile(path, found, expected, error.object[: error.start].count(b"\n") + 1) from error
+
+
+def _check(path: Path, mode: int) -> None:
+    for is_kind, name in KINDS:
+        if is_kind(mode):
+            raise UnusableFile(path, name, ORDINARY)
+    if not stat.S_ISREG(mode):
+        raise UnusableFile(path, "no file", ORDINARY)

@@ -1,0 +1,132 @@
+"""TOML within limits: what nobody writes by hand is refused before it costs time or memory, and in one line.
+
+`tomllib` alone takes minutes for keys of a hundred thousand parts, falls over at deep nesting, and over a number of five thousand digits.
+"""
+
+import re
+import tomllib
+from functools import lru_cache
+from typing import Any
+
+LARGEST_FILE = 2 * 1024 * 1024
+"""[bytes]"""
+MOST_VALUES = 50_000
+"""Keys and members of lists in one file."""
+DEEPEST = 16
+"""Lists and tables in each other, and parts of a dotted key."""
+LONGEST_WORD = 200
+"""Of a key or a number [characters]."""
+LONGEST_TEXT = 4_000
+"""Of one text [characters]."""
+WHOLE_NUMBERS = range(-(2**63), 2**63)
+"""As TOML promises them."""
+
+_TOKEN = re.compile(
+    r'''"""(?:[^"\\]|\\.|"(?!""))*+"""(?:"{0,2})|\'\'\'(?:[^']|'(?!''))*+\'\'\'(?:'{0,2})'''  # texts over many lines
+    r"""|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|\#[^\n]*+"""
+    r"""|(?P<word>[\w+-]++)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<count>[,=])|(?P<dot>\.)|[^\S\n]++|.""",
+    re.S,
+)
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+
+
+class TomlRefused(Exception):
+    """No TOML, or more of it than anybody writes: what was found, what was expected, on which line (from 1, 0 = unknown)."""
+
+    def __init__(self, found: str, expected: str, line: int) -> None:
+        super().__init__(f"{found}, expected {expected}")
+        self.found = found
+        self.expected = expected
+        self.line = line
+
+
+@lru_cache(maxsize=128)
+def parse(text: str) -> dict[str, Any]:
+    """The tables of `text`, which nobody changes: machines of one type, and a reload, read the same files again.
+
+    Raises:
+        TomlRefused: `text` is no TOML, or beyond the limits above.
+    """
+    _check_outline(text)
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError as error:
+        raise TomlRefused("tables in tables", f"at most {DEEPEST} in each other", 0) from error
+    except ValueError as error:  # also of what Python makes of its numbers and times
+        raise _not_toml(text, str(error)) from error
+    _check_values(text, tables)
+    return tables
+
+
+def _check_outline(text: str) -> None:
+    """One pass over the signs of `text`, before anything is built of them."""
+    depth = dots = values = 0
+    after_dot = False
+    for token in _TOKEN.finditer(text):
+        kind = token.lastgroup
+        if kind == "open":
+            depth += 1
+            if depth > DEEPEST:
+                raise _refused(text, token.start(), "lists or tables in each other", f"at most {DEEPEST} in each other")
+        elif kind == "close":
+            depth = max(0, depth - 1)
+        elif kind == "count":
+            values += 1
+        elif kind == "dot":
+            dots += 1
+            if dots > DEEPEST:
+                raise _refused(text, token.start(), "a key of many parts", f"at most {DEEPEST} parts")
+            after_dot = True
+            continue
+        elif kind == "word" and token.end() - token.start() > LONGEST_WORD:
+            what = f"a key or a number of {token.end() - token.start()} characters"
+            raise _refused(text, token.start(), what, f"at most {LONGEST_WORD} characters")
+        elif kind is None and not token[0].strip():
+            continue  # around a dot may be spaces
+        if not after_dot:
+            dots = 0
+        after_dot = False
+    if values > MOST_VALUES:
+        raise TomlRefused(f"{values} values", f"at most {MOST_VALUES} in one file", 0)
+
+
+def _check_values(text: str, tables: dict[str, Any]) -> None:
+    """What is TOML and yet nothing that a plant says."""
+    rest: list[tuple[str, Any]] = list(tables.items())
+    while rest:
+        key, value = rest.pop()
+        if _CONTROL.search(key) or len(key) > LONGEST_WORD:
+            raise TomlRefused("a key with control characters, or a long one", f"at most {LONGEST_WORD} letters", 0)
+        if isinstance(value, dict):
+            rest += value.items()
+        elif isinstance(value, list):
+            rest += ((key, item) for item in value)
+        elif isinstance(value, str) and (len(value) > LONGEST_TEXT or (_CONTROL.search(value))):
+            what = (
+                f"a text of {len(value)} characters" if len(value) > LONGEST_TEXT else "a text with control characters"
+            )
+            raise TomlRefused(
+                f"{key}: {what}", f"at most {LONGEST_TEXT} characters that can be printed", _line_of(text, key)
+            )
+        elif isinstance(value, int) and value not in WHOLE_NUMBERS:
+            raise TomlRefused(
+                f"{key}: a number of {value.bit_length()} bits", "whole numbers of 64 bits", _line_of(text, key)
+            )
+
+
+def _not_toml(text: str, said: str) -> TomlRefused:
+    lines = text.split("\n")
+    where = re.search(r"at line (\d+)", said)
+    line = int(where[1]) if where else len(lines)
+    shown = lines[line - 1].strip() if 0 < line <= len(lines) else ""
+    return TomlRefused(shown or "the end of the file", f"TOML ({said})", line)
+
+
+def _refused(text: str, position: int, found: str, expected: str) -> TomlRefused:
+    return TomlRefused(found, expected, text.count("\n", 0, position) + 1)
+
+
+def _line_of(text: str, key: str) -> int:
+    """The first line that names `key`; 0 when it is written otherwise."""
+    place = text.find(key)
+    return text.count("\n", 0, place) + 1 if place >= 0 else 0
