@@ -10,6 +10,7 @@
     │   ├── BadAnswer        an answer came and is not one to this request (length, unit, function, check sum)
     │   ├── DeviceException  the device answered with a Modbus exception code
     │   ├── Overtaken        a write that was never sent, because a Stop came before it
+    │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more
     │   └── Rejected         the device understood and did not take it, with its own reason
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
@@ -97,6 +98,12 @@ class Overtaken(LinkError):
     """A write that was never sent, because a Stop to the same device came before it."""
 
     kind = "overtaken"
+
+
+class Withdrawn(LinkError):
+    """A write that was never sent, because whoever asked for it may no more."""
+
+    kind = "withdrawn"
 
 
 class Rejected(LinkError):

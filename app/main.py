@@ -53,7 +53,8 @@ def create_app(settings: Settings) -> FastAPI:
         runtime = Runtime(settings)
         app.state.runtime = runtime
         await runtime.start()
-        runtime.access.sessions.subscribe(socket.sockets_of(app).end)
+        sockets = socket.sockets_of(app)
+        runtime.access.subscribe(sockets.end, sockets.end)  # a page whose person has other rights connects anew
         try:
             async with terminal.listening(runtime):
                 yield

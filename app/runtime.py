@@ -165,7 +165,8 @@ class Runtime:
             await book.load()
         self.tags.subscribe(self._derive)
         self.tags.on_standstill(self._stood_still)
-        self.access.sessions.subscribe(self._sessions_ended)
+        self.access.subscribe(self._sessions_ended, self._rights_changed)
+        self.keeper.keep("people", self.access.watch)
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
         self.keeper.keep("alarm journal", self.alarms.keep_journal)
@@ -240,6 +241,7 @@ class Runtime:
             writers=self.links,
             audit=self._audited,
             dry_run=self.settings.dry_run,
+            rights=self.access.standing,
         )
         gate.configure(plant)
         gate.subscribe(self._operation_changed)
@@ -360,6 +362,10 @@ class Runtime:
         for session in sessions:
             if self.gate is not None:
                 self.gate.session_ended(session)
+
+    def _rights_changed(self, sessions: Collection[str]) -> None:
+        if self.gate is not None:
+            self.gate.rights_changed()
 
     def _operation_changed(self, equipment: str) -> None:
         """Something about the commands of a machine changed: whoever looks at it fetches its command column again."""

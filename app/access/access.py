@@ -1,7 +1,9 @@
 """Everything about people in one place: accounts, sessions, tokens, the audit, and the secret that signs forms."""
 
+import asyncio
 import hmac
 import secrets
+from collections.abc import Callable, Collection
 from hashlib import sha256
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from app.access.first_code import FirstCode
 from app.access.keys import check_files, lock, prepare, read_key
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
+from app.access.roles import Person
 from app.access.sessions import Sessions
 from app.access.throttle import Throttle
 from app.access.tokens import Tokens
@@ -17,6 +20,9 @@ from app.clock import Clock
 from app.db import Database
 
 __all__ = ["Access", "lock", "prepare"]
+
+FOLLOW_PERIOD = 0.5
+"""How often what the terminal may have changed is read [s]."""
 
 
 class Access:
@@ -36,10 +42,13 @@ class Access:
         self.first_code = FirstCode(data)
         self.sessions = Sessions(db, clock, self.audit)
         self.tokens = Tokens(db, clock, self.audit)
-        self.people = People(db, clock, self.audit, self.sessions, self.passwords, self.throttle, self.first_code)
+        self.people = People(
+            db, clock, self.audit, self.sessions, self.passwords, self.throttle, self.first_code, self.tokens
+        )
 
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""
+        await self.sessions.load()
         await self.audit.record("server.started", None, version=version)
         if await self.people.count():
             self.first_code.used()
@@ -55,6 +64,23 @@ class Access:
         """End the threads and anchor the audit, without a line."""
         self.audit.close()
         self.passwords.close()
+
+    def standing(self, person: Person) -> Person | None:
+        """`person` as of now without asking the database; None when the session or the token is over."""
+        return (self.tokens if person.session.startswith("token-") else self.sessions).standing(person)
+
+    def subscribe(self, ended: Callable[[Collection[str]], None], changed: Callable[[Collection[str]], None]) -> None:
+        """Have `ended` called with sessions and tokens that are over, `changed` with those that allow other things now."""
+        self.sessions.subscribe(ended)
+        self.sessions.subscribe_changes(changed)
+        self.tokens.subscribe(changed)
+
+    async def watch(self) -> None:
+        """Follow what another process does to people, sessions and tokens, for ever."""
+        while True:
+            await asyncio.sleep(FOLLOW_PERIOD)
+            await self.sessions.renew()
+            await self.tokens.renew()
 
     async def awaits_first(self) -> bool:
         """Whether the first account is still to be made; the terminal may have made one beside this server."""

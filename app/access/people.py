@@ -17,6 +17,7 @@ from app.access.roles import FIRST_ROLES, Person, known_roles
 from app.access.sessions import Sessions, hash_of, roles_of
 from app.access.tables import person_table, role_table, session_table
 from app.access.throttle import Throttle
+from app.access.tokens import Tokens, revoke_all
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused
@@ -70,6 +71,7 @@ class People:
         passwords: Passwords,
         throttle: Throttle,
         first_code: FirstCode,
+        tokens: Tokens,
     ) -> None:
         self._db = db
         self._clock = clock
@@ -78,6 +80,7 @@ class People:
         self._passwords = passwords
         self._throttle = throttle
         self._first_code = first_code
+        self._tokens = tokens
         self.plant_name = ""
         """A password may not be made of it."""
 
@@ -261,7 +264,9 @@ class People:
             Refused: unknown role (422), nobody of this id (404), the last administrator would be gone (409), no audit (503).
         """
         refused_without_audit(self._audit)
-        return await self._audit.with_entries(lambda connection: self._roles_set(connection, by, person_id, roles))
+        account = await self._audit.with_entries(lambda connection: self._roles_set(connection, by, person_id, roles))
+        await self._follow()
+        return account
 
     def set_roles_now(self, by: Person, name: str, roles: Iterable[str]) -> Account:
         """As `set_roles`, by name, on the caller's thread: for the command line."""
@@ -286,6 +291,7 @@ class People:
             return ended, [self._audit.entry(kind, by, account.name)]
 
         self._sessions.announce(await self._audit.with_entries(work))
+        await self._follow()
 
     async def delete(self, by: Person, person_id: int) -> None:
         """Remove an account for good; its lines in the audit stay, its id is never given again.
@@ -305,6 +311,7 @@ class People:
             return ended, [self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)]
 
         self._sessions.announce(await self._audit.with_entries(work))
+        await self._follow()
 
     async def rename(self, by: Person, person_id: int, display: str) -> None:
         """Change the name that others read.
@@ -321,6 +328,7 @@ class People:
             return None, [self._audit.entry("person.renamed", by, account.name, account.display, label)]
 
         await self._audit.with_entries(work)
+        await self._follow()
 
     async def new_initial(self, by: Person, person_id: int) -> str:
         """A new initial password, in place of a forgotten one; all sessions of the person end. Shown once, kept nowhere.
@@ -338,6 +346,7 @@ class People:
         )
         self._throttle.clear(account.name)
         self._sessions.announce(ended)
+        await self._follow()
         return initial
 
     def set_password_now(self, by: Person, name: str, password: str | None) -> str:
@@ -428,6 +437,11 @@ class People:
 
     # ---- details --------------------------------------------------------------------------------------
 
+    async def _follow(self) -> None:
+        """Accounts have changed: whoever loses a right by it loses it now, also where no request is made."""
+        await self._sessions.people_changed()
+        await self._tokens.renew()
+
     async def _take(self, address: str) -> None:
         if not self._throttle.take(address):
             raise Refused("access.too_many", 429)
@@ -500,7 +514,10 @@ class People:
         connection.execute(change.values(password=kept, must_change=initial, initial_until=until))
         ended = _end_sessions(connection, person_id)
         kind = "password.initial" if initial else "password.set"
-        return (account, ended), [self._audit.entry(kind, by, account.name)]
+        lines = [self._audit.entry(kind, by, account.name)]
+        if by.id != person_id:  # reset by somebody else: what was given out under the old one ends, too
+            lines += [self._audit.entry("token.revoked", by, name) for name in revoke_all(connection, person_id)]
+        return (account, ended), lines
 
 
 def account_name(name: str) -> str:

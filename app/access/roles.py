@@ -4,7 +4,7 @@ Sources: reference/security.md section 5, precedence.md. An administrator is not
 people gives no command over the plant. The first account has three roles and so may do everything.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 ROLES = ("viewer", "operator", "engineer", "admin")
@@ -100,6 +100,8 @@ class Person:
         return permission in self.permissions
 
 
+Rights = Callable[[Person], Person | None]
+"""A person as of now, without waiting; None when the session is over."""
 SYSTEM = Person(0, "system", "system", frozenset(), frozenset(), "")
 """Who is named in the audit for what the server does by itself."""
 

@@ -1,7 +1,11 @@
 """Who is signed in: sessions live on the server, survive a restart, and the browser holds only a random id.
 
 Only SHA-256 of the id is stored. Rights are read from the database with every request, so a change of roles, a disabled account or a
-closed session acts on the next one, also when the command line made it. Source: reference/security.md section 4.4.
+closed session acts on the next one, also when the command line made it. What goes on without requests (a button that is held, a command
+that waits for its turn, a socket) asks `standing`, which follows the database by half a second (`renew`, in this process at once).
+
+Idleness and the end of a session count on the monotonic clock, so that a step of the wall clock neither ends nor prolongs one; only over
+a restart the stored times, of the wall clock, say how long it has been. Source: reference/security.md section 4.4.
 """
 
 import hashlib
@@ -10,8 +14,9 @@ import secrets
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, Select, delete, insert, select, update
 
 from app.access.audit import Audit, printable
 from app.access.roles import ACTING, FORCED, IDLE, Person, permissions_of
@@ -32,7 +37,13 @@ TOUCH_PERIOD = 20.0
 """A deed is written at most so often [s]."""
 ID_BYTES = 32
 MOST_KNOWN = 1000
-"""Sessions remembered for the time when the database cannot be read."""
+"""Sessions remembered for what goes on without requests, and for the time when the database cannot be read."""
+IN_USE = 120.0
+"""A session that nobody asked for in so long is not followed [s]."""
+MOST_FAILURES = 6
+"""After so many tries to follow the database in vain, what is known from before only allows to watch and to stop."""
+CLOCK_BACK = 60.0
+"""A stored time may be later than the wall clock by this [s]; above it the clock was set back while the server was down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +60,28 @@ class Session:
     """Family and system of the browser."""
 
 
+@dataclass(slots=True)
+class _Known:
+    """What is known of a session without asking the database."""
+
+    row: Any
+    roles: frozenset[str]
+    used: float
+    """When somebody asked for it, monotonic [s]."""
+
+    def rights(self) -> tuple[object, ...]:
+        """What its person may do hangs on these."""
+        return self.roles, self.row.must_change, self.row.name, self.row.display
+
+
+@dataclass(slots=True)
+class _Times:
+    """When a session was last active and when it ends, monotonic [s]."""
+
+    active: float
+    ends: float
+
+
 class Sessions:
     """Opens, finds and ends sessions."""
 
@@ -57,12 +90,30 @@ class Sessions:
         self._clock = clock
         self._audit = audit
         self._ended: list[Callable[[Collection[str]], None]] = []
-        self._touched: dict[str, int] = {}
-        self._known: OrderedDict[str, Person] = OrderedDict()
+        self._changed: list[Callable[[Collection[str]], None]] = []
+        self._touched: dict[str, float] = {}
+        self._times: dict[str, _Times] = {}
+        self._known: OrderedDict[str, _Known] = OrderedDict()
+        self._failures = 0
+        self._epoch = 0
+        """Changes that this process made: what was read before one of them is not news."""
 
     def subscribe(self, ended: Callable[[Collection[str]], None]) -> None:
-        """Have `ended` called with the hashes of sessions that this process has just ended, so that sockets close at once."""
+        """Have `ended` called with the hashes of sessions that are over, so that sockets close and motions stop at once."""
         self._ended.append(ended)
+
+    def subscribe_changes(self, changed: Callable[[Collection[str]], None]) -> None:
+        """Have `changed` called with the hashes of sessions whose person has other rights or another name now."""
+        self._changed.append(changed)
+
+    async def load(self) -> None:
+        """Take the times of all sessions over from before the restart.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        for row in await self._db.read(lambda connection: connection.execute(select(session_table)).all()):
+            self._moments(row)
 
     async def find(self, sid: str, address: str, agent: str) -> Person | None:
         """The person behind the id `sid`, with what is allowed now; None when there is no such session, or no more.
@@ -76,19 +127,15 @@ class Sessions:
             return None
         id_hash = hash_of(sid)
         try:
-            person = await self._db.read(lambda connection: self._found(connection, id_hash, address, agent))
+            known = await self._read(id_hash)
         except StorageError:
-            known = self._known.get(id_hash)
-            if known is None:
+            before = self._known.get(id_hash)
+            if before is None or before.row.agent != family(agent):
                 raise
-            return replace(known, permissions=known.permissions & IDLE, idle=True, idle_in=0.0)
-        if person is None:
-            self._known.pop(id_hash, None)
-        else:
-            self._known[id_hash] = person
-            while len(self._known) > MOST_KNOWN:
-                self._known.popitem(last=False)
-        return person
+            return _watching(self._person(before, address))
+        if known is None or known.row.agent != family(agent):
+            return None
+        return self._person(known, address)
 
     async def again(self, person: Person) -> Person | None:
         """`person` as of now, for a socket that stays open; None when its session is over.
@@ -96,24 +143,73 @@ class Sessions:
         Raises:
             StorageError: the database cannot be read.
         """
-        return await self._db.read(lambda connection: self._found(connection, person.session, person.address, None))
+        known = await self._read(person.session)
+        return self._person(known, person.address) if known else None
+
+    def standing(self, person: Person) -> Person | None:
+        """`person` as of now without asking the database; None when the session is over, or was not found lately.
+
+        A change that another process made is known after `renew`.
+        """
+        known = self._known.get(person.session)
+        if known is None or self._is_over(person.session):
+            return None
+        known.used = self._clock.monotonic()
+        now = self._person(known, person.address)
+        return _watching(now) if self._failures >= MOST_FAILURES else now
+
+    async def renew(self) -> None:
+        """Read again the sessions that are in use; tell whose are over and whose rights are others now. Called every half second.
+
+        A database that cannot be read is borne for a while; then nobody may act any more.
+        """
+        self.announce([id_hash for id_hash in self._known if self._is_over(id_hash)])
+        oldest = self._clock.monotonic() - IN_USE
+        wanted = [id_hash for id_hash, known in self._known.items() if known.used >= oldest]
+        epoch = self._epoch
+        try:
+            found = await self._db.read(lambda connection: _rows(connection, wanted)) if wanted else {}
+        except StorageError:
+            self._failures += 1
+            if self._failures == MOST_FAILURES:
+                self._tell(self._changed, wanted)
+            return
+        self._failures = 0
+        if epoch != self._epoch:
+            return  # what changed meanwhile was told by whoever changed it
+        over, changed = [], []
+        for id_hash in wanted:
+            known, now = self._known.get(id_hash), found.get(id_hash)
+            if known is None:
+                continue
+            if now is None or now[0].disabled:
+                over.append(id_hash)
+                continue
+            before = known.rights()
+            known.row, known.roles = now
+            if known.rights() != before:
+                changed.append(id_hash)
+        self.announce(over)
+        self._tell(self._changed, changed)
+
+    async def people_changed(self) -> None:
+        """This process has changed accounts: whoever loses a right by it loses it now."""
+        self._epoch += 1
+        await self.renew()
 
     def touch(self, person: Person) -> None:
         """`person` has just done something: the idle time starts anew. An idle session stays idle."""
-        now = self._clock.micros()
-        if not person.session or person.idle or now - self._touched.get(person.session, 0) < TOUCH_PERIOD * 1e6:
+        now, times = self._clock.monotonic(), self._times.get(person.session)
+        if times is None or person.idle or now - times.active >= IDLE_AFTER:
             return
-        if len(self._touched) > 10_000:
-            self._touched.clear()
+        times.active = now
+        if now - self._touched.get(person.session, float("-inf")) < TOUCH_PERIOD:
+            return
         self._touched[person.session] = now
-        session = session_table.c
-        self._db.submit(
-            lambda connection: connection.execute(
-                update(session_table)
-                .where(session.id_hash == person.session, session.active > now - IDLE_AFTER * 1e6)
-                .values(active=now)
-            )
-        )
+        active = self._clock.micros()
+        values = {"active": active, "until": active + round((times.ends - now) * 1e6)}
+        change = update(session_table).where(session_table.c.id_hash == person.session).values(**values)
+        self._db.submit(lambda connection: connection.execute(change) and None)
 
     def open(
         self,
@@ -130,16 +226,20 @@ class Sessions:
         """
         now, held = self._clock.micros(), frozenset(roles)
         session = session_table.c
-        connection.execute(delete(session_table).where((session.until <= now) | (session.id_hash == (replaces or ""))))
+        rows = connection.execute(select(session_table)).all()
+        over = [row.id_hash for row in rows if self._left(row) <= 0]
+        for gone in set(self._times) - {row.id_hash for row in rows}:
+            self._times.pop(gone, None)
+        connection.execute(delete(session_table).where(session.id_hash.in_([*over, replaces or ""])))
         limit = max((LIMITS[role] for role in held), default=1)
         kept = (
             select(session.id_hash)
             .where(session.person == person_id)
             .order_by(session.active.desc(), session.created.desc())
         )
-        over = list(connection.execute(kept.offset(limit - 1)).scalars())
-        if over:
-            connection.execute(delete(session_table).where(session.id_hash.in_(over)))
+        crowded = list(connection.execute(kept.offset(limit - 1)).scalars())
+        if crowded:
+            connection.execute(delete(session_table).where(session.id_hash.in_(crowded)))
         sid = secrets.token_urlsafe(ID_BYTES)
         connection.execute(
             insert(session_table).values(
@@ -152,7 +252,7 @@ class Sessions:
                 agent=family(agent),
             )
         )
-        return sid, over + ([replaces] if replaces else [])
+        return sid, crowded + ([replaces] if replaces else [])
 
     async def of(self, person_id: int | None = None) -> list[Session]:
         """Open sessions, of one person or of all, newest first.
@@ -160,12 +260,11 @@ class Sessions:
         Raises:
             StorageError: the database cannot be read.
         """
-        now = self._clock.micros()
-        query = select(session_table).where(session_table.c.until > now).order_by(session_table.c.created.desc())
+        query = select(session_table).order_by(session_table.c.created.desc())
         if person_id is not None:
             query = query.where(session_table.c.person == person_id)
         rows = await self._db.read(lambda connection: connection.execute(query).all())
-        return [Session(**row._mapping) for row in rows]
+        return [Session(**row._mapping) for row in rows if self._left(row) > 0]
 
     async def end(self, by: Person, id_hash: str, kind: str = "session.ended") -> bool:
         """End one session; False when there is none.
@@ -190,25 +289,40 @@ class Sessions:
 
     def announce(self, hashes: Collection[str]) -> None:
         """Tell the subscribers that these sessions are over."""
+        if not hashes:
+            return
+        self._epoch += 1
         for id_hash in hashes:
             self._known.pop(id_hash, None)
-        if hashes:
-            for ended in self._ended:
-                ended(hashes)
+            self._touched.pop(id_hash, None)
+        self._tell(self._ended, hashes)
 
-    def _found(self, connection: Connection, id_hash: str, address: str, agent: str | None) -> Person | None:
-        session, person = session_table.c, person_table.c
-        row = connection.execute(
-            select(session_table, person_table)
-            .join(person_table, session.person == person.id)
-            .where(session.id_hash == id_hash)
-        ).first()
-        now = self._clock.micros()
-        if row is None or row.disabled or row.until <= now or (agent is not None and row.agent != family(agent)):
+    @staticmethod
+    def _tell(subscribers: Iterable[Callable[[Collection[str]], None]], hashes: Collection[str]) -> None:
+        for tell in subscribers if hashes else ():
+            tell(hashes)
+
+    async def _read(self, id_hash: str) -> _Known | None:
+        """The session as the database has it now; it is known from now on, or no more."""
+        for _ in range(3):
+            epoch = self._epoch
+            found = (await self._db.read(lambda connection: _rows(connection, [id_hash]))).get(id_hash)
+            if epoch == self._epoch:
+                break
+        if found is None or found[0].disabled or self._left(found[0]) <= 0:
+            if id_hash in self._known:
+                self.announce([id_hash])
             return None
-        roles = roles_of(connection, row.id)
+        known = self._known[id_hash] = _Known(*found, used=self._clock.monotonic())
+        self._known.move_to_end(id_hash)
+        while len(self._known) > MOST_KNOWN:
+            self._known.popitem(last=False)
+        return known
+
+    def _person(self, known: _Known, address: str) -> Person:
+        row, roles = known.row, known.roles
         acting = bool(roles & ACTING)
-        quiet = (now - max(row.active, self._touched.get(id_hash, 0))) / 1e6
+        quiet = self._clock.monotonic() - self._moments(row).active
         moved = bool(roles & {"engineer", "admin"}) and address != row.address
         idle = acting and (quiet >= IDLE_AFTER or moved)
         allowed = permissions_of(roles)
@@ -222,7 +336,7 @@ class Sessions:
             display=row.display,
             roles=roles,
             permissions=allowed,
-            session=id_hash,
+            session=row.id_hash,
             language=row.language,
             theme=row.theme,
             address=address,
@@ -230,6 +344,45 @@ class Sessions:
             must_change=bool(row.must_change),
             idle_in=max(0.0, IDLE_AFTER - quiet) if acting and not idle else 0.0,
         )
+
+    def _is_over(self, id_hash: str) -> bool:
+        times = self._times.get(id_hash)
+        return times is not None and times.ends <= self._clock.monotonic()
+
+    def _left(self, row: Any) -> float:
+        """How long the session may still last [s]."""
+        return self._moments(row).ends - self._clock.monotonic()
+
+    def _moments(self, row: Any) -> _Times:
+        """The times of a session on the monotonic clock; at first from what is stored.
+
+        A session never has more left than it had when it was last active; one that was active in what is now the future watches only.
+        """
+        times = self._times.get(row.id_hash)
+        if times is not None:
+            return times
+        now, wall = self._clock.monotonic(), self._clock.micros()
+        quiet = (wall - row.active) / 1e6
+        left = (row.until - max(wall, row.active, row.created)) / 1e6
+        if quiet < -CLOCK_BACK:
+            quiet = IDLE_AFTER
+        times = self._times[row.id_hash] = _Times(now - max(0.0, quiet), now + left)
+        return times
+
+
+def _watching(person: Person) -> Person:
+    """`person` with what is left when nobody knows more: watching and Stop."""
+    return replace(person, permissions=person.permissions & IDLE, idle=True, idle_in=0.0)
+
+
+def _rows(connection: Connection, hashes: Collection[str]) -> dict[str, tuple[Any, frozenset[str]]]:
+    """Session → its row with that of its person, and the roles."""
+    rows = connection.execute(_joined().where(session_table.c.id_hash.in_(hashes))).all()
+    return {row.id_hash: (row, roles_of(connection, row.id)) for row in rows}
+
+
+def _joined() -> Select[Any]:
+    return select(session_table, person_table).join(person_table, session_table.c.person == person_table.c.id)
 
 
 def hash_of(sid: str) -> str:

@@ -1,19 +1,19 @@
 """Tokens for programs: 256 random bits shown once, kept as SHA-256, with permissions of their own and an end."""
 
 import secrets
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import ColumnElement, Connection, insert, select, update
 
 from app.access.audit import Audit, Entry, printable, refused_without_audit
 from app.access.roles import PERMISSIONS, Person, permissions_of
-from app.access.sessions import hash_of, roles_of
+from app.access.sessions import IN_USE, hash_of, roles_of
 from app.access.tables import person_table, token_table
 from app.clock import Clock
 from app.db import Database
-from app.errors import Refused
+from app.errors import Refused, StorageError
 
 PREFIX = "pogon_"
 LONGEST_LIFE = 400.0
@@ -46,6 +46,13 @@ class Tokens:
         self._db = db
         self._clock = clock
         self._audit = audit
+        self._known: dict[str, Person] = {}
+        self._used: dict[str, float] = {}
+        self._ended: list[Callable[[Collection[str]], None]] = []
+
+    def subscribe(self, ended: Callable[[Collection[str]], None]) -> None:
+        """Have `ended` called with the tokens (`token-<id>`) that are over or allow other things now."""
+        self._ended.append(ended)
 
     async def create(self, by: Person, name: str, permissions: Iterable[str], days: float) -> tuple[Token, str]:
         """A new token and its secret, which is shown once.
@@ -87,14 +94,52 @@ class Tokens:
         """Whoever holds `secret`, with what the token and its maker both may; None when it is unknown, over or revoked."""
         if not secret.startswith(PREFIX) or len(secret) > 100:
             return None
-        return await self._db.read(lambda connection: self._found(connection, hash_of(secret), address))
+        of_secret = token_table.c.hash == hash_of(secret)
+        return self._note(await self._db.read(lambda connection: self._found(connection, of_secret, address)))
 
     async def again(self, person: Person) -> Person | None:
         """The holder of a token as of now, for a socket that stays open; None when the token is over."""
-        id_ = int(person.session.removeprefix("token-"))
-        query = select(token_table.c.hash).where(token_table.c.id == id_)
-        kept = await self._db.read(lambda connection: connection.execute(query).scalar())
-        return await self._db.read(lambda connection: self._found(connection, kept, person.address)) if kept else None
+        return self._note(await self._db.read(lambda connection: self._found_again(connection, person)))
+
+    def standing(self, person: Person) -> Person | None:
+        """The holder of a token as of now without asking the database; None when it is over, or was not found lately."""
+        if person.session not in self._known:
+            return None
+        self._used[person.session] = self._clock.monotonic()
+        return replace(self._known[person.session], address=person.address)
+
+    async def renew(self) -> None:
+        """Read again the tokens that are in use; tell which are over or allow other things now. Called every half second."""
+        oldest = self._clock.monotonic() - IN_USE
+        for gone in [session for session, used in self._used.items() if used < oldest]:
+            del self._known[gone], self._used[gone]
+        before = dict(self._known)
+        if not before:
+            return
+        try:
+            found = await self._db.read(
+                lambda connection: {key: self._found_again(connection, person) for key, person in before.items()}
+            )
+        except StorageError:
+            return
+        changed = []
+        for session, person in found.items():
+            if self._known.get(session) is not before[session]:
+                continue  # found anew meanwhile
+            if person is None:
+                del self._known[session], self._used[session]
+            else:
+                self._known[session] = person
+            if person is None or person.permissions != before[session].permissions:
+                changed.append(session)
+        for ended in self._ended if changed else ():
+            ended(changed)
+
+    def _note(self, person: Person | None) -> Person | None:
+        if person is not None:
+            self._known[person.session] = person
+            self._used[person.session] = self._clock.monotonic()
+        return person
 
     async def all(self) -> list[Token]:
         """All tokens, newest first."""
@@ -120,12 +165,17 @@ class Tokens:
             return None, [self._audit.entry("token.revoked", by, row.name)]
 
         await self._audit.with_entries(work)
+        await self.renew()
 
-    def _found(self, connection: Connection, kept: str, address: str) -> Person | None:
+    def _found_again(self, connection: Connection, person: Person) -> Person | None:
+        id_ = int(person.session.removeprefix("token-"))
+        return self._found(connection, token_table.c.id == id_, person.address)
+
+    def _found(self, connection: Connection, which: ColumnElement[bool], address: str) -> Person | None:
         row = connection.execute(
             select(token_table, person_table.c.disabled)
             .join(person_table, token_table.c.person == person_table.c.id)
-            .where(token_table.c.hash == kept)
+            .where(which)
         ).first()
         now = self._clock.micros()
         if row is None or row.disabled or row.revoked or row.until <= now:
@@ -136,6 +186,14 @@ class Tokens:
         allowed = frozenset(row.permissions.split()) & permissions_of(roles_of(connection, row.person))
         name = f"token:{row.name}"[:64]
         return Person(0, name, row.name, frozenset(), allowed & set(PERMISSIONS), f"token-{row.id}", address=address)
+
+
+def revoke_all(connection: Connection, person_id: int) -> list[str]:
+    """End all tokens of a person in this transaction; the names of those that were good."""
+    mine = (token_table.c.person == person_id) & token_table.c.revoked.is_(False)
+    names = list(connection.execute(select(token_table.c.name).where(mine)).scalars())
+    connection.execute(update(token_table).where(mine).values(revoked=True))
+    return names
 
 
 def _token(row: Any) -> Token:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from app.access.roles import ROLE_PERMISSION, Person
+from app.access.roles import ROLE_PERMISSION, Person, Rights
 from app.clock import Clock
 from app.commands import interlocks
 from app.commands.control_token import ControlToken
@@ -37,15 +37,19 @@ class Checks:
         clock: Clock,
         writers: Mapping[str, Writer],
         control: ControlToken,
+        rights: Rights,
     ) -> None:
         self._tags = tags
         self._clock = clock
         self._writers = writers
         self._control = control
+        self._rights = rights
 
     def standing(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
-        """What the person lacks."""
+        """What the person lacks as of now; to stop, who could when they asked still can."""
         command = prepared.command
+        if person is not None and not command.stop:
+            person = self._rights(person)
         if person is None:
             return [(Reason("why.signed_out"), 401)]
         reasons: list[tuple[Reason, int]] = []

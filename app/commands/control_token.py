@@ -8,7 +8,7 @@ hold-to-run moves the machine.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from app.access.roles import Person
+from app.access.roles import Person, Rights
 from app.clock import Clock
 from app.errors import Refused
 
@@ -73,8 +73,12 @@ class ControlToken:
         moving: Callable[[str], bool] = lambda equipment: False,
         changed: Callable[[str], None] = lambda equipment: None,
         journal: Journal = lambda person, equipment, what, former: None,
+        rights: Rights = lambda person: person,
     ) -> None:
-        """`moving`: whether a hold-to-run moves the machine; `changed` is called with the machine whose token changed."""
+        """`moving`: whether a hold-to-run moves the machine; `changed` is called with the machine whose token changed; `rights` gives a
+        person as of now, None when the session is over.
+        """
+        self._rights = rights
         self._clock = clock
         self._moving = moving
         self._changed = changed
@@ -109,7 +113,7 @@ class ControlToken:
         Raises:
             Refused: 403 `why.role` (not an operator), 423 `why.held` (`display`, `since`).
         """
-        if not person.may(OPERATE):
+        if not self._may(person):
             raise Refused("why.role", 403, role="operator")
         grip = self._grips.get(equipment)
         if grip is None:
@@ -130,7 +134,7 @@ class ControlToken:
         if grip is None or grip.holder.session == person.session:
             self.take(person, equipment)
             return None
-        if not person.may(OPERATE):
+        if not self._may(person):
             raise Refused("why.role", 403, role="operator")
         if self._moving(equipment):
             raise Refused("why.hold_active", 423, display=grip.holder.display)
@@ -167,7 +171,7 @@ class ControlToken:
             Refused: 409 `why.no_request`; 423 `why.hold_active`.
         """
         grip = self._own(person, equipment)
-        if grip is None or grip.asker is None:
+        if grip is None or grip.asker is None or not self._may(grip.asker):
             raise Refused("why.no_request", 409)
         if self._moving(equipment):
             raise Refused("why.hold_active", 423, display=grip.holder.display)
@@ -228,8 +232,18 @@ class ControlToken:
         for gone in set(self._grips) - equipment:
             del self._grips[gone]
 
+    def check_rights(self) -> None:
+        """Free what is held, and drop what is asked for, by who may operate no more; not while it moves: the motion ends first."""
+        for equipment, grip in list(self._grips.items()):
+            if grip.asker is not None and not self._may(grip.asker):
+                grip.request = grip.asker = None
+                self._changed(equipment)
+            if not self._may(grip.who) and not self._moving(equipment):
+                self._let_go(equipment, "lost")
+
     def tick(self) -> None:
         """Free what is idle or gone, and hand over where the holder kept silent. Called several times a second."""
+        self.check_rights()
         now = self._clock.monotonic()
         for equipment, grip in list(self._grips.items()):
             if self._moving(equipment):
@@ -243,6 +257,10 @@ class ControlToken:
         held = {grip.holder.session for grip in self._grips.values()}
         self._closed = {s: at for s, at in self._closed.items() if s in held or now - at < GONE}
         self._refusals = {key: at for key, at in self._refusals.items() if now - at < PAUSE}
+
+    def _may(self, person: Person) -> bool:
+        now = self._rights(person)
+        return now is not None and now.may(OPERATE)
 
     def _own(self, person: Person, equipment: str) -> _Grip | None:
         grip = self._grips.get(equipment)
@@ -258,6 +276,6 @@ class ControlToken:
     def _let_go(self, equipment: str, what: str) -> None:
         grip = self._grips.pop(equipment)
         self._journal(grip.who, equipment, what, "")
-        if grip.asker:
+        if grip.asker and self._may(grip.asker):
             self._give(grip.asker, equipment, "taken_over", grip.holder.display)
         self._changed(equipment)

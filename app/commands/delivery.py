@@ -5,13 +5,16 @@ command that is proven not to have arrived has failed. Nothing is sent twice her
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import cast
 
 from app.clock import Clock
+from app.commands.interlocks import Prepared
 from app.commands.lifecycle import State
-from app.commands.orders import Job, Machine, MapWriter, Writer
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused, Rejected
+from app.commands.orders import Job, Machine, MapWriter, Order, Writer
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused, Rejected, Withdrawn
+from app.links.schedule import PERMIT
 from app.plant.definitions import Equipment, EquipmentType
 from app.registers.plc_map import Answer, AnswerState
 
@@ -25,18 +28,32 @@ LARGEST_COUNTER = 0xFFFF
 
 Outcome = tuple[State, str, Mapping[str, object]]
 """What became of a command that was not simply taken: state, text key, what fills it."""
+RIGHT_ENDED: Outcome = (State.FAILED, "why.right_ended", {})
 
 
 class Delivery:
     """The one place from which the gate writes."""
 
-    def __init__(self, writers: Mapping[str, Writer], clock: Clock) -> None:
-        """`writers` by link, looked up at every write."""
+    def __init__(
+        self, writers: Mapping[str, Writer], clock: Clock, may_go_on: Callable[[Order, Prepared], bool]
+    ) -> None:
+        """`writers` by link, looked up at every write; `may_go_on`: whether whoever gave an order still may."""
         self._writers = writers
         self._clock = clock
+        self._may_go_on = may_go_on
 
     async def send(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> Outcome | None:
-        """Send the command; None = every telegram was echoed, or the device has accepted the code. A Stop in between ends it."""
+        """Send the command; None = every telegram was echoed, or the device has accepted the code. A Stop in between ends it.
+
+        Whether the person still may is asked when it is the turn of a telegram on the wire, of each one.
+        """
+        before = PERMIT.set(partial(self._may_go_on, job.order, job.prepared))
+        try:
+            return await self._send(machine, job, telegrams)
+        finally:
+            PERMIT.reset(before)
+
+    async def _send(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> Outcome | None:
         command = job.prepared.command
         try:
             if command.code:
@@ -52,6 +69,8 @@ class Delivery:
             for point, value in telegrams:
                 if job.progress.over or job.ending is not None:
                     return None
+                if not self._may_go_on(job.order, job.prepared):
+                    return RIGHT_ENDED
                 await self._writers[machine.item.link].write(machine.item.id, point, value)
                 if job.lease is None:
                     machine.restore.pop(point, None)
@@ -116,6 +135,8 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
             return State.FAILED, "why.device_refused", {"code": error.code}
         case Overtaken():
             return State.SUPERSEDED, "why.overtaken", {}
+        case Withdrawn():
+            return RIGHT_ENDED
         case Refused():  # the link knows better than we that its device is live
             return State.FAILED, "why.writes_off", error.params
         case Rejected():

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
+from app.access.roles import ROLE_PERMISSION, Rights
 from app.clock import Clock
 from app.commands.checks import Checks
 from app.commands.control_token import ControlToken
@@ -12,7 +13,7 @@ from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Audit, Job, Machine, Writer
+from app.commands.orders import Audit, Job, Machine, Order, Writer
 from app.commands.trail import Trail
 from app.errors import Refused
 from app.tags.database import TagDatabase
@@ -37,6 +38,7 @@ class Desk:
         *,
         dry_run: bool,
         on_stop_unconfirmed: Callable[[str], None],
+        rights: Rights,
     ) -> None:
         self.clock = clock
         self.writers = writers
@@ -47,9 +49,17 @@ class Desk:
         self.enders: list[Callable[[Progress], None]] = []
         self.tasks: set[asyncio.Task[None]] = set()
         self.trail = Trail(audit, self.spawn)
-        self.control = ControlToken(clock, moving=self.moving, changed=self.mark, journal=self.trail.control)
-        self.delivery = Delivery(writers, clock)
-        self.checks = Checks(tags, clock, writers, self.control)
+        self.rights = rights
+        self.control = ControlToken(
+            clock, moving=self.moving, changed=self.mark, journal=self.trail.control, rights=rights
+        )
+        self.delivery = Delivery(writers, clock, self.may_go_on)
+        self.checks = Checks(tags, clock, writers, self.control, rights)
+
+    def may_go_on(self, order: Order, prepared: Prepared) -> bool:
+        """Whether whoever gave an order still may give it."""
+        person = self.rights(order.person) if order.person is not None else None
+        return person is not None and person.may(ROLE_PERMISSION[prepared.command.role])
 
     def moving(self, equipment: str) -> bool:
         """Whether somebody holds a button that moves the machine."""

@@ -19,7 +19,7 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from app.access.roles import Person
+from app.access.roles import Person, Rights
 from app.clock import Clock
 from app.commands import interlocks
 from app.commands.admission import Admission
@@ -55,9 +55,14 @@ class Gate:
         audit: Audit,
         dry_run: bool = False,
         on_stop_unconfirmed: Callable[[str], None] = lambda equipment: None,
+        rights: Rights = lambda person: person,
     ) -> None:
-        """`writers` by link, looked up at every write; `on_stop_unconfirmed` is called with the machine."""
-        self._desk = desk = Desk(tags, clock, writers, audit, dry_run=dry_run, on_stop_unconfirmed=on_stop_unconfirmed)
+        """`writers` by link, looked up at every write; `on_stop_unconfirmed` is called with the machine; `rights` gives a person as of
+        now, None when the session is over: asked before everything that starts, goes on or is sent.
+        """
+        self._desk = desk = Desk(
+            tags, clock, writers, audit, dry_run=dry_run, on_stop_unconfirmed=on_stop_unconfirmed, rights=rights
+        )
         self._admission = Admission(desk)
         self._sending = Sending(desk)
         self._motion = HeldMotion(desk, self._admission, self._sending)
@@ -248,6 +253,11 @@ class Gate:
         self.hold.release_session(session)
         self.control.session_ended(session)
         self.nonces.drop(session)
+
+    def rights_changed(self) -> None:
+        """Somebody's rights are others now: motions and tokens of who may operate no more end at once."""
+        self.hold.judge()
+        self.control.check_rights()
 
     async def close(self) -> None:
         """Stop what is held to run, give its telegrams a second, and end all tasks."""

@@ -164,6 +164,10 @@ class HoldToRun:
             self.end(lease, "lost")
             raise Refused("why.lease_over", 410, cause="lost")
         lease.counter, lease.last = counter, now
+        cause = self._lost(lease)
+        if cause:
+            self.end(lease, cause)
+            raise Refused("why.lease_over", 410, cause=cause)
         self._kept(lease)
         return True
 
@@ -198,10 +202,14 @@ class HoldToRun:
                 self.end(lease, "lost")
             elif now - lease.started > LONGEST:
                 self.end(lease, "longest")
-            else:
-                cause = self._lost(lease)
-                if cause:
-                    self.end(lease, cause)
+        self.judge()
+
+    def judge(self) -> None:
+        """End what may not go on: rights, token, values, conditions."""
+        for lease in list(self._leases.values()):
+            cause = self._lost(lease) if lease.moving else ""
+            if cause:
+                self.end(lease, cause)
 
     def end(self, lease: Lease, cause: str) -> None:
         """End `lease`; the gate writes its release when it moved."""

@@ -28,6 +28,8 @@ HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
 """How long they go on at least [s]."""
+REMEMBERED = 60.0
+"""An order that was armed and never begun is forgotten after this [s]."""
 HOLD_EVERY = 0.1
 """Least time between two telegrams that hold request bits [s]."""
 
@@ -39,7 +41,7 @@ class HeldMotion:
         self._desk = desk
         self._admission = admission
         self._sending = sending
-        self._admitted: dict[str, tuple[Order, Prepared]] = {}
+        self._admitted: dict[str, tuple[Order, Prepared, float]] = {}
         desk.hold = HoldToRun(
             desk.clock, admit=self._admit, start=self._start, stop=self._stop, lost=self._lost, kept=self._pass_on
         )
@@ -71,13 +73,13 @@ class HeldMotion:
                 self._admission.note_refusal(order, prepared, refusal)
             raise
         now = self._desk.clock.monotonic()
-        self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[0].asked / 1e6 < 60}
-        self._admitted[order.id] = (order, prepared)
+        self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[2] < REMEMBERED}
+        self._admitted[order.id] = (order, prepared, now)
         return order.id
 
     def _start(self, lease: Lease) -> None:
         """The first keep-alive: everything is judged again, then the motion begins."""
-        order, prepared = self._admitted.pop(lease.id)
+        order, prepared, _ = self._admitted.pop(lease.id)
         machine = self._desk.machines[lease.equipment]
         try:
             former, machine.job = machine.job, _without_lease(machine.job)
@@ -188,9 +190,12 @@ class HeldMotion:
         prepared = machine.commands.get(lease.command) if machine else None
         if machine is None or prepared is None:
             return "reload"
-        if not self._desk.control.holds(lease.person, lease.equipment) or not lease.person.may(
-            ROLE_PERMISSION[prepared.command.role]
-        ):
+        person = self._desk.rights(lease.person)
+        if person is None:
+            return "session"
+        if not person.may(ROLE_PERMISSION[prepared.command.role]):
+            return "token"
+        if not self._desk.control.holds(lease.person, lease.equipment):
             return "token"
         look, age = self._desk.checks.look(machine), self._desk.checks.age(machine)
         if interlocks.stale(machine.item, machine.link, prepared.used, look, age):

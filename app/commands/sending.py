@@ -131,7 +131,7 @@ class Sending:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
             job.progress = advance(job.progress, State.UNKNOWN, self._desk.clock.micros(), reason=reason, params=params)
-            self._desk.hold.end(job.lease, "write")
+            self._desk.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
         elif state is State.UNKNOWN:
             job.progress = advance(job.progress, state, self._desk.clock.micros(), reason=reason, params=params)
             job.since = self._desk.clock.monotonic()

@@ -6,11 +6,11 @@ from collections.abc import Coroutine, Mapping
 from typing import Any
 
 from app.clock import Clock
-from app.errors import LinkError, NotConnected, Overtaken
+from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
 from app.links.contract import Block, StillOwed
 from app.links.events import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
-from app.links.schedule import Job, Priority, Schedule
+from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
 from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link
@@ -73,7 +73,7 @@ class Line:
         station = self.stations.get(unit)
         timeout = station.timeout if station else self.link.timeout or default_timeout(self.stations)
         done: asyncio.Future[list[int]] = asyncio.get_running_loop().create_future()
-        return Job(unit, timeout, done, read, scan, liveness=liveness)
+        return Job(unit, timeout, done, read, scan, liveness=liveness, permit=PERMIT.get())
 
     def schedule(self, block: ScanBlock, due: float) -> None:
         """Scan `block` at `due` [s]; one that is not wanted loses its place."""
@@ -196,6 +196,16 @@ def fail(job: Job, error: LinkError) -> None:
     """Tell whoever waits for `job` that nothing came of it."""
     if not job.done.done():
         job.done.set_exception(error)
+
+
+def check_permit(job: Job) -> None:
+    """Nothing is sent for somebody whose right has ended while it waited; a Stop always is.
+
+    Raises:
+        Withdrawn: so it is.
+    """
+    if job.permit is not None and not job.urgent and not job.permit():
+        raise Withdrawn(f"unit {job.unit}: write to {job.address:#06x} not sent, whoever asked for it may no more")
 
 
 def default_timeout(stations: Mapping[int, Station]) -> float:

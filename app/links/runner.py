@@ -12,9 +12,9 @@ from math import inf
 from random import uniform
 
 from app.clock import Clock
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
 from app.links.contract import StillOwed, Transport
-from app.links.line import fail, finish
+from app.links.line import check_permit, fail, finish
 from app.links.outages import FIRST_PAUSE, GATEWAY, LAST_PAUSE, SETTLE, Outages
 from app.links.plc import TORN_TRIES, Seen
 from app.links.scan_block import ScanBlock
@@ -236,15 +236,20 @@ class LinkRunner(Outages):
                 words = await transport.read(job.unit, job.read, job.timeout)
             elif station is not None:
                 async with station.writing:
+                    check_permit(job)
                     job.sent = True
                     await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
             else:
+                check_permit(job)
                 job.sent = True
                 await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
         except BaseException as error:
             self.statistics.busy += self._now() - started
+            if isinstance(error, Withdrawn):
+                fail(job, error)
+                return
             if not isinstance(error, LinkError):
                 fail(job, NotConnected(f"link {self.link.name}: ended while unit {job.unit} was asked"))
                 raise

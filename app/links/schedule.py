@@ -5,7 +5,8 @@ too short for all. A block has one place at most: late scans are counted, never 
 """
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import IntEnum
 from heapq import heappop, heappush
@@ -16,6 +17,10 @@ from app.links.scan_block import ScanBlock
 
 PATIENCE = 2.0
 """What is read only once may be overtaken by other scans for so long [s]."""
+
+
+PERMIT: ContextVar[Callable[[], bool] | None] = ContextVar("permit", default=None)
+"""Whether what is being asked for, with all its telegrams, may still be sent: set by whoever asks on behalf of a person."""
 
 
 class Priority(IntEnum):
@@ -44,6 +49,8 @@ class Job:
     """Written, when there is no `read`."""
     function: int = 6
     urgent: bool = False
+    permit: Callable[[], bool] | None = None
+    """Asked when it is its turn; a write that may no more is never sent."""
     sent: bool = False
     """Whether a transport was given it: from then on nobody knows whether the device acted, until it says so."""
     liveness: bool = field(default=True)

@@ -90,7 +90,7 @@ class PlcLink(FakeLink):
         reply, acts = self.reply, self.acts
         await asyncio.sleep(0)
         if not urgent:
-            await self.door.wait()
+            await self.turn()
         self.stand.clock.advance(0.001)
         line = self.stand.drives[equipment]
         assert isinstance(line, Line)
@@ -129,7 +129,7 @@ class PlcLink(FakeLink):
         self.held.append((bits, counter, urgent))
         await asyncio.sleep(0)
         if not urgent:
-            await self.door.wait()
+            await self.turn()
         self.stand.clock.advance(0.001)
         error = self.spoil_hold(bits)
         if error is not None and not self.acts_although_spoiled:

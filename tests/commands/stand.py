@@ -10,7 +10,8 @@ from app.access.roles import IDLE, Person, permissions_of
 from app.clock import ManualClock
 from app.commands.gate import TICK, Gate
 from app.commands.lifecycle import Progress
-from app.errors import LinkError
+from app.errors import LinkError, Withdrawn
+from app.links.schedule import PERMIT
 from app.plant.definitions import Plant, Scan
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
@@ -98,13 +99,20 @@ class FakeLink:
         self.writes.append((equipment, point, value, urgent))
         await asyncio.sleep(0)
         if not urgent:
-            await self.door.wait()
+            await self.turn()
         self.stand.clock.advance(0.001)
         error = self.spoil(equipment, point, value)
         if error is None or self.acts_although_spoiled:
             self.stand.drives[equipment].take(point, value)
         if error is not None:
             raise error
+
+    async def turn(self) -> None:
+        """Wait for the wire; what may no more is not sent then, as on a link."""
+        await self.door.wait()
+        permit = PERMIT.get()
+        if permit is not None and not permit():
+            raise Withdrawn("not sent")
 
     async def refresh(self, equipment: str, points: Sequence[str]) -> None:
         self.refreshed.append((equipment, tuple(points)))
@@ -146,6 +154,8 @@ class Stand:
         self.link = self.link_class(self)
         self.lines: list[Line] = []
         self.alarms: list[str] = []
+        self.people: dict[str, Person | None] = {}
+        """By session, who may other things now than when they asked; None: the session is over."""
         self.scanning = True
         self.bad: set[str] = set()
         """Machines that do not answer."""
@@ -157,6 +167,7 @@ class Stand:
             audit=self._audit,
             dry_run=dry_run,
             on_stop_unconfirmed=self.alarms.append,
+            rights=lambda who: self.people.get(who.session, who),
         )
         self.gate.configure(self.plant)
         for name in self.drives:

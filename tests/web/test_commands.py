@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
 
 from app.access.audit import Filter
 from app.sim.training import REG_MACHINE_FAULT
 from tests.web.operating import Operator, button, line_of, runtime_of, until, words
-from tests.web.people import Staff
+from tests.web.people import BOSS, Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
 SIGN_IN = {
@@ -366,6 +367,50 @@ def test_the_socket_keeps_a_hold_alive_and_its_end_ends_the_motion(staff: Staff,
     progress = gate.progress("m2")
     assert progress is not None
     assert progress.reason == "hold.cause.closed"
+
+
+@pytest.mark.parametrize("way", ["page", "terminal", "disabled", "reset"])
+def test_a_hold_and_its_socket_end_when_the_right_does(staff: Staff, way: str) -> None:
+    """Armed and kept alive by somebody whose role goes, on a page or by another process: nothing moves any more, nothing starts."""
+    eve = Operator(staff, f"eve.{way}", ("operator",))
+    eve.sit()
+    eve.take("m2")
+    lease = eve.press("/equipment/m2/hold/jog_forward").json()["lease"]
+    eve.sit()
+    gate, ended = runtime_of(staff.client).gate, False
+    assert gate is not None
+    person = staff.add(eve.name, "operator")
+    headers = {"origin": "http://127.0.0.1:8000"}
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers=headers) as socket:
+        socket.send_json({"subscribe": "frame", "rev": 0})
+        for counter in range(1, 30):
+            if counter == 4:
+                people = staff.access.people
+                if way == "page":
+                    staff.wait(people.set_roles, BOSS, person, ["viewer"])
+                elif way == "terminal":
+                    people.set_roles_now(BOSS, eve.name, ["viewer"])
+                elif way == "disabled":
+                    staff.wait(people.disable, BOSS, person, True)
+                else:
+                    people.set_password_now(BOSS, eve.name, None)
+            try:
+                socket.send_json({"hold": {"equipment": "m2", "lease": lease, "counter": counter}})
+                while "hold" not in socket.receive_json():
+                    pass
+            except (WebSocketDisconnect, RuntimeError):
+                ended = True
+                break
+            staff.wait(asyncio.sleep, 0.1)
+    assert ended
+    assert until(lambda: value(staff, "m2.frequency") == 0)
+    assert until(lambda: gate.control.holder("m2") is None)
+    progress = gate.progress("m2")
+    assert progress is not None
+    assert settled(staff, "m2") in ("confirmed", "unconfirmed")
+    progress = gate.progress("m2")
+    assert progress is not None
+    assert progress.reason in ("hold.cause.session", "hold.cause.token", "hold.cause.closed")
 
 
 # ---- parameters -------------------------------------------------------------------------------------------------
