@@ -6,17 +6,24 @@ owns the data; they hang on the `MetaData` of their database here.
 
 import asyncio
 import logging
+import os
 import re
+import secrets
+import shutil
 import sqlite3
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from sqlalchemy import Connection, Engine, MetaData, create_engine, event
 from sqlalchemy.exc import DatabaseError
+from sqlalchemy.pool import QueuePool
 
 from app import bundled
+from app.db_file import Incident, Loss, Mended, OpenFile
 from app.errors import StorageError
 
 if TYPE_CHECKING:
@@ -40,6 +47,8 @@ PRAGMAS = {
 READERS = 2
 BUSY_TIMEOUT = 5.0
 """How long a statement waits for another process that holds the file [s]."""
+MENDING_TIMEOUT = 10.0
+"""How long a lost file waits for those who read it, and they for it to be mended [s]."""
 
 
 class Database:
@@ -51,6 +60,17 @@ class Database:
         self.engine = _engine(path, PRAGMAS[name])
         self._writer = ThreadPoolExecutor(1, thread_name_prefix=f"{name}-writer")
         self._readers = ThreadPoolExecutor(READERS, thread_name_prefix=f"{name}-reader")
+        self._file: OpenFile | None = None
+        self._lost: Loss | None = None
+        self._held: sqlite3.Connection | None = None
+        self._using = 0
+        self._turn = threading.Condition()
+        self._mender: int | None = None
+
+    @property
+    def id(self) -> int:
+        """What tells this database from any other, also after it was moved or copied; 0 = not open."""
+        return self._file.id if self._file else 0
 
     def migrate(self) -> None:
         """Bring the schema to the newest revision; makes the file when it is missing.
@@ -59,12 +79,12 @@ class Database:
             StorageError: the file cannot be opened, or is newer than this program.
         """
         try:
-            if self._is_newest():
-                return
-            from alembic import command  # a quarter of the time of a start, and rarely needed
+            if not self._is_newest():
+                from alembic import command  # a quarter of the time of a start, and rarely needed
 
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
+            self._hold()
         except Exception as error:
             said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
             raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
@@ -107,14 +127,197 @@ class Database:
         """Finish what is queued and close the file."""
         self._writer.shutdown(wait=True)
         self._readers.shutdown(wait=True)
-        self.engine.dispose()
+        self._let_go()
 
     def _run(self, work: Callable[[Connection], T]) -> T:
         try:
-            with self.engine.begin() as connection:
+            with self._in_use(), self.engine.begin() as connection:
                 return work(connection)
         except (DatabaseError, sqlite3.Error, OSError) as error:
             raise StorageError(f"{self.path.name}: {getattr(error, 'orig', None) or error}") from error
+
+    # ---- the file is lost -----------------------------------------------------------------------------
+
+    async def check(self) -> Incident | None:
+        """Whether the file is still the one that was opened; one that is lost is mended as far as that goes. None: all is well.
+
+        A file that was removed, or whose journal was, is written anew from what is open, so nothing of it is lost. Another history is
+        used from then on, a damaged one put aside and a new one begun; another `pogon.db` is put aside: people, sessions and the audit
+        are those of the running server. What cannot be mended is told at every call, and tried again.
+        """
+        if await asyncio.to_thread(self._look) is None:
+            return None
+        return await asyncio.wrap_future(self._writer.submit(self._mend))
+
+    def _look(self) -> Loss | None:
+        if self._file is None:
+            return self._lost
+        try:
+            return self._file.look()
+        except OSError as error:
+            log.error("database not found file=%s reason=%s", self.path, error.strerror or error)
+            return Loss.REMOVED
+
+    def _mend(self) -> Incident | None:
+        loss = self._look()
+        if loss is None:
+            return None
+        try:
+            with self._alone():
+                mended, aside = self._mended(loss)
+        except (OSError, sqlite3.Error, DatabaseError, StorageError) as error:
+            self._lost = loss
+            return Incident(self.path.name, loss, Mended.NOTHING, reason=str(error))
+        self._lost = None
+        return Incident(self.path.name, loss, mended, aside)
+
+    def _mended(self, loss: Loss) -> tuple[Mended, str]:
+        mine = self.name == "pogon"
+        if self._file is None:  # an attempt before came no further
+            self.migrate()
+            return (Mended.RESTORED if mine else Mended.FRESH), ""
+        match loss:
+            case Loss.JOURNAL:
+                assert self._held is not None
+                self._held.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+                self._let_go()
+                self.migrate()
+                return Mended.RESTORED, ""
+            case Loss.REMOVED:
+                return self._restored("")
+            case Loss.REPLACED if mine:
+                return self._restored(self._put_aside("other"))
+            case _ if mine:  # its pages are gone: nothing to write it anew from
+                raise StorageError(f"{self.path}: {loss}")
+            case Loss.REPLACED:
+                return self._adopted()
+            case _:
+                return self._begun_anew()
+
+    def _restored(self, aside: str) -> tuple[Mended, str]:
+        """Write the file anew from the one that is still open; complete under its name before the old one is let go."""
+        assert self._held is not None
+        spare = self.path.with_name(f"{self.path.name}.rescued")
+        spare.unlink(missing_ok=True)
+        spare.touch(0o600)
+        with closing(sqlite3.connect(spare)) as new:
+            self._held.backup(new)
+        with spare.open("rb") as file:
+            os.fsync(file.fileno())
+        spare.replace(self.path)
+        self._let_go()
+        self.migrate()
+        return Mended.RESTORED, aside
+
+    def _adopted(self) -> tuple[Mended, str]:
+        """Use the file that was put in place of ours, together with its own journal when it has one."""
+        assert self._file is not None
+        theirs = self._file.journals(foreign=True)
+        for journal in theirs:
+            journal.replace(journal.with_name(f"{journal.name}.theirs"))
+        self._let_go()
+        self._remove_journals()
+        for journal in theirs:
+            journal.with_name(f"{journal.name}.theirs").replace(journal)
+        return self._taken_over()
+
+    def _begun_anew(self) -> tuple[Mended, str]:
+        """The file was written over: keep what is there now, before closing ours writes into it once more."""
+        spare = self.path.with_name(f"{self.path.name}.found")
+        shutil.copyfile(self.path, spare)
+        self._let_go()
+        self._remove_journals()
+        spare.replace(self.path)
+        return self._taken_over()
+
+    def _taken_over(self) -> tuple[Mended, str]:
+        """Use what lies under the name if it is a database of ours, else put it aside and begin a new one."""
+        if self.path.stat().st_size:
+            try:
+                self.migrate()
+                if self._file is not None and self._file.whole:
+                    return Mended.ADOPTED, ""
+                log.error("database cut short file=%s", self.path)
+            except StorageError as error:
+                log.error("%s", error)
+            self._let_go()
+        aside = self._put_aside("damaged") if self.path.stat().st_size else ""
+        self._remove_journals()
+        self.path.unlink(missing_ok=True)
+        self.migrate()
+        return Mended.FRESH, aside
+
+    def _put_aside(self, why: str) -> str:
+        """Give the file under our name another one; returns it."""
+        number = 1
+        while (aside := self.path.with_name(f"{self.path.name}.{why}-{number}")).exists():
+            number += 1
+        for journal in self._file.journals(foreign=True) if self._file else ():
+            journal.replace(aside.with_name(journal.name.replace(self.path.name, aside.name)))
+        self.path.replace(aside)
+        return aside.name
+
+    def _remove_journals(self) -> None:
+        for tail in ("-wal", "-shm"):
+            self.path.with_name(self.path.name + tail).unlink(missing_ok=True)
+
+    def _hold(self) -> None:
+        """Keep a connection of our own: through it a file that was removed can still be read."""
+        if self._held is not None:
+            return
+        connection = _connect(self.path)
+        connection.execute("PRAGMA journal_mode=WAL").fetchall()
+        if not connection.execute("PRAGMA application_id").fetchone()[0]:
+            connection.execute(f"PRAGMA application_id={1 + secrets.randbelow(2**31 - 1)}")
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        self._held, self._file = connection, OpenFile(self.path)
+
+    def _let_go(self) -> None:
+        """Close every connection, then what watches the file."""
+        self.engine.dispose()
+        if self._held is not None:
+            self._held.close()
+        if self._file is not None:
+            self._file.close()
+        self._held = self._file = None
+
+    @contextmanager
+    def _in_use(self) -> Iterator[None]:
+        """Nobody mends the file meanwhile."""
+        me = threading.get_ident()
+        with self._turn:
+            if not self._turn.wait_for(lambda: self._mender in (None, me), MENDING_TIMEOUT):
+                raise OSError("the file was lost and is being mended")
+            self._using += 1
+        try:
+            yield
+        finally:
+            with self._turn:
+                self._using -= 1
+                self._turn.notify_all()
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Nobody else uses the file meanwhile."""
+        with self._turn:
+            self._mender = threading.get_ident()
+            alone = self._turn.wait_for(lambda: not self._using, MENDING_TIMEOUT)
+        try:
+            if not alone:
+                raise OSError("it is being read")
+            yield
+        finally:
+            with self._turn:
+                self._mender = None
+                self._turn.notify_all()
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    """A connection to a file that is there: SQLite by itself would make an empty one."""
+    return sqlite3.connect(
+        f"{path.absolute().as_uri()}?mode=rw", uri=True, timeout=BUSY_TIMEOUT, check_same_thread=False
+    )
 
 
 def _heads(name: str) -> set[str]:
@@ -137,7 +340,7 @@ def alembic_config(name: str, url: str) -> "Config":
 
 
 def _engine(path: Path, pragmas: Sequence[str]) -> Engine:
-    engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": BUSY_TIMEOUT, "check_same_thread": False})
+    engine = create_engine("sqlite://", creator=lambda: _connect(path), poolclass=QueuePool)
 
     @event.listens_for(engine, "connect")
     def _connected(connection: Any, _record: Any) -> None:

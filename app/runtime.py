@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
+from zoneinfo import ZoneInfo
 
 from app import __version__
 from app.access.access import Access, prepare
@@ -19,6 +20,7 @@ from app.clock import Clock, SystemClock
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
+from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
 from app.historian.event_history import EventHistory, Told
@@ -107,6 +109,8 @@ class Runtime:
         """What became of each product, from `start` on."""
         self.runs: Runs
         """What the sequences did, from `start` on."""
+        self.files: DatabaseWatch
+        """Whether the files of both are still there, from `start` on."""
         self.access: Access
         """People, sessions and the audit, from `start` on."""
         self.alarms: AlarmEngine
@@ -163,6 +167,11 @@ class Runtime:
         )  # brings the history to the newest schema, before a link asks for the last events
         for book in self.books:
             await book.load()
+        self.files = DatabaseWatch(
+            self.db, self.history, self.recorder, self.books, self.alarms, self._retained, self.clock, self._zone
+        )
+        await self.files.load()
+        self.keeper.keep("databases", self.files.run)
         self.tags.subscribe(self._derive)
         self.tags.on_standstill(self._stood_still)
         self.access.subscribe(self._sessions_ended, self._rights_changed)
@@ -709,6 +718,10 @@ class Runtime:
             case _:
                 raise KeyError(kind)
         return list(dict.fromkeys(names + frame))
+
+    def _zone(self) -> ZoneInfo:
+        """The zone of the plant."""
+        return ZoneInfo(self.plant.timezone if self.plant else "UTC")
 
     # ---- what runs ------------------------------------------------------------------------------------
 

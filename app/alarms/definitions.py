@@ -71,6 +71,9 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "command_unconfirmed": SystemAlarm(3, once=True, alarm_class="command"),
     "history_full": SystemAlarm(2),
     "history_quota": SystemAlarm(4),
+    "history_lost": SystemAlarm(2, once=True),
+    "database_restored": SystemAlarm(2, once=True),
+    "database_lost": SystemAlarm(1),
     "task_down": SystemAlarm(2, on_delay=1.0, off_delay=2.0),
     "link_down": SystemAlarm(2, on_delay=5.0, off_delay=5.0, alarm_class="comm"),
     "events_lost": SystemAlarm(3, once=True, alarm_class="comm"),
@@ -81,4 +84,4 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "simulation_late": SystemAlarm(4, on_delay=30.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
 }
-"""Key → alarm. `{task}`, `{link}`, `{command}`, `{percent}`, `{count}` in their texts come from the parameters."""
+"""Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}` in the texts are parameters."""

@@ -668,15 +668,15 @@ class AlarmEngine:
     ) -> None:
         """Tell an alarm of `SYSTEM_ALARMS`, of a machine or of the server, or that it is over. Telling it again changes nothing.
 
-        A parameter named after what it is about (`link`, `task`) makes an alarm of its own. `until` is a sentence over the machine's
-        points that ends it.
+        A parameter named after what it is about (`link`, `task`, `file`) makes an alarm of its own. `until` is a sentence over the
+        machine's points that ends it.
 
         Raises:
             KeyError: no such alarm.
         """
         SYSTEM_ALARMS[key]
         given = dict(params or {})
-        about = equipment or next((str(given[name]) for name in ("link", "task") if name in given), "")
+        about = equipment or next((str(given[name]) for name in ("link", "task", "file") if name in given), "")
         id = ".".join(part for part in (SYSTEM, key, about) if part)
         watch = self._watches.get(id)
         if watch is None:

@@ -122,6 +122,9 @@ class EventHistory(ABC):
             self._marks, self._names = await self._database.read(work)
         except StorageError as error:
             log.warning("marks of events not read reason=%s", error)
+            return
+        for equipment in self._now.values():
+            self.changed(equipment)
 
     @abstractmethod
     def keeps(self, item: Equipment) -> bool:

@@ -166,8 +166,11 @@ class Recorder:
         self._seen: dict[tuple[str, int], int] = {}
         self._rows: list[Row] = []
         self._start = clock.micros()
+        self._wanted: list[Point] = []
         self._opened = False
         self._begun = False
+        self._id = 0
+        """Of the database to which the numbers of the tracks belong."""
         self._used: int | None = None
         self._warned = False
         self._retry_at = 0.0
@@ -195,7 +198,7 @@ class Recorder:
 
     def follow(self, points: Iterable[Point], numbers: Mapping[str, int]) -> None:
         """As `configure`, at once: no batch falls between the handles of two revisions. `numbers` come from `register`."""
-        wanted = [point for point in points if point.history]
+        wanted = self._wanted = [point for point in points if point.history]
         self._unregistered = [point for point in wanted if point.id not in numbers]
         before, self._by_id = self._by_id, {}
         for point in wanted:
@@ -304,6 +307,8 @@ class Recorder:
             return
         try:
             await self._begin()
+            if self._database.id != self._id:
+                await self._begin_again()
             portion = self._rows[: PROBE if self.full else PORTION]
             while True:
                 await self._append(portion, now)
@@ -381,13 +386,40 @@ class Recorder:
             await asyncio.sleep(CARE_PERIOD)
 
     async def _append(self, rows: list[Row], now: int) -> None:
-        start = self._start
-        await self._database.write(lambda connection: store.append(connection, rows, start, now))
+        start, id = self._start, self._id
+
+        def work(connection: Connection) -> None:
+            if self._database.id == id:  # else the numbers are of points of the database that was lost
+                store.append(connection, rows, start, now)
+
+        await self._database.write(work)
+        if self._database.id != id:
+            raise StorageError(f"{self._database.path.name}: exchanged meanwhile")
+
+    async def _begin_again(self) -> None:
+        """The database is another one than before: go on in it with the points as they stand, and what waits."""
+        points, id = self._wanted, self._database.id
+        start = self._clock.micros()
+
+        def work(connection: Connection) -> dict[str, int]:
+            store.begin_run(connection, start)
+            return store.register(connection, points)
+
+        numbers = await self._database.write(work)
+        self._start, self._id = start, id
+        for track in self._by_id.values():
+            track.end(self._rows)
+        moved = {track.number: numbers[id] for id, track in self._by_id.items() if id in numbers}
+        self._rows = [(moved[row[0]], *row[1:]) for row in self._rows if row[0] in moved]
+        for track in self._by_id.values():
+            track.number, track.quality = moved.get(track.number, track.number), -1
+        self._take_as_it_stands()
+        log.info("history goes on in another file points=%d", len(moved))
 
     async def _open(self) -> None:
         if not self._opened:
             await asyncio.to_thread(self._database.migrate)
-            self._opened = True
+            self._opened, self._id = True, self._database.id
 
     async def _begin(self) -> None:
         await self._open()

@@ -1,0 +1,228 @@
+"""A history or a `pogon.db` that is lost, while the server runs or while it is stopped, is an alarm, and recording goes on."""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, closing
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from app.access.access import prepare
+from app.access.roles import SYSTEM
+from app.clock import ManualClock
+from app.db import Database
+from app.runtime import Runtime
+from app.settings import Settings
+from app.tags.batch import Batch
+
+LANGUAGES = ("hr", "en", "de", "cs")
+
+
+@asynccontextmanager
+async def running(data: Path, clock: ManualClock) -> AsyncIterator[Runtime]:
+    """A server without a plant: it records what it knows of itself. The test does what its tasks do."""
+    runtime = Runtime(Settings(plant=data.parent / "no-plant", data=data), clock)
+    await runtime.start()
+    for task in ("databases", "recorder", "sweep"):
+        await runtime.keeper.drop(task)
+    try:
+        yield runtime
+    finally:
+        await runtime.stop()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with both databases as they are made."""
+    folder = tmp_path_factory.mktemp("made")
+    for name in ("pogon", "history"):
+        database = Database(folder / f"{name}.db", name)  # type: ignore[arg-type]
+        database.migrate()
+        database.close()
+    return folder
+
+
+@pytest.fixture
+def data(tmp_path: Path, made: Path) -> Path:
+    prepare(tmp_path / "data")
+    for name in ("pogon.db", "history.db"):
+        shutil.copyfile(made / name, tmp_path / "data" / name)
+        (tmp_path / "data" / name).chmod(0o600)
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+def alarms(runtime: Runtime, key: str) -> list[dict[str, object]]:
+    """What stands of a system alarm: its parameters."""
+    return [dict(one.params) for one in runtime.alarms.standing() if one.key == key]
+
+
+async def record(runtime: Runtime, clock: ManualClock, value: float) -> None:
+    """Have the loop lag at `value` stored, a minute later."""
+    clock.advance(60)
+    now = clock.micros()
+    runtime.tags.publish(Batch("sys", 0, now, now, [runtime.tags.handle("sys.loop_lag")], [value]))
+    clock.advance(1)
+    now = clock.micros()
+    runtime.tags.publish(Batch("sys", 0, now, now, [runtime.tags.handle("sys.loop_lag")], [value + 50]))
+    await runtime.recorder.flush()
+
+
+def stored(data: Path) -> list[float]:
+    """Loop lags in the file, as another program reads them."""
+    with closing(sqlite3.connect(f"file:{data / 'history.db'}?mode=ro", uri=True)) as connection:
+        return [
+            row[0]
+            for row in connection.execute(
+                "SELECT v FROM sample JOIN point ON point.id = sample.point WHERE name = 'sys.loop_lag' AND v >= 100 ORDER BY t"
+            )
+        ]
+
+
+def removed(data: Path) -> None:
+    for path in data.glob("history.db*"):
+        path.unlink()
+
+
+def emptied(data: Path) -> None:
+    os.truncate(data / "history.db", 0)
+
+
+def cut_short(data: Path) -> None:
+    os.truncate(data / "history.db", 4096 * 3)
+
+
+def garbage(data: Path) -> None:
+    (data / "history.db").write_bytes(b"\0garbage" * 4096)
+
+
+def another(data: Path) -> None:
+    with closing(sqlite3.connect(data / "history.db")) as old, closing(sqlite3.connect(data / "another")) as new:
+        old.backup(new)
+        new.execute("PRAGMA application_id = 4711")
+        new.execute("UPDATE point SET id = id + 1000")
+        new.execute("DELETE FROM sample")
+        new.commit()
+    (data / "another").replace(data / "history.db")
+
+
+@pytest.mark.parametrize(
+    ("fault", "loss", "kept"),
+    [
+        (removed, "removed", True),
+        (emptied, "emptied", False),
+        (cut_short, "truncated", False),
+        (garbage, "overwritten", False),
+        (another, "replaced", False),
+    ],
+)
+async def test_a_history_lost_under_a_running_server_is_an_alarm_and_recording_goes_on(
+    data: Path,
+    clock: ManualClock,
+    fault: Callable[[Path], None],
+    loss: str,
+    kept: bool,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with running(data, clock) as runtime:
+        await record(runtime, clock, 100)
+        await runtime.files.look()
+        fault(data)
+        await runtime.files.look()
+        await record(runtime, clock, 200)
+        await record(runtime, clock, 300)
+        assert not runtime.recorder.full
+        key = "database_restored" if kept else "history_lost"
+        (params,) = alarms(runtime, key)
+        assert (params["file"], params["loss"]) == ("history.db", f"@alarm.loss.{loss}")
+        assert "time" in params or kept
+        assert f"database lost file=history.db what={loss}" in caplog.text
+        for lang in LANGUAGES:
+            said = runtime.texts.text(lang, f"alarm.system.{key}.label", **params)
+            assert "history.db" in said
+            assert "{" not in said
+        assert stored(data) == ([100, 150] if kept else []) + [200, 250, 300, 350]
+    assert stored(data)[-4:] == [200, 250, 300, 350]  # what is written at the end is in the file, too
+    async with running(data, clock) as runtime:  # told once, and not again at the next start
+        assert len(alarms(runtime, key)) == 1
+        await runtime.alarms.acknowledge(
+            [one.occurrence for one in runtime.alarms.standing() if one.key == key], SYSTEM
+        )
+        assert not alarms(runtime, key)
+    async with running(data, clock) as runtime:
+        assert not alarms(runtime, key)
+
+
+def nothing(data: Path) -> None:
+    """All is well."""
+
+
+def older(data: Path) -> None:
+    shutil.copyfile(data / "earlier", data / "history.db")
+
+
+@pytest.mark.parametrize(
+    ("fault", "loss"),
+    [(nothing, ""), (removed, "removed"), (emptied, "removed"), (another, "replaced"), (older, "older")],
+)
+async def test_a_history_lost_while_the_server_was_stopped_is_an_alarm_with_the_time_of_the_loss(
+    data: Path, clock: ManualClock, fault: Callable[[Path], None], loss: str
+) -> None:
+    async with running(data, clock) as runtime:
+        await record(runtime, clock, 100)
+    shutil.copyfile(data / "history.db", data / "earlier")
+    clock.advance(3600)
+    async with running(data, clock) as runtime:
+        await record(runtime, clock, 100)
+        clock.advance(60)
+        await runtime.files.look()
+        last = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+    fault(data)
+    clock.advance(7200)
+    async with running(data, clock) as runtime:
+        told = alarms(runtime, "history_lost")
+        assert [one["loss"] for one in told] == [f"@alarm.loss.{loss}" for _ in range(bool(loss))]
+        for one in told:
+            assert abs((last - datetime.fromisoformat(f"{one['time']}+00:00")).total_seconds()) <= 120
+
+
+@pytest.mark.parametrize("tails", [("",), ("", "-wal", "-shm"), ("-wal",), ("-shm",)])
+async def test_people_stay_signed_in_and_the_audit_whole_when_pogon_db_is_removed(
+    data: Path, clock: ManualClock, tails: tuple[str, ...]
+) -> None:
+    async with running(data, clock) as runtime:
+        await runtime.files.look()
+        await runtime.access.audit.record("server.started", None, "before")
+        for tail in tails:
+            (data / f"pogon.db{tail}").unlink()
+        await runtime.files.look()
+        (params,) = alarms(runtime, "database_restored")
+        assert params["file"] == "pogon.db"
+        await runtime.access.audit.record("server.started", None, "after")
+    async with running(data, clock) as runtime:
+        assert len(alarms(runtime, "database_restored")) == 1
+        with closing(sqlite3.connect(data / "pogon.db")) as connection:
+            named = {row[0] for row in connection.execute("SELECT object FROM audit")}
+        assert {"before", "after"} <= named
+
+
+async def test_what_cannot_be_mended_stands_until_it_is(data: Path, clock: ManualClock) -> None:
+    async with running(data, clock) as runtime:
+        await runtime.files.look()
+        kept = (data / "pogon.db").read_bytes()
+        (data / "pogon.db").write_bytes(b"\0" * len(kept))
+        for _ in range(2):
+            await runtime.files.look()
+            (params,) = alarms(runtime, "database_lost")
+            assert params["loss"] == "@alarm.loss.overwritten"
+        with (data / "pogon.db").open("r+b") as file:
+            file.write(kept)
+        await runtime.files.look()
+        assert not runtime.files._told
