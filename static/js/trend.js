@@ -19,7 +19,7 @@ const state = {
   live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
   from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0,
 };
-let heard = [begun.now, performance.now()], connected = false;
+let heard = [begun.now, performance.now()], connected = false, missed = false;
 /** The server's clock [µs UTC]. */
 const now = () => Math.round(heard[0] + (performance.now() - heard[1]) * 1000);
 const chart = canvas && new Chart(canvas, begun.pens, { zone, lang, texts });
@@ -413,7 +413,8 @@ function follow() {
   let due = 0;
   document.addEventListener("pogon:frame", ({ detail }) => {
     heard = [detail.time, performance.now()];
-    if (!connected) { connected = true; changed(); }
+    connected = true;
+    if (missed) { missed = false; changed(); }  // what was stored meanwhile
     for (const tag of detail.changed) {
       const usable = LEVEL[tag.state] < 2 && typeof tag.value === "number";
       chart.append(tag.name, detail.time, usable ? tag.value : null, LEVEL[tag.state]);
@@ -422,6 +423,7 @@ function follow() {
   document.addEventListener("pogon:live", ({ detail }) => {
     if (detail !== "offline") return;
     connected = false;
+    missed = true;
     for (const pen of chart.pens) chart.append(pen.tag, now(), null, 2);
     draw();
   });

@@ -287,12 +287,22 @@ def test_the_address_round_trips_and_survives_a_change_of_language(page: Page, s
     assert page.evaluate(VIEW) == pytest.approx(here, abs=2000)
 
 
+def test_a_page_asks_once_for_its_curves(page: Page, server: PogonServer) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(urlsplit(request.url).path))
+    show(page, server, "tags=m1.speed&span=8h")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    page.wait_for_timeout(800)
+    assert [asked.count(path) for path in ("/history/series", "/trends/table", "/trends/marks")] == [1, 1, 1]
+
+
 def test_pens_are_added_and_removed_without_losing_the_view(page: Page, server: PogonServer) -> None:
     show(page, server, "tags=m1.speed&span=8h")
     page.locator("[data-picker] summary").click()
     page.locator("[data-picker] input").fill("m1.current")
-    reload_of(page, page.locator('[data-add="m1.current"]').click)
+    page.locator('[data-add="m1.current"]').click()
     expect(page.locator('[data-pen="m1.current"]')).to_be_visible()
+    expect(page.locator('[data-trend][data-state="ready"]')).to_be_attached(timeout=30_000)
     assert parse_qs(urlsplit(page.url).query)["span"] == ["8h"]
     page.locator('[data-pen="m1.speed"] [data-remove]').click()
     expect(page.locator('[data-pen="m1.speed"]')).to_have_count(0)
