@@ -101,7 +101,8 @@ static/vendor/.ready: package-lock.json tools/assets.py | $(VENV)/.run
 	@touch $@
 
 .browser:
-	@command -v "$${POGON_CHROMIUM:-chromium}" >/dev/null && exit 0; \
+	@command -v "$${POGON_CHROMIUM:-chromium-headless-shell}" >/dev/null || { [ -z "$$POGON_CHROMIUM" ] && command -v chromium >/dev/null; } && exit 0; \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
-	else echo 'The browser tests need Chromium: install it, or name it in POGON_CHROMIUM, or leave them out: make check && $(BIN)/python -m pytest -m "not browser"'; exit 1; fi
+	  install() { DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$$1" >/dev/null; }; \
+	  apt-get update -qq && { install chromium-headless-shell 2>/dev/null || install chromium; }; \
+	else echo 'The browser tests need Chromium (chromium-headless-shell is enough): install it, or name it in POGON_CHROMIUM, or leave them out: make check && $(BIN)/python -m pytest -m "not browser"'; exit 1; fi

@@ -166,6 +166,10 @@ def wait_healthy(server: PogonServer) -> None:
     pytest.fail(f"pogon did not answer in {START_LIMIT} s:\n{server.log()}")
 
 
+CHROMIUMS = ("chromium-headless-shell", "chromium")
+"""What drives the pages, the lightest first; POGON_CHROMIUM names another."""
+
+
 @pytest.fixture(scope="session")
 def browser_type_launch_args() -> dict[str, Any]:
     """Debian's Chromium, quiet: no graphics card, no calls home; the sandbox only goes for root, who cannot have one."""
@@ -173,7 +177,9 @@ def browser_type_launch_args() -> dict[str, Any]:
     quiet += ["--disable-component-update", "--disable-sync"]
     if os.geteuid() == 0:
         quiet.append("--no-sandbox")
-    return {"executable_path": shutil.which(os.environ.get("POGON_CHROMIUM", "chromium")), "args": quiet}
+    named = os.environ.get("POGON_CHROMIUM")
+    found = [shutil.which(name) for name in ((named,) if named else CHROMIUMS)]
+    return {"executable_path": next(filter(None, found), None), "args": quiet}
 
 
 @pytest.fixture(scope="session")

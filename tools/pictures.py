@@ -32,6 +32,7 @@ SIZES = ("1280x800", "800x480", "390x844")
 THEMES = ("light", "dark")
 LANGUAGES = ("hr", "de")
 PASSWORD = "tri plave ladice u kutu"
+CHROMIUMS = (os.environ.get("POGON_CHROMIUM") or "chromium-headless-shell", "chromium")
 PROFILES = {"1280x800": "desk", "800x480": "panel-9", "390x844": "desk"}
 LOCALES = {"hr": "hr-HR", "en": "en-GB", "de": "de-DE", "cs": "cs-CZ"}
 PUBLIC = {"signin": "/signin", "overview-guest": "/", "error-guest": "/no-such-page"}
@@ -152,7 +153,7 @@ def main() -> int:
     report: list[str] = []
     with tempfile.TemporaryDirectory() as folder, demo(Path(folder)) as (url, data), sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=shutil.which(os.environ.get("POGON_CHROMIUM", "chromium")),
+            executable_path=next(filter(None, map(shutil.which, CHROMIUMS)), None),
             args=["--disable-gpu", "--force-color-profile=srgb", *(["--no-sandbox"] if os.geteuid() == 0 else [])],
         )
 
