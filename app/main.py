@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from fastapi import FastAPI
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__, bundled
 from app.runtime import Runtime
@@ -39,6 +40,10 @@ from app.web.guard import check_declared
 from app.web.proxy import Proxied
 from app.web.security import Shield
 from app.web.view import View
+
+UNPACKED = (*DEFAULT_EXCLUDED_CONTENT_TYPES, "text/csv")
+"""Kinds of answers that go as they are. All others are packed: no page holds a secret twice in the same letters (a form's token is
+made anew for every answer) and the session's cookie is never sent along from other sites, so the length of a page tells nobody anything."""
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -101,6 +106,9 @@ def dress(app: FastAPI, settings: Settings) -> None:
     errors.install(app)
     guard.install(app)
     app.add_middleware(guard.Gatekeeper)
+    app.add_middleware(
+        GZipMiddleware, minimum_size=1024, compresslevel=4, thread_minimum_size=2**19, exclude_content_types=UNPACKED
+    )
     app.add_middleware(partial(Shield, hosts=settings.hosts, broken=errors.internal))
     if settings.behind_proxy:
         app.add_middleware(partial(Proxied, proxies=settings.behind_proxy))

@@ -1,12 +1,14 @@
 """Static files under names that contain their content: fetched once, kept for ever, never stale.
 
 `url("css/frame.css")` is `/static/css/frame.3f2a….css`, answered with `immutable`. The plain name works too (scripts import each other by
-it) and is asked for again with its ETag.
+it) and is asked for again with its ETag. What a style sheet or a script names by the way from its own folder (`url("../vendor/a.woff2")`,
+`from "./format.js"`) gets its lasting name when it is read; scripts must not import each other in a circle.
 """
 
 import gzip
 import hashlib
 import logging
+import posixpath
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +34,29 @@ TYPES = {
 COMPRESSED = {".css", ".js", ".svg", ".txt"}
 SMALLEST = 1024
 """Below this, compressing costs more than it saves [bytes]."""
+NAMED = re.compile(rb'(?P<how>\burl\(|\bfrom )"(?P<way>\.{1,2}/[^"]+)"')
+JOINED = {
+    "css/pages.css": tuple(
+        f"css/{name}.css"
+        for name in (
+            *(
+                "font",
+                "tokens",
+                "base",
+                "frame",
+                "panel",
+                "value",
+                "indicators",
+                "commands",
+                "forms",
+                "tables",
+                "overlays",
+            ),
+            *("plot", "operation", "screens/faceplate"),
+        )
+    )
+}
+"""Several files that are fetched as one, in their order: what all pages need."""
 HASHED = re.compile(r"^(?P<stem>.+)\.(?P<hash>[0-9a-f]{12})(?P<suffix>\.[a-z0-9]+)$")
 
 
@@ -40,7 +65,7 @@ class Asset:
     """One file as it is on disk now."""
 
     name: str
-    stamp: tuple[int, int]
+    stamp: tuple[object, ...]
     hash: str
     content: bytes
     packed: bytes | None
@@ -101,6 +126,8 @@ class Assets:
         return Response(body, media_type=TYPES[Path(asset.name).suffix], headers=headers)
 
     def _find(self, name: str) -> Asset | None:
+        if name in JOINED:
+            return self._joined(name)
         if Path(name).suffix not in TYPES or any(
             part in ("", "..") or part.startswith(".") for part in name.split("/")
         ):
@@ -113,15 +140,33 @@ class Assets:
             stamp = (status.st_mtime_ns, status.st_size)
             known = self._known.get(name)
             if known is None or known.stamp != stamp:
-                known = self._known[name] = _load(path, name, stamp)
+                known = self._known[name] = _packed(name, stamp, self._lasting(name, path.read_bytes()))
         except (OSError, ValueError):
             return None
         return known
 
+    def _joined(self, name: str) -> Asset | None:
+        parts = [part for part in map(self._find, JOINED[name]) if part is not None]
+        stamp, known = tuple(part.hash for part in parts), self._known.get(name)
+        if parts and (known is None or known.stamp != stamp):
+            known = self._known[name] = _packed(name, stamp, b"\n".join(part.content for part in parts))
+        return known if parts else None
 
-def _load(path: Path, name: str, stamp: tuple[int, int]) -> Asset:
-    content = path.read_bytes()
+    def _lasting(self, name: str, content: bytes) -> bytes:
+        """`content` of the file `name`, with the lasting names of what it names."""
+        if not name.endswith((".css", ".js")) or name.startswith("vendor/"):
+            return content
+        folder = posixpath.dirname(name)
+
+        def lasting(found: re.Match[bytes]) -> bytes:
+            url = self.url(posixpath.normpath(f"{folder}/{found['way'].decode()}"))
+            return found["how"] + b'"' + url.encode() + b'"'
+
+        return NAMED.sub(lasting, content)
+
+
+def _packed(name: str, stamp: tuple[object, ...], content: bytes) -> Asset:
     packed = None
-    if path.suffix in COMPRESSED and len(content) >= SMALLEST:
+    if Path(name).suffix in COMPRESSED and len(content) >= SMALLEST:
         packed = gzip.compress(content, 9, mtime=0)
     return Asset(name, stamp, hashlib.sha256(content).hexdigest()[:12], content, packed)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from app.web.assets import Assets
+from app.web.assets import JOINED, Assets
+from tests.conftest import ROOT
 
 CSS = b"body { color: red }\n" * 100
 
@@ -45,6 +46,50 @@ def test_the_build_changes_with_our_files_only(folder: Path) -> None:
     assert Assets(folder).build == before
     (folder / "css" / "b.css").write_text("b{}")
     assert Assets(folder).build != before
+
+
+def test_what_a_style_sheet_names_gets_its_lasting_name(folder: Path) -> None:
+    (folder / "vendor").mkdir()
+    (folder / "vendor" / "x.woff2").write_bytes(b"wOF2")
+    (folder / "css" / "sub").mkdir()
+    (folder / "css" / "sub" / "f.css").write_text(
+        'a { src: url("../../vendor/x.woff2") } b { src: url("../../../outside.woff2") } c { src: url("data:,x") }'
+    )
+    assets = Assets(folder)
+    sheet = assets._find("css/sub/f.css")
+    assert sheet is not None
+    text = sheet.content.decode()
+    assert f'url("{assets.url("vendor/x.woff2")}")' in text
+    assert 'url("data:,x")' in text
+    before = assets.url("css/sub/f.css")
+    (folder / "vendor" / "x.woff2").write_bytes(b"wOF2 other")
+    assert Assets(folder).url("css/sub/f.css") != before
+
+
+def test_what_scripts_import_gets_its_lasting_name_and_never_in_a_circle() -> None:
+    assets = Assets(ROOT / "static")
+    for path in (ROOT / "static" / "js").glob("*.js"):
+        script = assets._find(f"js/{path.name}")
+        assert script is not None
+        for way in re.findall(r'\bfrom "([^"]+)"', script.content.decode()):
+            assert re.fullmatch(r"/static/js/\w+\.[0-9a-f]{12}\.js", way), (path, way)
+
+
+def test_sheets_that_all_pages_need_are_one_file_in_their_order(client: TestClient) -> None:
+    assets = client.app.state.view.assets  # type: ignore[attr-defined]
+    joined = client.get(assets.url("css/pages.css"))
+    assert joined.headers["cache-control"] == "public, max-age=31536000, immutable"
+    places = [joined.content.find(client.get(f"/static/{part}").content) for part in JOINED["css/pages.css"]]
+    assert places == sorted(places) and places[0] == 0
+
+
+def test_a_joined_file_follows_each_of_its_parts(folder: Path) -> None:
+    assets = Assets(folder)
+    assert assets.url("css/pages.css") == "/static/css/pages.css"
+    (folder / "css" / "font.css").write_text("a {}")
+    first = assets.url("css/pages.css")
+    (folder / "css" / "base.css").write_text("b {}")
+    assert len({"/static/css/pages.css", first, assets.url("css/pages.css")}) == 3
 
 
 def test_a_hashed_name_is_kept_for_ever(client: TestClient) -> None:
