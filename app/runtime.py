@@ -808,6 +808,7 @@ class Runtime:
         for item in self.plant.equipment.values() if self.plant else ():
             count = self.links[item.link].only_here(item.id) if item.link in self.links else 0
             tell("events_unstored", item.id, active=count > 0, params={"count": count})
+            tell("program_halted", item.id, active=item.link in self.links and self.links[item.link].halted(item.id))
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
         recorder = self.recorder

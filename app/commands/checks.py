@@ -82,7 +82,10 @@ class Checks:
         if silent:
             # whoever operates does not want to hear it of each value
             reasons.append((Reason("why.no_communication", {"point": silent[0].params["point"]}), 503))
-        reasons += [(found, 409) for found in stale if found not in silent]
+        halted = [found for found in stale if reason(look(_key(found))[1]) is Why.HALTED]
+        if halted:
+            reasons.append((Reason("why.program_halted", {"point": halted[0].params["point"]}), 409))
+        reasons += [(found, 409) for found in stale if found not in silent and found not in halted]
         reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.interlocks, look, age=age)]

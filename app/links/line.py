@@ -98,7 +98,20 @@ class Line:
             return
         block.started = started
         block.bind(self._tags.handles, self._tags.revision)
-        self._tags.publish(block.seen(words, self.clock.micros(), station.origin))
+        self._tags.publish(block.seen(words, self.clock.micros(), station.basis))
+
+    def halt(self, station: Station, *, halted: bool) -> None:
+        """The program of the unit stands still, or goes on: what is known of it is told to be old, or read again now."""
+        station.halted = halted
+        time, now = self.clock.micros(), self._now()
+        for block in station.blocks:
+            if not halted:
+                self._schedule.at(block, now)
+            elif block.words is not None:
+                block.bind(self._tags.handles, self._tags.revision)
+                if block.words is not None:
+                    self._tags.publish(block.seen(block.words, time, station.basis))
+        self._wake()
 
     def _publish_lost(self, station: Station, quality: int) -> None:
         for block in station.blocks:

@@ -6,12 +6,14 @@
   (uncertain, stale) until a scan is whole. A torn image is never published.
 - Tables: a torn row likewise, while the other rows of its telegram are published. Telegrams beyond the `count` of the head are not read,
   their rows are empty.
+- Signs of life: links/pulse.py. While the program stands still all values are uncertain (halted) and nothing but a Stop is sent.
 - Event ring: links/events.py. Host heartbeat: written every second while writes are allowed.
 """
 
 import asyncio
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import IntEnum
 from math import inf
 from random import randrange
@@ -21,6 +23,7 @@ from app.links.contract import Block
 from app.links.events import DeviceClock, EventReader, head_of
 from app.links.orders import Orders
 from app.links.planner import Part
+from app.links.pulse import FIRST, LAST, Pulse
 from app.links.road import Road
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
@@ -41,6 +44,8 @@ NO_HEARTBEAT = 60.0
 """Before a device that refused the heartbeat gets another [s]."""
 TOUCH = 1.0
 """Rows that are not read because there are none are said to be empty this often [s], so that they do not count as old."""
+FIRST_LOOK = 0.03
+"""Before the second look at a program, to see whether it goes round [s]."""
 TRIES = 3
 BUSY_PAUSE = 0.1
 NO_HEADER = (1, 2, 3)
@@ -84,6 +89,8 @@ class PlcUnit:
         self._station = station
         self._told = ""
         self._heartbeat = randrange(0x10000)
+        self._pulse = Pulse()
+        self._pulse_words = Block(plc_map.HEADER + FIRST, LAST - FIRST + 1)
 
     def adopt(self, before: "PlcUnit") -> None:
         """The plant file has changed around the same device: go on where `before` was."""
@@ -121,6 +128,7 @@ class PlcUnit:
                 return False
             self._told = ""
             self._header(words, asked)
+            await self._first_sign()
             return True
         raise NoAnswer(str(last))
 
@@ -133,6 +141,7 @@ class PlcUnit:
         self._road.attend(self._station, self.orders.begin())
         if self._station.may_write:
             self._road.attend(self._station, self._beat())
+        self._road.attend(self._station, self._watch())
 
     # scans
 
@@ -140,6 +149,8 @@ class PlcUnit:
         """What `words`, read by a telegram sent at `started` [s], are worth; they may be put right."""
         match block.part:
             case Part.IMAGE:
+                self._pulse.image(block.block.address, words, started)
+                self._judge()
                 return Seen.WHOLE if plc_map.is_whole(words) else Seen.TORN
             case Part.RING:
                 head = head_of(words)
@@ -155,6 +166,9 @@ class PlcUnit:
                     return Seen.NOTHING
                 now = asyncio.get_running_loop().time()
                 self._header(words, self._road.clock.micros() - round((now - started) * 1e6))
+                if len(words) > LAST:
+                    self._pulse.header(words[FIRST : LAST + 1], started, now)
+                    self._judge()
                 return Seen.WHOLE
         return self._rows_seen(block, words, started) if isinstance(block, TableBlock) else Seen.WHOLE
 
@@ -234,6 +248,63 @@ class PlcUnit:
             and block.rows.table.key == rows.table.key
             and block.rows.equipment == rows.equipment
         ]
+
+    # signs of life
+
+    async def _first_sign(self) -> None:
+        """Wait until its program is seen to go round; one that stands from the beginning is said to."""
+        loop, pulse = asyncio.get_running_loop(), self._pulse
+        pulse.begin(loop.time())
+        pause = FIRST_LOOK
+        while not (pulse.moved or pulse.standing):
+            await self._look_at_pulse()
+            if not pulse.moved:
+                await asyncio.sleep(pause)
+                pause = min(2 * pause, pulse.limit / 4)
+        self._station.halted = pulse.standing
+        if pulse.standing:
+            self._say_halted()
+
+    async def _watch(self) -> None:
+        """Look at the heartbeat whenever no image has shown that the program goes round."""
+        loop, pulse = asyncio.get_running_loop(), self._pulse
+        while True:
+            wait = pulse.due - loop.time()
+            if wait > 0:
+                await asyncio.sleep(wait)
+                continue
+            before = pulse.due
+            with suppress(LinkError):  # silence is for the scans to judge
+                await self._look_at_pulse()
+            self._judge()
+            if pulse.due <= max(before, loop.time()):
+                await asyncio.sleep(pulse.limit / 4)
+
+    async def _look_at_pulse(self) -> None:
+        started = asyncio.get_running_loop().time()
+        try:
+            words = await self._road.read(self._station, self._pulse_words)
+        except DeviceException:
+            if self._pulse_words.address == plc_map.HEADER:
+                raise
+            # it takes no part of its header
+            self._pulse_words = Block(plc_map.HEADER, max(self._header_words, LAST + 1))
+            return
+        skip = plc_map.HEADER + FIRST - self._pulse_words.address
+        self._pulse.header(words[skip : skip + LAST - FIRST + 1], started, asyncio.get_running_loop().time())
+
+    def _judge(self) -> None:
+        station = self._station
+        if station.state is not State.UP or self._pulse.standing == station.halted:
+            return
+        self._road.halt(station, halted=self._pulse.standing)
+        self._say_halted()
+
+    def _say_halted(self) -> None:
+        if self._pulse.standing:
+            log.warning("program stands still link=%s unit=%d", *self._where)
+        else:
+            log.info("program goes on link=%s unit=%d", *self._where)
 
     # heartbeat
 

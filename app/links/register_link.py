@@ -124,6 +124,13 @@ class RegisterLink:
         plc = self._runner.stations[item.unit].plc if item is not None else None
         return plc.events.only_here if plc is not None else 0
 
+    def halted(self, equipment: str) -> bool:
+        """Whether the program behind a machine stands still while its unit answers; of several on a unit the first one tells."""
+        item = self._equipment.get(equipment)
+        station = self._runner.stations.get(item.unit) if item is not None else None
+        up = station is not None and station.state is State.UP and station.equipment[0].id == equipment
+        return up and station is not None and station.halted
+
     async def run(self) -> None:
         """Connect, scan, publish, back off, for ever."""
         await self._runner.run()
@@ -229,7 +236,7 @@ class RegisterLink:
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
         station, plc = self._plc_of(equipment)
-        self._check_writable(station, urgent=urgent)
+        self._check_writable(station, urgent=urgent or not bits)
         await plc.orders.hold(bits, counter, argument, urgent=urgent)
 
     async def refresh(self, equipment: str, points: Iterable[str]) -> None:
@@ -344,6 +351,8 @@ class RegisterLink:
             raise NoAnswer(f"link {self.name}: unit {station.number} is silent")
         if not station.may_write:
             raise Refused("command.writes_off", link=self.name)
+        if station.halted and not urgent:
+            raise Refused("why.program_halted", link=self.name)
 
     def _write_function(self, station: Station, name: str, words: Sequence[int]) -> int:
         device = station.device

@@ -55,6 +55,10 @@ class Road(Protocol):
         """Publish `words` as read by a telegram sent at `started` [s]."""
         ...
 
+    def halt(self, station: Station, *, halted: bool) -> None:
+        """The program of the unit stands still, or goes on."""
+        ...
+
     def refuse(self, station: Station, block: ScanBlock, reason: str) -> None:
         """What `block` holds is not what the plant file says: bad, and looked at again later."""
         ...

@@ -15,7 +15,7 @@ from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
 from app.tags.batch import Batch
 from app.tags.database import TagDatabase
-from app.tags.quality import NOT_CONNECTED, Origin
+from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
 
 if TYPE_CHECKING:
     from app.links.plc import PlcUnit
@@ -34,6 +34,8 @@ class Station:
     simulated: bool = False
     """Whether it said so; a device that did not is live."""
     state: State = State.CONNECTING
+    halted: bool = False
+    """Whether its program stands still while it answers."""
     blocks: list[ScanBlock] = field(default_factory=list)
     learned: Learned = field(default_factory=Learned)
     proven: int = 0
@@ -69,6 +71,11 @@ class Station:
     def origin(self) -> int:
         """Origin flag of its values."""
         return Origin.SIMULATED if self.simulated else 0
+
+    @property
+    def basis(self) -> int:
+        """Quality of what it answers, before each value is looked at."""
+        return (HALTED if self.halted else GOOD) | self.origin
 
     @property
     def may_write(self) -> bool:

@@ -33,6 +33,8 @@ class Reason(IntEnum):
     """The plant file and the device do not agree."""
     DEVICE = 7
     """The device says itself that the value is wrong."""
+    HALTED = 8
+    """The device answers, but its program stands still: the last value that it computed."""
 
 
 class Origin(IntFlag):
@@ -44,7 +46,7 @@ class Origin(IntFlag):
     LOCAL = 0x800
 
 
-UNSEEN = frozenset({Reason.STALE})
+UNSEEN = frozenset({Reason.STALE, Reason.HALTED})
 """Reasons that mean: the value is the last one known, what is true now nobody has seen."""
 
 NO_DATA = BAD | Reason.NO_DATA << 2
@@ -54,6 +56,7 @@ OUT_OF_RANGE = UNCERTAIN | Reason.OUT_OF_RANGE << 2
 NOT_CONNECTED = BAD | Reason.NOT_CONNECTED << 2
 CONFIGURATION = BAD | Reason.CONFIGURATION << 2
 DEVICE = BAD | Reason.DEVICE << 2
+HALTED = UNCERTAIN | Reason.HALTED << 2
 
 
 def level(quality: int) -> int:

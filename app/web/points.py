@@ -426,8 +426,8 @@ def live_texts(text: Text) -> dict[str, object]:
     }
 
 
-REASONS = ("no_data", "comm_failure", "stale", "out_of_range", "not_connected", "configuration", "device")
-"""Names of the reasons 1 to 7 of tags/quality.py."""
+REASONS = ("no_data", "comm_failure", "stale", "out_of_range", "not_connected", "configuration", "device", "halted")
+"""Names of the reasons 1 to 8 of tags/quality.py."""
 
 
 def _plain(value: float | str) -> str:
