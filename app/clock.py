@@ -36,7 +36,8 @@ class ManualClock:
 
     def __init__(self, start: datetime = datetime(2026, 3, 9, 6, 5, tzinfo=UTC)) -> None:
         self._micros = to_micros(start)
-        self._monotonic = 1000.0
+        self._elapsed = 1_000_000_000
+        """Monotonic [µs]: whole ones, so that many small advances add up exactly."""
 
     def micros(self) -> int:
         """Wall clock [µs since 1970 UTC]."""
@@ -44,12 +45,13 @@ class ManualClock:
 
     def monotonic(self) -> float:
         """Seconds that never step back."""
-        return self._monotonic
+        return self._elapsed / 1e6
 
     def advance(self, seconds: float) -> None:
-        """Let `seconds` pass on both clocks."""
-        self._micros += round(seconds * 1e6)
-        self._monotonic += seconds
+        """Let `seconds` pass on both clocks, to the µs."""
+        passed = round(seconds * 1e6)
+        self._micros += passed
+        self._elapsed += passed
 
     def step_wall(self, seconds: float) -> None:
         """Set the wall clock forward or back, as time synchronisation does; the monotonic clock does not see it."""

@@ -8,12 +8,11 @@ import asyncio
 import logging
 import os
 import re
-import secrets
 import shutil
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -22,9 +21,10 @@ from sqlalchemy import Connection, Engine, MetaData, create_engine, event
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import QueuePool
 
-from app import bundled
+from app import bundled, chance
 from app.db_file import Incident, Loss, Mended, OpenFile
 from app.errors import StorageError
+from app.threads import Threads, threads
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -54,12 +54,12 @@ MENDING_TIMEOUT = 10.0
 class Database:
     """One database file: writes go one after the other on its own thread, reads run beside them."""
 
-    def __init__(self, path: Path, name: Literal["pogon", "history"]) -> None:
+    def __init__(self, path: Path, name: Literal["pogon", "history"], threads: Threads = threads) -> None:
         self.path = path
         self.name = name
         self.engine = _engine(path, PRAGMAS[name])
-        self._writer = ThreadPoolExecutor(1, thread_name_prefix=f"{name}-writer")
-        self._readers = ThreadPoolExecutor(READERS, thread_name_prefix=f"{name}-reader")
+        self._writer = threads(1, f"{name}-writer")
+        self._readers = threads(READERS, f"{name}-reader")
         self._file: OpenFile | None = None
         self._lost: Loss | None = None
         self._held: sqlite3.Connection | None = None
@@ -268,7 +268,7 @@ class Database:
         connection = _connect(self.path)
         connection.execute("PRAGMA journal_mode=WAL").fetchall()
         if not connection.execute("PRAGMA application_id").fetchone()[0]:
-            connection.execute(f"PRAGMA application_id={1 + secrets.randbelow(2**31 - 1)}")
+            connection.execute(f"PRAGMA application_id={chance.randrange(1, 2**31)}")
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
         self._held, self._file = connection, OpenFile(self.path)

@@ -8,8 +8,10 @@ from fastapi import FastAPI
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from app import __version__, bundled
+from app.clock import Clock
 from app.runtime import Runtime
 from app.settings import Settings
+from app.threads import Threads, threads
 from app.web import (
     alarms,
     api,
@@ -46,8 +48,8 @@ UNPACKED = (*DEFAULT_EXCLUDED_CONTENT_TYPES, "text/csv")
 made anew for every answer) and the session's cookie is never sent along from other sites, so the length of a page tells nobody anything."""
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The application for `settings`, ready to be served.
+def create_app(settings: Settings, clock: Clock | None = None, threads: Threads = threads) -> FastAPI:
+    """The application for `settings`, ready to be served; time comes from `clock`, else from this machine.
 
     Raises:
         ConfigurationError: a route does not say who may use it.
@@ -55,7 +57,7 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        runtime = Runtime(settings)
+        runtime = Runtime(settings, clock, threads)
         app.state.runtime = runtime
         await runtime.start()
         sockets = socket.sockets_of(app)

@@ -46,6 +46,7 @@ from app.sim.plant import SimPlant, exchange, read_simulated, units
 from app.sim.server import TcpServer, serve_tcp
 from app.tags.batch import Batch, Value
 from app.tags.database import Standstill, Tag, TagDatabase
+from app.threads import Threads, threads
 
 log = logging.getLogger(__name__)
 
@@ -91,9 +92,10 @@ class Reading:
 class Runtime:
     """One running plant: read, connected, watched, until `stop`."""
 
-    def __init__(self, settings: Settings, clock: Clock | None = None) -> None:
+    def __init__(self, settings: Settings, clock: Clock | None = None, threads: Threads = threads) -> None:
         self.settings = settings
         self.clock = clock or SystemClock()
+        self._threads = threads
         self.tags = TagDatabase(self.clock)
         self.live = Live(self.tags, self.clock, settings.push_period)
         self.texts = Texts.read()
@@ -213,10 +215,10 @@ class Runtime:
 
     def _open_storage(self) -> None:
         prepare(self.settings.data)
-        self.db = Database(self.settings.data / "pogon.db", "pogon")
+        self.db = Database(self.settings.data / "pogon.db", "pogon", self._threads)
         self.db.migrate()
-        self.history = Database(self.settings.data / "history.db", "history")
-        self.access = Access(self.db, self.clock, self.settings.data)
+        self.history = Database(self.settings.data / "history.db", "history", self._threads)
+        self.access = Access(self.db, self.clock, self.settings.data, threads=self._threads)
         self._retained = RetainedStates(self.db)
 
     async def _start_plant(self, plant: Plant) -> None:

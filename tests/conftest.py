@@ -1,5 +1,6 @@
 """What every test may ask for: a free port, a running Pogon, a browser that never leaves this machine."""
 
+import asyncio
 import atexit
 import os
 import shutil
@@ -12,18 +13,23 @@ import urllib.request
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 
+from app import chance
 from app.access.access import Access, prepare
 from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
+from tests.virtual import VirtualLoop
 
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")
 """Files of browser tests that take a minute and more."""
+VIRTUAL = ("live",)
+"""Folders and files of tests whose asynchronous tests live in virtual time."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -42,6 +48,24 @@ def _order(item: pytest.Item) -> tuple[bool, int]:
     """Browsers last; of their files, each of which stays with one worker, the longest first."""
     name = item.path.stem
     return item.get_closest_marker("browser") is not None, LONGEST.index(name) if name in LONGEST else len(LONGEST)
+
+
+def pytest_asyncio_loop_factories(
+    config: pytest.Config, item: pytest.Item
+) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
+    """Asynchronous tests live in virtual time, but for those whose subject is real: sockets, ttys, processes, browsers."""
+    virtual = item.path.is_relative_to(ROOT / "tests") and item.path.relative_to(ROOT / "tests").parts[0] in VIRTUAL
+    if virtual and not item.get_closest_marker("real_time"):
+        return {"virtual": VirtualLoop}
+    return {"real": asyncio.SelectorEventLoop}
+
+
+@pytest.fixture(autouse=True)
+def _seeded(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Jitter, ids and nonces come from a seed, the same for a test wherever and whenever it runs."""
+    chance.use(Random(request.node.nodeid))
+    yield
+    chance.use()
 
 
 @pytest.fixture

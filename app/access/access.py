@@ -2,11 +2,11 @@
 
 import asyncio
 import hmac
-import secrets
 from collections.abc import Callable, Collection
 from hashlib import sha256
 from pathlib import Path
 
+from app import chance
 from app.access.audit import Audit
 from app.access.first_code import FirstCode
 from app.access.keys import check_files, lock, prepare, read_key
@@ -18,6 +18,7 @@ from app.access.throttle import Throttle
 from app.access.tokens import Tokens
 from app.clock import Clock
 from app.db import Database
+from app.threads import Threads, threads
 
 __all__ = ["Access", "lock", "prepare"]
 
@@ -28,7 +29,9 @@ FOLLOW_PERIOD = 0.5
 class Access:
     """Who may come in, and what they did. `prepare(data)` and `db.migrate()` come first."""
 
-    def __init__(self, db: Database, clock: Clock, data: Path, cost: Cost | None = None) -> None:
+    def __init__(
+        self, db: Database, clock: Clock, data: Path, cost: Cost | None = None, threads: Threads = threads
+    ) -> None:
         """Reads or makes the keys in `data`.
 
         Raises:
@@ -37,7 +40,7 @@ class Access:
         check_files(data)
         self._secret = read_key(data / "secret.key")
         self.audit = Audit(db, clock, data)
-        self.passwords = Passwords(cost)
+        self.passwords = Passwords(cost, threads)
         self.throttle = Throttle(clock)
         self.first_code = FirstCode(data)
         self.sessions = Sessions(db, clock, self.audit)
@@ -92,7 +95,7 @@ class Access:
 
     def form_token(self, bound_to: str) -> str:
         """A token for forms of the session id, or of the pre-session id, `bound_to`; never the same twice."""
-        salt = secrets.token_urlsafe(12)
+        salt = chance.token_urlsafe(12)
         return f"{self._form_mac(bound_to, salt)}.{salt}"
 
     def is_form_token(self, token: str, bound_to: str) -> bool:

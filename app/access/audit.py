@@ -17,7 +17,6 @@ import hmac
 import json
 import logging
 import os
-import secrets
 import unicodedata
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,6 +26,7 @@ from typing import TypeVar
 
 from sqlalchemy import Connection, Select, func, insert, select
 
+from app import chance
 from app.access.keys import read_key
 from app.access.roles import SYSTEM, Person
 from app.access.tables import audit_table
@@ -316,7 +316,7 @@ class Audit:
         if len(self._waiting) == MOST_BUFFERED:
             self._lost += 1
             return
-        kept: dict[str, object] = {"id": secrets.token_hex(8), **asdict(entry)}
+        kept: dict[str, object] = {"id": chance.token_hex(8), **asdict(entry)}
         self._waiting.append(kept)
         try:
             handle = os.open(self._buffer, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)

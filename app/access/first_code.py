@@ -2,9 +2,9 @@
 
 import hmac
 import logging
-import secrets
 from pathlib import Path
 
+from app import chance
 from app.access.keys import write_private
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ class FirstCode:
 
     def renew(self) -> str:
         """A fresh code; the one before is dead. On a disk that takes no file it is in memory only: the terminal shows it."""
-        signs = [secrets.choice(ALPHABET) for _ in range(GROUPS * GROUP)]
+        signs = [chance.choice(ALPHABET) for _ in range(GROUPS * GROUP)]
         self.text = "-".join("".join(signs[at : at + GROUP]) for at in range(0, len(signs), GROUP))
         try:
             write_private(self.path, self.text + "\n")

@@ -2,10 +2,10 @@
 
 import fcntl
 import os
-import secrets
 import stat
 from pathlib import Path
 
+from app import chance
 from app.errors import ConfigurationError
 
 KEY_BYTES = 32
@@ -68,7 +68,7 @@ def read_key(path: Path) -> bytes:
     """
     if not path.exists():
         try:
-            write_private(path, secrets.token_hex(KEY_BYTES) + "\n", exclusive=True)
+            write_private(path, chance.token_hex(KEY_BYTES) + "\n", exclusive=True)
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
     try:
@@ -82,7 +82,7 @@ def read_key(path: Path) -> bytes:
 
 def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
     """Write `text` to a file that is private from its first byte on; a reader sees the old text or the new, never half."""
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    temporary = path.with_name(f".{path.name}.{chance.token_hex(4)}")
     handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:

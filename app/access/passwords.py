@@ -2,16 +2,17 @@
 
 import asyncio
 import re
-import secrets
 import unicodedata
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 
 from pwdlib.hashers.argon2 import Argon2Hasher
 
+from app import chance
 from app.errors import Refused
+from app.threads import Threads, threads
 
 SHORTEST = 12
 SHORTEST_WITH_POWER = 15
@@ -47,11 +48,10 @@ class Cost:
 class Passwords:
     """Hashes and checks off the event loop."""
 
-    def __init__(self, cost: Cost | None = None) -> None:
+    def __init__(self, cost: Cost | None = None, threads: Threads = threads) -> None:
         cost = cost or Cost()
         self._hasher = Argon2Hasher(cost.passes, cost.memory, cost.lanes)
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="argon2")
-        self._dummy = self._hasher.hash(secrets.token_urlsafe(16))
+        self._threads = threads(AT_ONCE, "argon2")
 
     def hash_now(self, password: str) -> str:
         """The argon2id hash, on the caller's thread."""
@@ -65,13 +65,22 @@ class Passwords:
         """Whether `password` belongs to the hash `kept`; without one a dummy is checked, so the answer takes as long."""
         known = kept is not None
         matches = await asyncio.get_running_loop().run_in_executor(
-            self._threads, self._hasher.verify, normal(password)[:LONGEST], kept if kept is not None else self._dummy
+            self._threads, self._verify_now, normal(password)[:LONGEST], kept
         )
         return matches and known and bool(password)
 
     def outdated(self, kept: str) -> bool:
         """Whether `kept` was made with other parameters than today's."""
         return bool(self._hasher.check_needs_rehash(kept))
+
+    def _verify_now(self, password: str, kept: str | None) -> bool:
+        dummy = self._dummy  # asked first, so that its making tells nobody whether there is such an account
+        return self._hasher.verify(password, kept if kept is not None else dummy)
+
+    @cached_property
+    def _dummy(self) -> str:
+        """A hash that nobody has a password for; made when it is first needed, since it costs a start 0.2 s of CPU."""
+        return self._hasher.hash(chance.token_urlsafe(16))
 
     def close(self) -> None:
         """End the threads."""
@@ -124,7 +133,7 @@ def is_common(password: str) -> bool:
 
 def initial_password() -> str:
     """20 characters of 5.8 bits that cannot be mistaken for each other."""
-    return "".join(secrets.choice(INITIAL_ALPHABET) for _ in range(INITIAL_LENGTH))
+    return "".join(chance.choice(INITIAL_ALPHABET) for _ in range(INITIAL_LENGTH))
 
 
 def _context(words: Iterable[str]) -> list[str]:

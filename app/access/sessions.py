@@ -10,7 +10,6 @@ a restart the stored times, of the wall clock, say how long it has been. Source:
 
 import hashlib
 import re
-import secrets
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, delete, insert, select, update
 
+from app import chance
 from app.access.audit import Audit, printable
 from app.access.roles import ACTING, FORCED, IDLE, Person, permissions_of
 from app.access.tables import person_table, role_table, session_table
@@ -240,7 +240,7 @@ class Sessions:
         crowded = list(connection.execute(kept.offset(limit - 1)).scalars())
         if crowded:
             connection.execute(delete(session_table).where(session.id_hash.in_(crowded)))
-        sid = secrets.token_urlsafe(ID_BYTES)
+        sid = chance.token_urlsafe(ID_BYTES)
         connection.execute(
             insert(session_table).values(
                 id_hash=hash_of(sid),

@@ -1,12 +1,12 @@
 """Tokens for programs: 256 random bits shown once, kept as SHA-256, with permissions of their own and an end."""
 
-import secrets
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, insert, select, update
 
+from app import chance
 from app.access.audit import Audit, Entry, printable, refused_without_audit
 from app.access.roles import PERMISSIONS, Person, permissions_of
 from app.access.sessions import IN_USE, hash_of, roles_of
@@ -71,7 +71,7 @@ class Tokens:
             raise Refused("access.denied", 403)
         if not 0 < days <= LONGEST_LIFE:
             raise Refused("access.token_days", 422, most=round(LONGEST_LIFE))
-        secret = PREFIX + secrets.token_urlsafe(32)
+        secret = PREFIX + chance.token_urlsafe(32)
         now = self._clock.micros()
 
         def work(connection: Connection) -> tuple[Token, list[Entry]]:

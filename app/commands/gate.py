@@ -15,10 +15,10 @@ sent first. Nothing here knows an equipment type.
 """
 
 import asyncio
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
+from app import chance
 from app.access.roles import Person, Rights
 from app.clock import Clock
 from app.commands import interlocks
@@ -146,7 +146,7 @@ class Gate:
             Refused: 401, 403 role; 404; 409 not possible now; 410 expired; 422 bad value; 423 control token; 429; 503 device silent.
         """
         order = Order(
-            person, equipment, command, argument, id or uuid.uuid4().hex, nonce, expected, confirmed, proven, reason, address,
+            person, equipment, command, argument, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
             language, self._desk.clock.micros(), arguments,
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.commands.get(command))
@@ -169,7 +169,7 @@ class Gate:
     ) -> Progress:
         """Write the parameter or setpoint `setpoint` and read it back; otherwise as `ask`."""
         order = Order(
-            person, equipment, setpoint, value, id or uuid.uuid4().hex, nonce, expected, confirmed, proven, reason, address,
+            person, equipment, setpoint, value, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
             language, self._desk.clock.micros(),
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.setpoints.get(setpoint))

@@ -9,11 +9,11 @@ This file keeps the leases; what is written to the device is the gate's.
 """
 
 import logging
-import secrets
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from app import chance
 from app.access.roles import Person
 from app.clock import Clock
 from app.errors import Refused
@@ -130,7 +130,7 @@ class HoldToRun:
         for other in [lease for lease in self._leases.values() if lease.equipment == equipment and not lease.started]:
             del self._leases[other.token]
         lease = Lease(
-            secrets.token_urlsafe(16),
+            chance.token_urlsafe(16),
             person,
             equipment,
             command,

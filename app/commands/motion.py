@@ -4,8 +4,8 @@ lost or may not be held any longer, and what they changed put back when the mach
 
 import asyncio
 import logging
-import uuid
 
+from app import chance
 from app.access.roles import ROLE_PERMISSION, Person
 from app.commands import interlocks
 from app.commands.admission import Admission
@@ -50,7 +50,7 @@ class HeldMotion:
         self, person: Person, equipment: str, command: str, *, id: str, nonce: str, confirmed: bool, address: str
     ) -> str:
         order = Order(
-            person, equipment, command, None, id or uuid.uuid4().hex, nonce, None, confirmed, False, "", address, "en",
+            person, equipment, command, None, id or chance.token_hex(16), nonce, None, confirmed, False, "", address, "en",
             self._desk.clock.micros(),
         )  # fmt: skip
         machine = self._desk.machines.get(equipment)
@@ -236,7 +236,7 @@ class HeldMotion:
         for point in wrong:
             now = self._desk.clock.micros()
             progress = Progress(
-                uuid.uuid4().hex, item.id, point, item.points[point].label, "", State.UNCONFIRMED, now, ended=now,
+                chance.token_hex(16), item.id, point, item.points[point].label, "", State.UNCONFIRMED, now, ended=now,
                 reason="hold.not_restored", params={"value": held[point], "unit": item.points[point].unit},
                 argument=held[point],
             )  # fmt: skip

@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from app import chance
 from app.clock import Clock
 from app.errors import Refused
 
@@ -48,7 +49,7 @@ class Nonces:
         issued = self._sessions.setdefault(session, deque(maxlen=200))
         if issued and issued[-1].replaced > now:
             issued[-1].replaced = now
-        nonce = _Nonce(secrets.token_urlsafe(16), now)
+        nonce = _Nonce(chance.token_urlsafe(16), now)
         issued.append(nonce)
         return nonce.text
 

@@ -3,10 +3,10 @@
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from secrets import randbelow
 from types import MappingProxyType
 from typing import Any, Protocol
 
+from app import chance
 from app.access.roles import Person
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
@@ -215,7 +215,7 @@ class Machine:
     restore: dict[str, float] = field(default_factory=dict)
     """Point → what it held before a hold-to-run wrote it."""
     restoring: bool = False
-    counter: int = field(default_factory=lambda: randbelow(0xFFFF))
+    counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
     """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
     signature: object = None
     used: Sequence[str] = field(init=False)

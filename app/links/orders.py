@@ -9,11 +9,11 @@ import asyncio
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from random import randrange
 from struct import pack
 from typing import TYPE_CHECKING
 from zlib import crc32
 
+from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Rejected
 from app.links.contract import Block, StillOwed
 from app.links.schedule import Priority
@@ -49,7 +49,7 @@ class Orders:
         self._road = road
         self._station = station
         self._clock = clock
-        self._next = randrange(1, LARGEST_ID)
+        self._next = chance.randrange(1, LARGEST_ID)
         self._known: set[int] = set()
         """Ids that the device still remembers: the same id would give the old answer."""
         self._turn = asyncio.Lock()

@@ -7,8 +7,8 @@ one, so a write never waits for more than the telegram on the wire.
 import asyncio
 import logging
 from collections.abc import Mapping
-from random import uniform
 
+from app import chance
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, StillOwed
@@ -165,7 +165,7 @@ class Outages(Line):
         """Ask a silent unit for one register now and then, until it answers."""
         pause = FIRST_PROBE
         while True:
-            wait = pause * uniform(0.9, 1.1)
+            wait = pause * chance.uniform(0.9, 1.1)
             wait = min(wait, LAST_PAUSE) if self._all_silent else max(wait, self._probe_free - self._now())
             station.probe_now.clear()
             try:

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from enum import IntEnum
 from math import inf
-from random import randrange
 
+from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer
 from app.links.contract import Block
 from app.links.events import DeviceClock, EventReader, head_of
@@ -88,7 +88,7 @@ class PlcUnit:
         self._road = road
         self._station = station
         self._told = ""
-        self._heartbeat = randrange(0x10000)
+        self._heartbeat = chance.randrange(0, 0x10000)
         self._pulse = Pulse()
         self._pulse_words = Block(plc_map.HEADER + FIRST, LAST - FIRST + 1)
 

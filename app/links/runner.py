@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
-from random import uniform
 
+from app import chance
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
 from app.links.contract import StillOwed, Transport
@@ -155,7 +155,7 @@ class LinkRunner(Outages):
                 await lane.transport.close()
             if lane.answers:
                 pause = 0.0
-            await asyncio.sleep(pause * uniform(0.9, 1.1))
+            await asyncio.sleep(pause * chance.uniform(0.9, 1.1))
             pause = min(max(2 * pause, FIRST_PAUSE), LAST_PAUSE)
 
     async def _work(self, lane: _Lane) -> None:

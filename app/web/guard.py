@@ -9,7 +9,6 @@ it checks the permission, and on unsafe methods where the request comes from and
 import ipaddress
 import logging
 import re
-import secrets
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 from urllib.parse import quote, urlsplit
@@ -24,6 +23,7 @@ from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+from app import chance
 from app.access.access import Access
 from app.access.audit import printable
 from app.access.roles import PERMISSIONS as OF_ROLES
@@ -116,7 +116,7 @@ class Gatekeeper:
         else:
             bound = cookies.get(cookie_name(PRE, secure), "")
             if not re.fullmatch(r"[\w-]{22}", bound, re.ASCII):
-                bound = fresh = secrets.token_urlsafe(16)
+                bound = fresh = chance.token_urlsafe(16)
         state["bound"] = bound
         state["csrf"] = access.form_token(bound)
         return fresh

@@ -7,7 +7,6 @@ refused here, so no body and no cookie costs more than reading it. How heads and
 import asyncio
 import logging
 import re
-import secrets
 from collections.abc import Awaitable, Callable, Iterable
 
 from fastapi import Request
@@ -15,6 +14,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app import chance
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +90,7 @@ class Shield:
         except ClientDisconnect:
             pass
         except Exception:
-            reference = secrets.token_hex(4)
+            reference = chance.token_hex(4)
             log.exception("request failed id=%s method=%s path=%.200r", reference, scope["method"], scope["path"])
             if answer.started:
                 raise

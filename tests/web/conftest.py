@@ -11,10 +11,9 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from app import bundled
-from app.main import create_app
 from app.settings import Settings
+from tests.virtual import HOST, house
 
-HOST = "http://127.0.0.1:8000"
 Start = Callable[..., TestClient]
 
 
@@ -57,6 +56,4 @@ def send(client: TestClient, path: str, data: dict[str, str], **headers: str) ->
 def _running(
     data: Path, plant: Path | None = None, extend: Callable[[FastAPI], object] = lambda app: None, **settings: Any
 ) -> TestClient:
-    app = create_app(Settings(plant=plant or bundled("plants/demo"), data=data, **settings))
-    extend(app)
-    return TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000))
+    return house(Settings(plant=plant or bundled("plants/demo"), data=data, **settings), extend=extend)

@@ -2,28 +2,18 @@
 
 import html
 import re
-import time
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from fastapi.testclient import TestClient
 
 from app.runtime import Runtime
+from tests.virtual import until
 from tests.web.people import Staff
 
+__all__ = ["Answer", "Operator", "button", "line_of", "runtime_of", "until", "words"]
 Answer = Any
-
-
-def until(what: Callable[[], object], limit: float = 30.0) -> bool:
-    """Whether `what` comes true in time."""
-    end = time.monotonic() + limit
-    while time.monotonic() < end:
-        if what():
-            return True
-        time.sleep(0.02)
-    return bool(what())
 
 
 def runtime_of(client: TestClient) -> Runtime:

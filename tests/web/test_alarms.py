@@ -16,11 +16,11 @@ from app.access.audit import Filter
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.engine import AlarmEngine
 from app.alarms.watch import Standing
-from app.main import create_app
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
 from app.web.alarm_view import bars, lasting
+from tests import virtual
 from tests.web.people import HOST, Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
@@ -77,16 +77,12 @@ class Hall:
             for start in range(0, len(numbers), 500):
                 self.acknowledge(*numbers[start : start + 500])
         self.staff.have()
-        deadline = time.monotonic() + 30  # off-delays
-        while self.standing() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        assert self.standing() == []
+        assert virtual.until(lambda: not self.standing())  # off-delays
 
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
-    app = create_app(Settings(data=tmp_path_factory.mktemp("alarms") / "data"))
-    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+    with virtual.house(Settings(data=tmp_path_factory.mktemp("alarms") / "data")) as client:
         yield Hall(client)
 
 
@@ -156,9 +152,7 @@ def test_an_address_that_makes_no_sense_is_refused(hall: Hall, query: str) -> No
 
 def test_parameters_are_inert_everywhere(hall: Hall) -> None:
     hall.tell("task_down", task=EVIL)
-    deadline = time.monotonic() + 30
-    while not hall.standing() and time.monotonic() < deadline:
-        time.sleep(0.1)
+    assert virtual.until(hall.standing)
     hall.staff.enter("eva", "operator")
     occurrence = hall.one(f"sys.task_down.{EVIL}").occurrence
     hall.staff.wait(hall.engine.flush)
@@ -325,13 +319,10 @@ def test_the_summary_counts_by_machine(hall: Hall) -> None:
 
 def test_a_new_alarm_changes_the_tag_that_pages_listen_to(hall: Hall) -> None:
     tags = hall.runtime.tags
-    time.sleep(0.6)
+    virtual.pass_time(0.6)
     before = tags.sample("sys.alarms.revision").value
     hall.tell("audit_broken")
-    deadline = time.monotonic() + 30
-    while tags.sample("sys.alarms.revision").value == before and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert tags.sample("sys.alarms.revision").value != before
+    assert virtual.until(lambda: tags.sample("sys.alarms.revision").value != before)
     assert tags.sample("sys.alarms.unack_1").value == 1
     assert "sys.alarms.revision" in hall.runtime.page_names("equipment/m1")
 

@@ -1,18 +1,17 @@
 """The interface for other programs: the same gate, the same roles, JSON."""
 
-import time
-from collections.abc import Callable, Iterator
-from datetime import UTC, datetime, timedelta
+from collections.abc import Iterator
+from datetime import datetime, timedelta
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fastapi.testclient import TestClient
 
-from app.main import create_app
+from app.clock import to_datetime
 from app.settings import Settings
-from tests.web.people import AGENT, HOST, Staff
+from tests.virtual import house, until
+from tests.web.people import AGENT, Staff
 
 NUMBERS = count()
 
@@ -40,19 +39,14 @@ class Program:
         return self.post(path, {"id": id, "nonce": nonce, **body})
 
 
-def until(wanted: Callable[[], bool], limit: float = 30.0) -> bool:
-    end = time.monotonic() + limit
-    while time.monotonic() < end:
-        if wanted():
-            return True
-        time.sleep(0.1)
-    return False
+def now_of(staff: Staff) -> datetime:
+    return to_datetime(staff.client.app.state.runtime.clock.micros())  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
     settings = Settings(data=Path(tmp_path_factory.mktemp("api")) / "data")
-    with TestClient(create_app(settings), base_url=HOST, client=("127.0.0.1", 5)) as client:
+    with house(settings, follow_redirects=True) as client:
         found = Staff(client)
         reader = Program(found, "view")
         assert until(lambda: reader.get("/tags/m2.status").json().get("quality") == "good")
@@ -91,15 +85,15 @@ def test_what_is_not_there_or_not_sound_is_said_in_json(staff: Staff, path: str,
 
 def test_history_is_decimated_and_raw_pages_join_without_loss(staff: Staff) -> None:
     reader, exporter = Program(staff, "view"), Program(staff, "view", "export")
-    begin = (datetime.now(UTC) - timedelta(minutes=5)).isoformat()
-    end = (datetime.now(UTC) + timedelta(minutes=5)).isoformat()
+    begin = (now_of(staff) - timedelta(minutes=5)).isoformat()
+    end = (now_of(staff) + timedelta(minutes=5)).isoformat()
 
     def stored() -> list[Any]:
         samples: list[Any] = exporter.get("/history/m1.current/raw", **{"from": begin, "to": end}).json()["samples"]
         return samples
 
     assert until(lambda: len(stored()) > 5)
-    end = datetime.now(UTC).isoformat()
+    end = now_of(staff).isoformat()
     whole = stored()
     paged, start = [], begin
     while start:

@@ -1,21 +1,19 @@
 """The Communication page over a running plant: what it shows, to whom, and what it forecasts."""
 
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app import bundled
 from app.errors import EXCEPTION_NAMES
 from app.links.statistics import ERROR_KINDS, LINK_KEYS, UNIT_KEYS, State
-from app.main import create_app
 from app.plant.texts import Texts
 from app.settings import Settings
 from app.web.communication import reference
-from tests.web.people import HOST, Staff
+from tests.virtual import house, pass_time, until
+from tests.web.people import Staff
 
 SERIAL = """
 [plant]
@@ -48,8 +46,7 @@ def staff(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Staff]:
         folder = tmp_path / "plant"
         folder.mkdir()
         (folder / "plant.toml").write_text(SERIAL)
-    app = create_app(Settings(data=tmp_path / "data", plant=folder))
-    with TestClient(app, base_url=HOST, follow_redirects=False) as client:
+    with house(Settings(data=tmp_path / "data", plant=folder)) as client:
         yield Staff(client)
 
 
@@ -97,9 +94,7 @@ def test_every_state_error_and_exception_has_words_in_every_language() -> None:
 def test_raw_words_stand_beside_the_values_that_were_made_of_them(staff: Staff) -> None:
     staff.enter("ole", "operator")
     runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
-    until = time.monotonic() + 30
-    while runtime.tags.sample("m2.frequency").value is None and time.monotonic() < until:
-        time.sleep(0.05)
+    assert until(lambda: runtime.tags.sample("m2.frequency").value is not None)
     closed = page(staff)
     assert "0x1004" not in closed
     shown = page(staff, "/communication?open=hall.1")
@@ -127,7 +122,7 @@ def test_a_serial_line_that_is_too_short_for_what_is_asked_is_told_with_what_it_
 @pytest.mark.parametrize("staff", ["serial"], indirect=True)
 def test_a_port_that_is_not_there_is_told_in_words(staff: Staff) -> None:
     staff.enter("ole", "operator")
-    time.sleep(0.3)
+    pass_time(0.3)
     details = page(staff, "/communication/press_shop/details")
     assert "not connected" in details and "/dev/pogon-has-none: no such device; is the adapter plugged in?" in details
 

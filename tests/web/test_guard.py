@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from fastapi import APIRouter, FastAPI
-from fastapi.testclient import TestClient
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocketDisconnect
 
@@ -17,6 +16,7 @@ from app.errors import ConfigurationError
 from app.main import create_app
 from app.settings import Settings
 from app.web.guard import allow, check_declared, permissions
+from tests.virtual import house
 from tests.web.people import BOSS, HOST, PASSWORD, Staff
 
 OPEN = {
@@ -68,8 +68,7 @@ KINDS = [
 
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
-    app = create_app(Settings(data=tmp_path_factory.mktemp("guard") / "data"))
-    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+    with house(Settings(data=tmp_path_factory.mktemp("guard") / "data")) as client:
         yield Staff(client)
 
 

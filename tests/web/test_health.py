@@ -1,7 +1,6 @@
 """Health, readiness, metrics."""
 
 import shutil
-import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,15 +8,14 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from app.main import create_app
 from app.settings import Settings
-from tests.web.people import HOST
+from tests.virtual import house, until
 
 
 @pytest.fixture
 def client(tmp_path: Path) -> Iterator[TestClient]:
     settings = Settings(data=tmp_path / "data", metrics_token="a-long-token")
-    with TestClient(create_app(settings), base_url=HOST, client=("127.0.0.1", 5)) as client:
+    with house(settings) as client:
         yield client
 
 
@@ -45,7 +43,7 @@ def test_a_pulled_cable_is_not_ready_but_healthy(tmp_path: Path, free_port: int)
         demo.replace('transport = "memory"', f'transport = "tcp"\nhost = "127.0.0.1"\nport = {free_port}'), "utf-8"
     )
     settings = Settings(data=tmp_path / "data", plant=tmp_path)
-    with TestClient(create_app(settings), base_url=HOST) as client:
+    with house(settings) as client:
         answer = client.get("/readyz")
         assert answer.status_code == 503
         assert answer.json() == {
@@ -57,19 +55,16 @@ def test_a_pulled_cable_is_not_ready_but_healthy(tmp_path: Path, free_port: int)
 
 
 def test_ready_when_every_device_answers_and_not_with_a_broken_plant(client: TestClient, tmp_path: Path) -> None:
-    until = time.monotonic() + 60
-    while client.get("/readyz").status_code != 200:
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    assert until(lambda: client.get("/readyz").status_code == 200, 60)
     settings = Settings(data=tmp_path / "other", plant=tmp_path / "none")
-    with TestClient(create_app(settings), base_url=HOST) as broken:
+    with house(settings) as broken:
         assert broken.get("/readyz").json() == {"status": "not ready", "plant": False, "links_down": []}
         assert broken.get("/healthz").status_code == 200
 
 
 def test_metrics_are_for_this_machine_or_a_token(tmp_path: Path) -> None:
     settings = Settings(data=tmp_path / "data", metrics_token="a-long-token")
-    with TestClient(create_app(settings), base_url=HOST, client=("192.0.2.7", 5)) as stranger:
+    with house(settings, client=("192.0.2.7", 5)) as stranger:
         assert stranger.get("/metrics").status_code == 403
         assert stranger.get("/metrics", headers={"Authorization": "Bearer wrong"}).status_code == 403
         answer = stranger.get("/metrics", headers={"Authorization": "Bearer a-long-token"})

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,22 @@ from app.errors import StorageError
 from app.historian import store
 from app.historian.export import verify_export
 from app.runtime import Runtime
+from app.settings import Settings
 from app.tags.quality import COMM_FAILURE, GOOD, Origin
 from app.web import history
+from tests.virtual import house, pass_time
 from tests.web.people import Staff
 
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """The demo plant, begun after the ten minutes that are told of it."""
+    settings = Settings(data=tmp_path_factory.mktemp("history") / "data")
+    with house(settings, begin=datetime(2026, 3, 9, 8, 0, tzinfo=UTC)) as client:
+        yield client
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +82,7 @@ def test_a_series_has_columns_of_one_length_with_a_gap_where_it_was_bad(staff: S
 def test_live_values_become_history_at_once(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     runtime = runtime_of(staff.client)
+    pass_time(1)
     staff.wait(runtime.recorder.flush)
     answer = orjson.loads(staff.client.get("/history/series?tags=m1.speed&from=-1m").content)
     assert sum(answer["series"][0]["count"]) >= 1

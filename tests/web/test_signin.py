@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from html.parser import HTMLParser
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app.access.audit import Filter
 from app.access.sessions import hash_of
-from app.main import create_app
 from app.settings import Settings
+from tests.virtual import house
 from tests.web.conftest import Start
 from tests.web.people import BOSS, HOST, PASSWORD, Staff
 
@@ -30,8 +29,7 @@ PAYLOADS = [
 
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
-    app = create_app(Settings(data=tmp_path_factory.mktemp("signin") / "data"))
-    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+    with house(Settings(data=tmp_path_factory.mktemp("signin") / "data")) as client:
         made = Staff(client)
         made.add("chief", "admin", "engineer", "operator")
         yield made
