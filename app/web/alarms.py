@@ -420,8 +420,15 @@ async def export(request: Request) -> Response:
     shown = "; ".join(f"{name}={value}" for name, value in wanted.items() if value and name not in ("page", "before"))
     await _view(request).runtime(request).access.audit.record("alarm.exported", person, filters=shown)
     pieces = _csv_journal(request, wanted, shown) if wanted["tab"] == "journal" else _csv_list(request, wanted, shown)
+    first = await anext(pieces)  # what cannot be read is told before a file begins
+
+    async def whole() -> AsyncIterator[bytes]:
+        yield first
+        async for piece in pieces:
+            yield piece
+
     return StreamingResponse(
-        pieces,
+        whole(),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": f'attachment; filename="alarms-{wanted["tab"]}.csv"'},
     )

@@ -1,8 +1,10 @@
 """History for pages: decimated series as JSON, CSV as a stream."""
 
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
 import orjson
@@ -15,6 +17,7 @@ from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
 from app.historian.export import FORMATS, Export, Sheet, Wish, moment
 from app.plant.definitions import Kind, Point
+from app.web.errors import answer
 from app.web.guard import address_of, allow, person_of
 from app.web.language import language_of
 
@@ -82,10 +85,7 @@ async def export(request: Request) -> Response:
         await read(runtime, made.open)
     except ConfigurationError as error:
         raise Refused("history.not_recorded", 404, tags=", ".join(made.wish.tags)) from error
-    exports = exports_of(request.app)
-    if len(exports) >= MOST_EXPORTS:
-        raise Refused("history.busy", 503, n=MOST_EXPORTS)
-    exports[made] = person.id
+    check_place(request)
     wish = made.wish
     await runtime.access.audit.record(
         "history.exported",
@@ -96,7 +96,7 @@ async def export(request: Request) -> Response:
         end=wish.end,
         interval=wish.interval,
     )
-    return Download(made, runtime, lambda: exports.pop(made, None))
+    return Download(request, made)
 
 
 @router.get("/export/size", dependencies=[allow("export")])
@@ -154,26 +154,51 @@ def runtime_of(request: Request) -> "Runtime":
     return runtime
 
 
-class Download(StreamingResponse):
-    """A stream that says when it is over, also when its reader went away before the first byte."""
+def check_place(request: Request) -> None:
+    """Refuse an export while there are enough: before anything is read for it.
 
-    def __init__(self, made: Sheet, runtime: "Runtime", over: Callable[[], object]) -> None:
+    Raises:
+        Refused: 503.
+    """
+    if len(exports_of(request.app)) >= MOST_EXPORTS:
+        raise Refused("history.busy", 503, n=MOST_EXPORTS)
+
+
+def attachment(name: str) -> str:
+    """`Content-Disposition` of a file `name` (RFC 6266): a plain name for all, and the whole one for who can read it (RFC 8187)."""
+    whole = re.sub(r'[\x00-\x1f\x7f-\x9f"*/:<>?\\|]', "_", name)[:150].lstrip(".") or "pogon.csv"
+    plain = re.sub(r"[^A-Za-z0-9._-]", "_", whole)
+    more = "" if plain == whole else f"; filename*=UTF-8''{quote(whole, safe='', errors='replace')}"
+    return f'attachment; filename="{plain}"{more}'
+
+
+class Download(StreamingResponse):
+    """A sheet as a stream. It holds one of the places for exports while it is sent, and no longer, whatever ends it."""
+
+    def __init__(self, request: Request, made: Sheet) -> None:
         super().__init__(
-            made.stream(runtime.history),
+            made.stream(runtime_of(request).history),
             media_type="text/csv; charset=utf-8",
             headers={
-                "Content-Disposition": f'attachment; filename="{made.file_name}"',
+                "Content-Disposition": attachment(made.file_name),
                 "Cache-Control": "no-store",
                 "X-Accel-Buffering": "no",
             },
         )
-        self._over = over
+        self._request = request
+        self._made = made
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        places = exports_of(self._request.app)
+        if len(places) >= MOST_EXPORTS:  # others came while this one was written down
+            busy = answer(self._request, 503, "history.busy", n=MOST_EXPORTS)
+            await busy(scope, receive, send)
+            return
+        places[self._made] = person_of(self._request).id
         try:
             await super().__call__(scope, receive, send)
         finally:
-            self._over()
+            places.pop(self._made, None)
 
 
 def _series(

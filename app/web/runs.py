@@ -35,7 +35,7 @@ from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
-from app.web.history import MOST_EXPORTS, Download, exports_of, read
+from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.signin import zone_of
@@ -124,9 +124,8 @@ async def export(request: Request) -> Response:
     locale = request.query_params.get("locale", "") or lang
     if locale not in FORMATS:
         raise Refused("history.locale", 422, value=locale[:40], expected=", ".join(FORMATS))
-    exports = exports_of(request.app)
-    if len(exports) >= MOST_EXPORTS:
-        raise Refused("history.busy", 503, n=MOST_EXPORTS)
+    check_place(request)
+    await _check_equipment(request, typed["equipment"])
     filters = "; ".join(f"{name}={value}" for name, value in set_filters(typed).items() if name != "view")
     plant = runtime.plant
     said = words(runtime.texts, locale)
@@ -145,22 +144,38 @@ async def export(request: Request) -> Response:
     )
     made = RunExport(replace(wish, steps=step_names(plant, typed["equipment"], wish.label)))
     await read(runtime, made.open)
-    exports[made] = person.id
     await runtime.access.audit.record(
         "runs.exported", person, typed["equipment"], address=address_of(request.scope), filters=filters
     )
-    return Download(made, runtime, lambda: exports.pop(made, None))
+    return Download(request, made)
 
 
 @router.get("/runs/export/size", dependencies=[allow("export")])
 async def size(request: Request) -> Response:
     """How many rows an export would have, and the limit."""
-    wanted = _wanted(request, _typed(request))
+    typed = _typed(request)
+    wanted = _wanted(request, typed)
+    await _check_equipment(request, typed["equipment"])
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
     whole = replace(wanted, before=None)
     found = await read(runtime, lambda connection: query.count(connection, whole, limit or 10**9))
     return Response(orjson.dumps({"rows": found, "limit": limit}), media_type="application/json")
+
+
+async def _check_equipment(request: Request, id: str) -> None:
+    """Refuse to export of a machine that is neither in the plant nor in the history.
+
+    Raises:
+        HTTPException: 404.
+    """
+    runtime = view_of(request).runtime(request)
+    if (
+        id
+        and not (runtime.plant and id in runtime.plant.equipment)
+        and not await read(runtime, lambda connection: query.find(connection, Wanted(equipment=id), 1))
+    ):
+        raise HTTPException(404)
 
 
 # ---- the filter -------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """A request as the server hands it to the application, with bytes that no client library would send, and what was read of its body."""
 
+import asyncio
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -49,11 +50,15 @@ def knock(
         "server": ("127.0.0.1", 8000),
         "state": {},
     }
-    out, portions = Knocked(), iter(body)
+    out, portions, over = Knocked(), iter(body), False
 
     async def receive() -> dict[str, Any]:
+        nonlocal over
+        if over:  # it waits for the end of the connection, and that does not come
+            await asyncio.Event().wait()
         out.taken += 1
         portion = next(portions, None)
+        over = portion is None
         return {"type": "http.request", "body": portion or b"", "more_body": portion is not None}
 
     async def send(message: dict[str, Any]) -> None:
