@@ -20,9 +20,10 @@ from anyio._backends._asyncio import AsyncIOBackend
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from app.clock import ManualClock
+from app.clock import Clock, ManualClock, SystemClock
 from app.main import create_app
 from app.settings import Settings
+from tests.wires import Network
 
 T = TypeVar("T")
 HOST = "http://127.0.0.1:8000"
@@ -49,7 +50,7 @@ class _Waiting(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
         return events
 
 
-class VirtualLoop(asyncio.SelectorEventLoop):
+class VirtualLoop(Network):
     """A loop in virtual time; `clock` is what the house under test gets."""
 
     def __init__(self, clock: ManualClock | None = None) -> None:
@@ -270,3 +271,14 @@ def _portal_of(portal: _Portal) -> Iterator[None]:
         yield
     finally:
         anyio.from_thread.start_blocking_portal = kept
+
+
+def virtual() -> bool:
+    """Whether the loop that runs has a time of its own."""
+    return isinstance(asyncio.get_running_loop(), VirtualLoop)
+
+
+def loop_clock() -> Clock:
+    """The clock of the loop that runs: virtual, or this machine's."""
+    loop = asyncio.get_running_loop()
+    return loop.clock if isinstance(loop, VirtualLoop) else SystemClock()

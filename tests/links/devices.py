@@ -1,12 +1,10 @@
 """What the tests of links talk to: a bare register device on a simulated line, and the words to describe it."""
 
 import asyncio
-import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from app.clock import SystemClock
 from app.errors import DeviceException
 from app.links.contract import Exchange
 from app.links.register_link import RegisterLink, statistic_names
@@ -17,6 +15,7 @@ from app.sim.plant import exchange
 from app.sim.training import LineFault
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
+from tests.virtual import loop_clock
 
 
 class RegisterDevice:
@@ -115,7 +114,7 @@ async def running(
 ) -> AsyncIterator[Line]:
     """A link over `equipment` that runs until the end of the block."""
     link = link or Link("hall", "memory", writes=True)
-    clock = SystemClock()
+    clock = loop_clock()
     tags = TagDatabase(clock)
     names = [(p.name, f"link.{link.name}") for item in equipment for p in item.points.values()]
     names += [(name, "sys") for name in statistic_names(link, [item.unit for item in equipment])]
@@ -135,12 +134,13 @@ async def running(
 
 async def until(true: Callable[[], object], limit: float = 30.0) -> float:
     """Wait until `true()`; the seconds that it took."""
-    began = time.monotonic()
+    loop = asyncio.get_running_loop()
+    began = loop.time()
     while not true():
-        if time.monotonic() - began > limit:
+        if loop.time() - began > limit:
             raise AssertionError(f"not so within {limit} s")
         await asyncio.sleep(0.005)
-    return time.monotonic() - began
+    return loop.time() - began
 
 
 Answer = Callable[[int, bytes], Awaitable[bytes | None]]

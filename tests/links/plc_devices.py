@@ -23,8 +23,9 @@ from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim import plc
 from app.sim.bus import Answer, Bus
 from app.sim.plc import Setting, Table, Verdict, VirtualPlc
-from app.sim.server import TcpServer, serve_pty
+from app.sim.server import TcpServer
 from tests.links.devices import Line, on_bus, point, running
+from tests.wires import serve_line
 
 STATUS, CONFIGURATION, SETTINGS, STAGING, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0800
 STATUS_WORDS, CONFIGURATION_WORDS, SETTINGS_WORDS, ROW_WORDS = 8, 6, 12, 8
@@ -269,7 +270,7 @@ async def plant(
         await server.start("127.0.0.1", 0)
         link = Link("hall", "tcp", host="127.0.0.1", tcp_port=server.address[1], writes=writes)
     elif kind == "rtu":
-        tty = await serve_pty(bus, 115200)
+        tty = await serve_line(bus, 115200)
         link = Link("hall", "rtu", port=tty.path, baud=115200, parity="none", stop_bits=2, writes=writes)
     machines = list(equipment) or [small()]
     try:

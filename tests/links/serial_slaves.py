@@ -1,4 +1,4 @@
-"""Slaves on a pseudo-terminal that do what no good slave does: late, out of order, deaf, damaged, echoing."""
+"""Slaves on a serial line that do what no good slave does: late, out of order, deaf, damaged, echoing."""
 
 import asyncio
 import os
@@ -10,12 +10,31 @@ from random import Random
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_answer, parse_request
 from app.registers.rtu import build_frame, parse_frame, request_length
+from tests.wires import SerialLine
+
+
+class Terminal:
+    """A pseudo-terminal; masters open its `path`."""
+
+    def __init__(self) -> None:
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        os.set_blocking(self._ours, False)
+        self.path = os.ttyname(self._theirs)
+
+    def fileno(self) -> int:
+        return self._ours
+
+    def close(self) -> None:
+        os.close(self._ours)
+        os.close(self._theirs)
 
 
 class BadSlave:
     """All units of a line. The word at an address tells which request it answers, so a shifted answer shows."""
 
-    def __init__(self, *, seed: int = 1) -> None:
+    def __init__(self, *, seed: int = 1, terminal: bool = False) -> None:
+        """`terminal`: on a pseudo-terminal of this machine, else on a wire of this process."""
         self.random = Random(seed)
         self.late = self.deaf = self.dumb = self.damaged = 0.0
         """Probabilities: answers late, does not hear, hears and does not answer, answers with a wrong check sum."""
@@ -33,10 +52,8 @@ class BadSlave:
         self._busy_until = 0.0
         self._wrote = 0.0
         self._heard = bytearray()
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
-        self.path = os.ttyname(self._theirs)
+        self._line = Terminal() if terminal else SerialLine()
+        self._ours, self.path = self._line.fileno(), self._line.path
         self._timers: set[asyncio.TimerHandle] = set()
         asyncio.get_running_loop().add_reader(self._ours, self._readable)
 
@@ -44,8 +61,7 @@ class BadSlave:
         asyncio.get_running_loop().remove_reader(self._ours)
         for timer in self._timers:
             timer.cancel()
-        os.close(self._ours)
-        os.close(self._theirs)
+        self._line.close()
 
     def word(self, address: int, number: int | None = None) -> int:
         return ((self.number if number is None else number) + 7 * address) & 0xFFFF
@@ -99,8 +115,8 @@ class BadSlave:
 
 
 @asynccontextmanager
-async def bad_slave(*, seed: int = 1) -> AsyncIterator[BadSlave]:
-    slave = BadSlave(seed=seed)
+async def bad_slave(*, seed: int = 1, terminal: bool = False) -> AsyncIterator[BadSlave]:
+    slave = BadSlave(seed=seed, terminal=terminal)
     try:
         yield slave
     finally:

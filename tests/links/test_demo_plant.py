@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from app.clock import SystemClock
 from app.plant.loader import read_plant
 from app.settings import bundled
 from app.sim.plant import SimPlant
-from app.sim.server import TcpServer, serve_pty
+from app.sim.server import TcpServer
 from app.tags.quality import Origin, is_bad, is_good, origin
 from tests.links.devices import Line, on_bus, running, until
+from tests.virtual import loop_clock
+from tests.wires import serve_line
 
 
 @asynccontextmanager
@@ -22,12 +23,12 @@ async def demo(transport: str) -> AsyncIterator[Line]:
     assert plant is not None, problems
     link = next(iter(plant.links.values()))
     equipment = [item for item in plant.equipment.values() if item.link == link.name]
-    sim = SimPlant(plant, SystemClock())
+    sim = SimPlant(plant, loop_clock())
     bus = sim.buses[link.name]
     moving = asyncio.create_task(sim.run())
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
-    serial = await serve_pty(bus, 57600)
+    serial = await serve_line(bus, 57600)
     if transport == "tcp":
         link = replace(link, transport="tcp", host="127.0.0.1", tcp_port=server.address[1], writes=False)
     elif transport == "rtu":

@@ -8,10 +8,10 @@ import pytest
 from app.links.forecast import Reads, arithmetic_limit, cost, load, reads_of, with_more
 from app.plant.definitions import Device, Link, Scan
 from app.sim.bus import Bus
-from app.sim.server import serve_pty
 from app.tags.quality import is_good
 from tests.links.devices import RegisterDevice, machine, point, running, until
 from tests.links.serial_slaves import rtu
+from tests.wires import serve_line
 
 LINE = Link("hall", "rtu", baud=9600)
 DRIVE = Reads(1, 25, 0.005, [(25, 0.1)], [(4, 1.0)])
@@ -48,11 +48,10 @@ def test_more_registers_cost_two_characters_each_and_a_telegram_where_the_last_i
 
 
 @pytest.mark.parametrize(("now", "more", "limit"), [(20, 40, 125), (10, 60, 25)])
-@pytest.mark.alone
 async def test_the_forecast_is_right_within_ten_percent_of_what_a_line_takes(now: int, more: int, limit: int) -> None:
     device = Device(max_read=limit, fast=0.001, timeout=0.3)
     bus = Bus({1: RegisterDevice({n: n for n in range(200)})}, turnaround=0.004)
-    line = await serve_pty(bus, 19200)
+    line = await serve_line(bus, 19200)
 
     async def measured(registers: int) -> tuple[float, Reads]:
         points = [point("m1", f"v{n}", n, Scan.FAST) for n in range(registers)]

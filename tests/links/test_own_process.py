@@ -22,6 +22,8 @@ from tests.conftest import PogonServer
 from tests.links.devices import Line, running, until
 from tests.sim.test_simulate_process import simulating
 
+pytestmark = pytest.mark.real_time
+
 START = ("m1", "m2")
 BAUD = 57600
 PLANT = """

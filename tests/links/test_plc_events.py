@@ -6,7 +6,6 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from app.clock import SystemClock
 from app.links.events import DeviceClock, Head, HostEvent
 from app.plant.definitions import Equipment
 from app.plant.events import Mark, mark_of
@@ -15,6 +14,7 @@ from app.registers.plc_map import long_words
 from app.sim.plc import EVENT_CAPACITY
 from tests.links.devices import Line, until
 from tests.links.plc_devices import KINDS, FaultyBus, SmallPlc, plant, small
+from tests.virtual import loop_clock
 
 
 class Taker:
@@ -69,7 +69,7 @@ def acknowledged(device: SmallPlc) -> int:
 
 @pytest.mark.parametrize("kind", KINDS)
 async def test_ten_events_of_one_scan_come_in_order_with_the_time_of_the_device(kind: str) -> None:
-    device, taker, clock = SmallPlc(), Taker(), SystemClock()
+    device, taker, clock = SmallPlc(), Taker(), loop_clock()
     async with followed(device, taker, kind) as (line, _):
         await until(lambda: line.value("p.state") == 1)
         device.event(1, 5, 2.5, [*long_words(77), 1, 2, 3, 4])

@@ -6,6 +6,7 @@ import struct
 import threading
 from contextlib import suppress
 
+import pytest
 import uvloop
 
 from app.errors import NotConnected
@@ -17,6 +18,8 @@ from app.sim.server import TcpServer
 from app.tags.quality import is_good
 from tests.conftest import find_port
 from tests.links.devices import RegisterDevice, row, running, until
+
+pytestmark = pytest.mark.real_time
 
 
 async def test_a_connection_that_is_refused_while_its_task_ends_lets_it_end() -> None:
