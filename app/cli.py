@@ -1,4 +1,4 @@
-"""The command line: pogon run, simulate, check, reload, probe, inject, export, user, audit, backup, restore."""
+"""The command line: pogon run, simulate, check, reload, probe, inject, export, user, audit, backup, backup-key, restore."""
 
 # Each command imports what it needs when it is called: a web server and a database layer cost a second that `pogon --help` need not take.
 import asyncio
@@ -12,7 +12,7 @@ import typer
 from app import __version__
 from app.addresses import host_and_port
 from app.cli_access import audit_cli, user_cli
-from app.cli_history import backup, export, restore
+from app.cli_history import backup, backup_key, export, restore
 from app.cli_probe import inject, probe
 from app.errors import ConfigurationError
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
 cli.add_typer(audit_cli, name="audit")
-for command in (export, backup, restore, probe, inject):
+for command in (export, backup, backup_key, restore, probe, inject):
     cli.command()(command)
 
 

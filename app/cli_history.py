@@ -1,4 +1,4 @@
-"""pogon export, backup, restore: take history home, and everything else, and bring it back."""
+"""pogon export, backup, backup-key, restore: take history home, and everything else, and bring it back."""
 
 import sys
 from dataclasses import replace
@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 Data = Annotated[Path | None, typer.Option("--data", help="Data folder; else POGON_DATA.")]
 PlantFolder = Annotated[Path | None, typer.Option("--plant", help="Plant folder; else POGON_PLANT.")]
+
+KeyFile = Annotated[
+    Path | None,
+    typer.Option("--key-file", help="Key of the signature; else backup.key in the data folder, made when missing."),
+]
 
 ALL = "all"
 """Every machine."""
@@ -51,6 +56,7 @@ def export(
 
     The file ends with its number of rows and its SHA-256.
     """
+    from app.access.restoring import finish_restore
     from app.clock import SystemClock
     from app.db import Database
     from app.historian.export import Export, Wish, moment
@@ -61,6 +67,7 @@ def export(
     made: Sheet
     try:
         settings = read_settings()
+        finish_restore(data or settings.data)
         path = (data or settings.data) / "history.db"
         if not path.is_file():
             raise ConfigurationError(f"{path} is not there: nothing was recorded, or POGON_DATA is another folder")
@@ -108,10 +115,15 @@ def backup(
         typer.Option("--with-keys", help="Also audit.key and secret.key: whoever has them can write the audit anew."),
     ] = False,
     history: Annotated[bool, typer.Option("--history/--no-history", help="With or without history.db.")] = True,
+    key_file: KeyFile = None,
+    encrypt_to: Annotated[
+        list[str] | None,
+        typer.Option("--encrypt-to", metavar="age1…", help="Public key that may open it; may be repeated."),
+    ] = None,
     data: Data = None,
     plant: PlantFolder = None,
 ) -> None:
-    """Databases and plant folder in one file, verified by restoring it; also beside a running server."""
+    """Databases and plant folder in one signed file, verified by restoring it; also beside a running server."""
     from app import backup as archive
     from app.settings import read_settings
 
@@ -124,14 +136,23 @@ def backup(
             plant or settings.plant,
             keys=with_keys,
             history=history,
+            key_file=key_file,
+            encrypt_to=encrypt_to or (),
             tell=lambda text: typer.echo(text, err=True),
         )
     except ConfigurationError as error:
         fail(str(error))
     with opened(folder, existing=True) as access:
-        entry = access.audit.entry("backup.made", terminal(), file.name, keys=with_keys, history=history)
+        sealed = bool(encrypt_to)
+        entry = access.audit.entry(
+            "backup.made", terminal(), file.name, keys=with_keys, history=history, encrypted=sealed
+        )
         access.audit.run(lambda _connection: (None, [entry]))
     typer.echo(f"{file}: {len(manifest.files)} files, verified. {_said(manifest)}")
+    if key_file is None:
+        typer.echo(
+            f"Signed with {folder / archive.BACKUP_KEY}: to restore on another machine, keep a copy of it elsewhere."
+        )
     if not with_keys:
         typer.echo("Without the keys: on another machine its audit cannot be verified (--with-keys takes them along).")
 
@@ -140,6 +161,13 @@ def restore(
     file: Annotated[Path, typer.Argument(metavar="FILE.tar", help="A file that pogon backup made.")],
     check: Annotated[bool, typer.Option("--check", help="Only verify the file, change nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    key_file: KeyFile = None,
+    identity: Annotated[
+        list[Path] | None, typer.Option("--identity", help="File of age with the private key; may be repeated.")
+    ] = None,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="Believe a file whose signature is missing or cannot be checked here.")
+    ] = False,
     data: Data = None,
     plant: Annotated[
         Path | None, typer.Option("--plant", help="New folder for the plant; else POGON_DATA/plant.")
@@ -155,19 +183,29 @@ def restore(
     try:
         folder = data or read_settings().data
         if not file.is_file():
-            raise ConfigurationError(f"{file} is not there")
+            raise ConfigurationError(f"{file} is not there, or no ordinary file")
+        key = archive.signing_key(key_file or folder / archive.BACKUP_KEY)
+        if key_file and not key:
+            raise ConfigurationError(f"{key_file} is not there")
+        opening = archive.Opening(key, unsigned, identity or ())
         if check:
-            manifest = archive.verify_backup(file)
+            manifest = archive.verify_backup(file, opening)
+            _warn_unsigned(file, manifest)
             typer.echo(f"{file}: whole. {_said(manifest)}")
             return
         if (folder / "pogon.db").exists() and not yes:
             typer.confirm(f"{folder} has data; it is moved aside. Restore {file}?", abort=True)
-        manifest, place = archive.restore(file, folder, plant, tell=lambda text: typer.echo(text, err=True))
+        manifest, place = archive.restore(
+            file, folder, plant, opening=opening, tell=lambda text: typer.echo(text, err=True)
+        )
+        _warn_unsigned(file, manifest)
     except ConfigurationError as error:
         fail(str(error))
     verifiable = manifest.keys or (folder / "audit.key").exists()
     with opened(folder, existing=True) as access:
-        entry = access.audit.entry("backup.restored", terminal(), file.name, made=manifest.created)
+        entry = access.audit.entry(
+            "backup.restored", terminal(), file.name, made=manifest.created, signed=manifest.signed
+        )
         access.audit.run(lambda _connection: (None, [entry]))
     typer.echo(f"restored into {folder}. {_said(manifest)}")
     if not verifiable:
@@ -177,6 +215,28 @@ def restore(
     typer.echo(
         f"plant: {place}; start with POGON_PLANT={place}. Links do not write: set writes = true where they shall."
     )
+
+
+def backup_key(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="New file of the private key; keep it elsewhere.")],
+) -> None:
+    """Make a pair of keys for encrypted backups, as age-keygen does.
+
+    The private key is only needed to restore: it does not belong on this machine.
+    """
+    from app.backup import make_identity
+
+    try:
+        public = make_identity(file)
+    except ConfigurationError as error:
+        fail(str(error))
+    typer.echo(f"private key: {file}; move it to where backups are restored from")
+    typer.echo(f"pogon backup --encrypt-to {public} …")
+
+
+def _warn_unsigned(file: Path, manifest: "Manifest") -> None:
+    if not manifest.signed:
+        typer.echo(f"pogon: {file}: its signature was not checked: anybody may have written it", err=True)
 
 
 def _machine(

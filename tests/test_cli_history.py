@@ -90,14 +90,17 @@ def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., 
     assert server.process.poll() is None
 
     other = tmp_path / "other"
-    done = pogon(other, "restore", str(archive))
+    unknown = pogon(other, "restore", str(archive))
+    assert unknown.returncode == 2 and "which is not here: give it with --key-file" in unknown.stderr
+    done = pogon(other, "restore", str(archive), "--key-file", str(data / "backup.key"))
     assert done.returncode == 0, done.stderr
     assert (other / "plant" / "plant.toml").is_file()
     assert "do not write" in done.stdout
     assert "keys of its audit are not in it" in done.stdout
     with_keys = tmp_path / "keys.tar.gz"
     assert pogon(data, "backup", str(with_keys), "--with-keys", "--no-history").returncode == 0
-    kept = pogon(tmp_path / "kept", "restore", str(with_keys))
+    kept = pogon(tmp_path / "kept", "restore", str(with_keys), "--unsigned")
+    assert "its signature was not checked" in kept.stderr
     assert (kept.returncode, "keys of its audit" in kept.stdout) == (0, False)
     verified = pogon(tmp_path / "kept", "audit", "verify")
     assert verified.returncode == 0, verified.stderr

@@ -9,7 +9,16 @@ from app import chance
 from app.errors import ConfigurationError
 
 KEY_BYTES = 32
-PRIVATE = ("secret.key", "audit.key", "first-code", "pogon.db", "pogon.db-wal", "pogon.db-shm", "audit.buffer")
+PRIVATE = (
+    "secret.key",
+    "audit.key",
+    "backup.key",
+    "first-code",
+    "pogon.db",
+    "pogon.db-wal",
+    "pogon.db-shm",
+    "audit.buffer",
+)
 """Files of POGON_DATA that nobody else may read or write."""
 
 
@@ -31,13 +40,16 @@ def check_files(data: Path) -> None:
 
 
 def prepare(data: Path) -> None:
-    """Make the data folder (0700) and an empty private database file, if missing, and check what is there.
+    """Make the data folder (0700) and an empty private database file, if missing, and check what is there; end an interrupted restore.
 
     Raises:
         ConfigurationError: as `check_files`, or the folder cannot be made.
     """
+    from app.access.restoring import finish_restore  # which writes its journal with what stands below
+
     try:
         data.mkdir(parents=True, exist_ok=True, mode=0o700)
+        finish_restore(data)
         check_files(data)
         # SQLite gives its journal files the mode of the database itself
         os.close(os.open(data / "pogon.db", os.O_CREAT | os.O_RDWR, 0o600))

@@ -1,0 +1,152 @@
+"""Bringing an archive back: everything is put beside what is there, then renamed as one step (access/restoring.py)."""
+
+import os
+import re
+import shutil
+import sqlite3
+import tomllib
+from collections.abc import Iterator
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from app.access.keys import lock
+from app.access.restoring import commit, finish_restore, stage, sync_folder, sync_tree
+from app.backup.archive import DATABASES, KEYS, MARKS, PLANT, Manifest, Tell, unpack
+from app.backup.sealing import Opening
+from app.errors import ConfigurationError
+
+_WRITES = re.compile(rb"""(\bwrites["']?[ \t]*=[ \t]*)true\b""")
+
+
+def restore(
+    archive: Path,
+    data: Path,
+    plant: Path | None = None,
+    *,
+    opening: Opening,
+    tell: Tell = lambda _text: None,
+) -> tuple[Manifest, Path]:
+    """Put what is in `archive` into `data`; returns its manifest and where the plant folder went.
+
+    What was there is moved to `before-restore-…` inside `data`. The plant goes to `plant`, else to `plant` inside `data`, with every
+    `writes = true` of a link turned off: a restored system commands nothing until an engineer says so. Nobody stays signed in.
+    Killed at any moment it leaves the old state, or a journal with which the next start completes the new one.
+
+    Raises:
+        ConfigurationError: a server runs on `data`, the archive does not verify, there is no room, or `plant` has files already.
+    """
+    data.mkdir(parents=True, exist_ok=True, mode=0o700)
+    data = data.resolve()
+    held = lock(data)
+    try:
+        finish_restore(data, locked=True)
+        stamp = _free_stamp(data)
+        place = (plant or data / PLANT).absolute()
+        if plant is None and place.exists():
+            place = data / f"{PLANT}-{stamp}"
+        if place.exists() and (not place.is_dir() or any(place.iterdir())):
+            raise ConfigurationError(f"{place} has files already: give an empty or a new folder with --plant")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        staging, old, near = (
+            data / f".restore-{stamp}",
+            data / f"before-restore-{stamp}",
+            place.parent / f".restore-{stamp}",
+        )
+        stage(data, {staging, old, near})
+        try:
+            staging.mkdir(mode=0o700)
+            tell(f"verifying {archive}")
+            manifest = unpack(archive, staging, opening)
+            moves = _staged_plant(staging, near, place)
+            tell("taking it over")
+            moves = [*_old_files(data, old, manifest), *_new_files(staging, data, manifest), *moves]
+            sync_tree(staging)
+            commit(data, moves, [staging, near])
+        except BaseException:
+            finish_restore(data, locked=True)
+            raise
+        finish_restore(data, locked=True)
+        sync_folder(place.parent)
+        return manifest, place
+    except (OSError, sqlite3.Error) as error:
+        raise ConfigurationError(f"{archive}: {getattr(error, 'strerror', None) or error}") from error
+    finally:
+        os.close(held)
+
+
+def _free_stamp(data: Path) -> str:
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
+    number = 1
+    while (data / f"before-restore-{stamp}").exists() or (data / f"{PLANT}-{stamp}").exists():
+        number += 1
+        stamp = f"{stamp.partition('.')[0]}.{number}"
+    return stamp
+
+
+def _old_files(data: Path, old: Path, manifest: Manifest) -> Iterator[tuple[Path, Path]]:
+    """Where what is there goes: all that is replaced, and what belongs to it."""
+    restored = [name for name in (*DATABASES, *MARKS, *KEYS) if name in manifest.files]
+    for name in restored:
+        if name in DATABASES and (data / name).exists():
+            _settle_journal(data / name)
+    tails = [f"{name}{tail}" for name in restored if name in DATABASES for tail in ("-wal", "-shm")]
+    aside = [name for name in dict.fromkeys((*restored, *MARKS, *tails, "audit.buffer")) if (data / name).exists()]
+    if aside:
+        old.mkdir(mode=0o700)
+    for name in aside:
+        yield data / name, old / name
+
+
+def _new_files(staging: Path, data: Path, manifest: Manifest) -> Iterator[tuple[Path, Path]]:
+    for name in (*DATABASES, *MARKS, *KEYS):
+        if name in manifest.files:
+            (staging / name).chmod(0o600)
+            yield staging / name, data / name
+
+
+def _staged_plant(staging: Path, near: Path, place: Path) -> list[tuple[Path, Path]]:
+    """The plant folder with its links turned off, on the disk on which it shall lie."""
+    folder = staging / PLANT
+    if not folder.is_dir():
+        return []
+    _turn_writes_off(folder)
+    if near == staging:
+        return [(folder, place)]
+    near.mkdir(mode=0o700)
+    shutil.copytree(folder, near / PLANT)
+    sync_tree(near)
+    return [(near / PLANT, place)]
+
+
+def _settle_journal(database: Path) -> None:
+    """Take what is in the write-ahead log into the database, so that the file moved away is whole."""
+    try:
+        with closing(sqlite3.connect(database)) as connection:
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    except sqlite3.Error:
+        pass  # broken: that is why somebody restores
+
+
+def _turn_writes_off(folder: Path) -> None:
+    for path in folder.rglob("*.toml"):
+        text = path.read_bytes()
+        changed = _WRITES.sub(rb"\1false", text)
+        if changed != text:
+            path.write_bytes(b"# writes turned off by the restore: they were true\n" + changed)
+        if _writes(changed):
+            raise ConfigurationError(
+                f"{path.name}: its links cannot be turned off: expected writes = true, written plainly"
+            )
+
+
+def _writes(text: bytes) -> bool:
+    """Whether a link of this plant file, if it is one, writes."""
+    try:
+        links: Any = tomllib.loads(text.decode("utf-8-sig")).get("links", {})
+    except (ValueError, RecursionError):
+        return False  # no plant that anybody can start
+    return isinstance(links, dict) and any(
+        isinstance(link, dict) and link.get("writes") is True for link in links.values()
+    )
