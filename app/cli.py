@@ -1,16 +1,17 @@
-"""The command line: pogon run, simulate, check, reload, probe, inject, export, user, audit, backup, backup-key, restore."""
+"""The command line: pogon run, simulate, check, selftest, reload, probe, inject, export, user, audit, backup, backup-key, restore."""
 
 # Each command imports what it needs when it is called: a web server and a database layer cost a second that `pogon --help` need not take.
 import asyncio
 import getpass
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app import __version__
-from app.addresses import host_and_port
+from app.addresses import host_and_port, is_loopback
 from app.cli_access import audit_cli, user_cli
 from app.cli_history import backup, backup_key, export, restore
 from app.cli_probe import inject, probe
@@ -82,6 +83,9 @@ def simulate(
     link: Annotated[str, typer.Option(help="Only the units of this link.")] = "",
     baud: Annotated[int | None, typer.Option(min=50, help="Baud rate; else that of the link.")] = None,
     parity: Annotated[str | None, typer.Option(help="none, even or odd; else that of the link.")] = None,
+    beyond: Annotated[
+        bool, typer.Option("--beyond", help="--tcp may listen beyond this machine: Modbus asks nobody who he is.")
+    ] = False,
     turnaround: Annotated[float, typer.Option(min=0, max=10000, help="Time a device takes to answer, in ms.")] = 0.0,
     seed: Annotated[int, typer.Option(help="The same seed and writes repeat a run.")] = 1,
 ) -> None:
@@ -92,6 +96,11 @@ def simulate(
 
     try:
         address = _tcp_address(tcp) if tcp else None
+        if address and not is_loopback(address[0]) and not beyond:
+            raise ConfigurationError(
+                f"--tcp {tcp} listens beyond this machine: expected 127.0.0.1, for whoever reaches it moves these machines; "
+                "--beyond allows that"
+            )
         openings = Openings(address, serial, pty, link, baud, parity, turnaround / 1000, seed)
         asyncio.run(serve_simulated(plant_or_exit(folder), SystemClock(), openings, typer.echo))
     except ConfigurationError as error:
@@ -161,6 +170,51 @@ def _tests_pass(plant: "Plant") -> bool:
     if done or failed:
         typer.echo(f"Tests: {done}, failed: {failed}")
     return not failed
+
+
+@cli.command()
+def selftest(
+    json_: Annotated[bool, typer.Option("--json", help="One JSON document instead of lines.")] = False,
+    language: Annotated[str, typer.Option(help="hr, en, de or cs; else that of the terminal.")] = "",
+) -> None:
+    """Whether this machine can run Pogon with its settings: ports, rights, keys, clock, disk, databases, TLS, serial lines, plant.
+
+    A line for each check; the exit code is 1 when one failed. It starts nothing, and may be run beside a server.
+    """
+    import json
+
+    from app.clock import SystemClock
+    from app.plant.texts import Texts
+    from app.selftest import run_checks
+    from app.sim.plant import read_simulated
+
+    settings = settings_or_exit()
+    texts = Texts.read()
+    lang = language or terminal_language(os.environ, texts.languages)
+    if lang not in texts.languages:
+        typer.echo(f"pogon: --language {lang}: expected one of {', '.join(texts.languages)}", err=True)
+        raise typer.Exit(2)
+    counts = dict.fromkeys(("ok", "warning", "failed"), 0)
+    told = []
+    for finding in run_checks(settings, SystemClock(), read_simulated):
+        counts[finding.state] += 1
+        text = texts.text(lang, finding.key, **finding.params)
+        told.append({"check": finding.check, "state": finding.state, "outcome": finding.outcome, "text": text})
+        if not json_:
+            typer.echo(f"{texts.text(lang, f'selftest.state.{finding.state}')}: {text}")
+    if json_:
+        typer.echo(json.dumps({"ok": not counts["failed"], "checks": told}, ensure_ascii=False, indent=1))
+    else:
+        said = {"failed": counts["failed"], "warnings": counts["warning"], "ok": counts["ok"]}
+        typer.echo(texts.text(lang, "selftest.summary", **said))
+    if counts["failed"]:
+        raise typer.Exit(1)
+
+
+def terminal_language(environment: Mapping[str, str], known: Sequence[str]) -> str:
+    """The language that the terminal asks for, if it is one of `known`, else English."""
+    wanted = next((environment[name] for name in ("LC_ALL", "LC_MESSAGES", "LANG") if environment.get(name)), "")
+    return wanted[:2] if wanted[:2] in known else "en"
 
 
 @cli.command()

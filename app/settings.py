@@ -39,10 +39,18 @@ class Settings(BaseSettings):
         "", description="Host names that browsers may use, comma separated; empty: loopback names and POGON_HOST."
     )
     serve_modbus: str = Field("", description="HOST:PORT on which the simulated plant also answers Modbus TCP.")
+    modbus_beyond: bool = Field(
+        False,
+        description="POGON_SERVE_MODBUS may listen beyond this machine: who reaches it writes past sign-in, interlocks and audit.",
+    )
     dry_run: bool = Field(
         False, description="Commands are computed, shown and logged, but never written and never confirmed."
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="How much the log says.")
+    log: Literal["text", "json"] = Field("text", description="Form of the log: lines, or an object of JSON a line.")
+    syslog: str = Field(
+        "", description="Where the log goes as well, RFC 5424: a socket such as /dev/log, or HOST:PORT of UDP."
+    )
     metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
     history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")
     history_quota_mb: float = Field(4096, ge=8, description="Size at which the oldest history is cut [MB].")
@@ -57,6 +65,16 @@ class Settings(BaseSettings):
                 host_and_port(text)
             except ConfigurationError as error:
                 raise ValueError(str(error)) from error
+        return text
+
+    @field_validator("syslog")
+    @classmethod
+    def _is_syslog(cls, text: str) -> str:
+        if text and not text.startswith("/"):
+            try:
+                host_and_port(text)
+            except ConfigurationError as error:
+                raise ValueError("expected a path such as /dev/log, or HOST:PORT such as 192.0.2.7:514") from error
         return text
 
     @field_validator("behind_proxy")
@@ -78,6 +96,11 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"POGON_HOST={self.host} listens beyond this machine: set POGON_TLS_CERT and POGON_TLS_KEY, "
                 "or POGON_BEHIND_PROXY to the addresses of the TLS proxy in front"
+            )
+        if self.serve_modbus and not self.modbus_beyond and not is_loopback(host_and_port(self.serve_modbus)[0]):
+            raise ValueError(
+                f"POGON_SERVE_MODBUS={self.serve_modbus} listens beyond this machine: expected 127.0.0.1, for whoever reaches "
+                "it writes past sign-in, interlocks and audit; POGON_MODBUS_BEYOND=true allows that"
             )
         return self
 

@@ -19,7 +19,7 @@ from app.cli import cli
 from app.cli_access import user_cli
 from app.db import Database
 from app.historian import store
-from app.settings import unknown_settings
+from app.settings import read_settings, unknown_settings
 from tests.conftest import ROOT, PogonServer, find_port
 from tests.historian.conftest import point
 
@@ -70,6 +70,11 @@ def test_a_port_in_use_is_one_line_and_nothing_is_started(tmp_path: Path) -> Non
         ({"tls_cert": "/none.pem", "tls_key": "/none.key"}, "POGON_TLS_CERT=/none.pem"),
         ({"host": "203.0.113.9", "behind_proxy": "127.0.0.1"}, "POGON_HOST=203.0.113.9"),
         ({"host": "0.0.0.0"}, "listens beyond this machine"),
+        ({"serve_modbus": "0.0.0.0:5020"}, "listens beyond this machine: expected 127.0.0.1"),
+        ({"serve_modbus": "[::]:5020"}, "POGON_MODBUS_BEYOND=true allows that"),
+        ({"serve_modbus": "hall.example:5020"}, "listens beyond this machine"),
+        ({"syslog": "dev/log"}, "POGON_SYSLOG=dev/log: expected a path such as /dev/log"),
+        ({"log": "xml"}, "POGON_LOG=xml: Input should be 'text' or 'json'"),
         ({"port": "http"}, "POGON_PORT=http: Input should be a valid integer"),
     ],
 )
@@ -118,6 +123,17 @@ def test_a_parity_that_cannot_be_is_refused_before_anything_is_served(parity: st
     refused = CliRunner().invoke(cli, ["simulate", "plants/demo", "--pty", "--parity", parity])
     assert (refused.exit_code, refused.stdout) == (2, "")
     assert said in refused.stderr
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0:0", "[::]:0", "hall.example:5020"])
+def test_a_simulator_stays_on_this_machine_unless_told(address: str) -> None:
+    refused = CliRunner().invoke(cli, ["simulate", "plants/demo", "--tcp", address])
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert f"--tcp {address} listens beyond this machine" in refused.stderr
+
+
+def test_the_port_of_the_simulated_plant_may_be_opened_knowingly() -> None:
+    assert read_settings(serve_modbus="0.0.0.0:5020", modbus_beyond="true").modbus_beyond
 
 
 def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Uvicorn with our limits; says where the server is, and the one-time code, once the port is really open."""
 
+import atexit
 import gc
 import logging
 import socket
@@ -14,6 +15,7 @@ import typer
 import uvicorn
 from fastapi import FastAPI
 
+from app import logs
 from app.errors import ConfigurationError, PogonError
 from app.settings import Settings
 from app.web.guard import access_of
@@ -27,7 +29,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
     Raises:
         ConfigurationError: address, port or TLS files cannot be used, or the plant's server cannot start with these settings.
     """
-    _log(settings)
+    atexit.register(logs.start(settings.log_level, settings.log, settings.syslog))
     check_key(settings.tls_key)
     lifespan = _Lifespan(app)
     config = uvicorn.Config(
@@ -35,6 +37,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
+        log_config=None,  # its lines go where ours do
         ssl_certfile=settings.tls_cert,
         ssl_keyfile=settings.tls_key,
         timeout_graceful_shutdown=2,
@@ -181,11 +184,3 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
         ]
     width = max(map(len, lines))
     return "\n".join(["", "─" * width, *lines, "─" * width, ""])
-
-
-def _log(settings: Settings) -> None:
-    """Our own log, on standard error like the server's; of the libraries only what is wrong."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(levelname)s: %(name)s: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler])
-    logging.getLogger("app").setLevel(settings.log_level.upper())

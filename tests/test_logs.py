@@ -1,0 +1,126 @@
+"""The log says when, as lines or as JSON, and sends the same elsewhere without waiting."""
+
+import io
+import json
+import logging
+import re
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from app import logs
+from app.errors import ConfigurationError
+
+TIME = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z"
+log = logging.getLogger("app.links.runner")
+
+
+@pytest.fixture
+def started() -> Iterator[Callable[..., io.StringIO]]:
+    """Start the log as the server does; afterwards it is as it was."""
+    root = logging.getLogger()
+    before, level, own = root.handlers[:], root.level, logging.getLogger("app").level
+    ends: list[Callable[[], None]] = []
+
+    def start(level: str = "info", form: logs.Form = "text", syslog: str = "") -> io.StringIO:
+        for handler in root.handlers[:]:
+            root.removeHandler(handler)  # those of pytest are not closed
+        out = io.StringIO()
+        ends.append(logs.start(level, form, syslog, out))
+        return out
+
+    yield start
+    for end in ends:
+        end()
+    root.handlers[:] = before
+    root.setLevel(level)
+    logging.getLogger("app").setLevel(own)
+
+
+def fails() -> None:
+    try:
+        raise ValueError("no such thing\nat all")
+    except ValueError:
+        log.exception("task failed task=%s", "poll")
+
+
+def test_a_line_has_its_time(started: Callable[..., io.StringIO]) -> None:
+    out = started()
+    log.info("link up link=%s", "hall")
+    log.debug("not told")
+    logging.getLogger("library").info("not told")
+    logging.getLogger("uvicorn.error").warning("slow")
+    lines = out.getvalue().splitlines()
+    assert re.fullmatch(rf"{TIME} INFO app\.links\.runner: link up link=hall", lines[0])
+    assert re.fullmatch(rf"{TIME} WARNING uvicorn: slow", lines[1])
+    assert len(lines) == 2
+
+
+def test_a_line_is_one_line_whatever_is_in_it(started: Callable[..., io.StringIO]) -> None:
+    out = started()
+    log.info("link down reason=%s", "x\n2026-01-01T00:00:00.000Z INFO forged: y\x1b[2J")
+    assert out.getvalue().count("\n") == 1 and "\x1b" not in out.getvalue()
+
+
+def test_json_is_one_object_a_line(started: Callable[..., io.StringIO]) -> None:
+    out = started(form="json")
+    log.warning("link down link=%s", "tvornička\nhala")
+    fails()
+    logs.security("signin.locked", account="eve", address="192.0.2.7")
+    down, failed, locked = map(json.loads, out.getvalue().splitlines())
+    assert re.fullmatch(TIME, down.pop("time"))
+    assert down == {"level": "warning", "logger": "app.links.runner", "message": "link down link=tvornička\nhala"}
+    assert "ValueError: no such thing" in failed["trace"]
+    assert (locked["event"], locked["fields"]) == ("signin.locked", {"account": "eve", "address": "192.0.2.7"})
+
+
+@pytest.fixture(params=["udp", "unix"])
+def collector(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str, socket.socket]]:
+    """A syslog server and how it is named."""
+    if request.param == "udp":
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            line.bind(("127.0.0.1", 0))
+            line.settimeout(30)
+            yield f"127.0.0.1:{line.getsockname()[1]}", line
+    else:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
+            line.bind(str(tmp_path / "log"))
+            line.settimeout(30)
+            yield str(tmp_path / "log"), line
+
+
+def test_syslog_is_rfc_5424(started: Callable[..., io.StringIO], collector: tuple[str, socket.socket]) -> None:
+    started(syslog=collector[0])
+    log.info("link up link=%s", "tvornička hala")
+    fails()
+    logs.security("signin.locked", account="eve")
+    found = [collector[1].recv(65536).decode() for _ in range(3)]
+    head = rf"1 {TIME} [!-~]+ pogon \d+ "
+    assert re.fullmatch(rf"<30>{head}- - INFO app\.links\.runner: link up link=tvornička hala", found[0])
+    assert re.fullmatch(rf"<27>{head}- - ERROR .* task=poll \(ValueError: no such thing\\x0aat all\)", found[1])
+    assert re.fullmatch(rf"<84>{head}signin\.locked - WARNING app\.security: signin\.locked account=eve", found[2])
+
+
+def test_security_events_go_out_whatever_the_level(
+    started: Callable[..., io.StringIO], collector: tuple[str, socket.socket]
+) -> None:
+    started(level="error", syslog=collector[0])
+    log.warning("not told")
+    logs.security("account.role", account="eve", roles="admin")
+    assert "account.role" in collector[1].recv(65536).decode()
+
+
+@pytest.mark.parametrize("address", ["/none/log", "127.0.0.1:9", "name.invalid:514"])
+def test_a_syslog_that_is_not_there_holds_up_nothing(started: Callable[..., io.StringIO], address: str) -> None:
+    out = started(syslog=address)
+    for number in range(logs.MOST_WAITING + 100):
+        log.info("n=%d", number)
+    assert out.getvalue().count("\n") == logs.MOST_WAITING + 100
+
+
+@pytest.mark.parametrize("text", ["dev/log", "host", "host:", ":514", "host:70000", "host:x"])
+def test_an_address_that_cannot_be_is_told(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="expected a path such as /dev/log, or HOST:PORT"):
+        logs.syslog_address(text)
