@@ -39,6 +39,9 @@ BROKEN = {
     "cut": "and all after it were cut off",
     "head": "does not agree with audit.head",
     "anchor": "does not agree with audit.anchors",
+    "mark": "does not agree with the mark in audit.key",
+    "wiped": "and all others were wiped",
+    "buffer": "was put into audit.buffer by somebody else (see audit.foreign)",
 }
 """What is wrong with a line of a chain, in words."""
 

@@ -253,6 +253,7 @@ class Runtime:
             audit=self._audited,
             dry_run=self.settings.dry_run,
             rights=self.access.standing,
+            foretell=self._foretold,
         )
         gate.configure(plant)
         gate.subscribe(self._operation_changed)
@@ -285,6 +286,22 @@ class Runtime:
         if kind == "command" and person is not None:
             self._tell_books(person, object, result, params.get("arguments") or {}, params)
         await self.access.audit.record(kind, person, object, old, new, result, reason, address, **params)
+
+    async def _foretold(
+        self,
+        kind: str,
+        person: Person | None,
+        object: str,
+        old: Any,
+        new: Any,
+        result: str,
+        reason: str,
+        address: str = "",
+        **params: Any,
+    ) -> bool:
+        """One line of the audit that is on the disk when this returns true."""
+        entry = self.access.audit.entry(kind, person, object, old, new, result, reason, address, **params)
+        return await self.access.audit.foretell(entry)
 
     def _tell_books(
         self, person: Person, what: str, result: str, arguments: Mapping[str, Any], params: Mapping[str, Any]

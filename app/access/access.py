@@ -2,7 +2,7 @@
 
 import asyncio
 import hmac
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from hashlib import sha256
 from pathlib import Path
 
@@ -30,16 +30,22 @@ class Access:
     """Who may come in, and what they did. `prepare(data)` and `db.migrate()` come first."""
 
     def __init__(
-        self, db: Database, clock: Clock, data: Path, cost: Cost | None = None, threads: Threads = threads
+        self,
+        db: Database,
+        clock: Clock,
+        data: Path,
+        cost: Cost | None = None,
+        anchors: Sequence[Callable[[str], None]] = (),
+        threads: Threads = threads,
     ) -> None:
-        """Reads or makes the keys in `data`.
+        """Reads or makes the keys in `data`; `anchors` are told every anchor of the audit (`app/access/anchors.py`).
 
         Raises:
             ConfigurationError: a key, the database or the folder may be read or written by others, or a key is broken.
         """
         check_files(data)
         self._secret = read_key(data / "secret.key")
-        self.audit = Audit(db, clock, data)
+        self.audit = Audit(db, clock, data, anchors, threads)
         self.passwords = Passwords(cost, threads)
         self.throttle = Throttle(clock)
         self.first_code = FirstCode(data)
@@ -52,7 +58,8 @@ class Access:
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""
         await self.sessions.load()
-        await self.audit.record("server.started", None, version=version)
+        await self.audit.begin()
+        await self.audit.record("server.started", None, version=version, install=self.audit.install)
         if await self.people.count():
             self.first_code.used()
             return ""

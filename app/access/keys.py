@@ -3,6 +3,7 @@
 import fcntl
 import os
 import stat
+from dataclasses import dataclass
 from pathlib import Path
 
 from app import chance
@@ -73,7 +74,7 @@ def lock(data: Path) -> int:
 
 
 def read_key(path: Path) -> bytes:
-    """The key in `path`, 32 bytes as hex; a missing one is made, different on every installation.
+    """The key in `path`, 32 bytes as hex, its first line; a missing one is made, different on every installation.
 
     Raises:
         ConfigurationError: the file is not a key, or cannot be written.
@@ -84,12 +85,47 @@ def read_key(path: Path) -> bytes:
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
     try:
-        key = bytes.fromhex(path.read_text("ascii").strip())
+        key = bytes.fromhex(path.read_text("ascii").strip().partition("\n")[0])
     except (ValueError, OSError) as error:
         raise ConfigurationError(f"{path} is not a key of {KEY_BYTES} bytes in hex") from error
     if len(key) != KEY_BYTES:
         raise ConfigurationError(f"{path} has {len(key)} bytes, a key has {KEY_BYTES}")
     return key
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What stands behind the key of the audit: which installation this is, and a line that its chain has had."""
+
+    install: str
+    seq: int
+    mac: str
+    sign: str
+
+
+def read_mark(path: Path) -> Mark | None:
+    """The mark behind the key in `path`; None when there is none. One that cannot be read is a mark that nothing agrees with."""
+    try:
+        _, _, text = path.read_text("ascii").strip().partition("\n")
+        if not text.strip():
+            return None
+        word, install, seq, mac, sign = text.split()
+        return Mark(install, int(seq), mac, sign if word == "mark" else "")
+    except OSError:
+        return None
+    except ValueError:
+        return Mark("", 1, "", "")
+
+
+def write_mark(path: Path, mark: Mark | None) -> None:
+    """Write `mark` behind the key in `path`, or take it away: a restored chain ends where it ends.
+
+    Raises:
+        OSError: the disk does not take it; the file is as it was.
+        ConfigurationError: there is no key in it.
+    """
+    line = f"mark {mark.install} {mark.seq} {mark.mac} {mark.sign}\n" if mark else ""
+    write_private(path, f"{read_key(path).hex()}\n{line}")
 
 
 def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from sqlalchemy import Connection, RowMapping, Select, bindparam, delete, func, insert, select
 
-from app.access.audit import Verdict, begin_now, chained, genesis
+from app.access.audit import Verdict, begin_now, chained, genesis, is_mac
 from app.alarms.lifecycle import Life
 from app.alarms.tables import event_mark_table, journal_table, state_table
 from app.plant.events import Mark
@@ -275,7 +275,7 @@ def verify(connection: Connection, key: bytes) -> Verdict:
         if row.seq != expected:
             return Verdict(expected - 1, expected, "removed", row.seq)
         content = {name: value for name, value in row._mapping.items() if name != "mac"}
-        if not hmac.compare_digest(row.mac, chained(key, before, {name: content[name] for name in _NAMES})):
+        if not is_mac(row.mac, chained(key, before, {name: content[name] for name in _NAMES})):
             return Verdict(expected - 1, row.seq, "changed", row.seq)
         before, expected = row.mac, expected + 1
     return Verdict(expected - 1, newest=expected - 1)

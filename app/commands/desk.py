@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from app.access.roles import ROLE_PERMISSION, Rights
 from app.clock import Clock
@@ -13,12 +13,14 @@ from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Audit, Job, Machine, Order, Writer
+from app.commands.orders import Audit, Foretell, Job, Machine, Order, Writer
 from app.commands.trail import Trail
 from app.errors import Refused
 from app.tags.database import TagDatabase
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 TELL = 0.1
 """Least time between two notices about one machine [s]."""
@@ -39,6 +41,7 @@ class Desk:
         dry_run: bool,
         on_stop_unconfirmed: Callable[[str], None],
         rights: Rights,
+        foretell: Foretell,
     ) -> None:
         self.clock = clock
         self.writers = writers
@@ -48,7 +51,7 @@ class Desk:
         self.subscribers: list[Callable[[str], None]] = []
         self.enders: list[Callable[[Progress], None]] = []
         self.tasks: set[asyncio.Task[None]] = set()
-        self.trail = Trail(audit, self.spawn)
+        self.trail = Trail(audit, self.spawn, foretell)
         self.rights = rights
         self.control = ControlToken(
             clock, moving=self.moving, changed=self.mark, journal=self.trail.control, rights=rights
@@ -124,7 +127,7 @@ class Desk:
             raise Refused("why.no_such_command", 404, equipment=equipment, command=key)
         return machine, prepared
 
-    def keep(self, work: Coroutine[Any, Any, Progress], name: str) -> "asyncio.Task[Progress]":
+    def keep(self, work: Coroutine[Any, Any, T], name: str) -> "asyncio.Task[T]":
         """A task that goes on when its caller goes away."""
         task = asyncio.create_task(work, name=name)
         task.add_done_callback(lambda done: None if done.cancelled() else done.exception())

@@ -5,7 +5,8 @@
 Everything is judged in one place right before the write, and the operator sees requested → accepted → confirmed, or why not. Nothing is
 queued over a reconnect, sent again or resumed after a restart; only Stop is repeated, until it is read back or 10 s have passed. A write
 without a valid answer makes the command *unknown*: the machine is read again, and only a change proves that it happened. Every command
-leaves one line in the audit trail when it is over, refused ones too; a question back to the person (`Question`) is not a command yet.
+leaves one line in the audit trail when it is over, refused ones too, and one before its telegram leaves; a question back to the person
+(`Question`) is not a command yet.
 
 The parts, in the order of that road: `admission` (who may ask), `checks` (what must be true now), `sending` (telegrams), `following` (what
 became of them), `motion` (what lasts as long as a button is held); `desk` is what they share.
@@ -29,7 +30,7 @@ from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Progress, State
 from app.commands.motion import HeldMotion
 from app.commands.nonce import Once
-from app.commands.orders import LONGEST_REASON, Audit, Machine, Order, Writer
+from app.commands.orders import LONGEST_REASON, Audit, Foretell, Machine, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
 from app.errors import Refused
@@ -56,13 +57,16 @@ class Gate:
         dry_run: bool = False,
         on_stop_unconfirmed: Callable[[str], None] = lambda equipment: None,
         rights: Rights = lambda person: person,
+        foretell: Foretell = foretell_nothing,
     ) -> None:
         """`writers` by link, looked up at every write; `on_stop_unconfirmed` is called with the machine; `rights` gives a person as of
-        now, None when the session is over: asked before everything that starts, goes on or is sent.
+        now, None when the session is over: asked before everything that starts, goes on or is sent; `foretell` has a line on the disk
+        before the telegram leaves, beside it for a Stop.
         """
         self._desk = desk = Desk(
-            tags, clock, writers, audit, dry_run=dry_run, on_stop_unconfirmed=on_stop_unconfirmed, rights=rights
-        )
+            tags, clock, writers, audit,
+            dry_run=dry_run, on_stop_unconfirmed=on_stop_unconfirmed, rights=rights, foretell=foretell,
+        )  # fmt: skip
         self._admission = Admission(desk)
         self._sending = Sending(desk)
         self._motion = HeldMotion(desk, self._admission, self._sending)

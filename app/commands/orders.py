@@ -1,7 +1,7 @@
 """What the gate handles: an order as it came, the task it becomes when every check is passed, the job at work, the machine it is for."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -103,6 +103,30 @@ class Audit(Protocol):
     ) -> Any:
         """Called without waiting; a coroutine is run. `object` is `equipment.command`, `result` a state, `reason` a text key."""
         ...
+
+
+class Foretell(Protocol):
+    """Writes one line of the audit trail before what it tells is done."""
+
+    def __call__(
+        self,
+        kind: str,
+        person: Person | None,
+        object: str,
+        old: Value,
+        new: Value,
+        result: str,
+        reason: str,
+        address: str = "",
+        **params: Any,
+    ) -> Awaitable[bool]:
+        """True when the line is on the disk; False when it can be written nowhere."""
+        ...
+
+
+async def foretell_nothing(*_: object, **__: object) -> bool:
+    """For a gate whose commands are only written down with their outcome."""
+    return True
 
 
 LONGEST_REASON = 300

@@ -3,6 +3,7 @@
 Nothing is ever sent again from here but a Stop, which `following` and `motion` ask for until it is read back.
 """
 
+import asyncio
 import logging
 from collections.abc import Mapping, Sequence
 
@@ -22,6 +23,10 @@ STOP_REPEAT = 0.5
 """Between two telegrams of a Stop that is not read back [s]."""
 STOP_LIMIT = 10.0
 """Time after which a Stop that is not read back raises an alarm, unless its own time-out (a long ramp) is longer [s]."""
+LINE_LIMIT = 1.0
+"""Whoever pressed Stop is answered at the latest this long after its telegram, whatever the disk does [s]."""
+NO_AUDIT = "why.no_audit"
+"""It was not sent because it can be written down nowhere."""
 DRIVE_FAULT = "drive"
 """Alarm class of what stops a machine by itself."""
 
@@ -41,9 +46,13 @@ class Sending:
             self._desk.end(machine, job, State.DRY_RUN, "why.dry_run")
             return job.progress
         if prepared.command.stop:
+            line = self._desk.keep(self._desk.trail.sent(order, job.progress), f"audit of {order.equipment}")
             await self.write_stop(machine, job, plan.telegrams, job.prepared)
+            await asyncio.wait([line], timeout=LINE_LIMIT)
         else:
             await self.write(machine, job, plan.telegrams)
+            if job.progress.reason == NO_AUDIT:
+                raise Refused(NO_AUDIT, 503)
         return job.progress
 
     def begin(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Job:
@@ -108,7 +117,10 @@ class Sending:
         item = machine.item
         job.writing += 1
         try:
-            broke = await self._desk.delivery.send(machine, job, telegrams)
+            if await self._desk.trail.sent(job.order, job.progress):
+                broke = await self._desk.delivery.send(machine, job, telegrams)
+            else:
+                broke = State.FAILED, NO_AUDIT, {}
         finally:
             job.writing -= 1
         if job.ending is not None:

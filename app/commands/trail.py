@@ -7,7 +7,7 @@ from typing import Any
 
 from app.access.roles import Person
 from app.commands.lifecycle import Progress
-from app.commands.orders import Audit, Order
+from app.commands.orders import Audit, Foretell, Order
 from app.tags.batch import Value
 
 log = logging.getLogger(__name__)
@@ -18,11 +18,28 @@ Spawn = Callable[[Coroutine[Any, Any, None], str], None]
 
 
 class Trail:
-    """The audit trail of the gate. What goes wrong with it is logged and keeps no command from going on."""
+    """The audit trail of the gate. What goes wrong with it is logged and keeps no command from going on but one that was not sent yet."""
 
-    def __init__(self, audit: Audit, spawn: Spawn) -> None:
+    def __init__(self, audit: Audit, spawn: Spawn, foretell: Foretell) -> None:
         self._audit = audit
         self._spawn = spawn
+        self._foretell = foretell
+
+    async def sent(self, order: Order, progress: Progress) -> bool:
+        """Have on the disk that `order` is being sent; False: it can be written nowhere."""
+        new = told(progress.arguments) or progress.argument
+        params: dict[str, Any] = {"id": progress.id, "requested": progress.requested}
+        params |= {"why": order.reason} if order.reason else {}
+        params |= {"telegrams": [list(telegram) for telegram in progress.telegrams]}
+        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
+        try:
+            return await self._foretell(
+                "command.sent", order.person, f"{order.equipment}.{order.key}", progress.old, new, "sent", "",
+                order.address, **params,
+            )  # fmt: skip
+        except Exception:
+            log.exception("audit failed object=%s", f"{order.equipment}.{order.key}")
+            return False
 
     def command(self, order: Order, progress: Progress, *, refused: bool = False) -> None:
         """What became of `order`; of a refused one what was typed, of another what was sent."""

@@ -80,7 +80,8 @@ async def _groups(request: Request) -> list[Group]:
             continue
         lines: list[Record] = []
         if access and sequence.forces:
-            lines = await access.audit.find(Filter(object=f"{item.id}.force", kind="command"), LOOKED_AT)
+            found_lines = await access.audit.find(Filter(object=f"{item.id}.force", kind="command"), 2 * LOOKED_AT)
+            lines = [line for line in found_lines if line.kind == "command"]
         found = [
             ForceView(
                 sequence.bit(_whole(row, "step"), _whole(row, "bit")),

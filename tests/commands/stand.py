@@ -154,6 +154,13 @@ class Stand:
         self.link = self.link_class(self)
         self.lines: list[Line] = []
         self.alarms: list[str] = []
+        self.sent: list[tuple[str, int]] = []
+        """What was written down before it was sent, and how many telegrams had left by then."""
+        self.disk = asyncio.Event()
+        """Open: lines are kept. Closed: the disk does not answer."""
+        self.disk.set()
+        self.room = True
+        """Whether the disk takes lines."""
         self.people: dict[str, Person | None] = {}
         """By session, who may other things now than when they asked; None: the session is over."""
         self.scanning = True
@@ -168,6 +175,7 @@ class Stand:
             dry_run=dry_run,
             on_stop_unconfirmed=self.alarms.append,
             rights=lambda who: self.people.get(who.session, who),
+            foretell=self._foretell,
         )
         self.gate.configure(self.plant)
         for name in self.drives:
@@ -225,6 +233,12 @@ class Stand:
                     self.publish(name, Scan.FAST, Scan.SLOW)
             self.gate.tick()
             await settle()
+
+    async def _foretell(self, kind: str, who: Person | None, object: str, *_: object, **__: object) -> bool:
+        assert kind == "command.sent"
+        await self.disk.wait()
+        self.sent.append((object, len(self.link.writes)))
+        return self.room
 
     async def ask(self, who: Person, command: str, equipment: str = "m1", **asked: object) -> Progress:
         """A well-behaved person: holds the token, has a fresh nonce."""
