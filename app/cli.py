@@ -54,10 +54,15 @@ def run(
         str,
         typer.Option(metavar="HOST:PORT", help="The simulated plant also answers Modbus TCP; else POGON_SERVE_MODBUS."),
     ] = "",
+    begin_anew: Annotated[
+        bool,
+        typer.Option("--begin-anew", help="Put aside what is left of a plant whose database is lost; start a new one."),
+    ] = False,
 ) -> None:
     """Start the plant and its web server (settings are POGON_ variables, see README)."""
     settings = settings_or_exit(**({"serve_modbus": serve_modbus} if serve_modbus else {}))
     from app.access.access import lock, prepare
+    from app.access.former import begin_anew as put_aside
     from app.main import create_app
     from app.settings import unknown_settings
     from app.web.serve import serve
@@ -66,6 +71,13 @@ def run(
         typer.echo(f"pogon: {name} is no setting of pogon, it is not used", err=True)
     os.umask(0o077)
     try:
+        if begin_anew:
+            held = lock(settings.data) if settings.data.is_dir() else None
+            place = put_aside(settings.data)
+            if place is not None:
+                typer.echo(f"pogon: what was left of the plant before is in {place}", err=True)
+            if held is not None:
+                os.close(held)
         prepare(settings.data)
         lock(settings.data)
         serve(create_app(settings), settings)

@@ -9,7 +9,9 @@ from pathlib import Path
 from app import chance
 from app.access.audit import Audit
 from app.access.first_code import FirstCode
-from app.access.keys import check_files, lock, prepare, read_key
+from app.access.former import check_former
+from app.access.keys import check_files, lock, read_key
+from app.access.keys import prepare as prepare_files
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
 from app.access.roles import Person
@@ -24,6 +26,16 @@ __all__ = ["Access", "lock", "prepare"]
 
 FOLLOW_PERIOD = 0.5
 """How often what the terminal may have changed is read [s]."""
+
+
+def prepare(data: Path) -> None:
+    """Make the data folder and what has to be in it, if missing, and check what is there.
+
+    Raises:
+        ConfigurationError: others may read or write it, it cannot be made, or the plant in it has lost its database.
+    """
+    check_former(data)
+    prepare_files(data)
 
 
 class Access:

@@ -26,7 +26,7 @@ import os
 import sqlite3
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -209,11 +209,11 @@ class Audit:
         except StorageError as error:
             self._refused(error)
             line = _kept(entry)
-            if not await self._put_by(line):
-                if len(self._waiting) < MOST_BUFFERED:
-                    self._waiting[str(line["id"])] = line
-                else:
-                    self._lost += 1
+            if len(self._waiting) < MOST_BUFFERED:
+                self._waiting[str(line["id"])] = line
+                await self._put_by(line)
+            else:
+                self._lost += 1
             return 0
 
     async def foretell(self, entry: Entry) -> bool:
@@ -222,21 +222,20 @@ class Audit:
         False: neither the buffer nor the database took it in time, and it is written nowhere.
         """
         line = _kept(entry)
+        id_ = str(line["id"])
+        if len(self._waiting) >= MOST_BUFFERED:
+            return False
+        self._waiting[id_] = line  # before it is in the buffer: as long as one waits the buffer does not begin anew
         if await self._put_by(line):
             self._flush_soon()
             return True
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(KEEPING_LIMIT):
-                await self._commit(lambda _connection: (None, [entry]))
-            return True
-        except (StorageError, TimeoutError) as error:
-            self._refused(error)
-            return False
+                await self.replay()
+        return self._waiting.pop(id_, None) is None
 
     async def _put_by(self, line: dict[str, object]) -> bool:
-        """Put a line into the buffer; False when it does not take it in time."""
-        if len(self._waiting) >= MOST_BUFFERED:
-            return False
+        """Put a line that waits into the buffer; False when it does not take it in time."""
         self._keeping += 1
         work = asyncio.get_running_loop().run_in_executor(self._disk, self._buffer.append, line)
         work.add_done_callback(self._put)
@@ -245,7 +244,6 @@ class Audit:
         except OSError as problem:  # TimeoutError, too
             log.error("audit buffer not written reason=%s", problem.strerror or "the disk does not answer")
             return False
-        self._waiting[str(line["id"])] = line
         return True
 
     def _put(self, work: "asyncio.Future[None]") -> None:
@@ -400,6 +398,7 @@ class Audit:
         except (OSError, ConfigurationError) as error:
             log.error("audit anchor not written reason=%s", error)
             return
+        log.info("audit anchor %s", line)  # with POGON_SYSLOG the log goes elsewhere
         for tell in self._elsewhere:
             try:
                 tell(line)

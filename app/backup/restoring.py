@@ -5,18 +5,19 @@ import re
 import shutil
 import sqlite3
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from app.access.keys import lock
+from app.access.keys import lock, read_mark, write_mark
 from app.access.restoring import commit, finish_restore, stage, sync_folder, sync_tree
 from app.backup.archive import DATABASES, KEYS, MARKS, PLANT, Manifest, Tell, unpack
 from app.backup.sealing import Opening
 from app.errors import ConfigurationError
 
+AUDIT_KEY = "audit.key"
 _WRITES = re.compile(rb"""(\bwrites["']?[ \t]*=[ \t]*)true\b""")
 
 
@@ -61,7 +62,8 @@ def restore(
             manifest = unpack(archive, staging, opening)
             moves = _staged_plant(staging, near, place)
             tell("taking it over")
-            moves = [*_old_files(data, old, manifest), *_new_files(staging, data, manifest), *moves]
+            names = {*manifest.files, *_without_mark(staging, data)}
+            moves = [*_old_files(data, old, names), *_new_files(staging, data, names), *moves]
             sync_tree(staging)
             commit(data, moves, [staging, near])
         except BaseException:
@@ -85,9 +87,20 @@ def _free_stamp(data: Path) -> str:
     return stamp
 
 
-def _old_files(data: Path, old: Path, manifest: Manifest) -> Iterator[tuple[Path, Path]]:
+def _without_mark(staging: Path, data: Path) -> list[str]:
+    """Stage the key of the audit without its mark: the chain goes on where the backup ends. Returns its name if it was staged."""
+    key = next((folder / AUDIT_KEY for folder in (staging, data) if (folder / AUDIT_KEY).exists()), None)
+    if key is None or read_mark(key) is None:
+        return []
+    if key.parent != staging:
+        shutil.copyfile(key, staging / AUDIT_KEY)
+    write_mark(staging / AUDIT_KEY, None)
+    return [AUDIT_KEY]
+
+
+def _old_files(data: Path, old: Path, names: Set[str]) -> Iterator[tuple[Path, Path]]:
     """Where what is there goes: all that is replaced, and what belongs to it."""
-    restored = [name for name in (*DATABASES, *MARKS, *KEYS) if name in manifest.files]
+    restored = [name for name in (*DATABASES, *MARKS, *KEYS) if name in names]
     for name in restored:
         if name in DATABASES and (data / name).exists():
             _settle_journal(data / name)
@@ -99,9 +112,9 @@ def _old_files(data: Path, old: Path, manifest: Manifest) -> Iterator[tuple[Path
         yield data / name, old / name
 
 
-def _new_files(staging: Path, data: Path, manifest: Manifest) -> Iterator[tuple[Path, Path]]:
+def _new_files(staging: Path, data: Path, names: Set[str]) -> Iterator[tuple[Path, Path]]:
     for name in (*DATABASES, *MARKS, *KEYS):
-        if name in manifest.files:
+        if name in names:
             (staging / name).chmod(0o600)
             yield staging / name, data / name
 
