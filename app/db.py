@@ -42,8 +42,11 @@ history_tables = MetaData(naming_convention=NAMES)
 PRAGMAS = {
     "pogon": ("synchronous=FULL",),
     # many points share few pages for long: these reach the file once per 32 MB, not with every second commit
-    "history": ("synchronous=NORMAL", "wal_autocheckpoint=8000", "cache_size=-8000"),
+    "history": ("synchronous=NORMAL", "wal_autocheckpoint=32000", "cache_size=-8000"),
 }
+PAGE_SIZE = {"pogon": 4096, "history": 1024}
+"""Of a new file [bytes]. A commit writes every page that it touches as a whole, and samples lie by point: two rows a second on each of a
+thousand points touch a thousand pages."""
 READERS = 2
 BUSY_TIMEOUT = 5.0
 """How long a statement waits for another process that holds the file [s]."""
@@ -83,6 +86,7 @@ class Database:
                 from alembic import command  # a quarter of the time of a start, and rarely needed
 
                 self.path.parent.mkdir(parents=True, exist_ok=True)
+                self._create()
                 command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
             self._hold()
         except Exception as error:
@@ -261,14 +265,22 @@ class Database:
         for tail in ("-wal", "-shm"):
             self.path.with_name(self.path.name + tail).unlink(missing_ok=True)
 
+    def _create(self) -> None:
+        """Make the file when there is none, with pages of our size and an id."""
+        if self.path.exists() and self.path.stat().st_size:
+            return
+        with closing(sqlite3.connect(self.path)) as connection:
+            connection.execute(f"PRAGMA page_size={PAGE_SIZE[self.name]}")
+            connection.execute(f"PRAGMA application_id={_new_id()}")
+
     def _hold(self) -> None:
         """Keep a connection of our own: through it a file that was removed can still be read."""
         if self._held is not None:
             return
         connection = _connect(self.path)
         connection.execute("PRAGMA journal_mode=WAL").fetchall()
-        if not connection.execute("PRAGMA application_id").fetchone()[0]:
-            connection.execute(f"PRAGMA application_id={chance.randrange(1, 2**31)}")
+        if not connection.execute("PRAGMA application_id").fetchone()[0]:  # made by an earlier version
+            connection.execute(f"PRAGMA application_id={_new_id()}")
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
         self._held, self._file = connection, OpenFile(self.path)
@@ -311,6 +323,10 @@ class Database:
             with self._turn:
                 self._mender = None
                 self._turn.notify_all()
+
+
+def _new_id() -> int:
+    return chance.randrange(1, 2**31)
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -38,6 +38,8 @@ BUFFER_LIMIT = 250_000
 """Rows kept in memory while the disk does not take them (about 40 MB); then the oldest are dropped, and it is told."""
 CARE_PERIOD = 60.0
 """How often is rolled up, measured and cut [s]."""
+SLACK = 1 + 1e-9
+"""A difference of just the dead-band is not above it: 0.4 − 0.3 is more than 0.1 in binary."""
 WARN_AT = 0.8
 """Part of the quota at which a warning is due."""
 LOW_DISK = 500_000_000
@@ -99,7 +101,7 @@ class Track:
         if value != self.value:
             if not self.dead_band or not isinstance(value, int | float) or not isinstance(self.value, int | float):
                 return False
-            if not abs(value - self.value) <= self.dead_band:
+            if not abs(value - self.value) <= self.dead_band * SLACK:
                 return False
             if self.linear and not self._in_corridor(time, value, rows):
                 return False
@@ -112,7 +114,7 @@ class Track:
         slope = (value - self.value) / (time - self.time)  # type: ignore[operator]
         if self.held_time and not self.least <= slope <= self.most:
             self.end(rows)
-            if time <= self.time or not abs(value - self.value) <= self.dead_band:  # type: ignore[operator]
+            if time <= self.time or not abs(value - self.value) <= self.dead_band * SLACK:  # type: ignore[operator]
                 return False
             slope = (value - self.value) / (time - self.time)  # type: ignore[operator]
         reach = self.dead_band / (time - self.time)

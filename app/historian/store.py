@@ -28,6 +28,8 @@ GAP_AFTER = HEARTBEAT + 30_000_000
 """A value holds until the next sample, but no longer than this: after it nothing was recorded [µs]."""
 ROLL_UP_AT_ONCE = 6 * HOUR
 """Longest time that is rolled up in one transaction [µs], so that catching up does not hold up the writer."""
+POINTS_AT_ONCE = 50
+"""Points that are rolled up by one statement: what it sorts stays in memory."""
 CUT_AT_ONCE = 100_000
 """Samples of one point that are removed in one transaction."""
 
@@ -130,7 +132,9 @@ def roll_up(connection: Connection, now: int) -> bool:
         end = min(reached // width * width, begin + ROLL_UP_AT_ONCE)
         done = done and end == reached // width * width
         if begin < end:
-            connection.execute(text(statement), {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width})
+            for first, last in _portions(connection):
+                span = {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width, "first": first, "last": last}
+                connection.execute(text(statement), span)
         reached = max(begin, end)
         connection.execute(
             text("INSERT INTO mark (name, t) VALUES (:n, :t) ON CONFLICT (name) DO UPDATE SET t = excluded.t"),
@@ -145,10 +149,12 @@ WITH RECURSIVE
 part AS MATERIALIZED (
     SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL AS valid, s.q
     FROM point p CROSS JOIN sample s ON s.point = p.id AND s.t >= :begin AND s.t < :end
+    WHERE p.id >= :first AND p.id <= :last
     UNION ALL
     SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL, s.q
     FROM point p CROSS JOIN sample s ON s.point = p.id
      AND s.t = (SELECT max(b.t) FROM sample b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap)
+    WHERE p.id >= :first AND p.id <= :last
 ),
 span AS (
     SELECT point, t, v, valid, q,
@@ -181,9 +187,11 @@ INSERT OR REPLACE INTO hour (point, t, low, high, first_t, first, last_t, last, 
 WITH RECURSIVE
 part AS MATERIALIZED (
     SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id AND m.t >= :begin AND m.t < :end
+    WHERE p.id >= :first AND p.id <= :last
     UNION ALL
     SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id
      AND m.t = (SELECT max(b.t) FROM minute b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap - 60000000)
+    WHERE p.id >= :first AND p.id <= :last
 ),
 span AS (
     SELECT p.point, p.t + 60000000 AS t, last AS v, last_q AS q, k.kind = 'text' AS is_text,
@@ -268,6 +276,13 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
+
+
+def _portions(connection: Connection) -> list[tuple[int, int]]:
+    """Numbers of all points as ranges of `POINTS_AT_ONCE`."""
+    numbers = connection.exec_driver_sql("SELECT id FROM point ORDER BY id").scalars().all()
+    portions = (numbers[index : index + POINTS_AT_ONCE] for index in range(0, len(numbers), POINTS_AT_ONCE))
+    return [(part[0], part[-1]) for part in portions]
 
 
 def _first(connection: Connection) -> int | None:

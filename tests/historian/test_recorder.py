@@ -93,6 +93,15 @@ def test_a_step_is_stored_exactly_when_it_changes(steps: list[tuple[int, float]]
     assert [(row[1], row[2]) for row in rows] == [(t, float(v)) for t, v in changes]
 
 
+@pytest.mark.parametrize("band", [1.0, 0.5, 0.1, 0.05, 0.01, 0.001])
+@pytest.mark.parametrize("at", [0, 1, 3, 7, 29, 1000, -3])
+def test_a_last_digit_that_flickers_by_the_dead_band_is_not_stored(band: float, at: int) -> None:
+    track, rows = Track(1, band, True), []  # type: ignore[var-annotated]
+    for i in range(200):
+        track.take(1_000_000 + i * 100_000, round((at + i % 2) * band, 3), GOOD, 0, rows)
+    assert len(rows) == 1
+
+
 def test_a_slow_value_costs_few_rows() -> None:
     samples = [(BEGIN + i * 100_000, i / 1000) for i in range(1, 10_001)]
     assert len(kept(samples, 0.5)) <= 45

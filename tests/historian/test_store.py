@@ -5,6 +5,7 @@ import sqlite3
 from bisect import bisect_left
 from pathlib import Path
 
+import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from hypothesis import given, settings
@@ -206,3 +207,22 @@ def test_the_migration_makes_the_tables_that_the_program_knows(history: Database
         return list(compare_metadata(MigrationContext.configure(connection), history_tables))
 
     assert history.run(differences) == []
+
+
+@pytest.mark.parametrize("at_once", [1, 3, 1000])
+def test_roll_ups_of_many_points_are_each_their_own(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "POINTS_AT_ONCE", at_once)
+    rows = {
+        number: [(BEGIN + number * 1_000_000 + i * 7_000_000, float(i % (number + 1)), GOOD) for i in range(40)]
+        for number in (1, 2, 3, 5, 8, 9, 10)  # numbers have gaps when points were removed
+    }
+    now = BEGIN + 2 * HOUR
+    with fresh() as connection:
+        store.register(connection, [point(f"m1.p{number}") for number in range(1, 11)])
+        for number in (4, 6, 7):
+            connection.exec_driver_sql("DELETE FROM point WHERE id = ?", (number,))
+        for number, series in rows.items():
+            store.append(connection, as_rows(series, number), BEGIN, now)
+        roll_up_all(connection, now)
+        for number, series in rows.items():
+            assert_rolled_up(connection, series, now, number)
