@@ -100,7 +100,7 @@ class Live:
         self.clock = clock
         self._period = period
         self._pages: dict[tuple[str, tuple[str, ...]], Page] = {}
-        self._interest: dict[int, list[Page]] = {}
+        self._interest: dict[int, dict[Page, None]] = {}
         self._unsubscribe = tags.subscribe(self._take)
 
     @property
@@ -119,7 +119,7 @@ class Live:
         page = self._pages.get(key)
         if page is None:
             page = self._pages[key] = Page(kind, names, self)
-            self._resolve()
+            self._follow(page)
         watcher = Watcher(page)
         page.watchers.add(watcher)
         return watcher
@@ -132,7 +132,9 @@ class Live:
             if page.timer:
                 page.timer.cancel()
             if self._pages.pop((page.kind, page.names), None):
-                self._resolve()
+                for handle in page.handles:
+                    if followed := self._interest.get(handle):
+                        followed.pop(page, None)
 
     def renew(self) -> None:
         """The tag database has a new revision: look all handles up again and send everybody a full frame."""
@@ -155,13 +157,16 @@ class Live:
         self._unsubscribe()
 
     def _resolve(self) -> None:
-        known = self.tags.handles
         self._interest = {}
         for page in self._pages.values():
-            page.handles = tuple(known[name] for name in page.names if name in known)
             page.changed.clear()
-            for handle in page.handles:
-                self._interest.setdefault(handle, []).append(page)
+            self._follow(page)
+
+    def _follow(self, page: Page) -> None:
+        known = self.tags.handles
+        page.handles = tuple(known[name] for name in page.names if name in known)
+        for handle in page.handles:
+            self._interest.setdefault(handle, {})[page] = None
 
     def _take(self, batch: Batch) -> None:
         interest = self._interest

@@ -94,6 +94,8 @@ class Gatekeeper:
                 return
         else:
             fresh = await self._browser(scope, state, access, headers, cookies)
+        if (place := state.get("place")) is not None:  # app/web/connections.py
+            place.known(state["person"].session if state["person"] is not None else "")
         await self._app(scope, receive, _with_cookie(send, cookie_name(PRE, secure), fresh, secure) if fresh else send)
 
     async def _browser(

@@ -8,6 +8,7 @@ import ssl
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from fastapi import FastAPI
 from app import logs
 from app.errors import ConfigurationError, PogonError
 from app.settings import Settings
+from app.web.connections import Connection, Greeter, doors_of_this_machine
 from app.web.guard import access_of
 
 BACKLOG = 2048
@@ -32,8 +34,11 @@ def serve(app: FastAPI, settings: Settings) -> None:
     atexit.register(logs.start(settings.log_level, settings.log, settings.syslog))
     check_key(settings.tls_key)
     lifespan = _Lifespan(app)
+    doors = doors_of_this_machine(shared=bool(settings.behind_proxy))
     config = uvicorn.Config(
         lifespan,
+        http=partial(Connection, doors=doors),  # type: ignore[arg-type]  # a factory of protocols is one
+        ws="websockets-sansio",
         host=settings.host,
         port=settings.port,
         log_level=settings.log_level,
@@ -56,6 +61,9 @@ def serve(app: FastAPI, settings: Settings) -> None:
             f"POGON_TLS_CERT={settings.tls_cert}, POGON_TLS_KEY={settings.tls_key}: expected a PEM certificate and its key "
             f"({error.strerror or error})"
         ) from error
+    if config.ssl is not None:
+        config.http_protocol_class = partial(Greeter, doors=doors, context=config.ssl)  # type: ignore[assignment]
+        config.ssl = None
     sockets = open_sockets(settings.host, settings.port)
     try:
         Server(config, app, settings).run(sockets)

@@ -6,7 +6,7 @@
     browser → {"hold": {"equipment", "lease", "counter"}}   every 150 ms while a hold-to-run button is held; the first one starts the motion
     browser → {"hold": {"equipment", "lease", "release": cause}}
     server  → {"hold": {"lease", "counter"}}, with "over": words when the motion ended or never began
-    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large
+    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large, too_fast
 
 The route asks for host, origin, number of sockets and the right to the page at opening, and for the right again every 30 s.
 """
@@ -22,17 +22,26 @@ import orjson
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from app.access.roles import Person
 from app.commands.gate import Gate
 from app.errors import Refused
 from app.live.frames import Live, Watcher
-from app.web.guard import allow
+from app.web.guard import address_of, allow
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.security import host_of, is_own_origin
 
 log = logging.getLogger(__name__)
 
-MOST_PER_ADDRESS = 20
 MOST = 500
+"""Sockets in all."""
+MOST_GUESTS = 300
+"""Of them, sockets of visitors without sign-in; the first to go when somebody who is signed in needs a place."""
+MOST_PER_ADDRESS = 200
+"""Of visitors at one address: a class of thirty behind one address, each with several tabs."""
+MOST_PER_SESSION = 30
+"""Tabs of one session."""
+MESSAGES, AT_ONCE = 10.0, 30.0
+"""A browser may send so many messages a second, and so many at once (a button that is held sends 7 a second)."""
 LARGEST_MESSAGE = 4096
 """Of a browser [characters]; the server itself refuses a frame above 64 KB."""
 RECHECK = 30.0
@@ -62,30 +71,54 @@ class Sockets:
     """The open sockets of this server: how many there are, who may watch what."""
 
     def __init__(
-        self, may_watch: Guard = guests_while_simulated, *, most: int = MOST, per_address: int = MOST_PER_ADDRESS
+        self,
+        may_watch: Guard = guests_while_simulated,
+        *,
+        most: int = MOST,
+        most_guests: int = MOST_GUESTS,
+        per_address: int = MOST_PER_ADDRESS,
+        per_session: int = MOST_PER_SESSION,
     ) -> None:
         self.may_watch = may_watch
         self.most = most
+        self.most_guests = most_guests
         self.per_address = per_address
+        self.per_session = per_session
         self.recheck = RECHECK
-        self._open: dict[WebSocket, str] = {}
-        self._count: Counter[str] = Counter()
+        self._open: dict[WebSocket, tuple[str, str]] = {}
+        self._guests: dict[WebSocket, None] = {}
+        self._count: Counter[tuple[str, str]] = Counter()
         self._closing: set[asyncio.Task[None]] = set()
 
     def __len__(self) -> int:
         return len(self._open)
 
-    def enter(self, websocket: WebSocket, who: str) -> bool:
-        """Count a socket of `who` (an address, a session) in; False when there are enough."""
-        if len(self._open) >= self.most or self._count[who] >= self.per_address:
+    def enter(self, websocket: WebSocket, address: str, session: str = "") -> bool:
+        """Count a socket in, of a session or of a guest at `address`; False when there are enough.
+
+        Who is signed in takes the place of the guest who has been there longest.
+        """
+        who = ("session", session) if session else ("address", address)
+        if self._count[who] >= (self.per_session if session else self.per_address):
             return False
+        if not session and (len(self._guests) >= self.most_guests or len(self._open) >= self.most):
+            return False
+        if len(self._open) >= self.most:
+            if not self._guests:
+                return False
+            oldest = next(iter(self._guests))
+            self.leave(oldest)
+            self._close_soon(oldest, TRY_LATER)
         self._open[websocket] = who
         self._count[who] += 1
+        if not session:
+            self._guests[websocket] = None
         return True
 
     def leave(self, websocket: WebSocket) -> None:
         """Count it out."""
         who = self._open.pop(websocket, None)
+        self._guests.pop(websocket, None)
         if who is not None:
             self._count[who] -= 1
             if not self._count[who]:
@@ -96,9 +129,12 @@ class Sockets:
         for websocket in tuple(self._open):
             person = getattr(websocket.state, "person", None)
             if person is not None and person.session in sessions:
-                task = asyncio.get_running_loop().create_task(_close(websocket, POLICY))
-                self._closing.add(task)
-                task.add_done_callback(self._closing.discard)
+                self._close_soon(websocket, POLICY)
+
+    def _close_soon(self, websocket: WebSocket, code: int) -> None:
+        task = asyncio.get_running_loop().create_task(_close(websocket, code))
+        self._closing.add(task)
+        task.add_done_callback(self._closing.discard)
 
     async def close(self) -> None:
         """Close all sockets: the server ends."""
@@ -127,7 +163,8 @@ async def live(websocket: WebSocket) -> None:
         await websocket.close(POLICY)
         return
     sockets = sockets_of(websocket.app)
-    if not sockets.enter(websocket, websocket.client.host if websocket.client else ""):
+    person: Person | None = getattr(websocket.state, "person", None)
+    if not sockets.enter(websocket, address_of(websocket.scope), person.session if person else ""):
         log.warning("socket refused open=%s", len(sockets))
         await websocket.close(TRY_LATER)
         return
@@ -152,6 +189,23 @@ class _Refuse(Exception):
         self.code = code
 
 
+class Allowance:
+    """How many messages a browser may still send: some at once, then so many a second."""
+
+    def __init__(self, now: float, rate: float = MESSAGES, at_once: float = AT_ONCE) -> None:
+        self._rate, self._most = rate, at_once
+        self._left, self._then = at_once, now
+
+    def take(self, now: float) -> bool:
+        """Whether one may come at `now` [s, of the loop]."""
+        self._left = min(self._most, self._left + (now - self._then) * self._rate)
+        self._then = now
+        if self._left < 1:
+            return False
+        self._left -= 1
+        return True
+
+
 class _Conversation:
     """What goes to and fro on one socket: this task hears, a second one speaks."""
 
@@ -165,6 +219,7 @@ class _Conversation:
         self.speaker: asyncio.Task[None] | None = None
         person = getattr(websocket.state, "person", None)
         self.session: str = person.session if person is not None else ""
+        self.allowance = Allowance(asyncio.get_running_loop().time())
         self.leases: set[str] = set()
         """Leases of hold-to-run that were kept alive here: they end with the socket."""
 
@@ -202,6 +257,8 @@ class _Conversation:
         message = await self.websocket.receive()
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(message.get("code", 1005))
+        if not self.allowance.take(asyncio.get_running_loop().time()):
+            raise _Refuse("too_fast", TRY_LATER)
         text = message.get("text")
         if text is None or len(text) > LARGEST_MESSAGE:
             raise _Refuse("too_large" if text else "bad_message", TOO_LARGE if text else POLICY)

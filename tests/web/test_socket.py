@@ -19,7 +19,7 @@ from app.live.frames import Live
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
 from app.web.guard import Gatekeeper
-from app.web.socket import Sockets, router, sockets_of
+from app.web.socket import Allowance, Sockets, router, sockets_of
 from tests.conftest import find_port
 
 
@@ -313,3 +313,54 @@ async def test_a_guard_of_ones_own_decides(served: Served) -> None:
         await say(socket, {"subscribe": "equipment/m1", "rev": 1})
         assert await hear(socket) == {"error": "not_allowed"}
     assert asked == ["equipment/m1", "equipment/m1"]
+
+
+class Tab:
+    """A socket of somebody, as far as it is counted."""
+
+
+async def test_who_is_signed_in_takes_the_place_of_the_guest_who_came_first(served: Served) -> None:
+    sockets = served.sockets
+    sockets.most = 3
+    async with served.open() as first, served.open() as second, served.open():
+        assert not sockets.enter(Tab(), "127.0.0.1")  # type: ignore[arg-type]
+        one, two = Tab(), Tab()
+        for mine in (one, two):
+            assert sockets.enter(mine, "127.0.0.1", "session")  # type: ignore[arg-type]
+        for gone in (first, second):
+            with pytest.raises(ConnectionClosed) as closed:
+                await hear(gone)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 1013
+        assert len(sockets) == 3
+        for mine in (one, two):
+            sockets.leave(mine)  # type: ignore[arg-type]
+
+
+def test_a_session_has_its_tabs_and_a_class_room_its_guests() -> None:
+    sockets = Sockets()
+    ours = [Tab() for _ in range(31)]
+    assert [sockets.enter(one, "a", "s1") for one in ours] == [True] * 30 + [False]  # type: ignore[arg-type]
+    guests = [sockets.enter(object(), "a") for _ in range(250)]  # type: ignore[arg-type]
+    assert sum(guests) == 200
+    assert sum(sockets.enter(object(), f"b{n}") for n in range(250)) == 100  # type: ignore[arg-type]
+    assert sockets.enter(object(), "a", "s2")  # type: ignore[arg-type]
+
+
+async def test_who_sends_too_much_is_closed_and_nobody_else(served: Served) -> None:
+    async with served.open() as loud, served.open() as quiet:
+        await ask(quiet)
+        with pytest.raises(ConnectionClosed) as closed:
+            for _ in range(1500):
+                await say(loud, {"subscribe": "equipment/m1", "rev": 1})
+            while True:
+                await hear(loud)
+        assert closed.value.rcvd is None or closed.value.rcvd.code == 1013
+        assert (await hear(quiet))["full"] is True
+
+
+def test_ten_a_second_and_a_handful_at_once_are_taken() -> None:
+    allowance = Allowance(0.0)
+    assert [allowance.take(0.0) for _ in range(31)] == [True] * 30 + [False]
+    assert all(allowance.take(1.0 + step * 0.15) for step in range(1000))  # a button that is held
+    assert sum(allowance.take(200.0 + step * 0.01) for step in range(1000)) == pytest.approx(130, abs=2)
