@@ -79,7 +79,10 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
     )
     host = folder(
         tmp_path / "host",
-        PLANT.format(link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}', simulation=""),
+        PLANT.format(
+            link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}\nsimulated = true',
+            simulation="",
+        ),
     )
     data = tmp_path / "data"
     newest = "SELECT max(sequence) FROM passage_step"
@@ -122,7 +125,10 @@ async def test_killed_while_the_history_takes_nothing_it_misses_no_event(
 def _kill_while_nothing_is_taken(pogon_server: START, tmp_path: Path, modbus: int, way: str) -> None:
     host = folder(
         tmp_path / "host",
-        PLANT.format(link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}', simulation=""),
+        PLANT.format(
+            link=f'transport = "tcp"\nhost = "127.0.0.1"\nport = {modbus}\nsimulated = true',
+            simulation="",
+        ),
     )
     data = tmp_path / "data"
     newest = "SELECT sequence FROM event_mark"

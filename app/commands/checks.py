@@ -8,7 +8,7 @@ from app.commands import interlocks
 from app.commands.control_token import ControlToken
 from app.commands.entry import parse_number
 from app.commands.interlocks import Age, Prepared, Reason
-from app.commands.orders import Machine, Order, Question, Task, Writer, may_write
+from app.commands.orders import Machine, Order, Question, Task, Writer
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Condition, Scan
@@ -72,7 +72,7 @@ class Checks:
         writer = self._writers.get(machine.item.link)
         if writer is None:
             reasons.append((Reason("why.no_link", {"link": machine.item.link}), 503))
-        elif not may_write(machine.link, writer):
+        elif not machine.link.may_write:
             reasons.append((Reason("why.writes_off", {"link": machine.item.link}), 409))
         if prepared.command.stop:
             return reasons
@@ -254,7 +254,7 @@ class Checks:
         if prepared.point is not None and prepared.point.scan in (Scan.PAGE, Scan.ONCE):
             keys.append(prepared.point.key)
         keys = [key for key in dict.fromkeys(keys) if points[key].register and age(key) > RENEW_AFTER]
-        if not keys or writer is None or not may_write(machine.link, writer):
+        if not keys or writer is None or not machine.link.may_write:
             return
         try:
             await writer.refresh(machine.item.id, keys)

@@ -251,8 +251,3 @@ class Machine:
 
     def __post_init__(self) -> None:
         self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))
-
-
-def may_write(link: Link, writer: Writer) -> bool:
-    """A live link sends commands only when the plant file says so."""
-    return link.writes or link.simulated or writer.simulated

@@ -84,11 +84,13 @@ class Line:
         """Scan `block` no more until it is given a place again."""
         self._schedule.drop(block)
 
-    async def read(self, station: Station, block: Block, *, liveness: bool = True) -> list[int]:
+    async def read(self, station: Station, block: Block, *, liveness: bool = True, quiet: bool = False) -> list[int]:
         """One read for a task that can wait, also for the line to forget an earlier request."""
         while True:
             try:
-                return await self.ask(self.job(station.number, block, liveness=liveness), Priority.REFRESH)
+                job = self.job(station.number, block, liveness=liveness)
+                job.quiet = quiet
+                return await self.ask(job, Priority.REFRESH)
             except StillOwed as error:
                 await asyncio.sleep(error.wait)
 

@@ -229,9 +229,11 @@ class Outages(Line):
     async def _identify(self, station: Station) -> bool:
         """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one."""
         if self.link.simulated:
-            station.simulated = True
+            station.marked = True
             return True
-        station.simulated = False
+        station.marked = False
+        if any(first <= station.device.training <= last for first, last in station.device.holes):
+            return True
         for _ in range(1 + RETRIES):
             try:
                 magic, flags, version, _ = await self._read_training_head(station)
@@ -251,7 +253,7 @@ class Outages(Line):
                     TRAINING_VERSION,
                 )
                 return False
-            station.simulated = True
+            station.marked = True
             return True
         return True
 
@@ -260,11 +262,13 @@ class Outages(Line):
         for more in range(TRAINING_SPARE):
             block = Block(station.device.training, TRAINING_WORDS + more)
             try:
-                words = await self.ask(self.job(station.number, block, liveness=False), Priority.REFRESH)
+                job = self.job(station.number, block, liveness=False)
+                job.quiet = True
+                words = await self.ask(job, Priority.REFRESH)
             except StillOwed:
                 continue
             return words[:TRAINING_WORDS]
-        return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False)
+        return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False, quiet=True)
 
     def replan(self, station: Station) -> None:
         """Read it by a new plan from now on."""

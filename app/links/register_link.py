@@ -1,7 +1,7 @@
 """The register link: the points of some machines, kept true over one connection to their registers, and the road for writes.
 
 By itself it only reads. What is written comes from the command gate (`write`), the instructor or the probe (`raw_write`), and goes to a
-live device only when the plant file says `writes = true`.
+device only when the plant file says `writes = true`; without a word of it, to what is simulated in this process.
 """
 
 import asyncio
@@ -74,7 +74,7 @@ class RegisterLink:
 
     @property
     def simulated(self) -> bool:
-        """Whether every unit behind the link has said that it is simulated; False before they were asked."""
+        """Whether nothing real is behind the link: it is in this process, or the plant file lets its devices say so and all do."""
         return self._runner.statistics.simulated
 
     @property
@@ -164,7 +164,7 @@ class RegisterLink:
 
         Raises:
             Rejected: the device took none of the set, with its own reason.
-            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            Refused: `command.writes_off`: the plant file does not allow writes.
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
         item = self._equipment_named(equipment)
@@ -208,7 +208,7 @@ class RegisterLink:
         one. When the echo is lost the answers of the device tell whether it arrived. `urgent` as in `write`.
 
         Raises:
-            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            Refused: `command.writes_off`: the plant file does not allow writes.
             LinkError: it did not arrive, or nobody knows (NoAnswer). It is never sent again by itself.
         """
         station, plc = self._plc_of(equipment)
@@ -232,7 +232,7 @@ class RegisterLink:
         """Ask for hold-to-run: request bits, a counter that must rise at least every 500 ms, an argument; bits 0 release it.
 
         Raises:
-            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            Refused: `command.writes_off`: the plant file does not allow writes.
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
         station, plc = self._plc_of(equipment)
@@ -275,12 +275,10 @@ class RegisterLink:
         """Write `words` from `address` of any unit, with function 06 for one word and 16 for more.
 
         Raises:
-            Refused: `command.writes_off`: the device is live and the plant file does not allow writes.
+            Refused: `command.writes_off`: the plant file does not allow writes.
             LinkError: as the transport.
         """
-        station = self._runner.stations.get(unit)
-        simulated = self.link.simulated or (station is not None and station.simulated and self._runner.connected)
-        if not simulated and not self.link.writes:
+        if not self.link.may_write:
             raise Refused("command.writes_off", link=self.name)
         function = WRITE_SINGLE if len(words) == 1 else WRITE_MULTIPLE
         await self._send(unit, address, words, function, liveness=not self._is_training(unit, address))

@@ -256,7 +256,7 @@ class LinkRunner(Outages):
             if isinstance(error, DeviceException):
                 lane.answers += 1
                 self._answered(station, started, job.liveness and error.code not in GATEWAY)
-            if not isinstance(error, StillOwed):
+            if not isinstance(error, StillOwed) and not (job.quiet and isinstance(error, DeviceException)):
                 self.statistics.failed(job.unit, error)
             fail(job, error)
             if isinstance(error, NotConnected):

@@ -55,6 +55,8 @@ class Job:
     """Whether a transport was given it: from then on nobody knows whether the device acted, until it says so."""
     liveness: bool = field(default=True)
     """Whether an answer shows that the unit is there; training registers answer with the cable pulled."""
+    quiet: bool = False
+    """A refusal is an answer like any other: the question is ours, no fault of the device."""
 
 
 class Schedule:

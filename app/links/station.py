@@ -31,8 +31,8 @@ class Station:
     source: str
     next_block: Callable[[], int]
     """Gives the next block number of the link."""
-    simulated: bool = False
-    """Whether it said so; a device that did not is live."""
+    marked: bool = False
+    """Whether it says that it is simulated."""
     state: State = State.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""
@@ -68,9 +68,14 @@ class Station:
         return self.link.timeout or max(item.type.device.timeout for item in self.equipment)
 
     @property
+    def simulated(self) -> bool:
+        """Whether nothing real is behind it: the plant file says so, or allows the device to say so."""
+        return self.link.simulated or (self.marked and self.link.believe_simulated)
+
+    @property
     def origin(self) -> int:
-        """Origin flag of its values."""
-        return Origin.SIMULATED if self.simulated else 0
+        """Origin flag of its values, as the device has it: it only shows."""
+        return Origin.SIMULATED if self.marked else 0
 
     @property
     def basis(self) -> int:
@@ -79,8 +84,8 @@ class Station:
 
     @property
     def may_write(self) -> bool:
-        """Whether anything may be written to it: the plant file allows it, or nothing real is behind it."""
-        return self.link.writes or self.link.simulated or self.simulated
+        """Whether anything may be written to it."""
+        return self.link.may_write
 
     def plan(self) -> list[ScanBlock]:
         """Plan the reads anew; blocks that stay as they are keep their number and state. Returns those that are gone."""

@@ -461,7 +461,10 @@ class Link:
     baud: int = 9600
     parity: str = "even"
     stop_bits: int = 1
-    writes: bool = False
+    writes: bool | None = None
+    """Whether commands may be sent; None when the plant file says nothing: then only to what is simulated in this process."""
+    believe_simulated: bool = False
+    """`simulated = true`: a device of this link that says it is simulated counts as such. Anybody on the wire can say so."""
     fast: float | None = None
     slow: float | None = None
     timeout: float | None = None
@@ -471,6 +474,11 @@ class Link:
     def simulated(self) -> bool:
         """Whether the plant file itself says that nothing real is behind it."""
         return self.transport == "memory"
+
+    @property
+    def may_write(self) -> bool:
+        """Whether anything may be sent that writes; whatever a device says of itself does not count."""
+        return self.simulated if self.writes is None else self.writes
 
 
 @dataclass(frozen=True, slots=True)

@@ -195,6 +195,7 @@ class _PlantReader:
             table.note("baud", baud, "one of " + ", ".join(map(str, BAUD)))
             baud = 9600
         parity = table.text("parity", "even", choices=PARITY)
+        writes = table.flag("writes")
         link = Link(
             name=key,
             transport=transport,
@@ -204,7 +205,8 @@ class _PlantReader:
             baud=baud,
             parity=parity,
             stop_bits=table.whole("stop_bits", 2 if parity == "none" else 1, 1, 2),
-            writes=table.flag("writes"),
+            writes=writes if table.has("writes") else None,
+            believe_simulated=table.flag("simulated"),
             fast=table.number("fast", None, 0.01, 3600),
             slow=table.number("slow", None, 0.01, 3600),
             timeout=table.number("timeout", None, 0.01, 60),

@@ -348,12 +348,10 @@ async def test_a_value_whose_origin_is_simulated_or_forced_does_not_hinder() -> 
 
 async def test_a_live_link_sends_nothing_until_the_plant_file_says_so() -> None:
     stand = Stand(plant=demo_plant(transport="tcp", writes=False))
-    stand.link.simulated = False
     for command in ("forward", "stop"):
         assert (await refusal(stand, ANA, command)).reason == "why.writes_off"
     assert stand.link.writes == []
     stand = Stand(plant=demo_plant(transport="tcp", writes=True))
-    stand.link.simulated = False
     assert (await stand.ask(ANA, "forward")).state is State.ACCEPTED
 
 

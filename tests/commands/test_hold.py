@@ -356,7 +356,6 @@ async def test_a_short_tap_stops_again_and_is_not_called_done() -> None:
 async def test_a_dry_run_and_a_live_link_without_writes_arm_nothing() -> None:
     assert (await refusal(Pressed(Stand(dry_run=True)))).reason == "why.dry_run"
     stand = Stand(plant=demo_plant(transport="tcp", writes=False))
-    stand.link.simulated = False
     assert (await refusal(Pressed(stand))).reason == "why.writes_off"
 
 

@@ -29,10 +29,11 @@ async def demo(transport: str) -> AsyncIterator[Line]:
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
     serial = await serve_line(bus, 57600)
+    link = replace(link, writes=True, believe_simulated=True)
     if transport == "tcp":
-        link = replace(link, transport="tcp", host="127.0.0.1", tcp_port=server.address[1], writes=False)
+        link = replace(link, transport="tcp", host="127.0.0.1", tcp_port=server.address[1])
     elif transport == "rtu":
-        link = replace(link, transport="rtu", port=serial.path, baud=57600, parity="none", stop_bits=2, writes=False)
+        link = replace(link, transport="rtu", port=serial.path, baud=57600, parity="none", stop_bits=2)
     try:
         async with running(equipment, exchange=on_bus(bus), link=link) as line:
             yield line

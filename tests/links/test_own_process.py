@@ -62,8 +62,8 @@ def where_of(said: dict[str, str]) -> tuple[str, str]:
     """Transport and lines of the plant file for what `pogon simulate` has opened."""
     if "tcp" in said:
         host, _, port = said["tcp"].rpartition(":")
-        return "tcp", f'host = "{host}"\nport = {port}'
-    return "rtu", f'port = "{said["rtu"].split()[0]}"\nbaud = {BAUD}\nparity = "none"'
+        return "tcp", f'host = "{host}"\nport = {port}\nsimulated = true'
+    return "rtu", f'port = "{said["rtu"].split()[0]}"\nbaud = {BAUD}\nparity = "none"\nsimulated = true'
 
 
 @pytest.fixture(params=["tcp", "rtu"])

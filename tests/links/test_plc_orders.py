@@ -208,9 +208,7 @@ async def test_the_same_id_is_not_executed_again() -> None:
 async def test_what_is_refused_before_it_is_sent() -> None:
     device = SmallPlc()
     async with plant(device, "tcp", writes=False) as (line, _):
-        line.link.stations[1].simulated = False
         await until(lambda: line.value("p.state") == 1)
-        line.link.stations[1].simulated = False
         with pytest.raises(Refused):
             await line.link.order("p", START)
         with pytest.raises(Refused):

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -484,15 +485,52 @@ async def test_a_live_device_is_not_written_to_until_the_plant_file_says_so() ->
     await server.close()
 
 
-async def test_a_device_that_says_it_is_simulated_takes_writes_and_its_values_are_marked() -> None:
+@pytest.mark.parametrize("writes", [None, False, True])
+@pytest.mark.parametrize("believed", [False, True])
+async def test_what_a_device_says_of_itself_shows_and_opens_nothing_that_the_plant_file_keeps_shut(
+    believed: bool, writes: bool | None
+) -> None:
     device = RegisterDevice({0: 0, 1: 0, 2: 0, 0x20: 0, 0xE000: 0x5047, 0xE001: 1, 0xE002: 1, 0xE003: 1})
     server = await serving(Bus({1: device}))
-    async with running([machine("m", 1, writable(), QUICK)], link=tcp_link(server)) as line:  # type: ignore[arg-type]
+    link = tcp_link(server, writes=writes, believe_simulated=believed)  # type: ignore[arg-type]
+    async with running([machine("m", 1, writable(), QUICK)], link=link) as line:
         await until(lambda: line.value("m.speed") == 0)
-        assert line.link.simulated
+        assert line.link.simulated is line.link.stations[1].simulated is believed
         assert line.quality("m.speed") == GOOD | SIMULATED
-        await line.link.write("m", "command", 1)
+        if writes:
+            await line.link.write("m", "command", 1)
+        for write in () if writes else (line.link.write("m", "command", 1), line.link.raw_write(1, 0xE010, [4])):
+            with pytest.raises(Refused) as refused:
+                await write
+            assert refused.value.reason == "command.writes_off"
+    assert device.writes == [(0x20, (1,))] * bool(writes)
+    await server.close()
+
+
+async def test_a_simulated_line_of_this_process_whose_writes_are_off_takes_none() -> None:
+    device = RegisterDevice({0: 0, 1: 0, 2: 0, 0x20: 0})
+    for writes in (False, None):
+        link = Link("hall", "memory", writes=writes)
+        async with running([machine("m", 1, writable(), QUICK)], exchange=on_bus(Bus({1: device})), link=link) as line:
+            await until(lambda line=line: line.value("m.speed") == 0)
+            if writes is None:
+                await line.link.write("m", "command", 1)
+                continue
+            with pytest.raises(Refused):
+                await line.link.write("m", "command", 1, urgent=True)
     assert device.writes == [(0x20, (1,))]
+
+
+@pytest.mark.parametrize("holes", [(), ((0x30, 0xFFFF),)])
+async def test_our_own_question_to_a_foreign_device_is_no_fault_of_it(holes: tuple[tuple[int, int], ...]) -> None:
+    device = RegisterDevice({0: 0, 1: 0, 2: 0, 0x20: 0})
+    server = await serving(Bus({1: device}))
+    item = machine("m", 1, writable(), replace(QUICK, holes=holes))
+    async with running([item], link=tcp_link(server)) as line:  # type: ignore[arg-type]
+        await until(lambda: line.value("m.speed") == 0)
+        statistics = line.link.statistics
+        assert (statistics.last_error_text, statistics.units[1].exceptions) == ("", 0)
+        assert any(address >= 0xE000 for address, _ in device.reads) is not bool(holes)
     await server.close()
 
 

@@ -70,7 +70,7 @@ def test_the_lines_of_the_design_page_are_enough(tmp_path: Path) -> None:
         "even",
         1,
     )
-    assert (link.writes, link.simulated) == (False, False)
+    assert (link.writes, link.may_write, link.simulated, link.believe_simulated) == (False, False, False, False)
     assert (motor.unit, motor.label["cs"], motor.options["rated_current"]) == (1, "Ventilátor 2", 2.5)
     assert plant.points["m2.current"].normal == (0.75, 2.4)
     assert (motor.area, plant.areas["drives"]["hr"]) == ("drives", "Pogoni")

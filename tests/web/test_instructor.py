@@ -4,6 +4,7 @@ import asyncio
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +197,11 @@ def test_a_live_device_is_never_broken_even_where_writes_are_allowed(
     async def other_device(unit: int, address: int, count: int, function: int = 3) -> list[int]:
         return [0] * count
 
-    link_of(client).stations[1].simulated = True  # it was one, and something else has taken its place on the line
+    item = link_of(client).stations[1]
+    item.marked, item.link = (
+        True,
+        replace(item.link, believe_simulated=True),
+    )  # it was one, and something else has taken its place on the line
     link_of(client).raw_read = other_device
     answer = people.post("/instructor/m1/fault", {"code": "4"})
     assert (answer.status_code, "m1 is no simulated device" in answer.text, sent) == (409, True, [])
