@@ -19,7 +19,7 @@ from app.links.contract import Block, Counts, Exchange
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_request, parse_answer
 
-CONNECT_LIMIT = 3.0
+CONNECT_LIMIT = 1.2
 """Longest wait for a socket [s]."""
 NEVER = 1 << 40
 """pymodbus would cut the line after a few silent units; the link decides that."""

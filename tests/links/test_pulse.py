@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from app import bundled
-from app.clock import ManualClock, SystemClock
+from app.clock import ManualClock
 from app.errors import DeviceException, Refused
 from app.links.pulse import FIRST, LAST, STANDS, Pulse
 from app.links.register_link import RegisterLink
@@ -15,11 +15,13 @@ from app.plant.definitions import Link
 from app.registers import plc_map
 from app.sim.bus import Bus
 from app.sim.plant import SimPlant, read_simulated
-from app.sim.server import TcpServer, serve_pty
+from app.sim.server import TcpServer
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import HALTED, Reason, is_good, reason
 from tests.links.devices import on_bus, until
 from tests.links.plc_devices import KINDS, START, STATUS, STOP, SmallPlc, plant
+from tests.virtual import loop_clock
+from tests.wires import serve_line
 
 MACHINES = ("c1", "cc1", "seq1")
 
@@ -189,7 +191,7 @@ async def machine(name: str, kind: str) -> AsyncIterator[tuple[RegisterLink, Tag
         await server.start("127.0.0.1", 0)
         link = Link(item.link, "tcp", host="127.0.0.1", tcp_port=server.address[1], writes=True)
     elif kind == "rtu":
-        tty = await serve_pty(bus, 115200)
+        tty = await serve_line(bus, 115200)
         link = Link(item.link, "rtu", port=tty.path, baud=115200, parity="none", stop_bits=2, writes=True)
 
     async def scans() -> None:
@@ -199,9 +201,9 @@ async def machine(name: str, kind: str) -> AsyncIterator[tuple[RegisterLink, Tag
                     device.step()
             await asyncio.sleep(0.01)
 
-    tags = TagDatabase(SystemClock())
+    tags = TagDatabase(loop_clock())
     tags.configure([Tag(p.name, p.id, f"link.{item.link}") for p in item.points.values()])
-    made = RegisterLink(link, [item], tags, SystemClock(), exchange=on_bus(bus) if kind == "memory" else None)
+    made = RegisterLink(link, [item], tags, loop_clock(), exchange=on_bus(bus) if kind == "memory" else None)
     tasks = [asyncio.create_task(scans()), asyncio.create_task(made.run())]
     try:
         yield made, tags, standing

@@ -1,0 +1,81 @@
+"""After a fault is over the values are good again within two seconds, on every road, however long it lasted."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from app.plant.definitions import Device, Link
+from app.sim.bus import Bus, LineFaultMode
+from app.sim.server import TcpServer
+from app.sim.training import LineFault
+from app.tags.quality import is_bad, is_good
+from tests.links.devices import Line, RegisterDevice, on_bus, row, running, until
+from tests.wires import serve_line
+
+KINDS = ("memory", "tcp", "rtu")
+BACK = 2.0
+DRIVE = Device(timeout=0.25, fast=0.1)
+MODES = [mode for mode in LineFaultMode if mode not in (LineFaultMode.NONE, LineFaultMode.SLOW)]
+LENGTHS = (1.0, 4.0, 12.0)
+
+
+@asynccontextmanager
+async def line(kind: str, bus: Bus, *units: int) -> AsyncIterator[Line]:
+    server, tty = TcpServer(bus), None
+    link = Link("hall", "memory")
+    if kind == "tcp":
+        await server.start("127.0.0.1", 0)
+        link = Link("hall", "tcp", host="127.0.0.1", tcp_port=server.address[1])
+    elif kind == "rtu":
+        tty = await serve_line(bus, 38400)
+        link = Link("hall", "rtu", port=tty.path, baud=38400, parity="none", stop_bits=2)
+    machines = [row(f"m{unit}", unit, 25, DRIVE) for unit in units]
+    try:
+        async with running(machines, exchange=on_bus(bus) if kind == "memory" else None, link=link) as made:
+            yield made
+    finally:
+        await server.close()
+        if tty is not None:
+            await tty.close()
+
+
+async def back_after(kind: str, mode: LineFaultMode, seconds: float, *, beside: bool) -> float:
+    """How long it takes from the end of a fault of unit 1 until its values are good [s]."""
+    devices = {unit: RegisterDevice({n: 0 for n in range(25)}) for unit in ((1, 2) if beside else (1,))}
+    async with line(kind, Bus(devices), *devices) as made:
+        await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices))
+        await asyncio.sleep(0.5)
+        devices[1].line_fault = replace(LineFault(), mode=mode, argument=4 if mode is LineFaultMode.EXCEPTION else 0)
+        devices[1].words = {n: 7 for n in range(25)}
+        await until(lambda: is_bad(made.quality("m1.v0")))
+        await asyncio.sleep(seconds)
+        assert not beside or is_good(made.quality("m2.v0"))
+        assert not is_good(made.quality("m1.v0"))
+        devices[1].line_fault = LineFault()
+        devices[1].words = {n: 9 for n in range(25)}
+        return await until(lambda: is_good(made.quality("m1.v0")) and made.value("m1.v0") == 9)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+async def test_a_unit_is_back_within_two_seconds_whatever_was_wrong_and_however_long(kind: str, beside: bool) -> None:
+    cases = [(mode, seconds) for mode in MODES for seconds in LENGTHS]
+    took = await asyncio.gather(*(back_after(kind, *case, beside=beside) for case in cases))
+    late = {(mode.name, seconds): round(found, 2) for (mode, seconds), found in zip(cases, took, strict=True)}
+    assert not {case: found for case, found in late.items() if found > BACK}, late
+
+
+async def test_all_units_of_a_line_whose_cable_was_out_are_back_at_once() -> None:
+    devices = {unit: RegisterDevice({n: 0 for n in range(25)}) for unit in range(1, 7)}
+    async with line("rtu", Bus(devices), *devices) as made:
+        await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices))
+        for device in devices.values():
+            device.line_fault = replace(LineFault(), mode=MODES[0])
+        await until(lambda: all(is_bad(made.quality(f"m{unit}.v0")) for unit in devices))
+        await asyncio.sleep(6.0)
+        for device in devices.values():
+            device.line_fault = LineFault()
+        assert await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices)) < BACK + 1.0
