@@ -72,78 +72,7 @@ SCREENS = {
 }
 MARKS = re.compile(r"\[(?:[a-z]{2}\]|[a-z_]+(?:\.[a-z0-9_]+)+\])")
 """`[en]` before a text of another language, `[key.of.a.text]` where there is none."""
-LOOK = r"""() => {
-  const faults = new Set(), w = document.documentElement.clientWidth;
-  const short = (e) => e.tagName.toLowerCase() + (e.id ? '#' + e.id : '') + [...e.classList].map((c) => '.' + c).join('');
-  const name = (e) => short(e) + ' "' + e.textContent.trim().replace(/\s+/g, ' ').slice(0, 40) + '"';
-  const shown = (e) => e.getClientRects().length && getComputedStyle(e).visibility !== 'hidden'
-    && !e.closest('svg, .vh, [hidden], details:not([open]) > :not(summary), .skip');
-  const moves = (e) => { // whether a reader can bring it into view
-    for (let p = e.parentElement; p && p !== document.body; p = p.parentElement)
-      if (/(auto|scroll)/.test(getComputedStyle(p).overflowX) && p.scrollWidth > p.clientWidth) return true;
-    return false;
-  };
-  const floats = (e) => { // in front of what scrolls, on purpose
-    for (let p = e; p && p !== document.body; p = p.parentElement)
-      if (/(fixed|sticky)/.test(getComputedStyle(p).position)) return true;
-    return false;
-  };
-  const clipped = (e) => { // what of it the scrolling around it leaves to see
-    const box = e.getBoundingClientRect(), r = { left: box.left, top: box.top, right: box.right, bottom: box.bottom };
-    for (let p = e.parentElement; p && p !== document.body; p = p.parentElement) {
-      if (!/(auto|scroll|hidden|clip)/.test(getComputedStyle(p).overflowX + getComputedStyle(p).overflowY)) continue;
-      const o = p.getBoundingClientRect();
-      r.left = Math.max(r.left, o.left); r.top = Math.max(r.top, o.top);
-      r.right = Math.min(r.right, o.right); r.bottom = Math.min(r.bottom, o.bottom);
-    }
-    return r;
-  };
-  const written = (e) => { // where its own words are, without those of its children
-    const boxes = [...e.childNodes].filter((n) => n.nodeType === 3 && n.textContent.trim()).map((n) => {
-      const range = document.createRange();
-      range.selectNodeContents(n);
-      return range.getBoundingClientRect();
-    });
-    const edge = (side, best) => best(...boxes.map((box) => box[side]));
-    const r = { left: edge('left', Math.min), top: edge('top', Math.min) };
-    r.right = edge('right', Math.max);
-    r.bottom = edge('bottom', Math.max);
-    return { ...r, width: r.right - r.left, height: r.bottom - r.top };
-  };
-  if (document.documentElement.scrollWidth > w + 1)
-    faults.add('the page scrolls sideways by ' + (document.documentElement.scrollWidth - w));
-  const texts = [...document.querySelectorAll('body *')].filter((e) =>
-    shown(e) && [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()));
-  for (const e of texts) {
-    const t = written(e);
-    if (t.width <= 2 || t.height <= 2) continue;
-    if ((t.right > w + 1 || t.left < -1) && !moves(e) && !floats(e)) faults.add('beyond the edge: ' + name(e));
-    for (let p = e; p && p !== document.body; p = p.parentElement) {
-      const s = getComputedStyle(p), o = p.getBoundingClientRect();
-      if (/(auto|scroll)/.test(s.overflowX + s.overflowY)) break;
-      if (!/(hidden|clip)/.test(s.overflowX + s.overflowY)) continue;
-      if (o.width <= 2 || o.height <= 2) break;
-      const sideways = t.right > o.right + 2 || t.left < o.left - 2;
-      const way = sideways ? 'sideways' : t.bottom > o.bottom + 3 || t.top < o.top - 3 ? 'in height' : '';
-      if (way) {
-        faults.add((s.textOverflow === 'ellipsis' ? 'shortened ' : 'cut off ') + way + ' by ' + short(p) + ': ' + name(e));
-        break;
-      }
-    }
-  }
-  const pressed = [...document.querySelectorAll('button, a.btn, a.ib, summary, select, input:not([type=hidden])')]
-    .filter((e) => shown(e) && !floats(e));
-  const over = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
-    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2;
-  pressed.forEach((a, i) => pressed.slice(i + 1).forEach((b) => {
-    if (!a.contains(b) && !b.contains(a) && over(clipped(a), clipped(b))) faults.add('overlap: ' + name(a) + ' and ' + name(b));
-  }));
-  const leaves = texts.filter((e) => !floats(e) && e.children.length === 0 && !e.closest('.tabs, dialog'));
-  leaves.forEach((a, i) => leaves.slice(i + 1).forEach((b) => {
-    if (over(clipped(a), clipped(b))) faults.add('texts overlap: ' + name(a) + ' and ' + name(b));
-  }));
-  return [...faults];
-}"""
+LOOK = (ROOT / "tools" / "faults.js").read_text("utf-8")
 
 
 def main() -> int:

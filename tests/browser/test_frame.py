@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.station import AXE, SIZES
+from tests.browser.station import AXE
 from tests.conftest import PogonServer
 
 EVIL = """<b id="in" hx-on:click="window.bad = 1" data-hx-on:click="window.bad = 2"
@@ -126,34 +126,6 @@ def test_menus_work_without_scripts_and_close_with_escape(browser: Browser, page
     page.click(".lang > summary")
     page.click("main", position={"x": 5, "y": 400})
     expect(page.locator(".lang .menu")).to_be_hidden()
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
-def test_every_size_holds_every_language(page: Page, server: PogonServer, lang: str, size: str) -> None:
-    width, height = SIZES[size]
-    page.set_viewport_size({"width": width, "height": height})
-    page.context.add_cookies([{"name": "pogon_lang", "value": lang, "url": server.url}])
-    for path in ("/", "/equipment/m1", "/nowhere"):
-        page.goto(server.url + path)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, path
-        if size != "phone":
-            assert page.evaluate("document.documentElement.scrollHeight") <= height, path
-        outside = page.evaluate(
-            """() => [...document.querySelectorAll('.head :is(h1, .clock b, .simstrip, .lang summary, .live), .banner, .count b')]
-            .filter(e => e.checkVisibility()).filter(e => {
-              const r = e.getBoundingClientRect(); return r.right > innerWidth + 1 || r.left < -1; })
-            .map(e => e.className || e.tagName)"""
-        )
-        assert outside == [], path
-        assert page.locator(".simstrip").is_visible() and page.locator(".lang > summary").is_visible()
-        overlaps = page.evaluate(
-            """() => { const boxes = [...document.querySelectorAll('.head > *, .head-r > *')].filter(e => e.checkVisibility()
-              && !e.matches('.head-r')).map(e => [e.className, e.getBoundingClientRect()]);
-            return boxes.flatMap(([a, p], i) => boxes.slice(i + 1).filter(([, q]) => p.left < q.right - 1 && q.left < p.right - 1
-              && p.top < q.bottom - 1 && q.top < p.bottom - 1).map(([b]) => `${a} over ${b}`)); }"""
-        )
-        assert overlaps == [], path
 
 
 @pytest.mark.parametrize("path", ["/", "/alarms", "/equipment/m1"])

@@ -1,0 +1,82 @@
+"""Nothing is cut, shortened, covered or beyond the edge: every page in every language at every size, each page loaded once per language."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, StorageState, expect
+
+from tests.browser.station import LANGUAGES, Sit, built, fault
+from tests.conftest import ROOT, PogonServer
+
+FAULTS = (ROOT / "tools" / "faults.js").read_text("utf-8")
+SIZES = {"panel": (1280, 800, "desk"), "small": (800, 480, "panel-9"), "phone": (390, 844, "desk")}
+MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
+LONGEST = """() => { // every state as its longest text, until the next value of its point comes
+  for (const element of document.querySelectorAll('main [data-texts], aside [data-texts]')) {
+    if (element.children.length || element.tagName === 'tspan') continue;
+    const { texts, pattern } = element.dataset;
+    const [longest] = Object.values(JSON.parse(texts)).filter((text) => typeof text === 'string').sort((a, b) => b.length - a.length);
+    if (longest) element.textContent = (pattern || '{}').replace('{}', longest);
+  }
+}"""
+BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
+PAGES = (
+    "/",
+    *(f"/equipment/{machine}{part}" for machine in MACHINES for part in ("", "/faceplate")),
+    *(f"/equipment/{machine}/parameters" for machine in ("m1", "c1")),
+    "/trends?tags=m1.speed,m1.frequency_setpoint,c1.measured_speed_1&span=10m",
+    "/alarms",
+    "/products?equipment=c1",
+    "/runs?equipment=seq1",
+    "/runs?equipment=seq1&view=steps",
+    "/communication",
+    "/forces",
+    "/users",
+    "/tokens",
+    "/audit",
+    "/account",
+    "/storage",
+    "/plant",
+    *(f"/instructor{machine}" for machine in ("", "/m1", "/c1", "/cc1")),
+    "/no-such-page",
+)
+
+
+@pytest.fixture(scope="module")
+def abnormal(browser: Browser, broken: PogonServer, signed_in: dict[str, StorageState]) -> Iterator[Sit]:
+    """A plant at work, one of whose drives has tripped."""
+    seat = Sit(browser, broken, signed_in, "ana", "/equipment/m2")
+    page = seat()
+    fault(page, "m2", 13)
+    expect(page.locator("#alarms .banner-row, #alarms li, #alarms a").first).to_be_visible()
+    yield seat
+    built(page, "m2")
+    seat.leave()
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_is_cut_at_any_size(abnormal: Sit, broken: PogonServer, lang: str) -> None:
+    page = abnormal(lang=lang)
+    found: list[str] = []
+    for path in PAGES:
+        page.goto(broken.url + path, wait_until="load")
+        if page.locator("body[data-live]").count():
+            expect(page.locator("body")).to_have_attribute("data-live", "live")
+        page.evaluate("document.fonts.ready.then(() => 1)")
+        for size, (width, height, profile) in SIZES.items():
+            lay_out(page, width, height, profile)
+            if size != "phone" and page.evaluate("document.documentElement.scrollHeight") > height:
+                found.append(f"{lang} {path} {size}: the page is higher than the screen")
+            found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
+    page.context.close()
+    assert found == [], "\n".join(["", *found])
+
+
+def lay_out(page: Page, width: int, height: int, profile: str) -> None:
+    """The page on another screen, drawn anew."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.evaluate(
+        """(profile) => { document.documentElement.dataset.profile = profile;
+           return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))); }""",
+        profile,
+    )
