@@ -84,9 +84,13 @@ class _PlantReader:
         self.type_names = types.names(type_folder)
         self.known_languages = languages()
         self.languages: Sequence[str] = self.known_languages
+        self.spoken: Sequence[str] = LANGUAGES
+        """Languages in which a type must have its texts: those that the plant names, else the product's own."""
         self.types: dict[str, types.TypeData | None] = {}
         self.type_problems: list[Problem] = []
         self.equipment: dict[str, Equipment] = {}
+        self.unread: set[str] = set()
+        """Machines whose type or definition has mistakes: what names them has none for that."""
         self.texts: dict[str, dict[str, str]] = {}
         self.units: dict[tuple[str, int], str] = {}
         self.points = 0
@@ -108,6 +112,7 @@ class _PlantReader:
         timezone, name = "UTC", {}
         if root.has("plant"):
             self.languages = self._languages(head)
+            self.spoken = self.languages if head.has("languages") else LANGUAGES
             name = self._label(head, "name", required=True)
             timezone = self._timezone(head)
             head.done()
@@ -217,7 +222,7 @@ class _PlantReader:
 
     def _type(self, name: str) -> types.TypeData | None:
         if name not in self.types:
-            data, problems = types.read_type(name, self.known_languages, self.type_folder)
+            data, problems = types.read_type(name, self.known_languages, self.type_folder, spoken=self.spoken)
             circle = "" if problems else order_problem(data.type.points)
             if circle:
                 problems = [
@@ -240,10 +245,12 @@ class _PlantReader:
             table.note("area", area, "an area of this file: " + one_of(sorted(areas), area))
         was = table.text("was", "", pattern=ID, expected="the former id of the equipment")
         if data is None:
+            self.unread.add(key)
             return  # its other keys cannot be judged before its type is known
         preset = table.text("preset", "", choices=list(data.type.presets)) if data.type.presets else ""
         definition, machine = self._sequence(table) if data.type.sequence else (None, "")
         if data.type.sequence and definition is None:
+            self.unread.add(key)
             return  # nor without its steps
         if definition and not table.has("label"):
             label = dict(definition.label)
@@ -461,6 +468,9 @@ class _PlantReader:
         return found
 
     def _alarm(self, row: Table) -> None:
+        given = row.data.get("equipment")
+        if isinstance(given, str) and (given in self.unread or given.rpartition("_")[0] in self.unread):
+            return  # told already, where its type or its definition is
         name = row.text("equipment", choices=sorted(self.equipment))
         item = self.equipment.get(name) if row.data.get("equipment") == name else None
         key = row.text("key", pattern=types.KEY, expected="a key of small letters, digits and _")

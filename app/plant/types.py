@@ -121,17 +121,23 @@ def names(folder: Path = EQUIPMENT) -> list[str]:
     return sorted(path.parent.name for path in folder.glob("*/device.toml"))
 
 
-def read_type(name: str, languages: Sequence[str], folder: Path = EQUIPMENT) -> tuple[TypeData, list[Problem]]:
-    """Read the folder of type `name`; the data is only of use when there are no problems."""
-    reader = _TypeReader(folder / name, name, languages)
+def read_type(
+    name: str, languages: Sequence[str], folder: Path = EQUIPMENT, *, spoken: Sequence[str] | None = None
+) -> tuple[TypeData, list[Problem]]:
+    """Read the folder of type `name`; the data is only of use when there are no problems.
+
+    Of `languages` its texts are read where it has them; of those `spoken` (else of all) it must have them.
+    """
+    reader = _TypeReader(folder / name, name, languages, languages if spoken is None else spoken)
     return reader.read(), reader.problems
 
 
 class _TypeReader:
-    def __init__(self, folder: Path, name: str, languages: Sequence[str]) -> None:
+    def __init__(self, folder: Path, name: str, languages: Sequence[str], spoken: Sequence[str]) -> None:
         self.folder = folder
         self.name = name
         self.languages = languages
+        self.spoken = spoken
         self.sources: list[Source] = []
         self.points: dict[str, PointData] = {}
         self.options: dict[str, object] = {}
@@ -731,7 +737,7 @@ class _TypeReader:
         return alarm
 
     def _texts(self, language: str) -> dict[str, str]:
-        return dict(flatten(self._file(f"texts.{language}.toml").data))
+        return dict(flatten(self._file(f"texts.{language}.toml", optional=language not in self.spoken).data))
 
     def _check_expressions(self) -> None:
         for table, key, text, argument in self.expressions:
