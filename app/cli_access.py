@@ -75,6 +75,12 @@ def add(
                 out.writerow([account.name, account.display, " ".join(sorted(account.roles)), initial])
             else:
                 typer.echo(f"{account.name} ({', '.join(sorted(account.roles))}) initial password: {initial}")
+        if not any("admin" in account.roles and not account.disabled for account in access.people.now()):
+            typer.echo(
+                "pogon: nobody is an administrator, and with accounts there is no one-time code any more: "
+                f"pogon user role {made[0][0].name} admin engineer operator",
+                err=True,
+            )
 
 
 @user_cli.command()
