@@ -127,13 +127,18 @@ def list_(data: Data = None) -> None:
 
 
 @audit_cli.command()
-def verify(data: Data = None) -> None:
+def verify(
+    data: Data = None,
+    anchors: Annotated[
+        Path | None, typer.Option("--anchors", exists=True, dir_okay=False, help="Anchors that were kept elsewhere.")
+    ] = None,
+) -> None:
     """Check the chains of audit and alarm journal: exit code 0 and their lengths, or 1 and the first line that is not in order."""
     from app.alarms import journal
 
     with opened(data, existing=True) as access:
         chains = {
-            "audit": access.audit.check_now(),
+            "audit": access.audit.check_now(anchors),
             "alarm journal": access.audit.check_other_now(
                 lambda connection, key: journal.verify(connection, journal.journal_key(key))
             ),

@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo
 
 from app import __version__
 from app.access.access import Access, prepare
+from app.access.anchors import to_file
 from app.access.keys import read_key
 from app.access.roles import Person
 from app.addresses import host_and_port
@@ -177,6 +178,7 @@ class Runtime:
         self.tags.subscribe(self._derive)
         self.tags.on_standstill(self._stood_still)
         self.access.subscribe(self._sessions_ended, self._rights_changed)
+        self.access.people.tell = lambda alarm, name: self.alarms.raise_system(alarm, params={"account": name})
         self.keeper.keep("people", self.access.watch)
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
@@ -218,7 +220,8 @@ class Runtime:
         self.db = Database(self.settings.data / "pogon.db", "pogon", self._threads)
         self.db.migrate()
         self.history = Database(self.settings.data / "history.db", "history", self._threads)
-        self.access = Access(self.db, self.clock, self.settings.data, threads=self._threads)
+        elsewhere = [to_file(self.settings.audit_anchors)] if self.settings.audit_anchors else []
+        self.access = Access(self.db, self.clock, self.settings.data, anchors=elsewhere, threads=self._threads)
         self._retained = RetainedStates(self.db)
 
     async def _start_plant(self, plant: Plant) -> None:

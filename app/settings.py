@@ -51,6 +51,9 @@ class Settings(BaseSettings):
     syslog: str = Field(
         "", description="Where the log goes as well, RFC 5424: a socket such as /dev/log, or HOST:PORT of UDP."
     )
+    audit_anchors: Path | None = Field(
+        None, description="File on another disk or machine to which the anchors of the audit are added as well."
+    )
     metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
     history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")
     history_quota_mb: float = Field(4096, ge=8, description="Size at which the oldest history is cut [MB].")

@@ -3,6 +3,7 @@
 import asyncio
 import hmac
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from app.access.throttle import Throttle
 from app.access.tokens import Tokens
 from app.clock import Clock
 from app.db import Database
+from app.errors import StorageError
 from app.threads import Threads, threads
 
 __all__ = ["Access", "lock", "prepare"]
@@ -103,6 +105,8 @@ class Access:
             await asyncio.sleep(FOLLOW_PERIOD)
             await self.sessions.renew()
             await self.tokens.renew()
+            with suppress(StorageError):
+                await self.people.watch_admins()
 
     async def awaits_first(self) -> bool:
         """Whether the first account is still to be made; the terminal may have made one beside this server."""

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from app.access.passwords import Passwords, check_policy, initial_password, norm
 from app.access.roles import FIRST_ROLES, Person, known_roles
 from app.access.sessions import Sessions, hash_of, roles_of
 from app.access.tables import person_table, role_table, session_table
-from app.access.throttle import Throttle
+from app.access.throttle import FIRST_DELAY, Throttle
 from app.access.tokens import Tokens, revoke_all
 from app.clock import Clock
 from app.db import Database
@@ -25,6 +25,8 @@ from app.errors import Refused
 INITIAL_LIFE = 24 * 3600.0
 """An initial password is good for one sign-in within so long [s]."""
 RESERVED = frozenset({"system", "guest"})
+CONFIRMING = "confirming"
+"""Before the session under which wrong own passwords of somebody signed in are counted; no account has a space in its name."""
 FIRST = "first sign-in"
 """Under this name wrong codes of the first sign-in are counted."""
 
@@ -81,6 +83,9 @@ class People:
         self._throttle = throttle
         self._first_code = first_code
         self._tokens = tokens
+        self.tell: Callable[[str, str], None] = lambda alarm, name: None
+        """Told what people who look after the plant should know at once: `account_locked` or `admin_added`, and whose account."""
+        self._admins: frozenset[str] | None = None
         self.plant_name = ""
         """A password may not be made of it."""
 
@@ -103,6 +108,8 @@ class People:
         row = await self._db.read(lambda connection: _row(connection, person_table.c.name == key))
         good = await self._passwords.verify(password, row.password if row else None)
         now = self._clock.micros()
+        if row is not None and delay == FIRST_DELAY:
+            self.tell("account_locked", key)
         if row is None or not good:
             await self._failed(key, address, "wrong", delay)
         elif row.disabled:
@@ -390,10 +397,11 @@ class People:
         Raises:
             Refused: it is wrong (401), or there were too many wrong ones (429).
         """
-        wait = self._throttle.wait(person.name)
+        key = f"{CONFIRMING} {person.session}"  # of the session: a stranger's tries at the sign-in hold nobody up who is in
+        wait = self._throttle.wait(key)
         if wait > 0:
             raise Refused("access.wait", 429, seconds=round(wait + 0.5))
-        delay = self._throttle.failed(person.name)
+        delay = self._throttle.failed(key)
         row = await self._db.read(lambda connection: _row(connection, person_table.c.id == person.id))
         if row is None or not await self._passwords.verify(password, row.password):
             await self._audit.record(
@@ -404,8 +412,10 @@ class People:
                 reason="access.cause.wrong",
                 delay=round(delay),
             )
+            if delay == FIRST_DELAY:
+                self.tell("account_locked", person.name)
             raise Refused("access.current_wrong", 401)
-        self._throttle.clear(person.name)
+        self._throttle.clear(key)
 
     async def change_password(self, person: Person, current: str, new: str, agent: str, sid: str) -> str:
         """Change one's own password; all one's sessions end and a new id is returned.
@@ -434,6 +444,17 @@ class People:
         if values:
             change = update(person_table).where(person_table.c.id == person.id).values(**values)
             await self._db.write(lambda connection: connection.execute(change) and None)
+
+    async def watch_admins(self) -> None:
+        """Tell of an administrator who was none before, whoever made them one, the terminal too.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        found = await self._db.read(_admin_names)
+        for name in sorted(found - self._admins) if self._admins is not None else ():
+            self.tell("admin_added", name)
+        self._admins = found
 
     # ---- details --------------------------------------------------------------------------------------
 
@@ -609,6 +630,15 @@ def _end_sessions(connection: Connection, person_id: int) -> list[str]:
     ended = list(connection.execute(select(session_table.c.id_hash).where(mine)).scalars())
     connection.execute(delete(session_table).where(mine))
     return ended
+
+
+def _admin_names(connection: Connection) -> frozenset[str]:
+    query = (
+        select(person_table.c.name)
+        .join(role_table, role_table.c.person == person_table.c.id)
+        .where(role_table.c.role == "admin", person_table.c.disabled.is_(False))
+    )
+    return frozenset(connection.execute(query).scalars())
 
 
 def _admins(connection: Connection) -> int:

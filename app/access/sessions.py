@@ -252,6 +252,8 @@ class Sessions:
                 agent=family(agent),
             )
         )
+        begun = self._clock.monotonic()
+        self._times[hash_of(sid)] = _Times(begun, begun + lifetime(held))
         return sid, crowded + ([replaces] if replaces else [])
 
     async def of(self, person_id: int | None = None) -> list[Session]:

@@ -10,6 +10,8 @@ from app.clock import Clock
 
 FREE_FAILURES = 5
 """Failures of an account that cost nothing."""
+FIRST_DELAY = 1.0
+"""The delay after the first failure that costs something: from then on the account is locked for a while [s]."""
 LONGEST_DELAY = 60.0
 """Longest delay of an account [s]."""
 FORGET_AFTER = 3600.0

@@ -81,8 +81,11 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "events_unstored": SystemAlarm(2, on_delay=2.0, off_delay=2.0),
     "audit_waiting": SystemAlarm(2),
     "audit_broken": SystemAlarm(1),
+    "account_locked": SystemAlarm(3, once=True),
+    "admin_added": SystemAlarm(3, once=True),
     "journal_waiting": SystemAlarm(2),
     "simulation_late": SystemAlarm(4, on_delay=30.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
 }
-"""Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}` in the texts are parameters."""
+"""Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}`, `{account}` in the texts are
+parameters."""

@@ -1,5 +1,7 @@
 """Who may ask, and how often: what is judged of a person before anything is asked of a device; and what becomes of a refusal."""
 
+from dataclasses import dataclass, replace
+
 from app.access.roles import Person
 from app.commands.desk import Desk
 from app.commands.interlocks import Prepared
@@ -7,6 +9,11 @@ from app.commands.lifecycle import Progress, State
 from app.commands.nonce import Nonces, Rate
 from app.commands.orders import Order
 from app.errors import Refused
+
+BURST = 1.0
+"""Refusals of a person for one reason within so long are one line with their number [s]."""
+MOST_APART = 5
+"""So many commands of one person are told apart in it; further ones are counted together."""
 
 
 class Admission:
@@ -16,7 +23,7 @@ class Admission:
         self.nonces = Nonces(desk.clock)
         self.rate = Rate(desk.clock)
         self._desk = desk
-        self._refused_rate: dict[str, tuple[float, int]] = {}
+        self._bursts: dict[tuple[str, str, str], _Burst] = {}
 
     def check_person(self, order: Order, prepared: Prepared) -> None:
         """Role, token, nonce: before anything is asked of the device."""
@@ -27,21 +34,19 @@ class Admission:
         self.nonces.use(order.person.session, order.nonce)
         self._desk.control.touch(order.person.session, order.equipment)
 
-    def within_rate(self, order: Order, prepared: Prepared) -> bool:
-        """Whether the person has not asked too often; else it is noted, once in a while."""
+    def within_rate(self, order: Order, prepared: Prepared | None) -> bool:
+        """Whether the person has not asked too often; else that is a refusal."""
         if order.person is None or self.rate.take(_owner(order.person)):
             return True
-        now, key = self._desk.clock.monotonic(), _owner(order.person)
-        at, count = self._refused_rate.get(key, (float("-inf"), 0))
-        if now - at < 10.0:
-            self._refused_rate[key] = (at, count + 1)
-        else:
-            self._refused_rate[key] = (now, 0)
-            self.note_refusal(order, prepared, Refused("why.rate", 429, before=count))
+        self.note_refusal(order, prepared, Refused("why.rate", 429))
         return False
 
     def note_refusal(self, order: Order, prepared: Prepared | None, refusal: Refused) -> None:
-        """One line in the trail, and in the history of the machine."""
+        """One line in the trail, and in the history of the machine; what follows within a second is counted."""
+        now, owner = self._desk.clock.monotonic(), _owner(order.person) if order.person else ""
+        key = (owner, refusal.reason, f"{order.equipment}.{order.key}")
+        if key not in self._bursts and sum(known[0] == owner for known in self._bursts) >= MOST_APART:
+            key = (owner, refusal.reason, "")
         argument = order.argument if isinstance(order.argument, int | float) else None
         progress = Progress(
             order.id,
@@ -57,10 +62,52 @@ class Admission:
             argument=argument,
             arguments={name: value for name, value in order.arguments.items() if isinstance(value, int | float)},
         )
+        burst = self._bursts.get(key)
+        if burst is not None and now - burst.since < BURST:
+            burst.count += 1
+            burst.last = order, progress
+            return
+        if burst is not None:
+            self._sum_up(burst)
+        self._bursts[key] = _Burst(now)
         machine = self._desk.machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
         self._desk.trail.command(order, progress, refused=True)
+
+    def tick(self, now: float) -> None:
+        """Write down what was counted, a line a second; the rest when the burst is over."""
+        for key, burst in list(self._bursts.items()):
+            if now - burst.since < BURST:
+                continue
+            self._sum_up(burst)
+            if burst.count:
+                self._bursts[key] = _Burst(now)
+            else:
+                del self._bursts[key]
+
+    def close(self) -> None:
+        """Write down what is still counted."""
+        for burst in self._bursts.values():
+            self._sum_up(burst)
+        self._bursts.clear()
+
+    def _sum_up(self, burst: "_Burst") -> None:
+        if burst.last is None:
+            return
+        order, progress = burst.last
+        counted = replace(progress, params={**progress.params, "count": burst.count}) if burst.count > 1 else progress
+        self._desk.trail.command(order, counted, refused=True)
+
+
+@dataclass(slots=True)
+class _Burst:
+    """Refusals of one person for one reason after the one that was written down."""
+
+    since: float
+    """Monotonic [s]."""
+    count: int = 0
+    last: tuple[Order, Progress] | None = None
 
 
 def _owner(person: Person) -> str:

@@ -242,6 +242,7 @@ class Gate:
         now = self._desk.clock.monotonic()
         self.hold.tick()
         self.control.tick()
+        self._admission.tick(now)
         for machine in list(self._desk.machines.values()):
             if machine.job is not None:
                 self._following.follow(machine, machine.job, now)
@@ -265,6 +266,7 @@ class Gate:
 
     async def close(self) -> None:
         """Stop what is held to run, give its telegrams a second, and end all tasks."""
+        self._admission.close()
         for machine in self._desk.machines.values():
             lease = self.hold.active(machine.item.id)
             if lease is not None:
@@ -283,6 +285,9 @@ class Gate:
     async def _admit(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
         machine = self._desk.machines.get(order.equipment)
         prepared = choose(machine) if machine else None
+        known, stop = self._once.known(order.id), prepared is not None and prepared.command.stop
+        if not stop and not known and not self._admission.within_rate(order, prepared):
+            raise Refused("why.rate", 429)
         if machine is None or prepared is None:
             refusal = Refused("why.no_such_command", 404, equipment=order.equipment, command=order.key)
             self._admission.note_refusal(order, None, refusal)
@@ -291,11 +296,8 @@ class Gate:
             refusal = Refused("why.hold_only", 409)
             self._admission.note_refusal(order, prepared, refusal)
             raise refusal
-        known = self._once.known(order.id)
         if prepared.command.stop:
             return await asyncio.shield(self._desk.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
-        if not known and not self._admission.within_rate(order, prepared):
-            raise Refused("why.rate", 429)
         if len(order.reason) > LONGEST_REASON:
             raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
         owner = "" if order.person is None else f"{order.person.id} {order.person.session}"

@@ -184,7 +184,8 @@ def _reason(request: Request, line: Record) -> str:
     item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
     if item is not None and params.get("label"):
         params["label"] = runtime.texts.of_type(language.language_of(request), item.type, params["label"])
-    return _known(request, line.reason, line.reason, **params) if line.reason else ""
+    told = _known(request, line.reason, line.reason, **params) if line.reason else ""
+    return f"{told} (×{params['count']})" if told and line.kind == "command" and "count" in params else told
 
 
 def _known(request: Request, key: str, otherwise: str, /, **params: str) -> str:

@@ -296,3 +296,56 @@ async def test_no_secret_lies_in_the_database_in_plain(access: Access, data: Pat
 def everything(data: Path) -> bytes:
     """All that lies in the data folder, but the code, which is meant to be read."""
     return b"".join(path.read_bytes() for path in data.iterdir() if path.name != "first-code")
+
+
+async def test_a_stranger_at_the_sign_in_does_not_hold_up_who_is_in(access: Access) -> None:
+    await add(access, "eve", "engineer")
+    eve = await who(access, await enter(access, "eve"))
+    assert eve is not None
+    told: list[tuple[str, str]] = []
+    access.people.tell = lambda alarm, name: told.append((alarm, name))
+    for _ in range(7):
+        with pytest.raises(Refused):
+            await enter(access, "eve", "wrong wrong wrong")
+    assert told == [("account_locked", "eve")]
+    await access.people.confirm(eve, PASSWORD)
+
+
+async def test_wrong_own_passwords_lock_the_session_and_not_the_account(access: Access) -> None:
+    await add(access, "eve", "engineer")
+    eve = await who(access, await enter(access, "eve"))
+    assert eve is not None
+    for _ in range(5):
+        with pytest.raises(Refused):
+            await access.people.confirm(eve, "wrong wrong wrong")
+    with pytest.raises(Refused) as refused:
+        await access.people.confirm(eve, PASSWORD)
+    assert refused.value.status == 429
+    other = await who(access, await enter(access, "eve"))
+    assert other is not None
+    await access.people.confirm(other, PASSWORD)
+
+
+async def test_unknown_names_lock_without_an_alarm(access: Access) -> None:
+    told: list[tuple[str, str]] = []
+    access.people.tell = lambda alarm, name: told.append((alarm, name))
+    for _ in range(8):
+        with pytest.raises(Refused):
+            await enter(access, "nobody", "wrong wrong wrong")
+    assert told == []
+
+
+async def test_a_new_administrator_is_told_whoever_made_them_one(open_access: OpenAccess) -> None:
+    server, terminal = open_access(), open_access()
+    told: list[tuple[str, str]] = []
+    server.people.tell = lambda alarm, name: told.append((alarm, name))
+    await add(server, "ana", "admin")
+    await server.people.watch_admins()
+    assert told == []  # known from before
+    await add(server, "ivo", "admin")
+    await server.people.watch_admins()
+    await add(server, "eve", "operator")
+    terminal.people.set_roles_now(boss(), "eve", ["operator", "admin"])
+    await server.people.watch_admins()
+    await server.people.watch_admins()
+    assert told == [("admin_added", "ivo"), ("admin_added", "eve")]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.access.roles import Person
 from app.commands.gate import Question
 from app.commands.lifecycle import State
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused
@@ -294,7 +295,9 @@ async def test_a_flood_is_cut_and_leaves_few_lines_while_stop_goes_through() -> 
     reasons = [(await refusal(stand, ANA, "reset", nonce="none")).reason for _ in range(300)]
     assert reasons.count("why.expired") == 10
     assert reasons.count("why.rate") == 290
-    assert len(stand.commands) == 11
+    assert [line.reason for line in stand.commands] == ["why.expired", "why.rate"]
+    await stand.pass_time(1.1)
+    assert [line.params["reason_count"] for line in stand.commands[2:]] == [9, 289]
     assert (await stand.ask(ANA, "stop")).state is State.ACCEPTED
 
 
@@ -721,3 +724,47 @@ async def test_a_start_over_a_table_of_bad_values_never_writes() -> None:
         stand.tags.publish(Batch("link.hall", 99, 1, 1, [stand.tags.handle(f"m1.{key}")], [None], GOOD | 2))
         assert (await refusal(stand, ANA, "forward")).reason == "why.bad_value"
         assert stand.link.writes == []
+
+
+async def test_refusals_of_a_second_are_one_line_with_their_number() -> None:
+    stand = Stand()
+    stand.gate._admission.rate.take = lambda _person: True  # type: ignore[method-assign]
+
+    async def refused(command: str, who: Person = ANA) -> None:
+        with pytest.raises(Refused):
+            await stand.gate.ask(who, "m1", command)
+
+    for number in range(50):
+        await refused(f"unknown{number}")
+    await refused("forward")  # another reason: a line of its own
+    await refused("unknown", IVO)  # another person, too
+    told = [line.reason for line in stand.commands]
+    assert told == [*["why.no_such_command"] * 6, "why.no_token", "why.no_such_command"]
+    await stand.pass_time(1.1)
+    assert len(stand.commands) == 9
+    assert stand.commands[-1].params["reason_count"] == 44
+    await stand.pass_time(3)
+    assert len(stand.commands) == 9
+    await refused("unknown")
+    assert len(stand.commands) == 10
+
+
+async def test_the_rest_of_a_burst_is_written_when_the_plant_stops() -> None:
+    stand = Stand()
+    for _ in range(3):
+        with pytest.raises(Refused):
+            await stand.gate.ask(ANA, "m1", "nothing")
+    await stand.gate.close()
+    assert [line.params.get("reason_count") for line in stand.commands] == [None, 2]
+
+
+async def test_what_does_not_exist_counts_against_the_rate() -> None:
+    stand = Stand()
+    reasons = []
+    for _ in range(30):
+        with pytest.raises(Refused) as refused:
+            await stand.gate.ask(ANA, "m1", "nothing")
+        reasons.append(refused.value.reason)
+    assert reasons.count("why.rate") == 20
+    await stand.pass_time(1.1)
+    assert len(stand.commands) == 4
