@@ -37,7 +37,7 @@ HEADER: Sequence[tuple[int, str, str]] = (
     (words.AT_SCAN, "u16", "scan time, last [µs]"),
     (words.AT_SCAN_MAX, "u16", "scan time, longest [µs]"),
     (words.AT_OVERRUNS, "u16", "scans that were too long"),
-    (words.AT_STEP, "u32", "step number"),
+    (words.AT_STEP, "u64", "step number: scans since the device was first switched on"),
     (words.AT_CAPACITIES, "9 × u16", "capacities of the type"),
 )
 

@@ -1,7 +1,11 @@
 """docs/registers is what the data say, today."""
 
+import re
+
 from app.plant import types
 from app.plant.loader import LANGUAGES
+from app.registers import plc_map
+from app.sim import plc
 from tools import registers
 
 
@@ -47,3 +51,20 @@ def test_every_word_of_an_image_is_said_to_be_something() -> None:
                 )
                 said |= set(range(int(first, 16), end + 1))
         assert said == set(range(begin, begin + words))
+
+
+def test_the_header_has_the_words_and_types_that_a_device_sends() -> None:
+    sent = {"H": ("u16", 1), "I": ("u32", 2), "Q": ("u64", 4)}
+    at, device = 0, {}
+    for count, code in re.findall(r"(\d*)([HIQ])", plc._HEADER.format):
+        for _ in range(int(count or 1)):
+            device[at] = sent[code][0]
+            at += sent[code][1]
+    told = {}
+    for first, form, _ in registers.HEADER:
+        count, _, kind = form.rpartition(" × ")
+        for n in range(int(count or 1)):
+            told[first + n] = kind
+    assert at == plc_map.HEADER_WORDS and told == device
+    for page in registers.pages().values():
+        assert "| 19–22 | u64 | step number" in page
