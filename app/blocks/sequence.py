@@ -5,14 +5,15 @@ Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps,
 | subject | decided |
 | --- | --- |
 | abort conditions | a word of permissives like those of the steps: 1 = healthy; the sequence aborts when one is missing |
-| step time beyond the maximum | times out, also when the next step could be entered in the same scan |
+| step time beyond the maximum | times out, but in the first scan beyond it the next step is entered if it can be |
 | maximum 0 | the step stays until a maximum is entered, whatever else is fulfilled; a maximum below the time that has passed times out |
 | suspended | time and transitions stand still; abort conditions and the operator's abort act, a lost permissive after the resume |
 | start after an abort or a time-out | only after an acknowledge; one that is held all the time does not start again: a rising edge does |
 | start while something is missing | nothing happens, and an event says so |
 | stall | the minimum is over, the maximum is not 0, and the next step has missed permissives for `stall_after` |
 | first-out of a stall or a time-out | the permissive missing then that fell first; one never seen fulfilled fell at the first scan |
-| several in one scan | the lowest bit; the event says how many fell together |
+| several in one scan | the lowest bit; the event says how many fell together, forced ones not counted |
+| abort condition and the operator's abort in one scan | the abort condition is the cause |
 | force | sets a permissive, never clears one; released by the block when its time is over |
 
 No clock: time is what the caller says, in integer microseconds, and it is the device's own.
@@ -395,11 +396,11 @@ class SequenceBlock:
         return reports
 
     def _go(self, signals: Signals, passed: int, now: int, abort: bool, advance: bool, reports: list[Report]) -> None:
-        if abort:
-            self._stop(Cause.OPERATOR, now, reports)
-            return
         if not self.ready(ABORT):
             self._stop(Cause.ABORT_CONDITION, now, reports)
+            return
+        if abort:
+            self._stop(Cause.OPERATOR, now, reports)
             return
         if signals.suspend:
             if self.state is SequenceState.RUNNING:
@@ -415,14 +416,15 @@ class SequenceBlock:
             return
         self._elapsed[self.step] += passed
         elapsed, maximum = self._elapsed[self.step], round(step.maximum * 1e6)
-        if maximum and elapsed > maximum:
-            self._stop(Cause.TIME, now, reports)
-            return
         due = maximum > 0 and elapsed >= round(step.minimum * 1e6)
         last = self.step == len(self.settings.steps)
         missing = due and not last and not self.ready(self.step + 1)
+        leaves = due and not missing and (not signals.single or advance)
+        if maximum and elapsed > maximum and not (leaves and elapsed - passed <= maximum):
+            self._stop(Cause.TIME, now, reports)
+            return
         self._judge_stall(missing, passed, now, reports)
-        if due and not missing and (not signals.single or advance):
+        if leaves:
             self._leave(reports, last)
 
     def _begin(self, reports: list[Report]) -> None:
@@ -513,7 +515,10 @@ class SequenceBlock:
                     fallen.append((step, bit))
         if not fallen:
             return
-        together = {step: sum(1 for place in fallen if place[0] == step) for step, _ in fallen}
+        together = {
+            step: max(1, sum(1 for place in fallen if place[0] == step and place not in self.forces))
+            for step, _ in fallen
+        }
         for step, bit in fallen:
             self._fell[step, bit] = _Snapshot(now, words, self._values(step, bit), together[step])
             if before and self._matters(step):

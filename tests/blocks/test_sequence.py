@@ -616,3 +616,42 @@ def test_whatever_happens_the_block_stays_sane(actions: list[tuple[object, ...]]
     starts = bench.events.count(SequenceEvent.STARTED)
     ends = sum(bench.events.count(e) for e in (SequenceEvent.DONE, SequenceEvent.ABORTED, SequenceEvent.TIMED_OUT))
     assert starts == ends + bench.block.running
+
+
+@pytest.mark.parametrize("minimum", [0.1, 0.105, 2.005, 0.0333])
+@pytest.mark.parametrize("over", [0.0, 0.001, 0.004, 1.0])
+def test_times_that_are_no_multiples_of_the_scan_let_everything_pass_that_can(minimum: float, over: float) -> None:
+    bench = Bench(StepSettings(minimum=minimum, maximum=minimum + over), TEN)
+    bench.start()
+    bench.scan(300)
+    assert bench.block.state is SequenceState.DONE and SequenceEvent.TIMED_OUT not in bench.events
+    late = Bench(StepSettings(minimum=minimum, maximum=minimum + over), TEN)
+    late.drop(2, 5)
+    late.start()
+    late.scan(400)
+    assert late.block.state is SequenceState.TIMED_OUT, "the next step was not possible"
+    late.give(2, 5)
+    late.scan(10)
+    assert late.block.state is SequenceState.TIMED_OUT
+
+
+@pytest.mark.parametrize(("fallen", "forced", "together"), [(2, 1, 1), (3, 1, 2), (2, 0, 2), (3, 2, 1), (1, 0, 1)])
+def test_what_is_forced_is_not_counted_among_those_that_fell_together(fallen: int, forced: int, together: int) -> None:
+    bench = Bench(abort_forceable=ALL)
+    for bit in range(fallen - forced, fallen):
+        bench.block.force(ABORT, bit, 60.0, bench.now)
+    bench.start()
+    for bit in range(fallen):
+        bench.drop(ABORT, bit)
+    bench.scan()
+    assert bench.block.first_out is not None
+    assert (bench.block.first_out.bit, bench.block.first_out.together) == (0, together)
+
+
+def test_a_person_who_aborts_in_the_same_scan_does_not_hide_the_condition() -> None:
+    bench = Bench()
+    bench.start()
+    bench.drop(ABORT, 7)
+    bench.press("abort_request")
+    out = bench.block.first_out
+    assert out is not None and (out.cause, out.step, out.bit) == (Cause.ABORT_CONDITION, ABORT, 7)
