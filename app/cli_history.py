@@ -59,7 +59,8 @@ def export(
     from app.access.restoring import finish_restore
     from app.clock import SystemClock
     from app.db import Database
-    from app.historian.export import Export, Wish, moment
+    from app.historian.export import Export, Wish
+    from app.historian.export import span as span_of
     from app.plant.loader import read_plant
     from app.settings import read_settings
 
@@ -87,7 +88,7 @@ def export(
             "created": now,
             "simulated": found is not None and all(link.simulated for link in found.links.values()),
         }
-        span = moment(begin, zone, now), moment(end, zone, now)
+        span = span_of(begin, end, zone, now)
         if products:
             made = _products(products, span, found, about)
         elif runs:
@@ -250,8 +251,6 @@ def _machine(
     """The machine that `option` names, empty for all; refuses what cannot be exported."""
     from app.historian.export import FORMATS
 
-    if span[1] <= span[0]:
-        raise ConfigurationError("--to: expected after --from")
     if about["locale"] not in FORMATS:
         raise ConfigurationError(f"locale: {about['locale']}, expected one of {', '.join(FORMATS)}")
     ids = [item.id for item in known]

@@ -466,6 +466,26 @@ def moment(text: str, zone: ZoneInfo, now: int) -> int:
     return micros
 
 
+def span(begin: str, end: str, zone: ZoneInfo, now: int) -> tuple[int, int]:
+    """Two times as `moment` takes them.
+
+    Raises:
+        ConfigurationError: one is none, or the second is not after the first; names what was written and what it means.
+    """
+    first, last = moment(begin, zone, now), moment(end, zone, now)
+    if last <= first:
+        raise ConfigurationError(
+            f"to: {_meant(end, last, zone)}, expected a time after from: {_meant(begin, first, zone)}"
+        )
+    return first, last
+
+
+def _meant(text: str, micros: int, zone: ZoneInfo) -> str:
+    """What somebody wrote, and what time that is when it is not the same: relative, with another offset, or left out by the clock."""
+    local = to_datetime(micros).astimezone(zone).isoformat(timespec="seconds")
+    return text.strip() if local.startswith(text.strip()) else f"{text.strip()} (= {local})"
+
+
 @dataclass(frozen=True, slots=True)
 class Check:
     """What verifying an export found."""

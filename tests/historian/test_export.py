@@ -18,7 +18,7 @@ from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
 from app.historian import store
-from app.historian.export import FORMATS, Export, Wish, intervals, moment, verify_export
+from app.historian.export import FORMATS, Export, Wish, intervals, moment, span, verify_export
 from app.historian.store import HOUR, MINUTE
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE, Origin
@@ -312,3 +312,30 @@ def test_times_are_read_as_people_write_them(text: str, utc: str) -> None:
 def test_a_time_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected"):
         moment(text, ZAGREB, BEGIN)
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "told"),
+    [
+        (
+            "2026-03-29T02:30",
+            "2026-03-29T03:10",
+            ["2026-03-29T02:30 (= 2026-03-29T03:30:00+02:00)", "2026-03-29T03:10"],
+        ),
+        ("2026-03-29T02:30", "2026-03-29T03:30", ["2026-03-29T02:30 (= 2026-03-29T03:30:00+02:00)"]),
+        ("2026-03-09T08:00", "2026-03-09T07:00", ["to: 2026-03-09T07:00,", "from: 2026-03-09T08:00"]),
+        ("now", "-1h", ["to: -1h (=", "from: now (="]),
+        ("2026-10-25T01:30Z", "2026-10-25T02:30", ["2026-10-25T01:30Z (= 2026-10-25T02:30:00+01:00)"]),
+    ],
+)
+def test_a_range_that_ends_before_it_begins_is_told_in_the_words_of_who_wrote_it(
+    begin: str, end: str, told: list[str]
+) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        span(begin, end, ZoneInfo("Europe/Zagreb"), 1_774_000_000_000_000)
+    assert not [part for part in told if part not in str(refused.value)], str(refused.value)
+
+
+def test_a_range_over_the_lost_hour_is_one() -> None:
+    first, last = span("2026-03-29T01:30", "2026-03-29T03:30", ZoneInfo("Europe/Zagreb"), 0)
+    assert last - first == 3_600_000_000
