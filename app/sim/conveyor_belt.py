@@ -15,8 +15,10 @@ IMPLAUSIBLE, PULSES_OFF = 0.6, 0.3
 """An encoder has failed when it differs by more than this part of the way in the jam time, and this [mm]."""
 DRIVEN = 1.0
 """A drive with a setpoint above this must turn [%]."""
-SPEED_SCANS = 10
-"""Scans over which speeds are measured."""
+SPEED_SCANS = 25
+"""Scans over which speeds are measured: one pulse more or less is 0.4 mm/s or 0.41 % then, less than the dead-band of the points."""
+MOVED_SCANS = 10
+"""A belt that gave a pulse in so many scans moves."""
 FOLLOW = 1 - exp(-DT / DRIVE_TIME)
 """Part of the way to its setpoint that a drive goes in one scan."""
 
@@ -86,7 +88,9 @@ class Belt:
     def moves(self, step: int) -> bool:
         """It is driven, or has moved in the last scans."""
         ramp = self.ramp
-        return bool(ramp.speed or ramp.acceleration or self._history[(step + 1) % SPEED_SCANS] != self.pulses)
+        return bool(
+            ramp.speed or ramp.acceleration or self._history[(step - MOVED_SCANS + 1) % SPEED_SCANS] != self.pulses
+        )
 
     def stop_distance(self) -> float:
         """[% s], signed."""

@@ -866,3 +866,17 @@ def test_what_cannot_be_is_named() -> None:
     ):
         with pytest.raises(ConfigurationError, match=said):
             VIRTUAL_DEVICES["conveyor"](equipment(**options), 1)
+
+
+@pytest.mark.parametrize("speed", [10.0, 30.0, 37.0, 50.0, 80.0, 100.0])
+async def test_one_pulse_more_or_less_is_no_other_speed(speed: float) -> None:
+    for geometry in (Geometry(), SIMULATION):
+        on = line(geometry=geometry, settings={**QUICK, "automatic_speed": speed})
+        await on.done(Command.START)
+        on.go(3.0)
+        shown = []
+        for _ in range(40):
+            on.go(0.05)
+            shown.append((await on.status())["speed_1"])
+        assert max(shown) - min(shown) < 0.5, "the dead-band of the point"
+        assert sum(shown) / len(shown) == pytest.approx(speed, abs=0.41)
