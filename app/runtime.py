@@ -19,6 +19,7 @@ from app.alarms.definitions import alarm_points, frame_names
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock, SystemClock
 from app.commands.gate import Gate
+from app.commands.interlocks import met, stopped
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.database_watch import DatabaseWatch
@@ -47,6 +48,7 @@ from app.sim.plant import SimPlant, exchange, read_simulated, units
 from app.sim.server import TcpServer, serve_tcp
 from app.tags.batch import Batch, Value
 from app.tags.database import Standstill, Tag, TagDatabase
+from app.tags.quality import NO_DATA
 from app.threads import Threads, threads
 
 log = logging.getLogger(__name__)
@@ -529,7 +531,7 @@ class Runtime:
             return plant, Reading(digest=digest([]), first=True)
         changes = compare(self.plant, plant)
         told = compare(
-            self.plant, plant, self._running_sequences()
+            self.plant, plant, self._running_sequences(), self._moving()
         )  # they come and go: what is confirmed is the change
         return plant, Reading((), tuple(told), digest(changes))
 
@@ -540,6 +542,22 @@ class Runtime:
             ring = item.type.device.plc if item.sequence else None
             name = f"{id}.{ring.status}" if ring else ""
             if name in self.tags and self.tags.sample(name).value in RUNNING:
+                found.append(id)
+        return found
+
+    def _moving(self) -> list[str]:
+        """Equipment that is seen not to stand, by what its Stop is confirmed by."""
+        found: list[str] = []
+        for id, item in self.plant.equipment.items() if self.plant else ():
+
+            def look(key: str, id: str = id) -> tuple[Value, int]:
+                name = f"{id}.{key}"
+                if name not in self.tags:
+                    return None, NO_DATA
+                sample = self.tags.sample(name)
+                return sample.value, sample.quality
+
+            if not item.sequence and met(stopped(item.type), look) is False:
                 found.append(id)
         return found
 

@@ -287,3 +287,17 @@ def test_the_command_line_says_what_changes_asks_and_takes_it(server: PogonServe
     assert server.stop() in (0, -15)
     gone = pogon(server)
     assert gone.returncode == 2 and "no server runs on it" in gone.stderr
+
+
+async def test_a_machine_that_runs_is_not_taken_away_without_a_word(tmp_path: Path) -> None:
+    async with running(tmp_path) as plant:
+        runtime = plant.runtime
+        await plant.until(lambda: runtime.tags.sample("m1.status").value == 1 and plant.good("m1.frequency"))
+        await plant.until(lambda: plant.good("m2.status") and plant.good("c1.state"))
+        without = DEMO[: DEMO.index("[equipment.m1]")] + DEMO[DEMO.index("[equipment.c1]") :]
+        plant.write(without)
+        seen = await runtime.look()
+        warned = {change.name: [effect.key for effect in change.effects] for change in seen.changes}
+        assert "machine_runs" in warned["m1"] and "machine_runs" not in warned["m2"]
+        taken = await runtime.reload(None, seen.digest)
+        assert taken.done, "that it ran or not is no other change"

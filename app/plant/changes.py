@@ -43,10 +43,11 @@ class Change:
     effects: tuple[Effect, ...] = ()
 
 
-def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Change]:
+def compare(old: Plant, new: Plant, running: Collection[str] = (), moving: Collection[str] = ()) -> list[Change]:
     """Everything that differs, links before the machines on them; an empty list = nothing.
 
-    `running`: ids of machines of `old` whose sequence runs now; what stops it says so.
+    `running`: ids of machines of `old` whose sequence runs now; what stops it says so. `moving`: those that run without one: who takes
+    away the hold on them says so.
     """
     changes = _plant(old, new)
     changes += _types(old, new)
@@ -57,9 +58,10 @@ def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Chang
         broken_off.setdefault(old.equipment[id].machine, []).append(id)
     for id, item in new.equipment.items():
         if id in old.equipment:
-            changes += _machine(old.equipment[id], item, broken_off.get(id, ()))
+            changes += _machine(old.equipment[id], item, broken_off.get(id, ()), moving=id in moving)
         elif id in former:
-            changes += _renamed(old.equipment[former[id]], item, broken_off.get(former[id], ()))
+            lost = former[id] in moving
+            changes += _renamed(old.equipment[former[id]], item, broken_off.get(former[id], ()), moving=lost)
         else:
             numbers = {"points": str(len(item.points)), "alarms": str(len(item.alarms)), "link": item.link}
             kept = _lent(old, item)
@@ -68,6 +70,7 @@ def compare(old: Plant, new: Plant, running: Collection[str] = ()) -> list[Chang
         if id not in new.equipment and id not in former.values():
             told: list[tuple[str, Mapping[str, str]]] = [
                 *_runs(broken_off.get(id, ())),
+                *([("machine_runs", {"id": id})] if id in moving else []),
                 ("history_kept", {"id": _stem(item)}),
                 ("alarms_closed", {"count": str(len(item.alarms))}),
             ]
@@ -139,13 +142,13 @@ def _links(old: Plant, new: Plant) -> list[Change]:
     return changes
 
 
-def _machine(old: Equipment, new: Equipment, running: Sequence[str]) -> list[Change]:
-    details, effects = _differences(old, new, running)
+def _machine(old: Equipment, new: Equipment, running: Sequence[str], *, moving: bool) -> list[Change]:
+    details, effects = _differences(old, new, running, moving=moving)
     return [_change("equipment", "changed", new.id, details, effects)] if details else []
 
 
-def _renamed(old: Equipment, new: Equipment, running: Sequence[str]) -> list[Change]:
-    details, effects = _differences(old, new, running)
+def _renamed(old: Equipment, new: Equipment, running: Sequence[str], *, moving: bool) -> list[Change]:
+    details, effects = _differences(old, new, running, moving=moving)
     first: list[tuple[str, Mapping[str, str]]] = [
         ("renamed", {"old": old.id, "id": _stem(new)}),
         ("alarms_closed", {"count": str(len(old.alarms))}),
@@ -154,7 +157,7 @@ def _renamed(old: Equipment, new: Equipment, running: Sequence[str]) -> list[Cha
 
 
 def _differences(
-    old: Equipment, new: Equipment, running: Sequence[str]
+    old: Equipment, new: Equipment, running: Sequence[str], *, moving: bool
 ) -> tuple[list[str], list[tuple[str, Mapping[str, str]]]]:
     details = [
         _detail(key, getattr(old, key), getattr(new, key))
@@ -162,6 +165,8 @@ def _differences(
         if _differs(old, new, key)
     ]
     effects: list[tuple[str, Mapping[str, str]]] = []
+    if moving and ((old.link, old.unit) != (new.link, new.unit) or old.type.name != new.type.name):
+        effects.append(("machine_runs", {"id": old.id}))
     if (old.link, old.unit) != (new.link, new.unit):
         effects.append(("elsewhere", {"link": new.link, "unit": str(new.unit)}))
     elif details:

@@ -99,3 +99,24 @@ def test_a_line_is_the_same_whatever_it_is_called(demo: Plant) -> None:
     link = demo.links["hall"]
     assert same_line(link, replace(link, label={"en": "Hall"}))
     assert not same_line(link, replace(link, timeout=3.0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "warned"),
+    [
+        (DEMO[DEMO.index("# Hold-to-run works") : DEMO.index("# The wooden model")], "", True),
+        (DEMO[DEMO.index("[equipment.c1]") : DEMO.index("# A coil is wound")], "", True),
+        ("unit = 2", "unit = 9", True),
+        ("unit = 11", "unit = 12", True),
+        ('en = "Fan 2"', 'en = "Fan West"', False),
+        ("[equipment.m2]", '[equipment.west]\nwas = "m2"', False),
+    ],
+)
+def test_who_takes_away_the_hold_on_a_machine_that_runs_is_warned(
+    demo: Plant, tmp_path: Path, old: str, new: str, warned: bool
+) -> None:
+    assert old in DEMO
+    other = read(tmp_path, DEMO.replace(old, new))
+    for moving in ((), ("m2", "c1")):
+        told = [e.params["id"] for c in compare(demo, other, (), moving) for e in c.effects if e.key == "machine_runs"]
+        assert bool(told) is (warned and bool(moving))
