@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -126,6 +127,8 @@ class Runtime:
         self.gate: Gate | None = None
         """The road of every command, while there is a plant."""
         self.sim: SimPlant | None = None
+        self.commands_ended: Counter[str] = Counter()
+        """Commands by how they ended, since the start."""
         self.loop_lag = 0.0
         self._derivation: Derivation | None = None
         self._derivation_inputs: frozenset[int] = frozenset()
@@ -268,6 +271,7 @@ class Runtime:
 
     def _command_ended(self, progress: Progress) -> None:
         """A command that was sent and not seen to work is an alarm; a Stop has its own."""
+        self.commands_ended[progress.state.value] += 1
         if progress.state in (Progressed.UNCONFIRMED, Progressed.UNKNOWN) and self.plant:
             command = self.plant.equipment[progress.equipment].type.commands.get(progress.command)
             if command is None or not command.stop:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 from zoneinfo import ZoneInfo
@@ -90,10 +90,14 @@ class Row:
 class Drawing:
     """Alarms in one language."""
 
-    def __init__(self, runtime: Surroundings, texts: Texts, lang: str) -> None:
+    def __init__(
+        self, runtime: Surroundings, texts: Texts, lang: str, shown_name: Callable[[str], str] = lambda name: name
+    ) -> None:
+        """`shown_name`: how the name of a person is written for this reader."""
         self.runtime = runtime
         self.texts = texts
         self.lang = lang
+        self.shown_name = shown_name
         self.now = runtime.clock.micros()
         self._groups = Counter(one.equipment for one in runtime.alarms.standing() if one.ordinal)
         self.zone = ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
@@ -126,7 +130,7 @@ class Drawing:
             ordinal=one.ordinal if self._groups[one.equipment] > 1 else 0,
             uncertain=one.uncertain,
             known=one.known,
-            acked_by=one.acked_by,
+            acked_by=self.shown_name(one.acked_by),
             acked_at=self.moment(one.acked_at) if one.acked_at else "",
             resettable=one.state is State.LATCHED,
         )

@@ -5,6 +5,7 @@ import csv
 import io
 from collections.abc import AsyncIterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
@@ -26,7 +27,7 @@ from app.web import format as fmt
 from app.web import language
 from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
 from app.web.audit import defused, read_time
-from app.web.guard import allow, field_list, fields, person_of
+from app.web.guard import allow, field_list, fields, person_of, shown_name
 from app.web.view import View, area_label
 
 router = APIRouter()
@@ -62,7 +63,7 @@ def _engine(request: Request) -> AlarmEngine:
 def drawing(request: Request) -> Drawing:
     """Alarms in the language of `request`."""
     runtime = _view(request).runtime(request)
-    return Drawing(runtime, runtime.texts, language.language_of(request))
+    return Drawing(runtime, runtime.texts, language.language_of(request), partial(shown_name, request))
 
 
 def _may(request: Request, permission: str) -> bool:
@@ -234,7 +235,11 @@ async def _detail(request: Request, one: Standing) -> dict[str, Any]:
         "month_count": len(times),
         "first_day": fmt.date(draw.now - 29 * DAY, draw.zone, draw.lang, year=False),
         "past": [
-            (draw.moment(old.raised), lasting((old.returned - old.raised) / 1e6) if old.returned else "–", old.acked_by)
+            (
+                draw.moment(old.raised),
+                lasting((old.returned - old.raised) / 1e6) if old.returned else "–",
+                shown_name(request, old.acked_by),
+            )
             for old in past
             if old.occurrence != one.occurrence
         ][:9],
@@ -406,7 +411,7 @@ def _line(request: Request, draw: Drawing, record: Record) -> dict[str, Any]:
         "before": text(request, f"alarm.state.{names[record.before]}"),
         "after": text(request, f"alarm.state.{names[record.after]}"),
         "value": draw.value(record.equipment, alarm.value if alarm else "", record.value, record.limit),
-        "person": record.person,
+        "person": shown_name(request, record.person),
         "comment": record.comment,
         "silent": record.silent,
     }

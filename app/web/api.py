@@ -6,11 +6,13 @@ A program sends `Authorization: Bearer <token>` (made on the page of tokens); a 
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
+import orjson
 from fastapi import APIRouter, Body, HTTPException, Query, Request
 from fastapi.openapi.utils import get_openapi
-from fastapi.responses import HTMLResponse, JSONResponse, Response
+from fastapi.responses import HTMLResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import Connection
 
@@ -27,7 +29,7 @@ from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
 from app.web.event_list import in_order
-from app.web.guard import address_of, allow, person_of
+from app.web.guard import address_of, allow, check_points, may_read, person_of, shown_name
 from app.web.history import read
 from app.web.language import language_of
 
@@ -42,6 +44,8 @@ pages = APIRouter()
 
 MOST_TAGS = 500
 MOST_SERIES = 8
+PEOPLE = frozenset({"person", "holder", "display", "by", "who", "name"})
+"""Parameters of a reason that are somebody's name."""
 
 
 class TagOut(BaseModel):
@@ -269,6 +273,16 @@ class RunsOut(BaseModel):
     next: str | None
 
 
+class ErrorOut(BaseModel):
+    """Why something was not done."""
+
+    error: str = Field(description="key of the reason", examples=["why.confirm"])
+    text: str = Field("", description="in the language of the request")
+    argument: str = Field("", description="which argument of a command is wrong")
+    reference: str = Field("", description="under which the log of the server has an error of ours")
+    fields: list[dict[str, str]] = Field([], description="fields of the request that are wrong: field, expected")
+
+
 class AckOut(BaseModel):
     """What became of an acknowledgement."""
 
@@ -292,7 +306,7 @@ class CommandIn(BaseModel):
     expected: float | None = Field(
         None, description="what the setpoint was seen at; 409 when it is not", allow_inf_nan=False
     )
-    confirmed: bool = Field(False, description="the person has confirmed what needs it")
+    confirmed: bool = Field(False, description="true: what asks for it (409 `why.confirm`) is meant so")
     reason: str = Field("", description="why, for the audit trail", max_length=LONGEST_REASON)
 
 
@@ -361,8 +375,12 @@ async def tags(
 ) -> list[TagOut]:
     """Tags as they stand, in order of their names."""
     runtime = runtime_of(request)
-    wanted = [name.strip() for name in names.split(",") if name.strip()] or [
-        name for name in sorted(runtime.points) if name.startswith(prefix) and name > after
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    check_points(request, wanted)
+    wanted = wanted or [
+        name
+        for name in sorted(runtime.points)
+        if name.startswith(prefix) and name > after and may_read(request, runtime.points[name])
     ]
     return [_tag(request, runtime, point_of(runtime, name)) for name in wanted[:limit]]
 
@@ -371,6 +389,7 @@ async def tags(
 async def tag(request: Request, name: str) -> TagOut:
     """One tag as it stands."""
     runtime = runtime_of(request)
+    check_points(request, [name])
     return _tag(request, runtime, point_of(runtime, name))
 
 
@@ -385,6 +404,7 @@ async def history(
     """Series as a screen needs them: no spike is lost, whatever the width."""
     runtime = runtime_of(request)
     points = [point_of(runtime, name.strip()) for name in tags.split(",") if name.strip()]
+    check_points(request, [point.name for point in points])
     if not 1 <= len(points) <= MOST_SERIES:
         raise HTTPException(422)
     first, last = _range(begin, end)
@@ -406,6 +426,7 @@ async def raw(
     """Every stored sample, a page at a time."""
     runtime = runtime_of(request)
     point = point_of(runtime, name)
+    check_points(request, [name])
     first, last = _range(begin, end)
 
     def work(connection: Connection) -> list[tuple[int, float | str | None, int]]:
@@ -470,7 +491,7 @@ async def products(
     found, told = await read(runtime, work)
     last = found[limit - 1] if len(found) > limit else None
     return ProductsOut(
-        products=[_product(runtime, one, told.get(one.id, [])) for one in found[:limit]],
+        products=[_product(request, runtime, one, told.get(one.id, [])) for one in found[:limit]],
         next=f"{last.entered}-{last.id}" if last else None,
     )
 
@@ -517,6 +538,7 @@ async def runs(
         told = run_query.events(connection, ids if events else [])
         made = [
             _run(
+                request,
                 runtime,
                 lang,
                 one,
@@ -580,10 +602,13 @@ async def reasons(request: Request, key: str, command: str) -> list[ReasonOut]:
     return [
         ReasonOut(
             key=one.key,
-            params={name: str(value) for name, value in one.params.items()},
-            text=runtime.texts.of_type(lang, item.type, one.label or one.key, **one.params),
+            params={name: str(value) for name, value in params.items()},
+            text=runtime.texts.of_type(lang, item.type, one.label or one.key, **params),
         )
         for one in gate_of(request).why_not(request.state.person, item.id, command)
+        for params in [
+            {name: shown_name(request, str(value)) if name in PEOPLE else value for name, value in one.params.items()}
+        ]
     ]
 
 
@@ -627,16 +652,55 @@ async def commands(request: Request, key: str) -> list[CommandOut]:
     gate = gate_of(request)
     current = gate.progress(item.id)
     past = [one for one in gate.history(item.id) if current is None or one.id != current.id]
-    return [_progress(one) for one in ([current] if current else []) + sorted(past, key=lambda one: -one.requested)]
+    told = [_progress(one) for one in ([current] if current else []) + sorted(past, key=lambda one: -one.requested)]
+    return [one.model_copy(update={"person": shown_name(request, one.person)}) for one in told]
 
 
 @router.get("/openapi.json", dependencies=[allow("configure")], include_in_schema=False)
-async def openapi(request: Request) -> JSONResponse:
+async def openapi(request: Request) -> Response:
     """The description of this interface."""
+    return Response(described(), media_type="application/json")
+
+
+@cache
+def described() -> bytes:
+    """The description as JSON, made once: it takes long."""
     schema = get_openapi(title="Pogon", version=__version__, description=__doc__, routes=router.routes)
     schema["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
     schema["security"] = [{"token": []}]
-    return JSONResponse(schema)
+    schema["components"]["schemas"]["ErrorOut"] = ErrorOut.model_json_schema()
+    content = {"application/json": {"schema": {"$ref": "#/components/schemas/ErrorOut"}}}
+    for path, methods in schema["paths"].items():
+        for method, operation in methods.items():
+            for status in errors_of(path, method):
+                operation["responses"][str(status)] = {"description": ERRORS[status], "content": content}
+    return orjson.dumps(schema)
+
+
+ERRORS: Mapping[int, str] = {
+    400: "the body cannot be read",
+    401: "the token is unknown or over, or nobody is signed in",
+    403: "the token or the person may not do this",
+    404: "there is no such machine, tag, command or setpoint",
+    408: "the body did not arrive in time",
+    409: "not possible now, or it has to be confirmed first (`why.confirm`: ask again with `confirmed` true)",
+    410: "the nonce is unknown, used or older than 10 s",
+    413: "the body is too large",
+    415: "the body is no JSON in utf-8",
+    422: "a value is missing, out of range or not understood",
+    423: "somebody else has the control of this machine",
+    429: "too many commands in a short time",
+    503: "the device is silent, or the server cannot do it now",
+}
+"""What an answer other than the good one means."""
+
+
+def errors_of(path: str, method: str) -> list[int]:
+    """The errors that a road of the interface may answer with."""
+    if method == "get":
+        return [401, 403, *([404] if "{" in path or path.endswith(("/tags", "/history")) else []), 422, 503]
+    ordering = "/equipment/" in path
+    return [400, 401, 403, 408, *([404, 409, 410, 423] if ordering else []), 413, 415, 422, 429, 503]
 
 
 DOCS_POLICY = (
@@ -796,14 +860,14 @@ def _alarm(request: Request, runtime: "Runtime", one: "Standing") -> AlarmOut:
         came=to_datetime(one.first_true),
         returned=to_datetime(one.returned) if one.returned else None,
         acknowledged=to_datetime(one.acked_at) if one.acked_at else None,
-        acknowledged_by=one.acked_by,
+        acknowledged_by=shown_name(request, one.acked_by),
         value=one.value,
         limit=one.limit,
         count=one.count,
     )
 
 
-def _product(runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> ProductOut:
+def _product(request: Request, runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> ProductOut:
     item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
     keys = item.type.events if item else {}
     return ProductOut(
@@ -831,7 +895,7 @@ def _product(runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> Product
                 value=step.value,
                 second=step.second,
                 second_value=step.second_value,
-                person=step.person,
+                person=shown_name(request, step.person),
                 reason=step.reason,
             )
             for step in steps
@@ -840,6 +904,7 @@ def _product(runtime: "Runtime", one: Passage, steps: Sequence[Step]) -> Product
 
 
 def _run(
+    request: Request,
     runtime: "Runtime",
     lang: str,
     one: run_query.Run,
@@ -868,7 +933,7 @@ def _run(
         boot=one.boot,
         started=to_datetime(one.started),
         start_seen=one.seen,
-        started_by=one.person,
+        started_by=shown_name(request, one.person),
         outcome=one.outcome,
         ended=_moment(one.ended),
         seconds=one.seconds,
@@ -881,7 +946,7 @@ def _run(
         permissives_lost=one.losses,
         forces_active=one.forces,
         acknowledged=_moment(one.acknowledged),
-        acknowledged_by=one.acknowledged_by,
+        acknowledged_by=shown_name(request, one.acknowledged_by),
         events_lost=one.missed,
         steps=[
             RunStepOut(
@@ -906,7 +971,7 @@ def _run(
                 value=event.value,
                 signal=event.signal,
                 together=event.together,
-                person=event.person,
+                person=shown_name(request, event.person),
                 reason=event.reason,
             )
             for event in events
@@ -919,7 +984,7 @@ def _run(
                 seconds=force.asked,
                 until=to_datetime(force.until),
                 ending=force.ending,
-                person=force.person,
+                person=shown_name(request, force.person),
                 reason=force.reason,
             )
             for force in forces

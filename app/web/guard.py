@@ -29,6 +29,8 @@ from app.access.audit import printable
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
 from app.errors import ConfigurationError, Refused, StorageError
+from app.plant.definitions import Point, Scan
+from app.plant.system import FRAME, SYSTEM
 from app.web.errors import answer
 from app.web.security import is_own_origin
 
@@ -45,6 +47,9 @@ SID, PRE = "sid", "pre"
 UNTOUCHED = ("/static/", "/healthz", "/readyz", "/favicon.ico")
 """Nobody is looked up for these."""
 POLICY_VIOLATION = 1008
+IN_FRAME = frozenset(key for key, *_ in FRAME)
+IN_LISTS = frozenset({"commands", "products", "runs", "alarms", "records"})
+"""First part of the keys of system points that pages for everybody follow: that something in a list has changed."""
 DENIALS_KEPT = 60.0
 """The same refusal of the same person is written down once in so long [s]."""
 
@@ -245,6 +250,41 @@ async def may_watch_live(websocket: WebSocket, kind: str) -> bool:
         if person is None and not guests_allowed(websocket.app):
             return False
     return may_watch(person, kind, simulated=guests_allowed(websocket.app))
+
+
+def permission_of_point(point: Point) -> str:
+    """What reading a point needs: as much as the page that it is for, wherever else it is asked for.
+
+    The system's own points are for the pages of communication and storage, but for those of the frame and of lists; parameters, read once
+    after connecting, are for the page of parameters.
+    """
+    if point.equipment == SYSTEM:
+        return "view" if point.key in IN_FRAME or point.key.partition(".")[0] in IN_LISTS else "diagnose"
+    return "diagnose" if point.scan is Scan.ONCE else "view"
+
+
+def may_read(request: Request, point: Point) -> bool:
+    """Whether whoever asks may have the values of `point`."""
+    return permitted(request.state.person, permission_of_point(point), simulated=guests_allowed(request.app))
+
+
+def check_points(request: Request, names: Iterable[str]) -> None:
+    """Refuse values that belong to a page which whoever asks may not open; a name that nobody knows is told elsewhere.
+
+    Raises:
+        Refused: 403, names the first of them.
+    """
+    points = request.app.state.runtime.points
+    for name in names:
+        if name in points and not may_read(request, points[name]):
+            raise Refused("access.point", 403, tag=name)
+
+
+def shown_name(request: Request, name: str) -> str:
+    """The name of a person for whoever asks: visitors without sign-in read that it was somebody, and not who."""
+    if not name or request.state.person is not None:
+        return name
+    return str(request.app.state.view.text(request, "access.role.operator"))
 
 
 async def check_origin_and_token(request: Request) -> None:

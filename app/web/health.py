@@ -1,11 +1,15 @@
 """Is the server well (`/healthz`), does it reach its devices (`/readyz`), how is it doing in numbers (`/metrics`)."""
 
 import secrets
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Gauge, generate_latest
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
 
 from app import __version__
 from app.addresses import is_loopback
@@ -53,30 +57,76 @@ async def metrics(request: Request) -> Response:
 
 def _registry(runtime: "Runtime") -> CollectorRegistry:
     registry = CollectorRegistry()
-
-    def gauge(name: str, text: str, value: float, **labels: str) -> None:
-        known = found.get(name) or Gauge(f"pogon_{name}", text, list(labels), registry=registry)
-        found[name] = known
-        (known.labels(**labels) if labels else known).set(value)
-
-    found: dict[str, Gauge] = {}
-    gauge("info", "Version of the server", 1, version=__version__)
-    gauge("loop_lag_seconds", "How late the event loop is", runtime.loop_lag)
-    gauge("tags", "Tags of the plant", len(runtime.tags))
-    gauge("watchers", "Browser tabs with live values", runtime.live.watchers)
-    for kept in runtime.keeper.kept.values():
-        gauge("task_alive", "1 while the task runs", float(kept.alive), task=kept.name)
-        gauge("task_failures", "How often it failed since the start", kept.failures, task=kept.name)
-    for name, link in runtime.links.items():
-        numbers = link.statistics
-        gauge("link_up", "1 when every unit answers", float(numbers.state is State.UP), link=name)
-        gauge("link_polls_per_second", "Telegrams answered", numbers.polls, link=name)
-        gauge("link_scan_seconds", "Achieved time of a fast scan", numbers.scan_time, link=name)
-        gauge("link_bus_share", "Share of the time with a telegram on its way", numbers.bus_share, link=name)
-        gauge("link_timeouts", "Since the start", numbers.timeouts, link=name)
-        gauge("link_exceptions", "Since the start", numbers.exceptions, link=name)
-        gauge("link_retries", "Since the start", numbers.retries, link=name)
-    if runtime.sim:
-        gauge("simulation_lag_seconds", "How late the simulated plant is", runtime.sim.lag)
-        gauge("simulation_overruns", "Rounds that gave time up", runtime.sim.overruns)
+    registry.register(_Figures(runtime))
+    ProcessCollector(registry=registry)
     return registry
+
+
+class _Figures(Collector):
+    """What the runtime has counted and measured, as it stands."""
+
+    def __init__(self, runtime: "Runtime") -> None:
+        self._runtime = runtime
+
+    def collect(self) -> Iterable[Metric]:
+        """Every figure with its kind: a counter only grows from the start of the server on, a gauge goes both ways."""
+        found: dict[str, Metric] = {}
+        for kind, name, text, value, labels in self._rows():
+            family = found.get(name)
+            if family is None:
+                family = found[name] = kind(f"pogon_{name}", text, labels=list(labels))
+            assert isinstance(family, GaugeMetricFamily | CounterMetricFamily)
+            family.add_metric(list(labels.values()), value)
+        return found.values()
+
+    def _rows(
+        self,
+    ) -> Iterator[tuple[type[GaugeMetricFamily] | type[CounterMetricFamily], str, str, float, dict[str, str]]]:
+        runtime, gauge, counter = self._runtime, GaugeMetricFamily, CounterMetricFamily
+        yield gauge, "info", "Version of the server", 1, {"version": __version__}
+        yield gauge, "loop_lag_seconds", "How late the event loop is", runtime.loop_lag, {}
+        yield gauge, "tags", "Tags of the plant", len(runtime.tags), {}
+        yield gauge, "watchers", "Browser tabs with live values", runtime.live.watchers, {}
+        for kept in runtime.keeper.kept.values():
+            yield gauge, "task_alive", "1 while the task runs", float(kept.alive), {"task": kept.name}
+            yield counter, "task_failures", "How often it failed", kept.failures, {"task": kept.name}
+        for name, link in runtime.links.items():
+            numbers, of = link.statistics, {"link": name}
+            yield gauge, "link_up", "1 when every unit answers", float(numbers.state is State.UP), of
+            yield gauge, "link_polls_per_second", "Telegrams answered", numbers.polls, of
+            yield gauge, "link_scan_seconds", "Achieved time of a fast scan", numbers.scan_time, of
+            yield gauge, "link_bus_share", "Share of the time with a telegram on its way", numbers.bus_share, of
+            yield counter, "link_timeouts", "Telegrams without an answer", numbers.timeouts, of
+            yield counter, "link_exceptions", "Answers that were exceptions", numbers.exceptions, of
+            yield counter, "link_retries", "Telegrams sent again", numbers.retries, of
+        if runtime.sim:
+            yield gauge, "simulation_lag_seconds", "How late the simulated plant is", runtime.sim.lag, {}
+            yield counter, "simulation_overruns", "Rounds that gave time up", runtime.sim.overruns, {}
+        alarms = Counter(
+            (str(one.priority), "unacknowledged" if one.unacked else "other") for one in runtime.alarms.standing()
+        )
+        for priority in ("1", "2", "3", "4"):
+            for state in ("unacknowledged", "other"):
+                yield (
+                    gauge,
+                    "alarms",
+                    "Alarms that stand",
+                    alarms[priority, state],
+                    {"priority": priority, "state": state},
+                )
+        for outcome, count in sorted(runtime.commands_ended.items()):
+            yield counter, "commands", "Commands that came to an end", count, {"state": outcome}
+        yield from self._storage()
+
+    def _storage(
+        self,
+    ) -> Iterator[tuple[type[GaugeMetricFamily] | type[CounterMetricFamily], str, str, float, dict[str, str]]]:
+        recorder, gauge = self._runtime.recorder, GaugeMetricFamily
+        yield gauge, "history_rows_per_second", "Rows that the history takes", recorder.rows_per_second, {}
+        yield CounterMetricFamily, "history_dropped_rows", "Rows that the history could not take", recorder.dropped, {}
+        yield gauge, "history_full", "1 while nothing can be stored", float(recorder.full), {}
+        yield gauge, "history_fill_ratio", "How much of its quota the history uses", recorder.fill, {}
+        if recorder.size is not None:
+            yield gauge, "history_bytes", "Size of the history", recorder.size.used, {}
+            yield gauge, "history_rows_today", "Rows stored since midnight", recorder.size.rows_today, {}
+            yield gauge, "disk_free_bytes", "Free on the disk of the history", recorder.size.free, {}

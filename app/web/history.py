@@ -18,7 +18,7 @@ from app.historian import query
 from app.historian.export import FORMATS, Export, Sheet, Wish, moment
 from app.plant.definitions import Kind, Point
 from app.web.errors import answer
-from app.web.guard import address_of, allow, person_of
+from app.web.guard import address_of, allow, check_points, person_of
 from app.web.language import language_of
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ async def series(request: Request) -> Response:
     """
     runtime = runtime_of(request)
     tags = _tags(request, MOST_SERIES)
+    check_points(request, tags)
     begin, end = _range(request, runtime)
     width = _number(request, "width", DEFAULT_WIDTH, 1, query.MAX_WIDTH)
 
@@ -233,6 +234,7 @@ def _columns(columns: query.Columns) -> dict[str, Any]:
 
 def _wish(request: Request, runtime: "Runtime") -> Wish:
     begin, end = _range(request, runtime)
+    check_points(request, _tags(request, 100))
     locale = request.query_params.get("locale", "") or language_of(request)
     if locale not in FORMATS:
         raise Refused("history.locale", 422, value=locale, expected=", ".join(FORMATS))

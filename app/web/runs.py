@@ -34,7 +34,7 @@ from app.historian.runs import Outcome
 from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
-from app.web.guard import address_of, allow, person_of
+from app.web.guard import address_of, allow, person_of, shown_name
 from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
@@ -337,6 +337,9 @@ class _Words:
     def text(self, key: str, **values: object) -> str:
         return self.view.text(self.request, f"runs.{key}", **values)
 
+    def named(self, name: str) -> str:
+        return shown_name(self.request, name)
+
     def row(self, one: Run, definition: Definition) -> Line:
         item = self._item(one.equipment)
         stopped = one.outcome in (Outcome.ABORTED, Outcome.TIMED_OUT)
@@ -358,7 +361,7 @@ class _Words:
             stalls=one.stalls,
             missed=one.missed,
             mark=f"{one.outcome}-{one.step}-{one.suspensions}-{one.suspended}-{one.losses}-{one.stalls}-{one.forces}-{one.missed}-"
-            f"{one.acknowledged}-{one.acknowledged_by}-{one.person}",
+            f"{one.acknowledged}-{self.named(one.acknowledged_by)}-{self.named(one.person)}",
         )
 
     def why(self, one: Run, definition: Definition) -> str:
@@ -434,17 +437,24 @@ class _Words:
             "row": row,
             "title": self.runtime.texts.label(self.lang, definition.label) if definition.label else row.machine,
             "ended": "" if one.ended is None else self.moment(one.ended),
-            "person": one.person,
+            "person": self.named(one.person),
             "suspended": self.seconds(one.suspended / 1e6) if one.suspensions else "",
             "cause": self.text(f"cause.{Cause(one.cause).name.lower()}") if one.cause else "",
-            "told_by": next((event for event in events if event.code == Code.ABORTED and event.person), None),
+            "told_by": next(
+                (
+                    {"person": self.named(event.person), "reason": event.reason}
+                    for event in events
+                    if event.code == Code.ABORTED and event.person
+                ),
+                None,
+            ),
             "first": self._first(one, definition, item) if one.first_bit is not None else None,
             "steps": [self._step(step, definition) for step in steps],
             "falls": self._falls(events, definition, item, one),
             "breaks": self._breaks(events, one),
             "forces": [self._force(force, known[force.definition], one) for force in forces],
             "acknowledged": "" if one.acknowledged is None else self.moment(one.acknowledged),
-            "acknowledged_by": one.acknowledged_by,
+            "acknowledged_by": self.named(one.acknowledged_by),
             "url": f"/equipment/{one.equipment}" if item else "",
             "open": one.outcome == Outcome.OPEN,
         }
@@ -525,7 +535,7 @@ class _Words:
                     {
                         "time": fmt.clock_time(event.time, self.zone, milliseconds=True, lang=self.lang),
                         "iso": fmt.iso(event.time, self.zone),
-                        "person": event.person,
+                        "person": self.named(event.person),
                         "reason": event.reason,
                         "length": "",
                     }
@@ -544,7 +554,7 @@ class _Words:
             "before": force.since < one.started,
             "until": self.moment(force.until),
             "ending": self.text("force.stands") if stands else self.text(f"force.{force.ending or 'over'}"),
-            "person": force.person,
+            "person": self.named(force.person),
             "reason": force.reason,
         }
 

@@ -6,7 +6,7 @@
     browser → {"hold": {"equipment", "lease", "counter"}}   every 150 ms while a hold-to-run button is held; the first one starts the motion
     browser → {"hold": {"equipment", "lease", "release": cause}}
     server  → {"hold": {"lease", "counter"}}, with "over": words when the motion ended or never began
-    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large, too_fast
+    server  → {"error": code}, then it closes: bad_message, unknown_kind, not_allowed, too_large, too_fast, too_many_tags
 
 The route asks for host, origin, number of sockets and the right to the page at opening, and for the right again every 30 s.
 """
@@ -26,7 +26,7 @@ from app.access.roles import Person
 from app.commands.gate import Gate
 from app.errors import Refused
 from app.live.frames import Live, Watcher
-from app.web.guard import address_of, allow
+from app.web.guard import address_of, allow, permission_of_point
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.security import host_of, is_own_origin
 
@@ -44,6 +44,10 @@ MESSAGES, AT_ONCE = 10.0, 30.0
 """A browser may send so many messages a second, and so many at once (a button that is held sends 7 a second)."""
 LARGEST_MESSAGE = 4096
 """Of a browser [characters]; the server itself refuses a frame above 64 KB."""
+TAGS, MOST_TAGS = "tags/", 200
+"""A page of tags by name, and how many it may have."""
+DIAGNOSIS = "communication"
+"""A kind of page that shows what is not for everybody (app/access/roles.py)."""
 RECHECK = 30.0
 """The right to the page is asked again after this [s]."""
 FIRST_WORD = 10.0
@@ -215,7 +219,8 @@ class _Conversation:
         self.runtime = websocket.app.state.runtime
         self.live: Live = self.runtime.live
         self.watcher: Watcher | None = None
-        self.kind = ""
+        self.kind = self.asks = ""
+        """What is watched; the kind of page whose right is asked for now and then."""
         self.speaker: asyncio.Task[None] | None = None
         person = getattr(websocket.state, "person", None)
         self.session: str = person.session if person is not None else ""
@@ -319,6 +324,11 @@ class _Conversation:
             raise _Refuse("unknown_kind") from None
         if not await self.sockets.may_watch(self.websocket, kind):
             raise _Refuse("not_allowed")
+        told: dict[str, list[str]] = {}
+        self.asks = kind
+        if kind.startswith(TAGS):
+            told = await self.sort_out(kind.removeprefix(TAGS))
+            names = [name for name in names if name not in told.get("denied", ())]
         await self.fall_silent()
         if self.watcher:
             self.live.leave(self.watcher)
@@ -330,9 +340,23 @@ class _Conversation:
             "rev": self.runtime.tags.revision,
             "handles": {name: handles[name] for name in names if name in handles},
             "build": getattr(getattr(self.websocket.app.state, "view", None), "build", ""),
-        }
+        } | told
         await self.send(orjson.dumps({"hello": hello}))
         self.speaker = asyncio.create_task(self.speak(self.watcher))
+
+    async def sort_out(self, text: str) -> dict[str, list[str]]:
+        """Of tags that are asked for by name those that are `unknown`, and those `denied` because their page is not for everybody."""
+        asked = list(dict.fromkeys(name for name in text.split(",") if name))
+        if len(asked) > MOST_TAGS:
+            raise _Refuse("too_many_tags")
+        points = self.runtime.points
+        unknown = [name for name in asked if name not in points]
+        guarded = [name for name in asked if name in points and permission_of_point(points[name]) != "view"]
+        if guarded and await self.sockets.may_watch(self.websocket, DIAGNOSIS):
+            self.asks, guarded = DIAGNOSIS, []
+        if guarded and len(guarded) + len(unknown) == len(asked):
+            raise _Refuse("not_allowed")
+        return {name: found for name, found in (("unknown", unknown), ("denied", guarded)) if found}
 
     async def speak(self, watcher: Watcher) -> None:
         """Send frames for ever, and ask for the right to them now and then; a frame comes at least every second."""
@@ -343,7 +367,7 @@ class _Conversation:
                 frame = await watcher.next()
                 if loop.time() >= check:
                     check = loop.time() + self.sockets.recheck
-                    if not await self.sockets.may_watch(self.websocket, self.kind):
+                    if not await self.sockets.may_watch(self.websocket, self.asks):
                         await self.refuse(_Refuse("not_allowed"))
                         return
                 await self.send(frame)

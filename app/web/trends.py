@@ -28,7 +28,7 @@ from app.historian.store import GAP_AFTER
 from app.plant.definitions import Kind, Plant, Point
 from app.web import format as fmt
 from app.web.alarms import drawing
-from app.web.guard import allow
+from app.web.guard import allow, check_points, may_read
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 from app.web.points import PointView, point_view
@@ -146,7 +146,7 @@ async def points(request: Request) -> Response:
         machine = view.machine(request, equipment)
         found = []
         for key, point in equipment.points.items():
-            if not _drawable(point) or point.name not in _runtime(request).points:
+            if not _drawable(point) or point.name not in _runtime(request).points or not may_read(request, point):
                 continue
             drawn = machine.point(key)
             haystack = f"{machine.label} {drawn.label} {point.name} {drawn.unit}".casefold()
@@ -288,6 +288,7 @@ def _known(request: Request, most: int) -> list[str]:
         raise Refused("trend.error.no_tags", 422)
     if len(names) > most:
         raise Refused("trend.error.too_many", 422, n=len(names), most=most)
+    check_points(request, names)
     return names
 
 
@@ -301,6 +302,7 @@ async def _pens(request: Request) -> list[Pen]:
     names = _names(request)
     if len(names) > MOST_PENS:
         raise Refused("trend.error.too_many", 422, n=len(names), most=MOST_PENS)
+    check_points(request, names)
     strange = [name for name in names if name not in runtime.points]
     old: dict[str, query.Recorded | None] = {}
     if strange:

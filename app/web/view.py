@@ -181,7 +181,8 @@ class View:
         area = given.get("area", "")
         path = request.url.path
         person: Person | None = getattr(request.state, "person", None)
-        drawing = Drawing(runtime, texts, lang)
+        guest = text("access.role.operator")
+        drawing = Drawing(runtime, texts, lang, lambda name: name if person is not None or not name else guest)
         alarms = drawing.banner(
             may_view=permitted(person, "view", simulated=runtime.simulated),
             may_acknowledge=person is not None and person.may("acknowledge"),

@@ -169,8 +169,9 @@ function beep() {
   }
 }
 
-/** Bring sound, button and its words to what is true now. */
+/** Bring sound, button and its words to what is true now; a page beside the sign-in has none of them. */
 function listen() {
+  if (!level || !button) return;
   const wanted = Number(level.dataset.signal) || 0, quiet = silence();
   if (wanted && "sound" in banner.dataset) {
     try { context ??= new AudioContext(); } catch { /* no audio here */ }

@@ -1,0 +1,188 @@
+"""Who reads what: values by name as on their pages, no names for visitors, figures for Prometheus, errors in the description."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from prometheus_client.parser import text_string_to_metric_families
+
+from app.main import create_app
+from app.settings import Settings
+from app.web.guard import permission_of_point, permissions
+from tests.web.knock import knock
+from tests.web.people import HOST, Staff
+
+
+@pytest.fixture(scope="module")
+def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
+    app = create_app(Settings(data=tmp_path_factory.mktemp("visible") / "data"))
+    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+        yield Staff(client)
+
+
+def runtime(staff: Staff) -> Any:
+    return staff.client.app.state.runtime  # type: ignore[attr-defined]
+
+
+def guarded(staff: Staff) -> list[str]:
+    return [name for name, point in runtime(staff).points.items() if permission_of_point(point) != "view"]
+
+
+def hello(staff: Staff, *names: str) -> dict[str, Any]:
+    with staff.client.websocket_connect("ws://127.0.0.1:8000/live", headers={"Origin": HOST}) as socket:
+        socket.send_json({"subscribe": f"tags/{','.join(names)}", "rev": 0})
+        answer: dict[str, Any] = socket.receive_json()
+        return answer.get("hello", answer)  # type: ignore[no-any-return]
+
+
+# ---- values by name ---------------------------------------------------------------------------------------
+
+
+def test_what_everybody_follows_is_not_guarded_and_links_history_and_parameters_are(staff: Staff) -> None:
+    found = set(guarded(staff))
+    everybody = {
+        "m1.speed",
+        "m1.frequency_setpoint",
+        "sys.loop_lag",
+        "sys.commands.m1",
+        "sys.alarms.total",
+        "sys.alarms.revision",
+    }
+    assert not everybody & found
+    assert {"m1.f114", "sys.link.hall.polls", "sys.link.hall.state", "sys.history.fill"} <= found
+    assert not [name for name in runtime(staff).page_names("overview") if name in found]
+
+
+@pytest.mark.parametrize("who", ["guest", "viewer"])
+def test_no_road_gives_a_guarded_value_to_who_may_not_open_its_page(staff: Staff, who: str) -> None:
+    staff.have()
+    if who != "guest":
+        staff.enter("eva", "viewer")
+    found = guarded(staff)
+    listed = {one["name"] for one in staff.client.get("/api/v1/tags?prefix=sys.").json()}
+    assert listed
+    assert not listed & set(found)
+    for name in found[::7]:
+        roads = [f"/api/v1/tags/{name}", f"/api/v1/tags?names=m1.speed,{name}", f"/history/series?tags={name}",
+                 f"/trends/table?tags={name}&from=-1h", f"/trends/marks?tags={name}&from=-1h", f"/trends/recent?tags=m1.speed,{name}",
+                 f"/trends?tags={name}", f"/api/v1/history?tags={name}&from=2026-01-01T00:00:00Z&to=2026-01-02T00:00:00Z"]  # fmt: skip
+        if who == "viewer":
+            roads += [
+                f"/history/export.csv?tags={name}",
+                f"/api/v1/history/{name}/raw?from=2026-01-01T00:00:00Z&to=2026-01-02T00:00:00Z",
+            ]
+        for road in roads:
+            assert (road, staff.client.get(road).status_code) == (road, 403)
+        assert hello(staff, name) == {"error": "not_allowed"}
+        mixed = hello(staff, "m1.speed", name)
+        assert mixed["denied"] == [name]
+        assert name not in mixed["handles"]
+
+
+def test_who_may_diagnose_reads_them(staff: Staff) -> None:
+    staff.enter("ana", "operator")
+    for name in guarded(staff)[::7]:
+        assert staff.client.get(f"/api/v1/tags/{name}").status_code == 200
+        answer = hello(staff, name)
+        assert name in answer["handles"]
+        assert "denied" not in answer
+
+
+def test_names_that_nobody_knows_are_told_and_too_many_are_too(staff: Staff) -> None:
+    staff.enter("ana", "operator")
+    answer = hello(staff, "m1.speed", "m1.sped", "č", "m9.speed")
+    assert answer["unknown"] == ["m1.sped", "č", "m9.speed"]
+    assert "m1.speed" in answer["handles"]
+    assert "unknown" not in hello(staff, "m1.speed", "m1.speed")
+    assert hello(staff, *(f"x{number}" for number in range(201))) == {"error": "too_many_tags"}
+    assert len(hello(staff, *(f"x{number}" for number in range(200)))["unknown"]) == 200
+
+
+# ---- names of people --------------------------------------------------------------------------------------
+
+
+def test_no_page_tells_a_visitor_who_anybody_is(staff: Staff) -> None:
+    display = "Zvonimira Horvatinčić"
+    staff.add("zvonimira", "operator", "engineer")
+    staff.wait(staff.access.people.rename, _boss(), staff._ids["zvonimira"], display)
+    staff.enter("zvonimira")
+    for _ in range(2):
+        assert staff.post("/equipment/m1/token/take").status_code in (200, 303)
+        staff.post("/equipment/m1/stop", {"id": "visible-1"})
+    told = staff.client.get("/api/v1/equipment/m1/commands").text
+    assert "zvonimira" in told.lower()
+    staff.have()
+    for route in permissions(staff.client.app):  # type: ignore[arg-type]
+        method, path = route.split()
+        if method != "GET" or path.startswith("/static"):
+            continue
+        for key in ("m1", "m2"):
+            address = re.sub(r"\{key\}", key, path)
+            address = re.sub(r"\{command\}", "forward", re.sub(r"\{name\}", "m1.speed", address))
+            answer = knock(staff.client, "GET", re.sub(r"\{[^}]*\}", "1", address), query="from=-1h")
+            assert b"zvonimira" not in answer.body.lower(), address
+
+
+def _boss() -> Any:
+    from tests.web.people import BOSS
+
+    return BOSS
+
+
+# ---- figures and the description --------------------------------------------------------------------------
+
+
+def test_figures_have_their_kind(staff: Staff) -> None:
+    staff.enter("ana", "operator")
+    staff.post("/equipment/m1/stop", {"id": "visible-2"})
+    text = staff.client.get("/metrics").text
+    families = {family.name: family for family in text_string_to_metric_families(text)}
+    for name in (
+        "task_failures",
+        "link_timeouts",
+        "link_exceptions",
+        "link_retries",
+        "history_dropped_rows",
+        "simulation_overruns",
+    ):
+        assert families[f"pogon_{name}"].type == "counter", name
+    for name in (
+        "loop_lag_seconds",
+        "link_up",
+        "alarms",
+        "history_rows_per_second",
+        "history_full",
+        "history_fill_ratio",
+        "watchers",
+    ):
+        assert families[f"pogon_{name}"].type == "gauge", name
+    assert {sample.labels["priority"] for sample in families["pogon_alarms"].samples} == {"1", "2", "3", "4"}
+    assert {"process_resident_memory_bytes", "process_open_fds", "process_cpu_seconds"} <= set(families)
+
+
+def test_commands_that_ended_are_counted(staff: Staff) -> None:
+    runtime(staff).commands_ended["confirmed"] += 3
+    families = {one.name: one for one in text_string_to_metric_families(staff.client.get("/metrics").text)}
+    assert families["pogon_commands"].type == "counter"
+    assert {
+        one.labels["state"]: one.value for one in families["pogon_commands"].samples if one.name.endswith("_total")
+    }["confirmed"] >= 3
+
+
+def test_every_road_of_the_interface_says_how_it_refuses(staff: Staff) -> None:
+    staff.enter("eng", "engineer")
+    schema = json.loads(staff.client.get("/api/v1/openapi.json").text)
+    for path, methods in schema["paths"].items():
+        for method, operation in methods.items():
+            declared = set(operation["responses"])
+            assert {"401", "403", "422"} <= declared, path
+            if "{" in path:
+                assert "404" in declared, path
+            if method == "post":
+                assert {"400", "413", "415", "429", "503"} <= declared, path
+            if method == "post" and "/equipment/" in path:
+                assert {"409", "410", "423"} <= declared, path
+    assert set(schema["components"]["schemas"]["ErrorOut"]["properties"]) >= {"error", "text"}
