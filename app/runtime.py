@@ -56,7 +56,7 @@ log = logging.getLogger(__name__)
 
 DERIVED = "derived"
 """Source of the points that are computed from others."""
-RETAIN_PERIOD = 10.0
+RETAIN_PERIOD = 60.0
 """How often running hours and the like are kept [s]."""
 SIMULATION_LATE = 1.0
 """The virtual plant is behind by more than this [s]: an alarm."""
@@ -797,7 +797,7 @@ class Runtime:
             self._derivation.interrupted(still.begin, still.end)
 
     async def _retain(self) -> None:
-        """Keep what derived points remember, for ever; a killed server forgets the last seconds."""
+        """Keep what derived points remember, for ever; a killed server forgets the last minute of it."""
         while True:
             await asyncio.sleep(RETAIN_PERIOD)
             try:
