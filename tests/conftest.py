@@ -28,8 +28,6 @@ from tests.virtual import VirtualLoop
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")
 """Files of browser tests that take a minute and more."""
-VIRTUAL = ("live", "links")
-"""Folders and files of tests whose asynchronous tests live in virtual time."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -54,10 +52,8 @@ def pytest_asyncio_loop_factories(
     config: pytest.Config, item: pytest.Item
 ) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
     """Asynchronous tests live in virtual time, but for those whose subject is real: sockets, ttys, processes, browsers."""
-    virtual = item.path.is_relative_to(ROOT / "tests") and item.path.relative_to(ROOT / "tests").parts[0] in VIRTUAL
-    if virtual and not any(item.get_closest_marker(mark) for mark in ("real_time", "alone")):
-        return {"virtual": VirtualLoop}
-    return {"real": asyncio.SelectorEventLoop}
+    real = any(item.get_closest_marker(mark) for mark in ("real_time", "alone", "soak", "browser"))
+    return {"real": asyncio.SelectorEventLoop} if real else {"virtual": VirtualLoop}
 
 
 @pytest.fixture(autouse=True)

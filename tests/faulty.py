@@ -8,7 +8,6 @@ because a line of ours never lies in most of these ways.
 import asyncio
 import contextlib
 import os
-import tty
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from app.registers.pdu import WRITES, exception_answer
 from app.registers.rtu import build_frame, parse_frame, request_length
 from app.sim.bus import Bus
 from app.sim.training import BASE, LineFault
+from tests.wires import SerialLine
 
 MBAP = Struct(">HHHB")
 EXCEPTIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 11)
@@ -341,33 +341,33 @@ class _Connection(asyncio.Protocol):
         self.transport.abort()
 
 
-class PtyFaulty:
-    """The slave on a pseudo-terminal; masters open its `path`."""
+class SerialFaulty:
+    """The slave on a serial line of this process; masters open its `path`."""
 
     def __init__(self, slave: Slave) -> None:
         self.slave = slave
         self.path = ""
-        self._ours = self._theirs = -1
+        self._line: SerialLine | None = None
         self._heard = bytearray()
 
     async def start(self) -> None:
         """Open it."""
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
-        self.path = os.ttyname(self._theirs)
-        asyncio.get_running_loop().add_reader(self._ours, self._readable)
+        self._line = SerialLine()
+        self.path = self._line.path
+        asyncio.get_running_loop().add_reader(self._line.fileno(), self._readable)
 
     async def close(self) -> None:
         """Close it."""
-        asyncio.get_running_loop().remove_reader(self._ours)
-        ours, self._ours = self._ours, -1
-        os.close(ours)
-        os.close(self._theirs)
+        line, self._line = self._line, None
+        if line is not None:
+            asyncio.get_running_loop().remove_reader(line.fileno())
+            line.close()
 
     def _readable(self) -> None:
+        if self._line is None:
+            return
         with contextlib.suppress(BlockingIOError):
-            self._heard += os.read(self._ours, 4096)
+            self._heard += os.read(self._line.fileno(), 4096)
         while (length := request_length(self._heard)) is not None and len(self._heard) >= length:
             request = parse_frame(bytes(self._heard[:length]))
             del self._heard[:length]
@@ -375,8 +375,8 @@ class PtyFaulty:
             self.slave.hear(*request, self._send, lambda: None)
 
     def _send(self, reply: Reply) -> None:
-        if self._ours < 0:
+        if self._line is None:
             return
         frame = reply.pdu if reply.noise else build_frame(reply.unit, reply.pdu)
         with contextlib.suppress(BlockingIOError):
-            os.write(self._ours, frame[: max(1, round(len(frame) * reply.keep))] + reply.tail)
+            os.write(self._line.fileno(), frame[: max(1, round(len(frame) * reply.keep))] + reply.tail)

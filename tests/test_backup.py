@@ -33,6 +33,7 @@ from app.errors import ConfigurationError
 from app.historian import store
 from tests.conftest import ROOT
 from tests.historian.conftest import point
+from tests.virtual import inline
 
 BEGIN = 1_773_036_000_000_000
 KEY = bytes(range(32))
@@ -57,7 +58,7 @@ def data(tmp_path: Path) -> Path:
     with sqlite3.connect(folder / "pogon.db") as connection:
         connection.execute("INSERT INTO session VALUES ('5ec2e7', 1, 1, 1, 1, 'here', 'me')")
     connection.close()
-    history = Database(folder / "history.db", "history")
+    history = Database(folder / "history.db", "history", inline)
     history.migrate()
     history.run(lambda c: store.register(c, [point()]))
     history.run(lambda c: store.append(c, [(1, BEGIN + i, float(i), None, 0) for i in range(500)], BEGIN, BEGIN))
@@ -82,9 +83,9 @@ class _access:
     """People and audit of a folder, closed at the end."""
 
     def __init__(self, folder: Path) -> None:
-        self.db = Database(folder / "pogon.db", "pogon")
+        self.db = Database(folder / "pogon.db", "pogon", inline)
         self.db.migrate()
-        self.access = Access(self.db, SystemClock(), folder, Cost(1, 64, 1))
+        self.access = Access(self.db, SystemClock(), folder, Cost(1, 64, 1), inline)
 
     def __enter__(self) -> Access:
         return self.access
@@ -167,7 +168,7 @@ def test_restore_refuses_beside_a_server(data: Path, plant: Path, tmp_path: Path
 
 
 def test_a_backup_is_taken_while_the_databases_are_written(data: Path, plant: Path, tmp_path: Path) -> None:
-    history = Database(data / "history.db", "history")
+    history = Database(data / "history.db", "history", inline)
     for i in range(5):
         for k in range(20):
             t = BEGIN + 10**6 + i * 1000 + k

@@ -24,6 +24,8 @@ from tests.links.devices import RegisterDevice
 from tests.links.serial_slaves import rtu
 from tests.sim.test_simulate_process import simulating
 
+pytestmark = pytest.mark.real_time
+
 
 async def pogon(*arguments: str) -> tuple[int, str, str]:
     """Exit code, output, errors; in a thread of its own, as if in a process."""

@@ -13,6 +13,7 @@ from alembic.script import ScriptDirectory
 from app.db import PAGE_SIZE, Database, _heads, alembic_config
 from app.errors import StorageError
 from tests.conftest import ROOT
+from tests.virtual import inline
 
 NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
 
@@ -28,7 +29,7 @@ def test_a_file_of_the_newest_schema_is_opened_without_alembic(
     tmp_path: Path, name: Literal["pogon", "history"]
 ) -> None:
     file = tmp_path / f"{name}.db"
-    database = Database(file, name)
+    database = Database(file, name, inline)
     database.migrate()
     database.close()
     again = (
@@ -41,7 +42,7 @@ def test_a_file_of_the_newest_schema_is_opened_without_alembic(
 @pytest.mark.parametrize("version", [None, "9999"])
 def test_an_empty_file_is_filled_and_one_of_a_newer_program_is_refused(tmp_path: Path, version: str | None) -> None:
     file = tmp_path / "history.db"
-    database = Database(file, "history")
+    database = Database(file, "history", inline)
     if version is None:
         file.touch()
         database.migrate()

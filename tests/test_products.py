@@ -25,6 +25,7 @@ from app.settings import Settings
 from tests.conftest import PogonServer, find_port
 from tests.historian.rings import Ring
 from tests.sim.test_simulate_process import simulating
+from tests.virtual import inline, loop_clock
 
 PLANT = """
 [plant]
@@ -62,6 +63,13 @@ def read(data: Path, statement: str) -> list[Any]:
         return connection.execute(statement).fetchall()
 
 
+async def until(found: Callable[[], Any], limit: float = 60.0) -> None:
+    """Wait in the time of the loop until something is found."""
+    async with asyncio.timeout(limit):
+        while not found():  # noqa: ASYNC110
+            await asyncio.sleep(0.2)
+
+
 def wait(found: Callable[[], Any], limit: float = 60.0) -> Any:
     end = time.monotonic() + limit
     while time.monotonic() < end:
@@ -71,6 +79,7 @@ def wait(found: Callable[[], Any], limit: float = 60.0) -> Any:
     pytest.fail(f"not within {limit} s")
 
 
+@pytest.mark.real_time
 def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, tmp_path: Path) -> None:
     """kill -9 three times while products run; the machine itself goes on in another process."""
     modbus = find_port()
@@ -111,6 +120,7 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
     assert "Traceback" not in server.log()
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("way", ["locked", "full"])
 async def test_killed_while_the_history_takes_nothing_it_misses_no_event(
     pogon_server: START, tmp_path: Path, way: str
@@ -178,7 +188,9 @@ def ring(port: int) -> tuple[int, int]:
 
 async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -> None:
     """One runtime: what its links hand over is in alarms and passages, in the log, and counted for the pages."""
-    runtime = Runtime(Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"))
+    runtime = Runtime(
+        Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"), loop_clock(), inline
+    )
     await runtime.start()
     try:
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
@@ -214,24 +226,24 @@ async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None
     """While products run, and once more while the server is down: one list of passages, nothing missing, nothing twice."""
     plant = folder(tmp_path / "line", SIMULATED)
     data = tmp_path / "data"
-    runtime = Runtime(Settings(plant=plant, data=data))
+    runtime = Runtime(Settings(plant=plant, data=data), loop_clock(), inline)
     await runtime.start()
     try:
-        await asyncio.to_thread(wait, lambda: len(arrivals(data, "c1")) >= 2)
+        await until(lambda: len(arrivals(data, "c1")) >= 2)
         renamed = SIMULATED.replace("[equipment.c1]", '[equipment.line1]\nwas = "c1"')
         (plant / "plant.toml").write_text(renamed, "utf-8")
         assert (await runtime.reload(None, (await runtime.look()).digest)).done
-        await asyncio.to_thread(wait, lambda: len(arrivals(data, "line1")) >= 4)
+        await until(lambda: len(arrivals(data, "line1")) >= 4)
         assert arrivals(data, "c1") == []
     finally:
         await runtime.stop()
     before = arrivals(data, "line1")
     assert before == list(range(before[0], before[0] + len(before)))
     (plant / "plant.toml").write_text(renamed.replace("equipment.line1", "equipment.belt"), "utf-8")
-    runtime = Runtime(Settings(plant=plant, data=data))
+    runtime = Runtime(Settings(plant=plant, data=data), loop_clock(), inline)
     await runtime.start()
     try:
-        await asyncio.to_thread(wait, lambda: arrivals(data, "belt")[: len(before)] == before, 10)
+        await until(lambda: arrivals(data, "belt")[: len(before)] == before, 10)
         assert "sys.products.belt" in runtime.tags and runtime.passages.last("belt") is not None
     finally:
         await runtime.stop()
@@ -245,7 +257,9 @@ def arrivals(data: Path, equipment: str) -> list[int]:
 async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir(mode=0o700)
     (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)
-    runtime = Runtime(Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"))
+    runtime = Runtime(
+        Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"), loop_clock(), inline
+    )
     await runtime.start()
     try:
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]

@@ -1,13 +1,11 @@
 """Definition files of sequences taken anew while they run: what only a person reads interrupts nothing, the rest is told beforehand."""
 
 import asyncio
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from app.clock import SystemClock
 from app.plant.changes import Change
 from app.registers import plc_map
 from app.registers.plc_map import Request
@@ -15,6 +13,7 @@ from app.runtime import Runtime
 from app.settings import Settings
 from app.sim.sequence import VirtualSequence
 from app.tags.quality import is_good
+from tests.virtual import inline, loop_clock
 
 PLANT = """
 [plant]
@@ -73,9 +72,9 @@ class Plant:
         return tags.sample(name).value if name in tags and is_good(tags.sample(name).quality) else None
 
     async def until(self, true: Callable[[], bool]) -> None:
-        end = time.monotonic() + 30
+        end = asyncio.get_running_loop().time() + 30
         while not true():
-            assert time.monotonic() < end, "not in time"
+            assert asyncio.get_running_loop().time() < end, "not in time"
             await asyncio.sleep(0.02)
 
     async def change(self, **text: str) -> tuple[Change, bool]:
@@ -90,7 +89,7 @@ class Plant:
 async def running(tmp_path: Path) -> AsyncIterator[Plant]:
     plant = Plant(tmp_path / "plant")
     plant.write()
-    plant.runtime = Runtime(Settings(plant=plant.folder, data=tmp_path / "data"), SystemClock())
+    plant.runtime = Runtime(Settings(plant=plant.folder, data=tmp_path / "data"), loop_clock(), inline)
     await plant.runtime.start()
     try:
         assert plant.runtime.plant is not None, plant.runtime.problems

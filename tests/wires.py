@@ -63,6 +63,8 @@ class Network(asyncio.SelectorEventLoop):
         """
         if options.get("sock") is not None:
             return await super().create_server(protocol_factory, host, port, **options)
+        if port is not None and not 0 <= port <= 65535:
+            raise OverflowError("bind(): port must be 0-65535.")
         address = (host, port or next(self._ports))
         if address in self.listeners:
             raise OSError(
@@ -150,7 +152,8 @@ async def serve_line(bus: Bus, baud: int = 9600, *, paced: bool = True) -> Seria
     return server
 
 
-def _open_port(link: Link) -> Any:
+def open_port(link: Link) -> Any:
+    """As the transport's own, which it stands in for, on a line of this process too."""
     if not link.port.startswith("/wires/"):
         return _open_device(link)
     if link.port not in _lines:
@@ -161,4 +164,4 @@ def _open_port(link: Link) -> Any:
 _numbers = count(1)
 _lines: dict[str, socket.socket] = {}
 _open_device = rtu_transport.open_port
-rtu_transport.open_port = _open_port
+rtu_transport.open_port = open_port

@@ -11,6 +11,7 @@ from app.access.passwords import Cost
 from app.access.roles import Person, permissions_of
 from app.clock import ManualClock
 from app.db import Database
+from tests.virtual import inline
 
 CHEAP = Cost(passes=1, memory=64, lanes=1)
 """For tests that are not about the cost: 1000 times cheaper."""
@@ -23,7 +24,7 @@ OpenAccess = Callable[..., Access]
 def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A `pogon.db` with all its tables, made once."""
     folder = tmp_path_factory.mktemp("empty")
-    db = Database(folder / "pogon.db", "pogon")
+    db = Database(folder / "pogon.db", "pogon", inline)
     db.migrate()
     db.close()
     return folder / "pogon.db"
@@ -49,8 +50,8 @@ def open_access(data: Path, clock: ManualClock) -> Iterator[OpenAccess]:
     opened: list[tuple[Access, Database]] = []
 
     def make(folder: Path = data, cost: Cost = CHEAP) -> Access:
-        db = Database(folder / "pogon.db", "pogon")
-        access = Access(db, clock, folder, cost)
+        db = Database(folder / "pogon.db", "pogon", inline)
+        access = Access(db, clock, folder, cost, inline)
         opened.append((access, db))
         return access
 

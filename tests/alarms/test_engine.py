@@ -21,6 +21,7 @@ from app.plant.texts import Texts
 from app.tags.batch import Batch, Value
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import COMM_FAILURE, GOOD
+from tests.virtual import inline
 
 KEY = b"k" * 32
 ANA = Person(7, "ana", "Ana Kos", frozenset({"operator"}), permissions_of({"operator"}), "a" * 64, address="10.0.0.7")
@@ -107,7 +108,7 @@ PRODUCT = {lang: {f"alarm.system.{key}.label": key for key in SYSTEM_ALARMS} for
 
 @pytest.fixture
 async def plot(tmp_path: Path) -> AsyncIterator[Plot]:
-    database = Database(tmp_path / "pogon.db", "pogon")
+    database = Database(tmp_path / "pogon.db", "pogon", inline)
     database.migrate()
     yield Plot(database, ManualClock())
     database.close()

@@ -17,6 +17,7 @@ from app.plant.texts import Texts
 from app.tags.quality import COMM_FAILURE
 from tests.alarms.test_engine import ANA, LOST, PRODUCT, Plot
 from tests.historian.rings import SECOND, Ring
+from tests.virtual import inline
 
 PASSED = Alarm("passed", "alarm.hot.label", "", 3, event=10, source=2)
 """Momentary."""
@@ -29,7 +30,7 @@ JAM = replace(STOPPED, key="jam", expression="status in (4, 5)", event=24, event
 
 @pytest.fixture
 async def plot(tmp_path: Path) -> AsyncIterator[Plot]:
-    database = Database(tmp_path / "pogon.db", "pogon")
+    database = Database(tmp_path / "pogon.db", "pogon", inline)
     database.migrate()
     yield Plot(database, ManualClock())
     database.close()

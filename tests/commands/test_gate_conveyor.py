@@ -1,7 +1,6 @@
 """The gate over the memory link to the virtual PLC of the conveyor: real telegrams, real time, lost answers and a server that dies."""
 
 import asyncio
-import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
@@ -10,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from app.access.roles import Person
-from app.clock import SystemClock
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
@@ -24,6 +22,7 @@ from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import NO_DATA
 from tests.commands.stand import ANA, EVA
+from tests.virtual import loop_clock
 
 PLANT = """
 [plant]
@@ -49,7 +48,7 @@ class Line:
         (folder / "plant.toml").write_text(PLANT, "utf-8")
         plant, problems = read_plant(folder)
         assert plant is not None, problems
-        self.clock = SystemClock()
+        self.clock = loop_clock()
         self.sim = SimPlant(plant, self.clock)
         self.tags = TagDatabase(self.clock)
         self.orders: list[int] = []
@@ -112,9 +111,9 @@ class Line:
         return float(value) if isinstance(value, int | float) else float("nan")
 
     async def until(self, true: Callable[[], object], limit: float = 30.0) -> None:
-        began = time.monotonic()
+        began = self.clock.monotonic()
         while not true():
-            assert time.monotonic() - began < limit, (self.gate.progress("c1"), self.value("state"), self.results)
+            assert self.clock.monotonic() - began < limit, (self.gate.progress("c1"), self.value("state"), self.results)
             await asyncio.sleep(0.02)
 
     async def ask(self, command: str, who: Person = EVA, **asked: object) -> Progress:
@@ -159,8 +158,8 @@ async def press(line: Line, command: str) -> str:
 
 async def hold(line: Line, lease: str, seconds: float, begin: int = 1) -> int:
     counter = begin
-    ends = time.monotonic() + seconds
-    while time.monotonic() < ends:
+    ends = line.clock.monotonic() + seconds
+    while line.clock.monotonic() < ends:
         line.gate.hold.keep_alive(lease, counter, EVA.session)
         counter += 1
         await asyncio.sleep(0.1)

@@ -1,14 +1,12 @@
-"""The gate over the memory link to the virtual E800: real telegrams, real time."""
+"""The gate over the memory link to the virtual E800: real telegrams."""
 
 import asyncio
-import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 
 import pytest
 
 from app.access.roles import Person
-from app.clock import SystemClock
 from app.commands.gate import Gate, Question
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
@@ -20,6 +18,7 @@ from app.sim.plant import SimPlant, exchange
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
 from tests.commands.stand import ANA, EVA, IVO, demo_plant
+from tests.virtual import loop_clock
 
 QUICK = {"F113": 10.0, "F114": 2.0, "F115": 2.0, "F905": 1.0}
 COMMAND = 0x2000
@@ -33,7 +32,7 @@ class Hall:
         item = plant.equipment["m2"]
         item = replace(item, options={**item.options, "simulation": QUICK})
         self.plant = replace(plant, equipment={"m2": item})
-        self.clock = SystemClock()
+        self.clock = loop_clock()
         self.sim = SimPlant(self.plant, self.clock)
         self.tags = TagDatabase(self.clock)
         self.captured: list[tuple[int, int]] = []
@@ -83,9 +82,9 @@ class Hall:
         return float(value) if isinstance(value, int | float) else float("nan")
 
     async def until(self, true: Callable[[], object], limit: float = 30.0) -> None:
-        began = time.monotonic()
+        began = self.clock.monotonic()
         while not true():
-            assert time.monotonic() - began < limit, (self.gate.progress("m2"), self.value("status"))
+            assert self.clock.monotonic() - began < limit, (self.gate.progress("m2"), self.value("status"))
             await asyncio.sleep(0.02)
 
     async def ask(self, command: str, who: Person = ANA, **asked: object) -> Progress:

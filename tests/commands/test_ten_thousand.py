@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from app.access.roles import Person
-from app.clock import SystemClock
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
 from app.errors import LinkError, Refused
@@ -24,7 +23,8 @@ from app.registers.codec import encode
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import is_good
 from tests.commands.stand import SETTINGS, demo_plant, person
-from tests.faulty import FOR_READS, Plan, PtyFaulty, Slave, TcpFaulty, kinder
+from tests.faulty import FOR_READS, Plan, SerialFaulty, Slave, TcpFaulty, kinder
+from tests.virtual import loop_clock
 
 WRITES = [2_000, pytest.param(10_000, marks=pytest.mark.soak)]
 LINES = {"tcp": (20, 4, 1.0), "rtu": (40, 2, 0.3)}
@@ -100,7 +100,7 @@ class Hall:
 
     def __init__(self, transport: str, seed: int) -> None:
         self.transport = transport
-        self.clock = SystemClock()
+        self.clock = loop_clock()
         self.tags = TagDatabase(self.clock)
         self.tally = Tally()
         demo = demo_plant()
@@ -131,7 +131,7 @@ class Hall:
         """Serve the slaves and connect to them."""
         definitions = {}
         for name, slave in self.slaves.items():
-            carrier = TcpFaulty(slave) if self.transport == "tcp" else PtyFaulty(slave)
+            carrier = TcpFaulty(slave) if self.transport == "tcp" else SerialFaulty(slave)
             await carrier.start()
             stack.push_async_callback(carrier.close)
             if isinstance(carrier, TcpFaulty):

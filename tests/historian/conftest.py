@@ -14,11 +14,12 @@ from app.plant.definitions import Kind, Point
 from app.tags.batch import Batch, Value
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import GOOD
+from tests.virtual import inline
 
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[Database]:
-    database = Database(tmp_path / "history.db", "history")
+    database = Database(tmp_path / "history.db", "history", inline)
     database.migrate()
     yield database
     database.close()

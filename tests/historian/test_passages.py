@@ -18,6 +18,7 @@ from app.historian.passage_query import Passage, Wanted
 from app.historian.passages import Passages
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.test_recorder import limit_pages
+from tests.virtual import inline
 
 Ask = Callable[..., list[Passage]]
 
@@ -229,7 +230,7 @@ async def test_redelivery_after_a_crash_changes_nothing(kept: Passages, history:
     wanted = everything(history)
     for number in range(20):
         path = history.path.with_name(f"again-{number}.db")
-        database = Database(path, "history")
+        database = Database(path, "history", inline)
         database.migrate()
         at = 0
         while at < len(events):
@@ -337,7 +338,7 @@ async def test_a_command_that_never_had_an_event_is_forgotten(kept: Passages) ->
 
 
 async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_path: Path) -> None:
-    database = Database(tmp_path / "history.db", "history")
+    database = Database(tmp_path / "history.db", "history", inline)
     database.migrate()
     room = 1
     limit_pages(database, lambda: room)
@@ -397,7 +398,7 @@ async def test_a_disk_that_takes_nothing_for_long_drops_the_oldest_and_counts_th
 async def test_a_broken_file_is_told_and_no_traceback(tmp_path: Path) -> None:
     path = tmp_path / "history.db"
     path.write_bytes(b"this is no database " * 500)
-    database = Database(path, "history")
+    database = Database(path, "history", inline)
     kept = Passages(database, ManualClock())
     kept.configure(conveyor("c1"))
     await kept.load()

@@ -25,6 +25,7 @@ from app.plant.definitions import Kind, Point
 from app.tags.database import Tag
 from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
 from tests.historian.conftest import Source, point
+from tests.virtual import inline
 
 ROOT = Path(__file__).resolve().parents[2]
 BEGIN = 1_773_036_000_000_000
@@ -373,7 +374,7 @@ async def test_points_that_a_full_disk_does_not_take_are_recorded_when_there_is_
 
 async def test_a_failing_recorder_never_raises_into_the_tag_database(history: Database, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    broken = Database(tmp_path / "file" / "history.db", "history")
+    broken = Database(tmp_path / "file" / "history.db", "history", inline)
     source = Source(point())
     made = Recorder(source.tags, broken, source.clock, keep_days=1, quota=QUOTA)
     await made.configure([point()])
@@ -432,6 +433,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.real_time
 def test_kill_9_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
     path = tmp_path / "history.db"
     with subprocess.Popen([sys.executable, "-c", KILLED, str(path)], cwd=ROOT, stdout=subprocess.PIPE) as process:
@@ -455,7 +457,7 @@ def test_kill_9_loses_no_more_than_the_last_second(tmp_path: Path) -> None:
             assert last - newest < 1_000_000
             assert count > 100
     connection.close()
-    again = Database(path, "history")
+    again = Database(path, "history", inline)
     again.migrate()
     again.run(lambda c: store.begin_run(c, last + 60_000_000))
     assert rows_of(again, "m1.p7")[-1][2] == NO_DATA

@@ -18,6 +18,7 @@ from app.historian.runs import Runs, runs_sequence
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.sequence_rings import Device, definition, sequences
 from tests.sim.coil_line import TRANSPORT, Line
+from tests.virtual import inline
 
 
 @pytest.fixture
@@ -319,7 +320,7 @@ async def test_redelivery_after_a_crash_changes_nothing(kept: Runs, history: Dat
     wanted = everything(history)
     assert [run[5] for run in wanted[0]] == ["done", "aborted", "aborted", "aborted"] * 2
     for number in range(20):
-        database = Database(history.path.with_name(f"again-{number}.db"), "history")
+        database = Database(history.path.with_name(f"again-{number}.db"), "history", inline)
         database.migrate()
         at = 0
         while at < len(told):

@@ -3,18 +3,18 @@
 import asyncio
 import os
 import shutil
-import time
 from pathlib import Path
 
 import pytest
 
-from app.clock import ManualClock, SystemClock
+from app.clock import ManualClock
 from app.errors import ConfigurationError
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
 from app.registers.pdu import read_request
 from app.sim.plant import VIRTUAL_DEVICES, SimPlant, read_simulated
 from app.sim.server import Openings, simulate
 from tests.sim.fake_device import FakeDevice
+from tests.virtual import loop_clock
 
 FAKE = EquipmentType("fake", Path("fake"), "fake", Device(), {}, {}, (), (), {}, (), {})
 
@@ -127,17 +127,15 @@ def test_steps_that_are_owed_are_done_in_turns_that_leave_time_for_others() -> N
     assert (sim.steps, sim.overruns, sim.lost) == (8, 0, 0.0), "the rest is still owed, not given up"
 
 
-@pytest.mark.alone
 async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.sim.plant.PACE_WINDOW", 0.5)
-    clock = SystemClock()
+    clock = loop_clock()
+    assert isinstance(clock, ManualClock)
 
     class Heavy(FakeDevice):
         def step(self) -> None:
             FakeDevice.step(self)
-            began = time.process_time()
-            while time.process_time() - began < 0.002:
-                pass
+            clock.advance(0.002)
 
     many = plant(*((f"m{n}", "hall", n) for n in range(1, 21)))  # 40 ms for each 10 ms
     sim = SimPlant(many, clock, factories={"fake": lambda equipment, seed: Heavy()})
@@ -145,9 +143,9 @@ async def test_a_plant_that_is_too_large_runs_slower_and_nobody_waits_for_it(mon
     loop, turns = asyncio.get_running_loop(), list[float]()
     end = loop.time() + 2.0
     while loop.time() < end:
-        began = time.process_time()  # of this process: whatever else the computer does
-        await asyncio.sleep(0)
-        turns.append(time.process_time() - began)
+        began = clock.monotonic()
+        await asyncio.sleep(0.001)
+        turns.append(clock.monotonic() - began)
     running.cancel()
     taken = sum(turn for turn in turns if turn > 0.03)
     assert taken < 0.9 * sum(turns), "the others have their part of the time"
@@ -171,7 +169,7 @@ def test_the_computing_time_of_a_step_is_told() -> None:
 
 
 async def test_running_it_moves_at_the_pace_of_the_wall() -> None:
-    sim = SimPlant(TWO_LINKS, SystemClock(), factories={"fake": build})
+    sim = SimPlant(TWO_LINKS, loop_clock(), factories={"fake": build})
     await asyncio.sleep(0.2)
     task = asyncio.create_task(sim.run())
     await asyncio.sleep(0.5)
@@ -195,22 +193,23 @@ async def test_what_cannot_be_served_is_told(
 ) -> None:
     monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
     with pytest.raises(ConfigurationError, match=expected):
-        await simulate(TWO_LINKS, SystemClock(), openings, lambda line: None)
+        await simulate(TWO_LINKS, loop_clock(), openings, lambda line: None)
 
 
 async def test_links_of_different_speed_need_a_choice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
     mixed = plant(("m1", "hall", 1), ("m2", "yard", 2), yard=19200)
     with pytest.raises(ConfigurationError, match=r"baud differs \(hall 9600, yard 19200\)"):
-        await simulate(mixed, SystemClock(), Openings(pty=True), lambda line: None)
+        await simulate(mixed, loop_clock(), Openings(pty=True), lambda line: None)
 
 
+@pytest.mark.real_time
 async def test_all_openings_serve_the_same_devices_until_a_signal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(VIRTUAL_DEVICES, "fake", build)
     said: asyncio.Queue[str] = asyncio.Queue()
     served = asyncio.create_task(
         simulate(
-            TWO_LINKS, SystemClock(), Openings(("127.0.0.1", 0), pty=True, link="hall", baud=115200), said.put_nowait
+            TWO_LINKS, loop_clock(), Openings(("127.0.0.1", 0), pty=True, link="hall", baud=115200), said.put_nowait
         )
     )
     async with asyncio.timeout(2):

@@ -3,12 +3,12 @@
 import asyncio
 import contextlib
 import os
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -18,6 +18,7 @@ from pymodbus.exceptions import ModbusIOException
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from app.errors import ConfigurationError
+from app.plant.definitions import Link
 from app.registers.crc import crc_holds
 from app.registers.pdu import read_request, write_request
 from app.registers.rtu import build_frame, read_time
@@ -26,11 +27,15 @@ from app.sim.bus import Bus, LineFaultMode
 from app.sim.server import SerialServer, TcpServer, close_all, serve_pty, serve_serial, serve_tcp
 from app.sim.training import LineFault
 from tests.sim.fake_device import FakeDevice
+from tests.virtual import VirtualLoop
+from tests.wires import open_port, serve_line
 
 POLL = read_request(0x1000, 25)
 ANSWER = bytes((3, 50)) + b"".join((100 + n).to_bytes(2) for n in range(25))
 Client = AsyncModbusTcpClient | AsyncModbusSerialClient
 FAST = 115200
+ANSWERS = 30.0
+"""Patience where an answer comes [s], however busy the machine."""
 
 
 @asynccontextmanager
@@ -52,7 +57,16 @@ async def pty(bus: Bus | None = None, baud: int = FAST) -> AsyncIterator[SerialS
 
 
 @asynccontextmanager
-async def master(road: str, bus: Bus, patience: float = 0.25) -> AsyncIterator[Client]:
+async def serial_line(bus: Bus | None = None, baud: int = FAST) -> AsyncIterator[SerialServer]:
+    served = await serve_line(bus or Bus({1: FakeDevice()}), baud)
+    try:
+        yield served
+    finally:
+        await served.close()
+
+
+@asynccontextmanager
+async def master(road: str, bus: Bus, patience: float = ANSWERS) -> AsyncIterator[Client]:
     async with contextlib.AsyncExitStack() as stack:
         client: Client
         if road == "tcp":
@@ -70,9 +84,9 @@ async def master(road: str, bus: Bus, patience: float = 0.25) -> AsyncIterator[C
 
 
 async def until(fact: Callable[[], bool], patience: float) -> None:
-    end = time.monotonic() + patience
+    end = asyncio.get_running_loop().time() + patience
     while not fact():
-        assert time.monotonic() < end
+        assert asyncio.get_running_loop().time() < end
         await asyncio.sleep(0.01)
 
 
@@ -81,6 +95,7 @@ def road(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+@pytest.mark.real_time
 async def test_a_foreign_master_reads_and_writes(road: str) -> None:
     device = FakeDevice()
     async with master(road, Bus({1: device})) as client:
@@ -105,6 +120,7 @@ REFUSED: list[tuple[int, Callable[[Client], Awaitable[ModbusPDU]]]] = [
 ]
 
 
+@pytest.mark.real_time
 async def test_a_foreign_master_gets_each_exception(road: str) -> None:
     async with master(road, Bus({1: FakeDevice()})) as client:
         for code, ask in REFUSED:
@@ -113,14 +129,16 @@ async def test_a_foreign_master_gets_each_exception(road: str) -> None:
             assert answer.exception_code == code
 
 
+@pytest.mark.real_time
 async def test_a_unit_that_is_not_there_is_silent_and_its_neighbour_answers(road: str) -> None:
     async with master(road, Bus({1: FakeDevice()}), patience=0.1) as client:
         with pytest.raises(ModbusIOException):
             await client.read_holding_registers(0x1000, count=1, device_id=9)
-        await asyncio.sleep(0.02)
+        client.ctx.comm_params.timeout_connect = ANSWERS
         assert (await client.read_holding_registers(0x1000, count=1, device_id=1)).registers == [100]
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     "fault",
     [
@@ -137,12 +155,14 @@ async def test_a_spoiled_answer_never_passes_for_a_good_one(road: str, fault: Li
         with pytest.raises(ModbusIOException):
             await client.read_holding_registers(0x1000, count=25, device_id=1)
         await asyncio.sleep(0.1)
+        client.ctx.comm_params.timeout_connect = ANSWERS
         client.close()
         assert await client.connect()
         answer = await client.read_holding_registers(0x1000, count=25, device_id=1)
         assert answer.registers == list(range(100, 125))
 
 
+@pytest.mark.real_time
 async def test_a_wrong_length_and_a_chosen_exception_arrive_as_such(road: str) -> None:
     device = FakeDevice(line_fault=LineFault(LineFaultMode.WRONG_LENGTH, count=1))
     async with master(road, Bus({1: device})) as client:
@@ -153,6 +173,11 @@ async def test_a_wrong_length_and_a_chosen_exception_arrive_as_such(road: str) -
         device.line_fault = LineFault(LineFaultMode.EXCEPTION, argument=6, count=1)
         assert (await client.read_holding_registers(0x1000, count=25, device_id=1)).exception_code == 6
         assert (await client.read_holding_registers(0x1000, count=25, device_id=1)).registers == list(range(100, 125))
+
+
+def in_virtual_time(story: Coroutine[Any, Any, None]) -> None:
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        runner.run(story)
 
 
 # --- TCP -------------------------------------------------------------------------------------------------------------
@@ -197,15 +222,14 @@ async def test_a_request_in_pieces_is_one_request() -> None:
         assert await reader.readexactly(59) == framed(ANSWER)
 
 
-@pytest.mark.alone
 async def test_two_clients_do_not_hear_each_other_and_a_slow_answer_holds_only_its_own() -> None:
     slow = FakeDevice(line_fault=LineFault(LineFaultMode.SLOW, delay_ms=300))
     async with tcp(Bus({1: FakeDevice(), 2: slow})) as served, socket_to(served) as (_, first):
         first.write(framed(POLL, unit=2))
         await first.drain()
-        began = time.monotonic()
+        began = asyncio.get_running_loop().time()
         assert await polls(served)
-        assert time.monotonic() - began < 0.2
+        assert asyncio.get_running_loop().time() - began < 0.2
         assert served.connections >= 1
 
 
@@ -288,17 +312,18 @@ def test_no_bytes_on_a_socket_stop_the_server(noise: list[bytes]) -> None:
                     await writer.drain()
             assert await polls(served)
 
-    asyncio.run(story())
+    in_virtual_time(story())
 
 
 # --- RTU -------------------------------------------------------------------------------------------------------------
 
 
 class Wire:
-    """The master's end of a pseudo-terminal, byte by byte."""
+    """The master's end of a serial line, byte by byte."""
 
     def __init__(self, path: str) -> None:
-        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._port = open_port(Link("hall", "rtu", port=path))
+        self.fd = self._port.fileno()
 
     def send(self, data: bytes) -> None:
         os.write(self.fd, data)
@@ -306,8 +331,8 @@ class Wire:
     async def hear(self, count: int, patience: float = 1.0) -> bytes:
         """At least `count` bytes, or what there is when the time is over."""
         heard = b""
-        until = time.monotonic() + patience
-        while len(heard) < count and time.monotonic() < until:
+        until = asyncio.get_running_loop().time() + patience
+        while len(heard) < count and asyncio.get_running_loop().time() < until:
             with contextlib.suppress(BlockingIOError):
                 heard += os.read(self.fd, 4096)
             await asyncio.sleep(0.0002)
@@ -318,12 +343,12 @@ class Wire:
         return await self.hear(count, patience)
 
     def close(self) -> None:
-        os.close(self.fd)
+        self._port.close()
 
 
 @asynccontextmanager
 async def wire(bus: Bus | None = None, baud: int = FAST) -> AsyncIterator[Wire]:
-    async with pty(bus, baud) as served:
+    async with serial_line(bus, baud) as served:
         end = Wire(served.path)
         try:
             yield end
@@ -374,7 +399,7 @@ def test_no_bytes_on_a_line_stop_the_slave(noise: list[bytes]) -> None:
             await end.hear(1, 0.02)
             assert await end.ask(FRAME, 55) == build_frame(1, ANSWER)
 
-    asyncio.run(story())
+    in_virtual_time(story())
 
 
 async def time_of_a_poll(end: Wire, polls: int) -> float:
@@ -382,18 +407,16 @@ async def time_of_a_poll(end: Wire, polls: int) -> float:
     marks = []
     for _ in range(polls + 1):
         assert await end.ask(FRAME, 55) == build_frame(1, ANSWER)
-        marks.append(time.monotonic())
+        marks.append(asyncio.get_running_loop().time())
     return sorted(later - sooner for sooner, later in pairwise(marks))[polls // 4]
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(("baud", "count"), [(9600, 7), (38400, 21)])
 async def test_the_line_is_as_fast_as_its_arithmetic(baud: int, count: int) -> None:
     async with wire(baud=baud) as end:
         assert await time_of_a_poll(end, count) == pytest.approx(read_time(baud, 25), rel=0.1)
 
 
-@pytest.mark.alone
 async def test_the_turnaround_comes_on_top_of_the_wire_time() -> None:
     async with wire(Bus({1: FakeDevice()}, turnaround=0.03), baud=38400) as end:
         assert await time_of_a_poll(end, 9) == pytest.approx(read_time(38400, 25) + 0.03, rel=0.1)
@@ -428,7 +451,7 @@ async def test_line_faults_on_the_wire_are_what_they_say() -> None:
 
 
 async def test_masters_come_and_go() -> None:
-    async with pty() as served:
+    async with serial_line() as served:
         for _ in range(3):
             end = Wire(served.path)
             assert await end.ask(FRAME, 55) == build_frame(1, ANSWER)

@@ -13,6 +13,7 @@ import pytest
 from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 from pymodbus.pdu import ExceptionResponse
 
+pytestmark = pytest.mark.real_time
 ROOT = Path(__file__).resolve().parents[2]
 PLANT = """
 [plant]
