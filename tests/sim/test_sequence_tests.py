@@ -38,7 +38,7 @@ def machine_of(device: VirtualSequence) -> object:
     return device.machine
 
 
-def test_a_transport_passes_faster_than_real_time() -> None:
+def test_a_transport_passes_in_the_time_of_its_machine() -> None:
     one = result(
         COIL,
         [START],
@@ -50,7 +50,6 @@ def test_a_transport_passes_faster_than_real_time() -> None:
         {"never": "coil_on_car == 1 and mandrel == 2 and zone_mandrel == 1"},
     )
     assert one.ok and one.happened.endswith("done") and 40 < one.simulated < 90
-    assert one.took < one.simulated / 4
 
 
 def test_a_fault_and_presets_act_at_their_time() -> None:
