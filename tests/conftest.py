@@ -17,6 +17,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from app import chance
 from app.access.access import Access, prepare
@@ -24,6 +25,9 @@ from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
 from tests.virtual import VirtualLoop
+
+settings.register_profile("house", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("house")  # how long an example takes is the machine's affair
 
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")

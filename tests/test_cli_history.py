@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
+import pytest
 from typer.testing import CliRunner
 
 from app.backup import table_counts
@@ -47,6 +48,7 @@ def stored(data: Path, *names: str) -> int:
     return int(count)
 
 
+@pytest.mark.real_time
 def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., PogonServer], tmp_path: Path) -> None:
     server = pogon_server()
     data = server.data
@@ -118,6 +120,7 @@ def test_without_history_there_is_one_clear_line(tmp_path: Path) -> None:
     assert "nothing was recorded" in done.stderr
 
 
+@pytest.mark.real_time
 def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     database = Database(tmp_path / "history.db", "history")
     database.migrate()
@@ -136,6 +139,7 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     assert (neither.returncode, "either --tags" in neither.stderr) == (2, True)
 
 
+@pytest.mark.real_time
 def test_runs_go_home_without_a_server(tmp_path: Path) -> None:
     folder = runs_plant.write(tmp_path / "plant")
     plant, problems = read_plant(folder)

@@ -8,13 +8,13 @@ import sqlite3
 import threading
 import urllib.error
 import urllib.request
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 
+from app import chance
 from app.access.access import Access, prepare
 from app.access.roles import Person, permissions_of
 from app.clock import SystemClock
@@ -63,7 +63,7 @@ class Program(threading.Thread):
         with contextlib.suppress(OSError, ValueError):
             self.ask("/control/take")
             for number in range(10_000):
-                id = uuid.uuid4().hex
+                id = chance.token_hex(16)
                 if number % 4 == 3:
                     status, _ = self.ask("/stop", id=id)
                 else:
@@ -100,6 +100,7 @@ def ids(data: Path) -> set[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_what_was_answered_before_a_kill_has_its_line(tmp_path: Path, pogon_server: Callable[..., PogonServer]) -> None:
     data = tmp_path / "data"
     enroll(data, {"ana": ["operator", "engineer"], "ivo": ["operator", "engineer"]}, "tri plave ladice u kutu")

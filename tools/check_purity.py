@@ -1,11 +1,14 @@
 """The thinking is pure: blocks, codecs, physics, alarm states and interlocks import no web, SQL, socket or task library.
 
 Follows imports inside `app`, so a pure module cannot borrow one through a neighbour either.
+
+Time belongs to the house: the machine's clock is read in `app/clock.py`, its chance in `app/chance.py`, and nowhere else; in tests only
+where a socket, a terminal, a process or a browser is the subject (marked `real_time`, `alone`, `soak` or `browser`).
 """
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -21,10 +24,20 @@ PURE = (
 )
 DOING = ("app/sim/plant.py", "app/sim/sequence_tests.py", "app/sim/server.py")
 """The few files of `sim` that run the virtual devices and open the port; everything else there is physics and programs."""
+SOURCES = ("app/clock.py", "app/chance.py")
+"""Who asks the machine for time and chance."""
+REAL = ("tests/conftest.py", "tests/browser/**/*.py", "tests/soak/**/*.py", "tests/test_virtual.py")
+"""Tests and their helpers whose subject is real."""
+REAL_MARKS = {"real_time", "alone", "soak", "browser"}
+TIMES = {"monotonic", "monotonic_ns", "sleep", "time", "time_ns", "perf_counter", "perf_counter_ns"}
+OF_THE_MACHINE = {f"time.{name}" for name in TIMES} | {
+    "datetime.now", "datetime.utcnow", "datetime.today", "date.today", "os.urandom", "random.SystemRandom",
+}  # fmt: skip
+HARMLESS = {"random.Random", "secrets.compare_digest"}
 
 
 def main() -> int:
-    problems = []
+    problems = [*impure_times("app", SOURCES), *impure_times("tests", REAL)]
     for path in sorted({path for pattern in PURE for path in ROOT.glob(pattern)}):
         if str(path.relative_to(ROOT)) not in DOING:
             problems += [
@@ -32,6 +45,59 @@ def main() -> int:
             ]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
+
+
+def impure_times(folder: str, allowed: Sequence[str]) -> Iterator[str]:
+    """Every place below `folder` that takes time or chance from the machine."""
+    real = {path for pattern in allowed for path in ROOT.glob(pattern)}
+    for path in sorted(set(ROOT.glob(f"{folder}/**/*.py")) - real):
+        tree = ast.parse(path.read_bytes(), str(path))
+        known = names_of(tree)
+        excused = {
+            id(inner) for node in tree.body if folder == "tests" and is_real(node, tree) for inner in ast.walk(node)
+        }
+        for node in ast.walk(tree):
+            if id(node) in excused or not isinstance(node, ast.Attribute | ast.Name | ast.Call):
+                continue
+            name = full_name(node.func if isinstance(node, ast.Call) else node, known)
+            seedless = isinstance(node, ast.Call) and name == "random.Random" and not node.args
+            chance = name.startswith(("random.", "secrets.", "uuid.")) and name not in HARMLESS
+            if seedless or (not isinstance(node, ast.Call) and (chance or name in OF_THE_MACHINE)):
+                yield f"{path.relative_to(ROOT)}:{node.lineno}: {name}, expected the injected clock, the loop or app.chance"
+
+
+def names_of(tree: ast.Module) -> dict[str, str]:
+    """What imported names stand for: `now` → `time.time` after `from time import time as now`."""
+    known = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            known |= {alias.asname or alias.name: alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            known |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+    return known
+
+
+def full_name(node: ast.expr, known: dict[str, str]) -> str:
+    """`time.monotonic` for whatever it is called here; the class `datetime` without its module."""
+    if isinstance(node, ast.Name):
+        return known.get(node.id, "").removeprefix("datetime.")
+    if isinstance(node, ast.Attribute):
+        name = f"{full_name(node.value, known)}.{node.attr}"
+        return name.removeprefix("datetime.") if name.startswith(("datetime.datetime.", "datetime.date.")) else name
+    return ""
+
+
+def is_real(node: ast.stmt, tree: ast.Module) -> bool:
+    """Whether a test, or the whole module, says that its subject is real; a helper of such a module's tests with it."""
+    marked = any(isinstance(one, ast.Assign) and _marks(one.value) for one in tree.body)
+    tests = [one for one in tree.body if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
+        return marked or any(_marks(one) for one in node.decorator_list)
+    return marked or any(_marks(mark) for one in tests for mark in one.decorator_list)
+
+
+def _marks(node: ast.expr) -> bool:
+    return any(isinstance(one, ast.Attribute) and one.attr in REAL_MARKS for one in ast.walk(node))
 
 
 def forbidden_roads(path: Path, seen: set[Path]) -> Iterator[list[str]]:

@@ -8,7 +8,6 @@ import tarfile
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 
 from app import __version__
@@ -31,6 +30,7 @@ from app.backup.archive import (
     work_folder,
 )
 from app.backup.sealing import BACKUP_KEY, Opening, encrypt, sign, signing_key
+from app.clock import SystemClock, to_datetime
 from app.errors import ConfigurationError
 
 LARGEST_PLANT = 256 * 2**20
@@ -84,7 +84,7 @@ def back_up(
             manifest = Manifest(
                 FORMAT,
                 __version__,
-                datetime.now(UTC).isoformat(timespec="seconds"),
+                to_datetime(SystemClock().micros()).isoformat(timespec="seconds"),
                 keys,
                 {name: ((copies / name).stat().st_size, digest(copies / name)) for name in names},
                 {name: table_counts(copies / name) for name in names if name in DATABASES},

@@ -7,7 +7,6 @@ import sqlite3
 import tomllib
 from collections.abc import Iterator, Set
 from contextlib import closing
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from app.access.keys import lock, read_mark, write_mark
 from app.access.restoring import commit, finish_restore, stage, sync_folder, sync_tree
 from app.backup.archive import DATABASES, KEYS, MARKS, PLANT, Manifest, Tell, unpack
 from app.backup.sealing import Opening
+from app.clock import SystemClock, to_datetime
 from app.errors import ConfigurationError
 
 AUDIT_KEY = "audit.key"
@@ -79,7 +79,7 @@ def restore(
 
 
 def _free_stamp(data: Path) -> str:
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
+    stamp = to_datetime(SystemClock().micros()).strftime("%Y%m%dT%H%M%S")
     number = 1
     while (data / f"before-restore-{stamp}").exists() or (data / f"{PLANT}-{stamp}").exists():
         number += 1

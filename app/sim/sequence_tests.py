@@ -18,11 +18,10 @@ machine (of the sequence itself without one; 0 ends it), or presets. A test ends
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
-from time import perf_counter
 from typing import Any
 
 from app.blocks.sequence import BITS, SequenceState
-from app.clock import ManualClock
+from app.clock import ManualClock, SystemClock
 from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Command, Equipment, Plant, SequenceDefinition, SequenceTest, Type
 from app.plant.expression import Expression, Reading, parse
@@ -139,11 +138,11 @@ class _Run:
 
     def result(self) -> TestResult:
         """Run it to its end."""
-        began, now = perf_counter(), 0.0
+        began, now = SystemClock().monotonic(), 0.0
         try:
             self._preset({"mode": 1.0, **self.test.given} if self._has_mode() else self.test.given)
         except ValueError as error:
-            return TestResult(self.test.name, False, f"given: {error}", 0.0, perf_counter() - began)
+            return TestResult(self.test.name, False, f"given: {error}", 0.0, SystemClock().monotonic() - began)
         self.sim.step()
         rows = [self._row(row) for row in self.test.then]
         orders = list(self.test.when)
@@ -157,7 +156,7 @@ class _Run:
             for order in due:
                 orders.remove(order)
                 if refused := self._act(order):
-                    return TestResult(self.test.name, False, refused, now, perf_counter() - began)
+                    return TestResult(self.test.name, False, refused, now, SystemClock().monotonic() - began)
             self.sim.step()
             if due:
                 self._listen(due, now)
@@ -174,7 +173,7 @@ class _Run:
                 row.failed = "it was not"
         failed = [f"{row.text}: {row.failed}" for row in rows if row.failed]
         happened = "; ".join([*failed, *self.said, self._end(now)] if failed else [self._end(now)])
-        return TestResult(self.test.name, not failed, happened, now, perf_counter() - began)
+        return TestResult(self.test.name, not failed, happened, now, SystemClock().monotonic() - began)
 
     # ---- when
 

@@ -1,12 +1,12 @@
 """Sessions: random, rotated, limited, idle, over; and alive after a restart."""
 
 import re
-import secrets
 import shutil
 from pathlib import Path
 
 import pytest
 
+from app import chance
 from app.access.access import Access, prepare
 from app.access.sessions import ID_BYTES, IDLE_AFTER, family, hash_of
 from app.clock import ManualClock
@@ -24,7 +24,7 @@ async def test_ids_have_256_bits_and_only_their_hash_is_kept(access: Access, dat
 
 def test_ten_thousand_ids_are_all_different() -> None:
     assert ID_BYTES == 32
-    assert len({secrets.token_urlsafe(ID_BYTES) for _ in range(10_000)}) == 10_000
+    assert len({chance.token_urlsafe(ID_BYTES) for _ in range(10_000)}) == 10_000
 
 
 async def test_signing_in_again_replaces_the_session_that_the_browser_had(access: Access) -> None:

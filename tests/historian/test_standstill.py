@@ -240,6 +240,7 @@ def test_the_extremes_of_a_day_know_nothing_of_a_value_of_the_day_before_that_no
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_a_server_that_was_stopped_for_some_seconds_stored_nothing_good_for_them(
     pogon_server: Callable[..., PogonServer],
 ) -> None:

@@ -1,11 +1,11 @@
 """Commands that take arguments, over HTTP at the conveyor of the demo plant: fields, words, reasons of the device, audit, the interface."""
 
-import uuid
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
+from app import chance
 from app.commands.lifecycle import Progress
 from tests.web.operating import Operator, line_of, runtime_of, until, words
 from tests.web.people import Staff
@@ -169,7 +169,7 @@ def test_programs_give_arguments_by_name(staff: Staff) -> None:
     path = "/equipment/c1/commands/"
 
     def order(command: str, **body: Any) -> Any:
-        return program.order(path + command, f"api-{uuid.uuid4().hex}", **body)
+        return program.order(path + command, f"api-{chance.token_hex(16)}", **body)
 
     asked = order("confirm_positions", arguments={"product": 0})
     assert (asked.status_code, asked.json()["error"]) == (409, "why.confirm")
@@ -212,7 +212,7 @@ def test_limits_of_whole_numbers_are_whole_in_the_interface(staff: Staff, lang: 
         texts = [
             program.order(
                 "/equipment/c1/commands/delete_product",
-                uuid.uuid4().hex,
+                chance.token_hex(16),
                 arguments={"product": product},
                 confirmed=True,
                 reason="test",

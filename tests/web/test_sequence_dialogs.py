@@ -1,6 +1,5 @@
 """Dialogs of a sequence over HTTP: only for what there is and may be asked; labels of another language with their mark."""
 
-import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from app import chance
 from app.web.points import EquipmentView, plant_text
 from app.web.sequences import sequence_of
 from tests import coil_plant
@@ -113,7 +113,7 @@ def test_a_token_has_no_password_and_cannot_force(plant: TestClient, engineer: O
 
     def force(step: int) -> Any:
         given = {"step": step, "bit": 1, "duration": 5}
-        return program.order(path, uuid.uuid4().hex, arguments=given, confirmed=True, reason="test")
+        return program.order(path, chance.token_hex(16), arguments=given, confirmed=True, reason="test")
 
     try:
         refused, far = force(3), force(99)
