@@ -7,12 +7,13 @@ import csv
 import getpass
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from app import logs
 from app.access.roles import ROLES, Person
 from app.errors import ConfigurationError, PogonError, Refused
 from app.files import read_text
@@ -176,8 +177,11 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator["Access"]:
 
     db: Database | None = None
     access: Access | None = None
+    ends = ExitStack()
     try:
-        folder = data or read_settings().data
+        settings = read_settings()
+        folder = data or settings.data
+        ends.callback(logs.forward(settings.syslog))  # what is done here is a security event, too
         if existing and not (folder / "pogon.db").is_file():
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
         prepare(folder)
@@ -194,6 +198,7 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator["Access"]:
             access.close()
         if db:
             db.close()
+        ends.close()
 
 
 def fail(text: str) -> NoReturn:

@@ -32,12 +32,14 @@ NAMES = {"uvicorn.error": "uvicorn"}
 """Uvicorn says everything in its `error`, the start too."""
 
 security_log = logging.getLogger(SECURITY)
+security_log.addHandler(logging.NullHandler())  # a command without a log says nothing of its own lines
 
 
-def security(event: str, /, **fields: object) -> None:
-    """Log a security event: a word such as `signin.refused`, and what belongs to it. Never a password or a token."""
+def security(event: str, /, *, grave: bool = True, **fields: object) -> None:
+    """Log a security event: a word such as `signin.failed`, and what belongs to it. Never a password or a token."""
     said = " ".join(f"{name}={value}" for name, value in fields.items())
-    security_log.warning("%s %s", event, said, extra={"event": event, "fields": fields})
+    level = logging.WARNING if grave else logging.INFO
+    security_log.log(level, "%s %s", event, said, extra={"event": event, "fields": fields})
 
 
 def start(level: str, form: Form = "text", syslog: str = "", sink: Any = None) -> Callable[[], None]:
@@ -49,6 +51,11 @@ def start(level: str, form: Form = "text", syslog: str = "", sink: Any = None) -
     handler.setFormatter(_Json() if form == "json" else _Text())
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     logging.getLogger("app").setLevel(level.upper())
+    return forward(syslog)
+
+
+def forward(syslog: str) -> Callable[[], None]:
+    """Send what is logged to `syslog`, if that is named; returns what ends it, which sends what still waits."""
     security_log.setLevel(logging.INFO)
     if not syslog:
         return lambda: None

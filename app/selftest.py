@@ -21,6 +21,7 @@ from app.access.keys import PRIVATE, check_files, lock
 from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
 from app.errors import ConfigurationError
+from app.files import open_ordinary, read_text
 from app.plant.definitions import Plant, Problem
 from app.settings import Settings
 
@@ -104,8 +105,8 @@ def _keys(data: Path) -> Finding:
     there = [name for name in PRIVATE if name.endswith(".key") and (data / name).exists()]
     for name in there:
         try:
-            good = len(bytes.fromhex((data / name).read_text("ascii").strip())) == 32
-        except (ValueError, OSError):
+            good = len(bytes.fromhex(read_text(data / name, 10_000).partition("\n")[0])) == 32
+        except (ValueError, ConfigurationError):
             good = False
         if not good:
             return Finding("keys", "failed", "wrong", {"path": data / name})
@@ -217,11 +218,13 @@ def _tls(settings: Settings, clock: Clock) -> Finding:
     if cert is None or key is None:
         return Finding("tls", "ok", "proxy" if settings.behind_proxy else "none")
     try:
+        for path in (cert, key):
+            open_ordinary(path).close()
         if key.stat().st_mode & 0o077:
             return Finding("tls", "failed", "open_key", {"path": key})
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key)
         days = (_end(cert) - clock.micros() / 1e6) / 86400
-    except (OSError, ssl.SSLError, ValueError) as error:
+    except (OSError, ssl.SSLError, ValueError, ConfigurationError) as error:
         return Finding("tls", "failed", "wrong", {"reason": getattr(error, "strerror", None) or str(error)})
     params = {"days": int(days)}
     if days <= 0:

@@ -72,7 +72,8 @@ def test_a_person_is_added_and_listed(pogon: Pogon) -> None:
     assert made.output.startswith("ana.kos (engineer, operator) initial password: ")
     listed = pogon("user", "list").output
     assert listed.split()[:3] == ["ana.kos", "initial", "password"]
-    assert made.output.split()[-1] not in listed
+    assert made.stdout.split()[-1] not in listed
+    assert made.stderr.startswith("pogon: nobody is an administrator"), "the engineer cannot make one"
 
 
 def test_a_class_is_added_from_a_file_all_or_none(pogon: Pogon, tmp_path: Path) -> None:

@@ -9,8 +9,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from app import logs
+from app.access.access import Access, prepare
+from app.access.passwords import Cost
+from app.access.roles import SYSTEM
+from app.cli import cli
+from app.clock import ManualClock
+from app.db import Database
 from app.errors import ConfigurationError
 
 TIME = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z"
@@ -110,6 +117,38 @@ def test_security_events_go_out_whatever_the_level(
     log.warning("not told")
     logs.security("account.role", account="eve", roles="admin")
     assert "account.role" in collector[1].recv(65536).decode()
+
+
+def test_what_is_about_rights_is_an_event_and_the_rest_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, collector: tuple[str, socket.socket]
+) -> None:
+    monkeypatch.setenv("POGON_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("POGON_SYSLOG", collector[0])
+    added = CliRunner().invoke(cli, ["user", "add", "eve", "--role", "admin"])
+    assert (added.exit_code, added.stderr) == (0, "")
+    found = []
+    while not found or "person.added" not in found[-1]:
+        found.append(collector[1].recv(65536).decode())
+    assert re.search(r"^<84>1 .* person\.added - WARNING .* object=eve .*admin", found[-1])
+    assert added.stdout.split()[-1] not in "".join(found), "never a password"
+
+
+def test_lines_of_the_audit_are_told_by_their_kind(caplog: pytest.LogCaptureFixture, tmp_path: Path) -> None:
+    prepare(tmp_path)
+    database = Database(tmp_path / "pogon.db", "pogon")
+    database.migrate()
+    access = Access(database, ManualClock(), tmp_path, Cost(1, 64, 1))
+    lines = [
+        access.audit.entry(kind, SYSTEM, "m1", result=result)
+        for kind, result in (("signin.failed", "refused"), ("m1.forward", "confirmed"), ("token.revoked", "ok"))
+    ]
+    with caplog.at_level("INFO", logs.SECURITY):
+        access.audit.run(lambda _: (None, lines))
+        access.close()
+    database.close()
+    told = {record.event: record.levelname for record in caplog.records if record.name == logs.SECURITY}  # type: ignore[attr-defined]
+    assert told.pop("audit.anchor", "INFO") == "INFO"
+    assert told == {"signin.failed": "WARNING", "token.revoked": "INFO"}
 
 
 @pytest.mark.parametrize("address", ["/none/log", "127.0.0.1:9", "name.invalid:514"])

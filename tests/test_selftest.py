@@ -45,7 +45,7 @@ def data(tmp_path: Path) -> Path:
         database = Database(folder / f"{name}.db", name)  # type: ignore[arg-type]
         database.migrate()
         database.close()
-    (folder / "audit.key").write_text("ab" * 32)
+    (folder / "audit.key").write_text("ab" * 32 + "\na mark of the audit in a line of its own\n")
     (folder / "audit.key").chmod(0o600)
     return folder
 
@@ -92,6 +92,11 @@ def others_write(data: Path, _tmp: Path) -> dict[str, object]:
 
 def no_key(data: Path, _tmp: Path) -> dict[str, object]:
     (data / "audit.key").write_text("none")
+    return {}
+
+
+def piped_key(data: Path, _tmp: Path) -> dict[str, object]:
+    os.mkfifo(data / "secret.key", 0o600)
     return {}
 
 
@@ -156,6 +161,7 @@ def no_device(_data: Path, tmp: Path) -> dict[str, object]:
         (others_read, "selftest.data.wrong"),
         (others_write, "selftest.data.wrong"),
         (no_key, "selftest.keys.wrong"),
+        (piped_key, "selftest.keys.wrong"),
         (lost_key, "selftest.keys.lost"),
         (no_database, "selftest.database.broken"),
         (torn_database, "selftest.database.broken"),

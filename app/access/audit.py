@@ -41,9 +41,17 @@ from app.access.tables import audit_table
 from app.clock import Clock
 from app.db import Database
 from app.errors import ConfigurationError, Refused, StorageError
+from app.logs import security
 from app.threads import Threads, threads
 
 log = logging.getLogger(__name__)
+
+SECURITY_KINDS = (
+    "signin.", "session.", "person.", "password.", "token.", "access.", "audit.", "backup.", "clock.", "server.", "plant.reloaded",
+)  # fmt: skip
+"""Beginnings of the kinds of lines that the log tells as security events, too."""
+GRAVE_KINDS = ("person.", "token.created", "audit.lost", "audit.foreign", "backup.restored", "clock.")
+"""Of these, told as warnings whatever their result."""
 
 T = TypeVar("T")
 
@@ -304,8 +312,10 @@ class Audit:
 
     def run(self, work: Callable[[Connection], tuple[T, Sequence[Entry]]]) -> T:
         """As `with_entries`, on the caller's thread: for the command line, also beside a running server."""
-        result, newest = self._db.run(lambda connection: self._written(connection, work, []))
+        told: list[Entry] = []
+        result, newest = self._db.run(lambda connection: self._written(connection, work, [], told))
         self._settle(newest, [])
+        _announce(told)
         self._anchor_if_due()
         return result
 
@@ -313,8 +323,10 @@ class Audit:
         self, work: Callable[[Connection], tuple[T, Sequence[Entry]]]
     ) -> tuple[T, tuple[int, str] | None]:
         waiting = list(self._waiting.values())
-        result, newest = await self._db.write(lambda connection: self._written(connection, work, waiting))
+        told: list[Entry] = []
+        result, newest = await self._db.write(lambda connection: self._written(connection, work, waiting, told))
         self._settle(newest, waiting)
+        _announce(told)
         if self._anchor_due():
             await asyncio.get_running_loop().run_in_executor(self._disk, self._anchor_if_due)
         return result, newest
@@ -324,12 +336,14 @@ class Audit:
         connection: Connection,
         work: Callable[[Connection], tuple[T, Sequence[Entry]]],
         waiting: Sequence[dict[str, object]],
+        told: list[Entry],
     ) -> tuple[T, tuple[int, str] | None]:
         begin_now(connection)
         result, entries = work(connection)
         newest = None
         for entry in (*self._replayed(connection, waiting), *entries):
             newest = self._append(connection, entry)
+            told.append(entry)
         return result, newest
 
     def _append(self, connection: Connection, entry: Entry) -> tuple[int, str]:
@@ -398,7 +412,7 @@ class Audit:
         except (OSError, ConfigurationError) as error:
             log.error("audit anchor not written reason=%s", error)
             return
-        log.info("audit anchor %s", line)  # with POGON_SYSLOG the log goes elsewhere
+        security("audit.anchor", grave=False, line=line)  # with POGON_SYSLOG it leaves this machine
         for tell in self._elsewhere:
             try:
                 tell(line)
@@ -763,6 +777,16 @@ def printable(text: object, longest: int = LONGEST_TEXT) -> str:
     """`text` on one line: control signs, line separators and signs that turn the writing direction become escapes."""
     shown = "".join(_escaped(letter) for letter in str(text)[: longest + 1])
     return shown if len(shown) <= longest else shown[: longest - 1] + "…"
+
+
+def _announce(entries: Iterable[Entry]) -> None:
+    """Tell the log, and with POGON_SYSLOG another machine, of lines that are about who may do what."""
+    for entry in entries:
+        if entry.kind.startswith(SECURITY_KINDS):
+            grave = entry.result != "ok" or entry.kind.startswith(GRAVE_KINDS)
+            about = {"person": entry.person, "object": entry.object, "old": entry.old, "new": entry.new}
+            about |= {"result": entry.result, "reason": entry.reason, "address": entry.address}
+            security(entry.kind, grave=grave, **{name: text for name, text in about.items() if text})
 
 
 def begin_now(connection: Connection) -> None:

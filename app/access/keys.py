@@ -8,8 +8,10 @@ from pathlib import Path
 
 from app import chance
 from app.errors import ConfigurationError
+from app.files import read_text
 
 KEY_BYTES = 32
+LARGEST_KEY_FILE = 65_536
 PRIVATE = (
     "secret.key",
     "audit.key",
@@ -85,8 +87,8 @@ def read_key(path: Path) -> bytes:
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
     try:
-        key = bytes.fromhex(path.read_text("ascii").strip().partition("\n")[0])
-    except (ValueError, OSError) as error:
+        key = bytes.fromhex(read_text(path, LARGEST_KEY_FILE).strip().partition("\n")[0])
+    except (ValueError, OSError, ConfigurationError) as error:
         raise ConfigurationError(f"{path} is not a key of {KEY_BYTES} bytes in hex") from error
     if len(key) != KEY_BYTES:
         raise ConfigurationError(f"{path} has {len(key)} bytes, a key has {KEY_BYTES}")

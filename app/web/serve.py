@@ -82,6 +82,8 @@ def check_key(path: Path | None) -> None:
     Raises:
         ConfigurationError: names the file and its mode. One that cannot be looked at is told when it is loaded.
     """
+    if path is not None and path.exists() and not path.is_file():
+        raise ConfigurationError(f"POGON_TLS_KEY={path}: expected an ordinary file with a PEM key")
     with suppress(OSError):
         if path is not None and (mode := path.stat().st_mode & 0o777) & 0o077:
             raise ConfigurationError(

@@ -83,3 +83,15 @@ def test_one_data_folder_has_one_server(tmp_path: Path) -> None:
         lock(tmp_path)
     os.close(held)
     os.close(lock(tmp_path))
+
+
+def test_a_key_that_is_no_file_or_no_key_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "secret.key"
+    os.mkfifo(path)
+    with pytest.raises(ConfigurationError, match="is not a key"):
+        read_key(path)
+    path.unlink()
+    for content in (b"\xff" * 64, b"ab" * 40_000, b"", b"zz" * 32):
+        path.write_bytes(content)
+        with pytest.raises(ConfigurationError, match="key"):
+            read_key(path)
