@@ -459,12 +459,13 @@ async def _csv_list(request: Request, wanted: dict[str, str], shown: str) -> Asy
 async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
     draw, runtime = drawing(request), _view(request).runtime(request)
     filter = _filter(request, wanted | {"before": ""})
-    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_JOURNAL)
 
     def read(filter: Filter) -> list[Record]:
         return runtime.db.run(lambda connection: journal.find(connection, filter, CSV_PAGE))
 
-    while found := await asyncio.to_thread(read, filter):
+    found = await asyncio.to_thread(read, filter)
+    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_JOURNAL)
+    while found:
         for r in found:
             yield _cells(
                 [
@@ -474,6 +475,7 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
                 ]
             )  # fmt: skip
         filter = replace(filter, before=found[-1].seq)
+        found = await asyncio.to_thread(read, filter)
 
 
 def _plain(value: float | None) -> float | str:

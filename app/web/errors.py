@@ -8,7 +8,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from starlette.exceptions import HTTPException
 
-from app.errors import Refused
+from app.errors import Refused, StorageError
 from app.web import format as fmt
 from app.web.language import language_of
 from app.web.view import View
@@ -40,6 +40,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(Refused, _refused)
     app.add_exception_handler(PlantBroken, _broken_plant)
+    app.add_exception_handler(StorageError, _storage)
 
 
 async def internal(request: Request, reference: str) -> Response:
@@ -92,6 +93,12 @@ async def _refused(request: Request, error: Exception) -> Response:
     view: View = request.app.state.view
     written = fmt.parameters(error.params, language_of(request), partial(view.text, request))
     return answer(request, error.status, error.reason, "", **written)
+
+
+async def _storage(request: Request, error: Exception) -> Response:
+    """A database did not do what was asked, and nothing else is wrong: the rest goes on."""
+    log.error("storage failed method=%s path=%.200r reason=%s", request.method, request.url.path, error)
+    return answer(request, 503, "error.storage")
 
 
 async def _broken_plant(request: Request, error: Exception) -> Response:
