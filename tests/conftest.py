@@ -56,7 +56,7 @@ def pytest_asyncio_loop_factories(
     config: pytest.Config, item: pytest.Item
 ) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
     """Asynchronous tests live in virtual time, but for those whose subject is real: sockets, ttys, processes, browsers."""
-    real = any(item.get_closest_marker(mark) for mark in ("real_time", "alone", "soak", "browser"))
+    real = any(item.get_closest_marker(mark) for mark in ("real_time", "soak", "browser"))
     return {"real": asyncio.SelectorEventLoop} if real else {"virtual": VirtualLoop}
 
 

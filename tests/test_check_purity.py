@@ -46,7 +46,7 @@ def test_what_asks_the_machine_is_found(source: str, found: str, tmp_path, monke
         ("import pytest, time\n@pytest.mark.real_time\ndef test_a():\n    time.sleep(1)\n", True),
         ("import pytest, time\npytestmark = pytest.mark.browser\ndef test_a():\n    time.sleep(1)\n", True),
         ("import pytest, time\n@pytest.mark.slow\ndef test_a():\n    time.sleep(1)\n", False),
-        ("import pytest, time\n@pytest.mark.alone\ndef test_a(): ...\ndef test_b():\n    time.sleep(1)\n", False),
+        ("import pytest, time\n@pytest.mark.real_time\ndef test_a(): ...\ndef test_b():\n    time.sleep(1)\n", False),
     ],
 )
 def test_a_test_is_excused_by_its_mark_only(source: str, excused: bool) -> None:

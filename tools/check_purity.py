@@ -3,7 +3,7 @@
 Follows imports inside `app`, so a pure module cannot borrow one through a neighbour either.
 
 Time belongs to the house: the machine's clock is read in `app/clock.py`, its chance in `app/chance.py`, and nowhere else; in tests only
-where a socket, a terminal, a process or a browser is the subject (marked `real_time`, `alone`, `soak` or `browser`).
+where a socket, a terminal, a process or a browser is the subject (marked `real_time`, `soak` or `browser`).
 """
 
 import ast
@@ -28,7 +28,7 @@ SOURCES = ("app/clock.py", "app/chance.py")
 """Who asks the machine for time and chance."""
 REAL = ("tests/conftest.py", "tests/browser/**/*.py", "tests/soak/**/*.py", "tests/test_virtual.py")
 """Tests and their helpers whose subject is real."""
-REAL_MARKS = {"real_time", "alone", "soak", "browser"}
+REAL_MARKS = {"real_time", "soak", "browser"}
 TIMES = {"monotonic", "monotonic_ns", "sleep", "time", "time_ns", "perf_counter", "perf_counter_ns"}
 OF_THE_MACHINE = {f"time.{name}" for name in TIMES} | {
     "datetime.now", "datetime.utcnow", "datetime.today", "date.today", "os.urandom", "random.SystemRandom",

@@ -62,8 +62,7 @@ def stages(jobs: int, browsers: int) -> list[Stage]:
     """What `make test` runs after the check, in this order."""
     make = os.environ.get("MAKE", "make")
     return [
-        Stage("in process", "not soak and not browser and not alone", ("-n", str(jobs), "--dist", "worksteal")),
-        Stage("alone", "not soak and alone"),
+        Stage("in process", "not soak and not browser", ("-n", str(jobs), "--dist", "worksteal")),
         Stage(
             "browser",
             "not soak and browser",
