@@ -51,6 +51,9 @@ class Settings(BaseSettings):
     syslog: str = Field(
         "", description="Where the log goes as well, RFC 5424: a socket such as /dev/log, or HOST:PORT of UDP."
     )
+    notice: str = Field(
+        "", max_length=1000, description="What everybody reads before signing in; empty: the product's own notice."
+    )
     audit_anchors: Path | None = Field(
         None, description="File on another disk or machine to which the anchors of the audit are added as well."
     )

@@ -25,8 +25,6 @@ from app.errors import Refused
 INITIAL_LIFE = 24 * 3600.0
 """An initial password is good for one sign-in within so long [s]."""
 RESERVED = frozenset({"system", "guest"})
-CONFIRMING = "confirming"
-"""Before the session under which wrong own passwords of somebody signed in are counted; no account has a space in its name."""
 FIRST = "first sign-in"
 """Under this name wrong codes of the first sign-in are counted."""
 
@@ -145,6 +143,7 @@ class People:
         assert done is not None
         self._throttle.clear(key)
         signed_in, ended = done
+        self._sessions.note_over((one for one in ended if not old_sid or one != hash_of(old_sid)), "limit")
         self._sessions.announce(ended)
         return signed_in
 
@@ -397,7 +396,7 @@ class People:
         Raises:
             Refused: it is wrong (401), or there were too many wrong ones (429).
         """
-        key = f"{CONFIRMING} {person.session}"  # of the session: a stranger's tries at the sign-in hold nobody up who is in
+        key = f"{person.name} {person.session}"  # of the session: a stranger's tries at the sign-in hold nobody up who is in
         wait = self._throttle.wait(key)
         if wait > 0:
             raise Refused("access.wait", 429, seconds=round(wait + 0.5))

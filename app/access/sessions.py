@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection, Select, delete, insert, select, update
+from sqlalchemy import Connection, Select, delete, insert, literal_column, select, update
 
 from app import chance
 from app.access.audit import Audit, printable
@@ -94,6 +94,7 @@ class Sessions:
         self._touched: dict[str, float] = {}
         self._times: dict[str, _Times] = {}
         self._known: OrderedDict[str, _Known] = OrderedDict()
+        self._why: OrderedDict[str, str] = OrderedDict()
         self._failures = 0
         self._epoch = 0
         """Changes that this process made: what was read before one of them is not news."""
@@ -136,6 +137,17 @@ class Sessions:
         if known is None or known.row.agent != family(agent):
             return None
         return self._person(known, address)
+
+    def note_over(self, hashes: Iterable[str], why: str) -> None:
+        """Remember why sessions ended that their people did not end: `limit` or `ended`. A restart forgets it."""
+        for id_hash in hashes:
+            self._why[id_hash] = why
+        while len(self._why) > MOST_KNOWN:
+            self._why.popitem(last=False)
+
+    def why_over(self, sid: str) -> str:
+        """Why the session with the id `sid` is over; empty when nobody knows or the person did it."""
+        return self._why.get(hash_of(sid), "")
 
     async def again(self, person: Person) -> Person | None:
         """`person` as of now, for a socket that stays open; None when its session is over.
@@ -235,7 +247,7 @@ class Sessions:
         kept = (
             select(session.id_hash)
             .where(session.person == person_id)
-            .order_by(session.active.desc(), session.created.desc())
+            .order_by(session.active.desc(), session.created.desc(), literal_column("session.rowid").desc())
         )
         crowded = list(connection.execute(kept.offset(limit - 1)).scalars())
         if crowded:
@@ -286,6 +298,8 @@ class Sessions:
             return True, [self._audit.entry(kind, by, name, ended=id_hash[:12])]
 
         done = await self._audit.with_entries(work)  # type: ignore[arg-type]
+        if by.session != id_hash:
+            self.note_over([id_hash], "ended")
         self.announce([id_hash])
         return bool(done)
 

@@ -65,8 +65,9 @@ class Throttle:
         return delay
 
     def clear(self, account: str) -> None:
-        """Forget the failures of `account`: it signed in, or an administrator freed it."""
-        self._accounts.pop(account, None)
+        """Forget the failures of `account`: it signed in, or an administrator freed it; those of its sessions (`name session`), too."""
+        for key in [key for key in self._accounts if key == account or key.startswith(f"{account} ")]:
+            del self._accounts[key]
 
     def take(self, address: str) -> bool:
         """Take one attempt of `address`; False when it has none left."""

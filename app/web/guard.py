@@ -77,7 +77,7 @@ class Gatekeeper:
             await self._app(scope, receive, send)
             return
         state = scope.setdefault("state", {})
-        state |= {"person": None, "csrf": "", "bound": "", "bearer": False}
+        state |= {"person": None, "csrf": "", "bound": "", "bearer": False, "over": ""}
         access = access_of(scope["app"])
         if access is None or scope["path"].startswith(UNTOUCHED):
             await self._app(scope, receive, send)
@@ -121,6 +121,7 @@ class Gatekeeper:
             if _is_deed(scope, headers):
                 access.sessions.touch(person)
         else:
+            state["over"] = access.sessions.why_over(sid) if sid else ""
             bound = cookies.get(cookie_name(PRE, secure), "")
             if not re.fullmatch(r"[\w-]{22}", bound, re.ASCII):
                 bound = fresh = chance.token_urlsafe(16)
@@ -491,7 +492,8 @@ async def _to_sign_in(request: Request, error: Exception) -> Response:
     if wants_page(request):
         wish = request.url.path + (f"?{request.url.query}" if request.url.query else "")
         return RedirectResponse(f"/signin?next={quote(wish, safe='/')}", 303)
-    return answer(request, 401, error.reason)
+    over = request.state.over
+    return answer(request, 401, f"access.over.{over}" if over else error.reason)
 
 
 async def _to_account(request: Request, error: Exception) -> Response:

@@ -156,6 +156,7 @@ def sign_in_sheet(request: Request, next: str, refused: Refused | None = None, n
         next=language.local_path(next),
         name=name or (person.name if person else ""),
         again=person is not None,
+        notice=view_of(request).runtime(request).settings.notice,
     )
 
 
@@ -225,6 +226,7 @@ def _over_the_plant(
         machines=machines,
         visible=visible,
         error=explained(request, refused),
+        over=request.state.over,
         **context,
     )
     if refused is not None and refused.status == 429:

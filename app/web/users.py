@@ -4,7 +4,10 @@ Every change asks for one's own password again (confirmation level C4 of hmi-des
 the answer to the request that made them, and kept nowhere.
 """
 
+import csv
+import io
 from typing import Annotated, Any
+from zoneinfo import ZoneInfo
 
 from fastapi import APIRouter, Path, Request
 from fastapi.responses import RedirectResponse, Response
@@ -13,6 +16,8 @@ from app.access.people import Account
 from app.access.roles import ROLES, Person, permissions_of
 from app.access.tokens import GRANTABLE, Token
 from app.errors import Refused
+from app.web import format as fmt
+from app.web.audit import defused
 from app.web.guard import allow, field_list, fields, people_access, person_of
 from app.web.signin import SHOWN_ID, explained, moment, role_names, session_row, view_of
 
@@ -21,6 +26,9 @@ router = APIRouter()
 Id = Annotated[int, Path(ge=1, le=2**62)]
 LIVES = (7, 30, 90, 365)
 """Days that a token may be good for."""
+UNUSED_DAYS = 90
+"""An account that nobody signed in with for more than so many days is marked."""
+UTC = ZoneInfo("UTC")
 DONE = ("roles", "disabled", "enabled", "deleted", "unlocked", "renamed", "session", "revoked")
 
 
@@ -28,6 +36,81 @@ DONE = ("roles", "disabled", "enabled", "deleted", "unlocked", "renamed", "sessi
 async def users(request: Request) -> Response:
     """All people, their roles and sessions."""
     return await users_page(request)
+
+
+@router.get("/users/review", dependencies=[allow("administer")])
+async def review(request: Request) -> Response:
+    """Every account with its roles and last use, for somebody to look whether it is still needed."""
+    view, access = view_of(request), people_access(request)
+    now = view.runtime(request).clock.micros()
+    rows = [
+        {
+            "account": account,
+            "roles": role_names(request, account),
+            "last_seen": moment(request, account.last_seen),
+            "created": moment(request, account.created),
+            "unused": _is_unused(account, now),
+        }
+        for account in await access.people.all()
+    ]
+    return view.page(
+        request,
+        "pages/review.html",
+        title=view.text(request, "access.review"),
+        kind="frame",
+        rows=rows,
+        days=UNUSED_DAYS,
+    )
+
+
+@router.get("/users/review.csv", dependencies=[allow("administer")])
+async def review_csv(request: Request) -> Response:
+    """The same as CSV, with times in UTC."""
+    access, now = people_access(request), view_of(request).runtime(request).clock.micros()
+    sessions, tokens = await access.sessions.of(), await access.tokens.all()
+    out = io.StringIO()
+    write = csv.writer(out, lineterminator="\r\n").writerow
+    write(
+        [
+            "name",
+            "display",
+            "roles",
+            "disabled",
+            "initial_password",
+            "created",
+            "last_sign_in",
+            "unused",
+            "sessions",
+            "tokens",
+        ]
+    )
+    accounts = await access.people.all()
+    for one in accounts:
+        write(
+            [
+                defused(one.name),
+                defused(one.display),
+                " ".join(sorted(one.roles)),
+                int(one.disabled),
+                int(one.must_change),
+                fmt.iso(one.created, UTC),
+                fmt.iso(one.last_seen, UTC) if one.last_seen else "",
+                int(_is_unused(one, now)),
+                sum(session.person == one.id for session in sessions),
+                sum(token.person == one.id and not token.revoked and token.until > now for token in tokens),
+            ]
+        )
+    await access.audit.record("person.reviewed", person_of(request), accounts=len(accounts))
+    return Response(
+        "\ufeff" + out.getvalue(),
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": 'attachment; filename="accounts.csv"'},
+    )
+
+
+def _is_unused(account: Account, now: int) -> bool:
+    """Whether nobody has signed in with it for so long that it should be asked about."""
+    return now - (account.last_seen or account.created) > UNUSED_DAYS * 86_400e6
 
 
 @router.post("/users", dependencies=[allow("administer")])

@@ -192,7 +192,7 @@ class View:
             "chip": "",
             "up": "" if path == "/" else "/",
             "crumbs": self._crumbs(texts, plant, lang, path, area),
-            "message": None,
+            "message": self._over(request, fmt.clock_time(now, zone)),
             "theme": theme if theme in THEMES else THEMES[0],
             "themes": [(name, text(f"theme.{name}"), "") for name in THEMES],
             "profile": profile if profile in PROFILES else PROFILES[0],
@@ -215,6 +215,11 @@ class View:
             "htmx_config": json.dumps(HTMX, separators=(",", ":")),
             "live_texts": json.dumps(live_texts(text), ensure_ascii=False, separators=(",", ":")),
         }
+
+    def _over(self, request: Request, now: str) -> dict[str, str] | None:
+        """What somebody whose session was ended by others reads first."""
+        over = getattr(request.state, "over", "")
+        return {"kind": "error", "time": now, "text": self.text(request, f"access.over.{over}")} if over else None
 
     def _tabs(self, texts: Texts, plant: Plant | None, lang: str, path: str, area: str) -> list[Tab]:
         tabs = [Tab(texts.text(lang, "nav.overview"), "/", path == "/")]

@@ -43,6 +43,8 @@ EXPECTED = {
     "GET /account": "account",
     "POST /account/password": "account",
     "GET /users": "administer",
+    "GET /users/review": "administer",
+    "GET /users/review.csv": "administer",
     "POST /users": "administer",
     "POST /users/{key}/roles": "administer",
     "POST /users/{key}/password": "administer",

@@ -10,6 +10,7 @@ import pytest
 
 from app.access.audit import Filter
 from app.access.sessions import hash_of
+from app.errors import StorageError
 from app.settings import Settings
 from tests.virtual import house
 from tests.web.conftest import Start
@@ -459,3 +460,94 @@ def attributes(html: str) -> set[str]:
 
     Reader().feed(html)
     return found
+
+
+# ---- sessions that others ended, the notice, the review ---------------------------------------------------
+
+
+@pytest.mark.parametrize(("language", "words"), [("en", "too many times"), ("hr", "previše mjesta")])
+def test_whose_oldest_session_was_ended_reads_why_on_the_next_request(staff: Staff, language: str, words: str) -> None:
+    name = f"mia.{language}"
+    first = staff.enter(name, "operator")
+    for _ in range(3):
+        staff.enter(name, "operator")
+    staff.have(first)
+    staff.client.cookies.set("pogon_lang", language)
+    page = staff.client.get("/")
+    assert page.status_code == 200  # watches as a guest, and is told
+    assert words in page.text
+    assert words in staff.client.get("/signin").text
+    asked = staff.client.get("/nonce", headers={"HX-Request": "true"})
+    assert asked.status_code == 401
+    assert words in asked.text
+    staff.have(staff.enter(name, "operator"))
+    assert words not in staff.client.get("/").text
+
+
+def test_whose_session_an_administrator_ended_reads_so_and_who_signed_out_does_not(staff: Staff) -> None:
+    sid = staff.enter("noa", "operator")
+    person = staff.add("noa", "operator")
+    staff.enter("chief")
+    assert staff.post(f"/users/{person}/sessions/end", {"session": hash_of(sid)[:16]}).status_code == 303
+    staff.have(sid)
+    staff.client.cookies.set("pogon_lang", "en")
+    assert "ended by another session or by an administrator" in staff.client.get("/signin").text
+    own = staff.enter("noa", "operator")
+    assert staff.post("/signout").status_code == 303
+    staff.have(own)
+    staff.client.cookies.set("pogon_lang", "en")
+    assert "was ended" not in staff.client.get("/signin").text
+
+
+def test_one_of_ones_own_sessions_is_ended_from_the_list(staff: Staff) -> None:
+    other = staff.enter("ria", "operator")
+    staff.enter("ria", "operator")
+    assert hash_of(other)[:16] in staff.client.get("/account").text
+    assert staff.post("/account/sessions/end", {"session": hash_of(other)[:16]}).status_code == 303
+    staff.have(other)
+    staff.client.cookies.set("pogon_lang", "en")
+    assert staff.client.get("/account").status_code == 303
+    assert "ended by another session" in staff.client.get("/signin").text
+
+
+def test_the_notice_before_sign_in_is_the_plants_own_or_the_products(start: Start) -> None:
+    client = start(notice="Nur für Befugte <b>")
+    Staff(client).add("ana", "operator")
+    client.app.state.runtime.access.first_code.used()  # type: ignore[attr-defined]
+    page = client.get("/signin").text
+    assert "Nur für Befugte &lt;b&gt;" in page
+    assert "Only authorised persons" not in page
+
+
+def test_accounts_are_reviewed_on_a_page_and_as_csv(staff: Staff) -> None:
+    staff.add("old.one", "viewer")
+    gone = staff.add("gone.one", "operator")
+    staff.wait(staff.access.people.disable, BOSS, gone, True)
+    staff.access.people._clock.advance(91 * 86_400)  # type: ignore[attr-defined]
+    staff.enter("chief")
+    staff.client.cookies.set("pogon_lang", "en")
+    page = staff.client.get("/users/review")
+    assert page.status_code == 200
+    assert "Not used for more than 90 days" in page.text
+    answer = staff.client.get("/users/review.csv")
+    rows = {row["name"]: row for row in csv.DictReader(io.StringIO(answer.text.lstrip("\ufeff")))}
+    assert (rows["old.one"]["unused"], rows["chief"]["unused"]) == ("1", "0")
+    assert rows["gone.one"]["disabled"] == "1"
+    assert rows["chief"]["roles"] == "admin engineer operator"
+    staff.enter("plain", "operator")
+    assert staff.client.get("/users/review").status_code == 403
+    assert staff.client.get("/users/review.csv").status_code == 403
+
+
+@pytest.mark.parametrize("path", ["/audit", "/audit.csv", "/users", "/tokens", "/account", "/users/review"])
+def test_a_database_without_its_tables_is_unavailable_and_no_error_of_ours(start: Start, path: str) -> None:
+    client = start()
+    staff = Staff(client)
+    staff.enter("ana", "admin", "engineer", "operator")
+
+    async def fail(*_: object) -> None:
+        raise StorageError("pogon.db: no such table: audit")
+
+    staff.access.audit._db.read = fail  # type: ignore[method-assign, assignment]
+    answer = client.get(path)
+    assert answer.status_code in (303, 401, 503)
