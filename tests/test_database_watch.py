@@ -17,6 +17,7 @@ from app.db import Database
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
+from tests.virtual import inline
 
 LANGUAGES = ("hr", "en", "de", "cs")
 
@@ -24,7 +25,7 @@ LANGUAGES = ("hr", "en", "de", "cs")
 @asynccontextmanager
 async def running(data: Path, clock: ManualClock) -> AsyncIterator[Runtime]:
     """A server without a plant: it records what it knows of itself. The test does what its tasks do."""
-    runtime = Runtime(Settings(plant=data.parent / "no-plant", data=data), clock)
+    runtime = Runtime(Settings(plant=data.parent / "no-plant", data=data), clock, inline)
     await runtime.start()
     for task in ("databases", "recorder", "sweep"):
         await runtime.keeper.drop(task)

@@ -12,6 +12,7 @@ import pytest
 
 from app.db import Database
 from app.db_file import Incident, Loss, Mended
+from tests.virtual import inline
 
 Name = Literal["pogon", "history"]
 TABLE: dict[Name, str] = {"pogon": "retained (id, state)", "history": "mark (name, t)"}
@@ -22,7 +23,7 @@ def empty(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with both databases as they are made."""
     folder = tmp_path_factory.mktemp("empty")
     for name in TABLE:
-        database = Database(folder / f"{name}.db", name)
+        database = Database(folder / f"{name}.db", name, inline)
         database.migrate()
         database.close()
     return folder
@@ -34,7 +35,7 @@ def opened(tmp_path: Path, empty: Path) -> Iterator[Callable[[Name], Database]]:
 
     def make(name: Name) -> Database:
         (tmp_path / "data").mkdir(exist_ok=True)
-        database = Database(Path(shutil.copy(empty / f"{name}.db", tmp_path / "data")), name)
+        database = Database(Path(shutil.copy(empty / f"{name}.db", tmp_path / "data")), name, inline)
         database.migrate()
         made.append(database)
         return database
@@ -220,11 +221,11 @@ async def test_each_database_has_an_id_that_it_keeps(opened: Callable[[Name], Da
     assert id
     await database.write(lambda connection: connection.exec_driver_sql("INSERT INTO mark VALUES ('a', 1)"))
     database.close()
-    again = Database(database.path, "history")
+    again = Database(database.path, "history", inline)
     again.migrate()
     assert again.id == id
     again.close()
-    other = Database(tmp_path / "other.db", "history")
+    other = Database(tmp_path / "other.db", "history", inline)
     other.migrate()
     assert other.id not in (0, id)
     other.close()
@@ -257,7 +258,7 @@ async def test_a_file_that_cannot_be_mended_now_is_mended_when_it_can(
 
 
 async def test_a_missing_file_is_not_made_by_who_reads_it(tmp_path: Path) -> None:
-    database = Database(tmp_path / "history.db", "history")
+    database = Database(tmp_path / "history.db", "history", inline)
     with pytest.raises(Exception, match="unable to open"):
         await database.read(lambda connection: connection.exec_driver_sql("SELECT 1").scalar())
     assert not database.path.exists()
