@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 
 LARGEST_BODY = 16 * 1024
 """No form and no request of ours is longer [bytes]."""
+MOST_FIELDS = 500
+"""Fields of a query."""
 BODY_TIME = 10.0
 """A body that is not whole after this is not waited for [s]."""
 CONTENT = re.compile(
@@ -76,6 +78,8 @@ class Shield:
         if host not in self._hosts:
             text = f'Host "{host[:100]}" is not served here. POGON_ALLOWED_HOSTS names the hosts that are.'
             await PlainTextResponse(text, 400)(scope, receive, answer)
+        elif scope["query_string"].count(b"&") >= MOST_FIELDS:
+            await refusal(scope, 400)(scope, receive, answer)
         elif not is_content(headers):
             await refusal(scope, 415)(scope, receive, answer)
         elif not length.isdecimal() or len(length) > 9 or int(length) > LARGEST_BODY:

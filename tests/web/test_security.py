@@ -147,3 +147,9 @@ def test_a_socket_opened_by_another_site_is_refused(broken: TestClient) -> None:
 def test_only_the_named_proxy_is_believed(start: Start, proxy: str, believed: bool) -> None:
     answer = start(behind_proxy=proxy).get("/", headers={"X-Forwarded-Proto": "https"})
     assert ("strict-transport-security" in answer.headers) is believed
+
+
+@pytest.mark.parametrize("query", ["a&" * 500, "&" * 15_000, "a=1&b=2&" * 400])
+def test_a_query_of_very_many_fields_is_not_taken_apart(client: TestClient, query: str) -> None:
+    assert client.get(f"/healthz?{query}").status_code == 400
+    assert client.get("/healthz?" + "a=1&" * 400).status_code == 200
