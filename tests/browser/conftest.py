@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, StorageState, expect
 
-from tests.browser.station import Operator, Sit, serving
+from tests.browser.station import Operator, Sit, serving, small
 from tests.conftest import PogonServer, find_port
 
 expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
@@ -13,8 +13,8 @@ expect.set_options(timeout=15_000)  # what has to happen sooner than this says s
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon with the demo plant for all that only look at it."""
-    with serving(tmp_path_factory.mktemp("demo"), people={}) as running:
+    """One Pogon with the drives of the demo plant for all that only look at them."""
+    with serving(small(tmp_path_factory.mktemp("demo"), "m1", "m2"), people={}) as running:
         yield running
 
 
@@ -40,10 +40,10 @@ def sit(
 
 @pytest.fixture(scope="session")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon with the demo plant whose machines may be broken over Modbus, with somebody who may do everything."""
+    """One Pogon with the drives of the demo plant, which may be broken over Modbus, with somebody who may do everything."""
     people = {"ana": ("admin", "engineer", "operator")}
     modbus = f"127.0.0.1:{find_port()}"
-    with serving(tmp_path_factory.mktemp("broken"), people, serve_modbus=modbus) as running:
+    with serving(small(tmp_path_factory.mktemp("broken"), "m1", "m2"), people, serve_modbus=modbus) as running:
         yield running
 
 

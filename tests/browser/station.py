@@ -9,6 +9,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, BrowserContext, Page, StorageState, TimeoutError, expect
 
+from app import bundled
 from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
 from tests.conftest import ROOT, PogonServer, enroll
 
@@ -32,6 +33,27 @@ def serving(folder: Path, people: Mapping[str, Sequence[str]] = PEOPLE, **settin
     finally:
         if server.process.poll() is None:
             server.stop()
+
+
+def some_of_the_demo(*machines: str) -> str:
+    """The demo plant's file with these machines only: a plant that is not there costs no processor."""
+    whole = re.sub(r"^#.*\n", "", (bundled("plants/demo") / "plant.toml").read_text("utf-8"), flags=re.MULTILINE)
+    tables = re.split(r"\n(?=\[)", whole)
+    used = {
+        found[1]
+        for name in machines
+        for found in re.finditer(rf"\[equipment\.{name}\]\n(?:.+\n)*?link = \"(\w+)\"", whole)
+    }
+    kept = {"equipment": set(machines), "links": used}
+    head = re.compile(r"^\[(equipment|links)\.(\w+)\]", re.MULTILINE)
+    return "\n".join(one for one in tables if not (found := head.search(one)) or found[2] in kept[found[1]])
+
+
+def small(folder: Path, *machines: str) -> Path:
+    """A plant folder in `folder`, which `serving` takes, with these machines of the demo plant."""
+    (folder / "plant").mkdir()
+    (folder / "plant" / "plant.toml").write_text(some_of_the_demo(*machines), "utf-8")
+    return folder
 
 
 class Sit:

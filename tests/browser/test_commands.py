@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import AXE, Sit, serving, take
+from tests.browser.station import AXE, Sit, serving, small, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "", "/equipment/m1"
@@ -18,8 +18,8 @@ SPEED = ".hero-v .val b"
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon with the demo plant and two operators."""
-    with serving(tmp_path_factory.mktemp("operated"), PEOPLE) as running:
+    """One Pogon with the drives of the demo plant and two operators."""
+    with serving(small(tmp_path_factory.mktemp("operated"), "m1", "m2"), PEOPLE) as running:
         yield running
 
 

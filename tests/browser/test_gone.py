@@ -1,15 +1,13 @@
 """A page that is left open while its machine is taken out of the plant, and put in again."""
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 from playwright.sync_api import Page, expect
 
-from app import bundled
-from tests.browser.station import serving
+from tests.browser.station import serving, small
 from tests.conftest import ROOT, PogonServer
 
 
@@ -18,9 +16,7 @@ def live(page: Page, seconds: float = 10) -> None:
 
 
 def test_a_machine_taken_out_of_the_plant_is_said_and_found_again(page: Page, tmp_path: Path) -> None:
-    folder = tmp_path / "plant"
-    shutil.copytree(bundled("plants/demo"), folder)
-    file = folder / "plant.toml"
+    file = small(tmp_path, "m1", "c1") / "plant" / "plant.toml"
     whole = file.read_text("utf-8")
     without = re.sub(r"\[equipment\.c1\]\n(?:.+\n)*", "", whole)
     with serving(tmp_path, {}) as server:

@@ -1,26 +1,22 @@
 """An instructor breaks a machine in a real browser and sees what became of it; plant files are taken while the page is open."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, StorageState, expect
 
-from app import bundled
 from app.web.terminal import LOOK, ask
-from tests.browser.station import AXE, PASSWORD, Sit, built, serving
+from tests.browser.station import AXE, PASSWORD, Sit, built, serving, small, some_of_the_demo
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
-DEMO = (bundled("plants/demo") / "plant.toml").read_text("utf-8")
+DEMO = some_of_the_demo("m1", "m2")
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    found = tmp_path_factory.mktemp("lesson") / "plant"
-    shutil.copytree(bundled("plants/demo"), found)
-    return found
+    return small(tmp_path_factory.mktemp("lesson"), "m1", "m2") / "plant"
 
 
 @pytest.fixture(scope="module")

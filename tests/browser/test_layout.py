@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, StorageState, expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.station import LANGUAGES, Sit, built, fault
+from tests.browser.station import LANGUAGES, Sit, fault, serving
 from tests.conftest import ROOT, PogonServer
 
 FAULTS = (ROOT / "tools" / "faults.js").read_text("utf-8")
@@ -19,6 +19,8 @@ LONGEST = """() => { // every state as its longest text, until the next value of
     if (longest) element.textContent = (pattern || '{}').replace('{}', longest);
   }
 }"""
+LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
+"""What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
 PAGES = (
     "/",
@@ -43,23 +45,29 @@ PAGES = (
 
 
 @pytest.fixture(scope="module")
-def abnormal(browser: Browser, broken: PogonServer, signed_in: dict[str, StorageState]) -> Iterator[Sit]:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with the whole demo plant."""
+    with serving(tmp_path_factory.mktemp("whole"), {"ana": ("admin", "engineer", "operator")}) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def abnormal(browser: Browser, server: PogonServer) -> Iterator[Sit]:
     """A plant at work, one of whose drives has tripped."""
-    seat = Sit(browser, broken, signed_in, "ana", "/equipment/m2")
+    seat = Sit(browser, server, {}, "ana", "/equipment/m2")
     page = seat()
     fault(page, "m2", 13)
     expect(page.locator("#alarms .banner-row, #alarms li, #alarms a").first).to_be_visible()
     yield seat
-    built(page, "m2")
     seat.leave()
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
-def test_nothing_is_cut_at_any_size(abnormal: Sit, broken: PogonServer, lang: str) -> None:
+def test_nothing_is_cut_at_any_size(abnormal: Sit, server: PogonServer, lang: str) -> None:
     page = abnormal(lang=lang)
     found: list[str] = []
     for path in PAGES:
-        page.goto(broken.url + path, wait_until="load")
+        page.goto(server.url + path, wait_until="load")
         if page.locator("body[data-live]").count():
             expect(page.locator("body")).to_have_attribute("data-live", "live")
         page.evaluate("document.fonts.ready.then(() => 1)")
@@ -80,3 +88,20 @@ def lay_out(page: Page, width: int, height: int, profile: str) -> None:
            return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))); }""",
         profile,
     )
+
+
+@pytest.mark.parametrize("path", ["/", "/alarms", "/equipment/m1"])
+def test_a_cold_page_is_light(browser: Browser, server: PogonServer, path: str) -> None:
+    """Bytes of all answers with their heads, as they come over the wire."""
+    context = browser.new_context(locale="hr-HR")
+    page = context.new_page()
+    wire = context.new_cdp_session(page)
+    came: list[float] = []
+    wire.on("Network.loadingFinished", lambda done: came.append(done["encodedDataLength"]))
+    wire.send("Network.enable")
+    page.goto(server.url + path)
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    page.wait_for_load_state("networkidle")
+    assert len(came) > 10
+    assert sum(came) <= LIGHT[path], sorted(map(int, came))
+    context.close()

@@ -16,7 +16,7 @@ from app.db import Database
 from app.historian import store
 from app.plant.loader import read_plant
 from app.tags.quality import COMM_FAILURE, GOOD
-from tests.browser.station import AXE, SIZES, serving
+from tests.browser.station import AXE, SIZES, serving, small
 from tests.conftest import PogonServer
 
 SECOND, HOUR = 1_000_000, 3_600_000_000
@@ -71,7 +71,7 @@ def past(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
 @pytest.fixture(scope="module")
 def server(past: tuple[Path, int]) -> Iterator[PogonServer]:
     """One Pogon with that history; all only look at it."""
-    with serving(past[0].parent, people={}) as running:
+    with serving(small(past[0].parent, "m1", "m2"), people={}) as running:
         yield running
 
 
