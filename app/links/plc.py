@@ -252,12 +252,21 @@ class PlcUnit:
     # signs of life
 
     async def _first_sign(self) -> None:
-        """Wait until its program is seen to go round; one that stands from the beginning is said to."""
+        """Wait until its program is seen to go round; one that stands from the beginning is said to.
+
+        Raises:
+            NoAnswer: it did not say.
+        """
         loop, pulse = asyncio.get_running_loop(), self._pulse
         pulse.begin(loop.time())
-        pause = FIRST_LOOK
+        pause, wrong = FIRST_LOOK, 0
         while not (pulse.moved or pulse.standing):
-            await self._look_at_pulse()
+            try:
+                await self._look_at_pulse()
+            except (BadAnswer, DeviceException) as error:
+                wrong += 1
+                if wrong >= TRIES:
+                    raise NoAnswer(str(error)) from error
             if not pulse.moved:
                 await asyncio.sleep(pause)
                 pause = min(2 * pause, pulse.limit / 4)

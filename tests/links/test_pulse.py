@@ -177,6 +177,28 @@ async def test_one_that_answers_no_part_of_its_header_is_asked_for_all_of_it() -
         await until(lambda: line.link.halted("p"), 10)
 
 
+@pytest.mark.parametrize("wrong", [1, 2, 3, 7])
+@pytest.mark.parametrize("refused", [False, True])
+async def test_a_wrong_answer_at_the_first_look_ends_no_link(wrong: int, refused: bool) -> None:
+    """Neither one of another length nor a refusal, however many: the unit is asked again."""
+    device = SmallPlc()
+    read, left = device.read, [wrong]
+
+    def first_wrong(function: int, address: int, count: int) -> list[int]:
+        words = read(function, address, count)
+        if 0 < address + count - LAST <= 1 and left[0] > 0:
+            left[0] -= 1
+            if refused:
+                raise DeviceException(4)
+            return words[:-1]
+        return words
+
+    device.read = first_wrong  # type: ignore[method-assign]
+    async with plant(device) as (line, _):
+        await until(lambda: is_good(line.quality("p.level")), 30)
+        assert left[0] < wrong
+
+
 @asynccontextmanager
 async def machine(name: str, kind: str) -> AsyncIterator[tuple[RegisterLink, TagDatabase, asyncio.Event]]:
     """A machine of the demo plant on a road of its own, and an event that lets its program stand while it is set."""

@@ -1,0 +1,74 @@
+"""`make storm`: play many scripts on all cores; the first that fails is made as short as it can be.
+
+python -m tests.storm [--seeds N] [--seed S] [--minutes M] [--jobs N] [--plant m1,c1]
+"""
+
+import argparse
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+
+from tests.storm.script import draw
+from tests.storm.trial import run, shortened
+
+
+def _number(text: str) -> int | None:
+    """What make hands over: a number, or nothing."""
+    return int(text) if text else None
+
+
+def main(arguments: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--seeds", type=int, default=20, help="how many, from 1 on")
+    parser.add_argument("--seed", type=_number, help="this one alone")
+    parser.add_argument("--minutes", type=float, default=1.0, help="of the plant, each")
+    parser.add_argument("--jobs", type=_number, help="processes; as many as cores")
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--plant", default="", help="machines, such as m1,c1; else the seed chooses")
+    parser.add_argument("--quick", action="store_true", help="do not shorten")
+    options = parser.parse_args(arguments)
+    machines = tuple(options.plant.split(",")) if options.plant else ()
+    seeds = [options.seed] if options.seed is not None else range(options.first, options.first + options.seeds)
+    scripts = {seed: draw(seed, options.minutes, machines) for seed in seeds}
+    began, failed, spent, ends = time.monotonic(), [], 0.0, Counter[str]()
+    jobs = options.jobs or len(os.sched_getaffinity(0))
+    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=50) as pool:
+        waiting = [pool.submit(run, script) for script in scripts.values()]
+        for number, future in enumerate(as_completed(waiting), 1):
+            verdict = future.result()
+            spent += verdict.seconds
+            ends.update(dict(verdict.counts))
+            if verdict.name:
+                failed.append(verdict)
+                print(f"\nseed {verdict.seed} fell: {verdict.what}", flush=True)
+            if number % 10 == 0 or number == len(waiting):
+                print(
+                    f"{number} of {len(waiting)} seeds, {len(failed)} fell, {time.monotonic() - began:.0f} s",
+                    flush=True,
+                )
+            elif len(waiting) == 1:
+                print(f"trace {verdict.digest}", flush=True)
+    if failed and not options.quick:
+        first = min(failed, key=lambda verdict: len(scripts[verdict.seed].actions))
+        short = shortened(scripts[first.seed], first.name)
+        print(f"\nThe shortest script that fails so:\n{short}\n{run(short).what}")
+    for name, count in Counter(verdict.name for verdict in failed).most_common():
+        print(f"{count:5} {name}: seeds {' '.join(str(v.seed) for v in failed if v.name == name)[:200]}")
+    for verdict in failed[:3]:
+        print(f"To replay: make storm SEED={verdict.seed} MINUTES={options.minutes:g}")
+    told = ", ".join(f"{count} {state}" for state, count in ends.most_common())
+    print(
+        f"{len(scripts)} seeds of {options.minutes:g} min: {len(failed)} fell; {spent:.0f} s of processor; commands: {told}"
+    )
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    if os.environ.get("PYTHONHASHSEED") != "0":  # what is in a set comes in the same order every time
+        os.environ["PYTHONHASHSEED"] = "0"
+        os.execv(sys.executable, [sys.executable, "-m", "tests.storm", *sys.argv[1:]])
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,322 @@
+"""What must be true of a house at any moment, whatever people and faults do to it; each is a function that raises `Fell`."""
+
+import asyncio
+import json
+from collections import Counter
+from collections.abc import Callable
+
+from sqlalchemy import select
+
+from app.access.tables import audit_table
+from app.alarms.lifecycle import TRANSITIONS, Entry
+from app.alarms.tables import journal_table, state_table
+from app.commands.lifecycle import Progress, State
+from app.historian import tables as history
+from app.sim.bus import Bus
+from app.sim.e800 import VirtualE800
+from app.sim.plc import VirtualPlc
+from app.tags.quality import is_good
+from tests.storm.world import Fell, World
+
+SLACK = 0.6
+"""Sweep and answers on their way [s]."""
+MOST_TASKS = 150
+MOST_STORING = 40
+STOP_REASONS = {"why.no_such_command", "why.role", "why.signed_out", "why.dry_run"}
+"""Why a Stop of somebody who may stop can be refused: only that the machine is gone, or the right."""
+DRIVE_SHOWS = {
+    "forward": lambda status, frequency: status == 1 and frequency > 0,
+    "reverse": lambda status, frequency: status == 2 and frequency > 0,
+    "stop": lambda status, frequency: status not in (1, 2),
+    "coast": lambda status, frequency: status not in (1, 2),
+    "reset": lambda status, frequency: status in (0, 1, 2),
+}
+"""Command of a drive → what the drive itself shows when it has done it."""
+
+
+class Checker:
+    """Called after every step and at the end."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.shown: dict[str, list[tuple[float, int, float, float]]] = {}
+        """Drive → (when it was read [s], status, frequency, F113) as the drive itself has them."""
+        world.line.listeners.append(self._read)
+        world.on_end.append(self._command_ended)
+        self.false: list[str] = []
+
+    async def __call__(self, _world: World, last: bool) -> None:
+        for invariant in ALWAYS:
+            invariant(self)
+        if last:
+            for final in AT_THE_END:
+                await final(self)
+
+    # ---- what is noted meanwhile
+
+    def _read(self, bus: Bus, unit: int, pdu: bytes) -> None:
+        """The server has just been told the truth about a drive."""
+        device = bus.devices.get(unit)
+        if isinstance(device, VirtualE800):
+            name = next((name for name, one in self.world.devices.items() if one is device), "")
+            shown = self.shown.setdefault(name, [])
+            shown.append((self.world.now, device.status, abs(device.frequency), device.parameter("F113")))
+            del shown[:-600]
+
+    def _command_ended(self, progress: Progress) -> None:
+        if progress.state is not State.CONFIRMED:
+            return
+        asked = self.world.asked.get(progress.id)
+        device = self.world.devices.get(progress.equipment)
+        if asked is None or device is None:
+            return
+        since, machine, key = asked
+        if isinstance(device, VirtualE800):
+            self._confirmed_by_drive(device, since, machine, key, progress)
+        elif isinstance(device, VirtualPlc):
+            self._confirmed_by_plc(device, since, machine, key, progress)
+
+    def _confirmed_by_drive(
+        self, device: VirtualE800, since: float, machine: str, key: str, progress: Progress
+    ) -> None:
+        shows = [one for one in self.shown.get(machine, ()) if one[0] >= since]
+        if key in DRIVE_SHOWS and not any(DRIVE_SHOWS[key](status, frequency) for _, status, frequency, _ in shows):
+            self.false.append(f"{machine}.{key} {progress.id}: the drive never showed it, {shows[-3:]}")
+        if key in ("set_frequency", "frequency_setpoint") and progress.argument is not None:
+            wanted = progress.argument
+            if not any(abs(value - wanted) < 0.01 for *_, value in shows):
+                self.false.append(f"{machine}.{key} {progress.id}: F113 was never {wanted}, {shows[-3:]}")
+        elif key.startswith("f") and key[1:].isdigit() and progress.argument is not None:
+            present = device.parameter(key.upper())
+            if abs(present - progress.argument) > 0.06:
+                self.false.append(f"{machine}.{key} {progress.id}: {present}, not {progress.argument}")
+
+    def _confirmed_by_plc(self, device: VirtualPlc, since: float, machine: str, key: str, progress: Progress) -> None:
+        plant = self.world.runtime.plant
+        item = plant.equipment.get(machine) if plant else None
+        if item is None:
+            return
+        command = item.type.commands.get(key)
+        if command is None and progress.argument is not None and key in device.settings:
+            if abs(device.settings[key] - progress.argument) > 1e-3 + 1e-5 * abs(progress.argument):
+                self.false.append(f"{machine}.{key} {progress.id}: {device.settings[key]}, not {progress.argument}")
+        elif command is not None and command.code and not command.stop:
+            mine = [one for one in self.world.done if one.machine == machine and one.at >= since]
+            if not any(one.taken for one in mine if one.code == command.code):
+                self.false.append(f"{machine}.{key} {progress.id}: the PLC never took code {command.code}, {mine}")
+
+
+# ---- after every step ----------------------------------------------------------------------------------
+
+
+def no_false_confirmation(c: Checker) -> None:
+    """A command is told as confirmed only when the device itself did it."""
+    if c.false:
+        raise Fell("no_false_confirmation", "; ".join(c.false))
+
+
+def nothing_twice(c: Checker) -> None:
+    """A device executes what was asked for at most as often as it was asked; only Stop is ever repeated."""
+    world = c.world
+    plant = None if world.down else world.runtime.plant
+    executed = Counter((one.machine, one.code) for one in world.done if one.taken)
+    for machine, code in executed:
+        item = plant.equipment.get(machine) if plant else None
+        if item is None:
+            continue
+        keys = {key for key, command in item.type.commands.items() if command.code == code}
+        if any(item.type.commands[key].stop for key in keys) or not keys:
+            continue
+        asked = sum(m == machine and key in keys for _, m, key in world.asked.values())
+        if executed[machine, code] > asked:
+            raise Fell(
+                "nothing_twice", f"{machine} code {code} was done {executed[machine, code]} times, asked {asked}"
+            )
+
+
+def good_is_fresh(c: Checker) -> None:
+    """No value is good that its device has not told within the time after which it is stale."""
+    world = c.world
+    if world.down or world.runtime.plant is None:
+        return
+    tags, now = world.runtime.tags, world.now
+    for handle, tag in enumerate(tags.tags):
+        if not tag.stale_after or not is_good(tags.quality(handle)):
+            continue
+        item = world.runtime.plant.equipment.get(tag.name.partition(".")[0])
+        found = world.bus_of(item.id) if item else None
+        if found is None:
+            continue
+        silent = now - world.line.heard[id(found[0]), found[1]]
+        if min(silent, 1e6) > tag.stale_after + SLACK:
+            raise Fell("good_is_fresh", f"{tag.name} is good, its unit told nothing for {silent:.1f} s")
+        if tags.age(handle) > tag.stale_after + SLACK:
+            raise Fell("good_is_fresh", f"{tag.name} is good and {tags.age(handle):.1f} s old")
+
+
+def control_is_lived(c: Checker) -> None:
+    """Who holds a machine, or moves it by hand, has a living session with the right to."""
+    world = c.world
+    if world.down or world.runtime.gate is None:
+        return
+    gate, standing = world.runtime.gate, world.runtime.access.standing
+    for equipment, grip in gate.control._grips.items():
+        person = standing(grip.who)
+        if person is None or not person.may("view"):
+            raise Fell("control_is_lived", f"{equipment} is held by {grip.holder.display}, whose session is over")
+        if not person.may("operate") and not person.idle:
+            raise Fell("control_is_lived", f"{equipment} is held by {grip.holder.display}, who may not operate")
+    for lease in gate.hold._leases.values():
+        if not lease.moving:
+            continue
+        person = standing(lease.person)
+        if person is None or not person.may("operate"):
+            raise Fell("control_is_lived", f"{lease.equipment} is moved by {lease.person.name}, who may not")
+        holder = gate.control.holder(lease.equipment)
+        if holder is None or holder.session != lease.person.session:
+            raise Fell("control_is_lived", f"{lease.equipment} is moved by {lease.person.name}, who does not hold it")
+
+
+def nothing_dies(c: Checker) -> None:
+    """Every task of the keeper runs and never failed; nothing inside raised what nobody expected."""
+    world = c.world
+    if world.errors:
+        raise Fell("nothing_dies", " | ".join(world.errors[:3]))
+    if world.down:
+        return
+    for kept in world.runtime.keeper.kept.values():
+        if kept.failures or kept.task is None or kept.task.done():
+            raise Fell("nothing_dies", f"task {kept.name}: {kept.error or 'over'}")
+
+
+def nothing_grows(c: Checker) -> None:
+    """Tasks, waiting lines and jobs stay few."""
+    world = c.world
+    if world.down:
+        return
+    tasks = [task for task in asyncio.all_tasks() if task not in world.tasks]
+    if len(tasks) > MOST_TASKS:
+        raise Fell("nothing_grows", f"{len(tasks)} tasks: {Counter(task.get_name().split('-')[0] for task in tasks)}")
+    if len(world.runtime._storing) > MOST_STORING:
+        raise Fell("nothing_grows", f"{len(world.runtime._storing)} deliveries of events wait")
+
+
+def stop_is_open(c: Checker) -> None:
+    """A Stop of somebody who may stop is refused only because there is no such machine any more."""
+    for machine, reason, status in c.world.refused_stops:
+        if reason not in STOP_REASONS:
+            raise Fell("stop_is_open", f"Stop of {machine} was refused: {status} {reason}")
+
+
+# ---- when all is calm again ----------------------------------------------------------------------------
+
+
+async def all_is_well_again(c: Checker) -> None:
+    """Without faults every link is up and every value that is scanned is good."""
+    world = c.world
+    runtime = world.runtime
+    for name, link in runtime.links.items():
+        if not link.up:
+            raise Fell("all_is_well_again", f"link {name} is {link.statistics.state}")
+    bad = [
+        f"{tag.name} ({runtime.tags.age(handle):.1f} s, quality {runtime.tags.quality(handle):#x})"
+        for handle, tag in enumerate(runtime.tags.tags)
+        if tag.stale_after and tag.source.startswith("link.") and runtime.tags.age(handle) > tag.stale_after + SLACK
+    ]
+    if bad:
+        raise Fell("all_is_well_again", f"not read again: {', '.join(bad[:5])} and {len(bad)} in all")
+    if not runtime.access.audit.healthy:
+        raise Fell("all_is_well_again", "lines of the audit still wait outside the database")
+
+
+async def audit_is_whole(c: Checker) -> None:
+    """The chain verifies, and every command that ended has exactly one line that says how."""
+    world = c.world
+    if world.down:
+        return
+    verdict = await world.runtime.access.audit.check()
+    if not verdict.ok:
+        raise Fell("audit_is_whole", f"{verdict}")
+    rows = await world.runtime.db.read(
+        lambda connection: connection.execute(
+            select(audit_table.c.params, audit_table.c.result).where(audit_table.c.kind == "command")
+        ).all()
+    )
+    ends: Counter[str] = Counter()
+    for row in rows:
+        id = json.loads(row.params).get("id", "")
+        if row.result != "sent":
+            ends[id] += 1
+        world.trace(f"audit {id} {row.result}")
+    for id, count in ends.items():
+        if count > 1 and world.asked.get(id, (0, "", ""))[2] != "stop":
+            raise Fell("audit_is_whole", f"{world.asked.get(id, id)} has {count} lines that say how it ended")
+    for at, progress in world.ended:
+        if at > world.troubled and not ends[progress.id]:
+            raise Fell("audit_is_whole", f"{progress.id} {progress.command} ended as {progress.state} without a line")
+
+
+ENTRIES: dict[str, set[tuple[str, str]]] = {}
+for _row in TRANSITIONS:
+    for _letter in _row.states:
+        _after = set("ABCDEFGHI") if _row.to == "*" else {_letter if _row.to == "=" else _row.to}
+        ENTRIES.setdefault(str(_row.entry), set()).update((_letter, one) for one in _after)
+
+
+async def alarms_follow_the_table(c: Checker) -> None:
+    """Every line of the journal is a row of the table, each begins where the one before of its alarm ended, and the states are the last."""
+    runtime = c.world.runtime
+    await runtime.alarms.flush()
+    columns = journal_table.c
+    rows = await runtime.db.read(
+        lambda connection: connection.execute(
+            select(columns.alarm, columns.before, columns.after, columns.event, columns.seq).order_by(columns.seq)
+        ).all()
+    )
+    stands: dict[str, str] = {}
+    for row in rows:
+        c.world.trace(f"journal {row.seq} {row.alarm} {row.before}{row.after} {row.event}")
+        if row.event not in ENTRIES and row.event not in set(Entry):
+            continue
+        if row.event in ENTRIES and (row.before, row.after) not in ENTRIES[row.event]:
+            raise Fell("alarms_follow_the_table", f"{row.alarm}: {row.event} from {row.before} to {row.after}")
+        if stands.get(row.alarm, "A") != row.before:
+            raise Fell(
+                "alarms_follow_the_table",
+                f"{row.alarm}: {row.event} from {row.before}, it was {stands.get(row.alarm, 'A')}",
+            )
+        stands[row.alarm] = row.after
+    kept = await runtime.db.read(lambda connection: connection.execute(select(state_table.c.alarm)).scalars().all())
+    left = {alarm for alarm, state in stands.items() if state != "A"}
+    if left != set(kept):
+        raise Fell("alarms_follow_the_table", f"states {sorted(set(kept) ^ left)} are not those of the journal")
+
+
+async def events_are_stored(c: Checker) -> None:
+    """Every event that a ring told is stored once, or told as a gap; what is kept ends with the newest."""
+    world = c.world
+    runtime = world.runtime
+    for book in runtime.books:
+        for item in runtime.plant.equipment.values() if runtime.plant else ():
+            device = world.devices.get(item.id)
+            if not book.keeps(item) or not isinstance(device, VirtualPlc):
+                continue
+            mark = book.last(item.id)
+            if device.newest and (mark is None or mark.sequence != device.newest):
+                raise Fell("events_are_stored", f"{item.id}: {mark} is stored, the newest is {device.newest}")
+    for table in (history.passage_step, history.sequence_event):
+        rows = await runtime.history.read(lambda connection, table=table: connection.execute(select(table)).all())  # type: ignore[misc]
+        for row in rows:
+            world.trace(f"{table.name} {tuple(row)}")
+
+
+ALWAYS: tuple[Callable[[Checker], None], ...] = (
+    no_false_confirmation,
+    nothing_twice,
+    good_is_fresh,
+    control_is_lived,
+    nothing_dies,
+    nothing_grows,
+    stop_is_open,
+)
+AT_THE_END = (all_is_well_again, audit_is_whole, alarms_follow_the_table, events_are_stored)

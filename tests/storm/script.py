@@ -1,0 +1,137 @@
+"""A script: what people and faults do to a plant, and when, drawn from a seed.
+
+An action carries everything that was drawn for it, so that a script with actions taken away is a script again.
+"""
+
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any
+
+PEOPLE = {
+    "ana": ("operator",),
+    "ivo": ("operator",),
+    "eva": ("operator", "engineer"),
+    "vit": ("viewer",),
+    "ada": ("admin", "engineer", "operator"),
+}
+"""Name → roles at the beginning."""
+MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
+PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",))
+"""Few machines of the demo, which seeds choose from; every tenth has all."""
+CALM = 20.0
+"""At the end nothing goes wrong any more for so long, and everything has to be well again [s]."""
+
+ACTS = {
+    "enter": 6, "leave": 2, "look": 2, "take": 8, "give": 2, "want": 2, "command": 18, "set": 10, "stop": 6, "hold": 8,
+    "acknowledge": 4, "roles": 2, "bar": 1,
+}  # fmt: skip
+FAULTS = {
+    "line": 10, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "kill": 2, "restart": 1, "stall": 2,
+}  # fmt: skip
+"""Kind of action → share."""
+LINE_FAULTS = (
+    "cable", "lost", "late", "slow", "doubled", "garbled", "unit", "function", "short", "long", "exception",
+)  # fmt: skip
+HOLDS = ("steady", "late", "ends", "backwards", "gone")
+DISKS = ("full", "locked", "failing")
+
+
+@dataclass(frozen=True)
+class Action:
+    """One thing that happens."""
+
+    at: float
+    """Since the beginning [s]."""
+    kind: str
+    given: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        told = " ".join(f"{name}={value!r}" for name, value in self.given.items())
+        return f"{self.at:9.3f}  {self.kind:12} {told}".rstrip()
+
+
+@dataclass(frozen=True)
+class Script:
+    """What happens to a plant."""
+
+    seed: int
+    machines: tuple[str, ...]
+    seconds: float
+    actions: tuple[Action, ...]
+
+    def __str__(self) -> str:
+        head = f"seed {self.seed}, {self.seconds:g} s, plant {' '.join(self.machines)}, {len(self.actions)} actions"
+        return "\n".join([head, *map(str, self.actions)])
+
+
+def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = ()) -> Script:
+    """The script of `seed`: its last `CALM` seconds are quiet."""
+    random = Random(f"storm {seed}")
+    machines = machines or (random.choice(PLANTS) if seed % 10 else MACHINES)
+    seconds = minutes * 60
+    wild = max(5.0, seconds - CALM)
+    pace, trouble = random.choice((0.15, 0.3, 0.6)), random.choice((0.0, 0.15, 0.3, 0.5))
+    """Seconds between two actions; part of them that are faults."""
+    actions = [Action(round(0.2 + 0.1 * n, 3), "enter", {"who": who}) for n, who in enumerate(("ana", "ivo", "ada"))]
+    actions += [Action(0.6, "take", {"who": "ana", "machine": random.choice(machines)})]
+    at = 1.0
+    while True:
+        at += random.expovariate(1 / pace)
+        if at >= wild:
+            break
+        shares = FAULTS if random.random() < trouble else ACTS
+        kind = random.choices(list(shares), list(shares.values()))[0]
+        actions.append(Action(round(at, 3), kind, _given(kind, random, machines)))
+    return Script(seed, machines, seconds, tuple(actions))
+
+
+def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:
+    who, machine = random.choice(list(PEOPLE)), random.choice(machines)
+    number = random.randrange(1000)
+    match kind:
+        case "enter" | "leave" | "look":
+            return {"who": who}
+        case "take" | "give" | "want" | "stop":
+            return {"who": who, "machine": machine}
+        case "command":
+            return {
+                "who": who,
+                "machine": machine,
+                "number": number,
+                "part": round(random.random(), 3),
+                "twice": random.random() < 0.1,
+            }
+        case "set":
+            return {"who": who, "machine": machine, "number": number, "part": round(random.uniform(-0.2, 1.2), 3)}
+        case "hold":
+            seconds = round(random.uniform(0.1, 4), 1)
+            return {"who": who, "machine": machine, "number": number, "how": random.choice(HOLDS), "seconds": seconds}
+        case "acknowledge":
+            return {"who": who, "number": number}
+        case "roles":
+            return {"who": who, "roles": random.choice((("viewer",), ("operator",), ("operator", "engineer")))}
+        case "bar":
+            return {"who": who, "seconds": round(random.uniform(0.5, 15), 1)}
+        case "line":
+            return {
+                "machine": machine, "fault": random.choice(LINE_FAULTS), "part": random.choice((0.05, 0.3, 1.0)),
+                "seconds": round(random.choice((0.3, 1, 3, 10)) * random.uniform(0.5, 1.5), 2),
+            }  # fmt: skip
+        case "power":
+            return {"machine": machine}
+        case "freeze" | "fault":
+            return {"machine": machine, "number": number, "seconds": round(random.uniform(0.2, 8), 1)}
+        case "disk":
+            return {
+                "which": random.choice(("db", "history")), "how": random.choice(DISKS),
+                "seconds": round(random.choice((0.5, 3, 12)) * random.uniform(0.5, 1.5), 2), "after": random.randrange(5),
+            }  # fmt: skip
+        case "clock":
+            return {"seconds": random.choice((-3600.0, -60.0, -2.0, -0.5, 0.5, 1.5, 30.0, 3600.0, 86400.0))}
+        case "reload":
+            return {"machine": random.choice(("extra", machine))}
+        case "kill" | "restart":
+            return {"seconds": round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)}
+        case "stall":
+            return {"seconds": round(random.choice((0.2, 0.4, 1.0, 2.5, 6.0)) * random.uniform(0.8, 1.2), 2)}
+    raise ValueError(kind)

@@ -1,0 +1,35 @@
+"""A minute of the whole house under people and faults, for twenty seeds; `make storm` plays more of them."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.storm.script import Script, draw
+from tests.storm.trial import run, shortened
+
+
+@pytest.mark.parametrize("seed", range(1, 21))
+def test_a_minute_of_storm(seed: int) -> None:
+    script = draw(seed)
+    verdict = run(script)
+    assert not verdict.name, f"{verdict.what}\nTo see the shortest script that fails: make storm SEED={seed}"
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_a_script_is_played_the_same_to_the_byte(seed: int) -> None:
+    assert draw(seed) == draw(seed)
+    script = draw(seed, 0.7)
+    first, second = run(script), run(script)
+    assert first.digest and first.digest == second.digest
+
+
+def test_a_script_that_fails_is_made_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    script = draw(8, 1.0)
+    bad = script.actions[40]
+
+    def tried(one: Script) -> object:
+        return replace(run_nothing, name="fell" if bad in one.actions else "")
+
+    run_nothing = run(replace(script, seconds=0.5, actions=()))
+    monkeypatch.setattr("tests.storm.trial.run", tried)
+    assert shortened(script, "fell").actions == (bad,)

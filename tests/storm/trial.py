@@ -1,0 +1,73 @@
+"""One script played in a folder of its own, what became of it, and the shortest that ends the same way."""
+
+import tempfile
+import time
+import traceback
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tests.storm.invariants import Checker
+from tests.storm.script import Script
+from tests.storm.world import Fell, World, play
+
+TRIES = 120
+"""Scripts that are tried to shorten one."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a script."""
+
+    seed: int
+    name: str = ""
+    """Of the invariant that does not hold, or of the error; nothing: all is well."""
+    what: str = ""
+    digest: str = ""
+    seconds: float = 0.0
+    """Of a processor [s]."""
+    counts: tuple[tuple[str, int], ...] = ()
+
+
+def run(script: Script) -> Verdict:
+    """Play `script` in a folder of its own."""
+    began, name, what, digest, counts = time.process_time(), "", "", "", Counter[str]()
+    with tempfile.TemporaryDirectory(prefix="storm-") as folder:
+        checkers: list[Checker] = []
+
+        async def check(world: World, last: bool) -> None:
+            if not checkers:
+                checkers.append(Checker(world))
+            await checkers[0](world, last)
+
+        try:
+            world = play(script, Path(folder), check)
+            digest = world.digest
+            counts.update(str(progress.state) for _, progress in world.ended)
+        except Fell as fell:
+            name, what = fell.name, str(fell)
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            name = f"{type(error).__name__} {Path(place.filename).name}:{place.lineno}"
+            what = traceback.format_exc()
+    return Verdict(script.seed, name, what, digest, time.process_time() - began, tuple(counts.items()))
+
+
+def shortened(script: Script, name: str, tries: int = TRIES) -> Script:
+    """The shortest script found that fails as `script` does: delta debugging over its actions."""
+    actions, parts = list(script.actions), 2
+    while tries > 0 and len(actions) > 1:
+        size = max(1, len(actions) // parts)
+        for begin in range(0, len(actions), size):
+            fewer = actions[:begin] + actions[begin + size :]
+            tries -= 1
+            if tries < 0:
+                break
+            if run(replace(script, actions=tuple(fewer))).name == name:
+                actions, parts = fewer, max(2, parts - 1)
+                break
+        else:
+            if size == 1:
+                break
+            parts = min(len(actions), parts * 2)
+    return replace(script, actions=tuple(actions))

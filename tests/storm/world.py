@@ -1,0 +1,659 @@
+"""A whole house in virtual time, its plant, its people, and everything that can go wrong with them.
+
+The machines live on when the server is killed, as real ones do: the virtual devices belong to the world, not to the server.
+"""
+
+import asyncio
+import hashlib
+import logging
+import re
+import shutil
+import sqlite3
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from sqlalchemy import event
+
+import app.runtime
+from app import chance
+from app.access.passwords import Cost, Passwords
+from app.access.roles import Person, permissions_of
+from app.clock import ManualClock
+from app.commands.lifecycle import Progress
+from app.db import Database
+from app.errors import PogonError
+from app.plant.definitions import Command, Plant
+from app.runtime import Runtime
+from app.settings import Settings
+from app.sim.bus import Bus
+from app.sim.device import VirtualDevice
+from app.sim.e800 import VirtualE800
+from app.sim.plant import MACHINE_FAULTS, SimPlant
+from app.sim.plc import VirtualPlc
+from app.sim.training import REG_MACHINE_FAULT
+from tests.storm.line import Line, Trouble
+from tests.storm.script import CALM, PEOPLE, Action, Script
+from tests.virtual import MORNING, VirtualLoop, inline
+
+DEMO = Path(__file__).resolve().parents[2] / "plants" / "demo"
+PASSWORD = "tri plave ladice u kutu"
+AGENT, ADDRESS = "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0", "127.0.0.1"
+BOSS = Person(0, "boss", "boss", frozenset({"admin"}), permissions_of({"admin", "engineer", "operator"}), "")
+CHEAP = Cost(1, 64, 1)
+STEP = 0.25
+"""Between two looks of the checker [s]."""
+EXTRA = """
+[equipment.m3]
+type = "eura_e800"
+link = "hall"
+unit = 3
+label = { hr = "Ventilator 3", en = "Fan 3", de = "Lüfter 3", cs = "Ventilátor 3" }
+rated_current = 2.5
+"""
+
+
+def plant_file(machines: tuple[str, ...] | list[str]) -> str:
+    """The demo's plant file with only these machines and their links; `extra` is one more drive."""
+    parts = re.split(r"(?m)^(?=\[)", (DEMO / "plant.toml").read_text("utf-8"))
+    kept = [part for part in parts if not (found := re.match(r"\[equipment\.(\w+)\]", part)) or found[1] in machines]
+    if "extra" in machines:
+        kept.append(EXTRA)
+    used = {found[1] for part in kept if (found := re.search(r'(?m)^link = "(\w+)"', part))}
+    return "".join(part for part in kept if not (found := re.match(r"\[links\.(\w+)\]", part)) or found[1] in used)
+
+
+class Fell(Exception):
+    """Something is not as it must be; `name` of the invariant."""
+
+    def __init__(self, name: str, what: str) -> None:
+        super().__init__(f"{name}: {what}")
+        self.name = name
+
+
+@dataclass(frozen=True)
+class Done:
+    """A command that a PLC took, as the device itself says."""
+
+    at: float
+    """[s]"""
+    machine: str
+    code: int
+    id: int
+    taken: bool
+    """False: it said no."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """A device event as it was put into a ring."""
+
+    machine: str
+    boot: int
+    sequence: int
+    code: int
+
+
+@dataclass
+class World:
+    """Everything; `live` plays a script."""
+
+    script: Script
+    folder: Path
+    keep_trace: bool = False
+    clock: ManualClock = field(default_factory=lambda: ManualClock(MORNING))
+    runtime: Runtime = field(init=False)
+    sim: SimPlant | None = None
+    sids: dict[str, str] = field(default_factory=dict)
+    """Who is signed in, and with which session."""
+    ids: dict[str, int] = field(default_factory=dict)
+    barred: set[str] = field(default_factory=set)
+    ended: list[tuple[float, Progress]] = field(default_factory=list)
+    """Commands that are over [s], also those of servers that were killed."""
+    done: list[Done] = field(default_factory=list)
+    told: list[Told] = field(default_factory=list)
+    asked: dict[str, tuple[float, str, str]] = field(default_factory=dict)
+    """Id of every order → when [s], machine, command."""
+    refused_stops: list[tuple[str, str, int]] = field(default_factory=list)
+    lives: int = 0
+    """Servers that were started."""
+    down: bool = True
+    troubled: float = 0.0
+    """Until then something was wrong with the server, its disk or its clock [s]."""
+    tasks: set["asyncio.Task[None]"] = field(default_factory=set)
+    disks: dict[str, tuple[str, int]] = field(default_factory=dict)
+    """Which database → what is wrong with it, and how many writes it still takes."""
+    errors: list[str] = field(default_factory=list)
+    """What was logged as an error that is none of those we made."""
+    lines: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.random = Random(f"world {self.script.seed}")
+        self.line = Line(self.clock, Random(f"line {self.script.seed}"), self.trace)
+        self._hash = hashlib.sha256()
+        self.machines = list(self.script.machines)
+        self.plant_folder = self.folder / "plant"
+        shutil.copytree(DEMO, self.plant_folder)
+        self._write_plant()
+        self.data = self.folder / "data-0"
+
+    def trace(self, line: str) -> None:
+        """What makes two runs the same."""
+        self._hash.update(line.encode() + b"\n")
+        if self.keep_trace:
+            self.lines.append(line)
+
+    @property
+    def digest(self) -> str:
+        """Of everything that happened."""
+        return self._hash.hexdigest()
+
+    @property
+    def now(self) -> float:
+        return self.clock.monotonic()
+
+    # ---- the server -----------------------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """A server from the files as they are."""
+        self.lives += 1
+        runtime = Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
+        self.runtime = runtime
+        await runtime.start()
+        runtime.access.passwords._hasher = Passwords(CHEAP)._hasher
+        runtime.access.throttle.take = lambda _address: True  # type: ignore[method-assign]
+        for which in ("db", "history"):
+            self._spoilable(which, getattr(runtime, which))
+        if runtime.gate is not None:
+            runtime.gate.subscribe_ends(self._ended)
+        if self.lives == 1:
+            for name, roles in PEOPLE.items():
+                account, _ = await runtime.access.people.add(BOSS, name, "", roles)
+                runtime.access.people.set_password_now(BOSS, name, PASSWORD)
+                self.ids[name] = account.id
+        self.down = False
+
+    def _ended(self, progress: Progress) -> None:
+        self.trace(f"{self.now:.6f} end {progress.id} {progress.command} {progress.state} {progress.reason}")
+        self.ended.append((self.now, progress))
+        for listener in self.on_end:
+            listener(progress)
+
+    on_end: list[Callable[[Progress], None]] = field(default_factory=list)
+
+    async def stop(self) -> None:
+        """As systemd does."""
+        self.down = True
+        await self.runtime.stop()
+
+    async def kill(self) -> None:
+        """Everything that the server did not write is gone: its files are taken as they are now."""
+        self.down = True
+        copy = self.folder / f"data-{self.lives}"
+        shutil.copytree(self.data, copy, ignore=lambda _folder, names: [n for n in names if n.startswith("lock")])
+        self.line.dead = True
+        mine = {asyncio.current_task(), *self.tasks}
+        others = [task for task in asyncio.all_tasks() if task not in mine]
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+        self.line.dead = False
+        for database in (self.runtime.db, self.runtime.history):
+            database.close()
+        shutil.rmtree(self.data)
+        self.data = copy
+
+    def simulate(self, plant: Plant, clock: ManualClock, *, links: list[str]) -> SimPlant:
+        """In place of `SimPlant`: machines that moved before go on."""
+        if self.sim is None:
+            self.sim = SimPlant(plant, clock, links=links)
+        else:
+            self.sim.take(*self.sim.renewed(plant, links, {}))
+            self.sim._due = self.now
+        self.watch_devices()
+        return self.sim
+
+    def watch_devices(self) -> None:
+        """Have every device tell what it does."""
+        for name, device in (self.sim.devices if self.sim else {}).items():
+            if isinstance(device, VirtualPlc) and "_take" not in vars(device):
+                self._watch_plc(name, device)
+
+    def _watch_plc(self, name: str, device: VirtualPlc) -> None:
+        take, tell = device._take, device.event
+
+        def taken(request: Any) -> None:
+            known = any(answer.id == request.id for answer in device._answers)
+            take(request)
+            if not known:
+                said = device._answers[0]
+                self.done.append(Done(self.now, name, request.code, request.id, int(said.state) not in REJECTED))
+
+        def happened(*given: Any, **named: Any) -> None:
+            tell(*given, **named)
+            self.told.append(Told(name, device.boots, device.newest, int(given[0])))
+
+        device._take, device.event = taken, happened  # type: ignore[method-assign]
+
+    @property
+    def devices(self) -> dict[str, VirtualDevice]:
+        return dict(self.sim.devices) if self.sim else {}
+
+    def bus_of(self, machine: str) -> tuple[Bus, int] | None:
+        """The line and the unit of a machine."""
+        if self.sim is None or machine not in self.sim.equipment:
+            return None
+        item = self.sim.equipment[machine]
+        return self.sim.buses[item.link], item.unit
+
+    # ---- the disk -------------------------------------------------------------------------------------
+
+    def _spoilable(self, which: str, database: Database) -> None:
+        """Statements that write fail while the disk is spoilt."""
+
+        @event.listens_for(database.engine, "before_cursor_execute")
+        def before(connection: Any, cursor: Any, statement: str, *rest: Any) -> None:
+            how, after = self.disks.get(which, ("", 0))
+            if not how or (self.runtime.db is not database and self.runtime.history is not database):
+                return
+            if statement.lstrip()[:6].upper() in ("INSERT", "UPDATE", "DELETE", "REPLAC", "BEGIN ", "PRAGMA", "CREATE"):
+                if after > 0:
+                    self.disks[which] = how, after - 1
+                    return
+                raise sqlite3.OperationalError(MESSAGES[how])
+
+        @event.listens_for(database.engine, "commit")
+        def commit(connection: Any) -> None:
+            how, after = self.disks.get(which, ("", 0))
+            if how == "failing" and after <= 0:
+                raise sqlite3.OperationalError(MESSAGES[how])
+
+    # ---- life -----------------------------------------------------------------------------------------
+
+    async def live(self, check: Callable[["World", bool], Coroutine[Any, Any, None]]) -> None:
+        """Play the script; `check(world, False)` after every step, `check(world, True)` once when all is calm."""
+        began = self.now
+        await self.start()
+        due = list(self.script.actions)
+        try:
+            while self.now - began < self.script.seconds or due:
+                while due and due[0].at <= self.now - began:
+                    action = due.pop(0)
+                    self.trace(f"{self.now:.6f} {action}")
+                    await self._act(action)
+                    await check(self, False)
+                following = min(due[0].at if due else NEVER, self.now - began + STEP)
+                await asyncio.sleep(max(1e-6, began + following - self.now))
+                await check(self, False)
+                if self.script.seconds - (self.now - began) < CALM and not due:
+                    await self._calm()
+            await check(self, True)
+        finally:
+            for task in list(self.tasks):
+                task.cancel()
+            await asyncio.gather(*self.tasks, return_exceptions=True)
+            if not self.down:
+                await self.stop()
+
+    async def _calm(self) -> None:
+        self.line.troubles.clear()
+        self.disks.clear()
+
+    async def _act(self, action: Action) -> None:
+        work = getattr(self, f"_do_{action.kind}")
+        with suppress(PogonError):
+            if action.kind in ALONE:
+                await work(**action.given)
+            else:
+                self.beside(self._quietly(work(**action.given)))
+
+    async def _quietly(self, work: Coroutine[Any, Any, None]) -> None:
+        with suppress(PogonError):
+            await work
+
+    def beside(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do `work` while other things happen."""
+        task = asyncio.get_running_loop().create_task(work)
+        self.tasks.add(task)
+        task.add_done_callback(self._finished)
+
+    def _finished(self, task: "asyncio.Task[None]") -> None:
+        self.tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self.errors.append(f"{type(error).__name__}: {error}")
+
+    # ---- people ---------------------------------------------------------------------------------------
+
+    async def person(self, who: str) -> Person | None:
+        """Somebody as the server knows this browser now."""
+        if self.down or who not in self.sids:
+            return None
+        return await self.runtime.access.sessions.find(self.sids[who], ADDRESS, AGENT)
+
+    async def _do_enter(self, who: str) -> None:
+        if self.down:
+            return
+        signed = await self.runtime.access.people.sign_in(who, PASSWORD, ADDRESS, AGENT, self.sids.get(who, ""))
+        self.sids[who] = signed.sid
+
+    async def _do_leave(self, who: str) -> None:
+        if person := await self.person(who):
+            await self.runtime.access.sessions.end(person, person.session, "signout")
+
+    async def _do_look(self, who: str) -> None:
+        """Somebody opens a page and closes it after a while."""
+        if await self.person(who) is None:
+            return
+        runtime = self.runtime
+        kind = "overview"
+        watcher = runtime.live.join(kind, runtime.page_names(kind))
+        try:
+            for _ in range(20):
+                async with asyncio.timeout(5):
+                    frame = await watcher.next()
+                self.trace(f"frame {hashlib.sha256(frame).hexdigest()[:12]}")
+        except (TimeoutError, ConnectionError, StopAsyncIteration):
+            pass
+        finally:
+            runtime.live.leave(watcher)
+
+    async def _do_take(self, who: str, machine: str) -> None:
+        person = await self.person(who)
+        if person and self.runtime.gate:
+            self.runtime.gate.control.take(person, machine)
+
+    async def _do_give(self, who: str, machine: str) -> None:
+        person = await self.person(who)
+        if person and self.runtime.gate:
+            self.runtime.gate.control.release(person, machine)
+
+    async def _do_want(self, who: str, machine: str) -> None:
+        person = await self.person(who)
+        if person and self.runtime.gate:
+            self.runtime.gate.control.request(person, machine)
+
+    async def _do_stop(self, who: str, machine: str) -> None:
+        person, gate, plant = await self.person(who), None if self.down else self.runtime.gate, self.runtime.plant
+        if person is None or gate is None or plant is None or machine not in plant.equipment:
+            return
+        stop = next((c for c in plant.equipment[machine].type.commands.values() if c.stop), None)
+        if stop is None:
+            return
+        id = self._order(machine, stop.key)
+        may = person.may("stop") or person.may("operate")
+        try:
+            await gate.ask(person, machine, stop.key, id=id)
+        except PogonError as refusal:
+            self.trace(f"{self.now:.6f} stop refused {refusal}")
+            if may:
+                self.refused_stops.append(
+                    (machine, getattr(refusal, "reason", str(refusal)), getattr(refusal, "status", 0))
+                )
+
+    async def _do_command(self, who: str, machine: str, number: int, part: float, twice: bool) -> None:
+        command = self._choose(machine, number, hold=False)
+        person = await self.person(who)
+        if person is None or command is None or self.runtime.gate is None:
+            return
+        id, gate = self._order(machine, command.key), self.runtime.gate
+        if gate.control.holder(machine) is None and number % 4:
+            with suppress(PogonError):
+                gate.control.take(person, machine)
+        arguments = {one.name: str(round(part * 100)) for one in command.arguments}
+        argument = f"{part * 60:.2f}" if command.argument else None
+
+        async def press() -> None:
+            try:
+                await gate.ask(
+                    person, machine, command.key, argument=argument, arguments=arguments, id=id,
+                    nonce=gate.nonces.issue(person.session), confirmed=True, proven=True, reason="storm",
+                )  # fmt: skip
+            except PogonError as refusal:
+                self.trace(f"{self.now:.6f} refused {refusal}")
+
+        if twice:
+            self.beside(press())
+        await press()
+
+    async def _do_set(self, who: str, machine: str, number: int, part: float) -> None:
+        person = await self.person(who)
+        plant = self.runtime.plant
+        item = plant.equipment.get(machine) if plant else None
+        if person is None or item is None or self.runtime.gate is None or not item.type.setpoints:
+            return
+        key = list(item.type.setpoints)[number % len(item.type.setpoints)]
+        point, gate = item.points[key], self.runtime.gate
+        if gate.control.holder(machine) is None and number % 4:
+            with suppress(PogonError):
+                gate.control.take(person, machine)
+        low, high = point.low if point.low is not None else 0.0, point.high if point.high is not None else 100.0
+        value = f"{low + part * (high - low):.{point.decimals}f}"
+        with suppress(PogonError):
+            await gate.set_value(
+                person, machine, key, value, id=self._order(machine, key), nonce=gate.nonces.issue(person.session),
+                confirmed=True, proven=True, reason="storm",
+            )  # fmt: skip
+
+    async def _do_hold(self, who: str, machine: str, number: int, how: str, seconds: float) -> None:
+        command = self._choose(machine, number, hold=True)
+        person = await self.person(who)
+        if person is None or command is None or self.runtime.gate is None:
+            return
+        hold, nonces = self.runtime.gate.hold, self.runtime.gate.nonces
+        id = self._order(machine, command.key)
+        if self.runtime.gate.control.holder(machine) is None:
+            self.runtime.gate.control.take(person, machine)
+        token = await hold.arm(
+            person, machine, command.key, id=id, nonce=nonces.issue(person.session), confirmed=True, address=ADDRESS
+        )
+        for counter in range(1, round(seconds / 0.2) + 1):
+            hold.keep_alive(token, -counter if how == "backwards" and counter > 3 else counter, person.session)
+            await asyncio.sleep(0.7 if how == "late" and counter > 3 else 0.2)
+            if how == "ends" and counter > 3:
+                return
+        if how == "gone":
+            await self._do_leave(who)
+        hold.release(token, person.session)
+
+    def _choose(self, machine: str, number: int, hold: bool) -> Command | None:
+        plant = self.runtime.plant
+        item = plant.equipment.get(machine) if plant and not self.down else None
+        found = [c for c in item.type.commands.values() if c.hold is hold and not c.stop] if item else []
+        return found[number % len(found)] if found else None
+
+    def _order(self, machine: str, key: str) -> str:
+        id = f"order-{len(self.asked)}"
+        self.asked[id] = self.now, machine, key
+        return id
+
+    async def _do_acknowledge(self, who: str, number: int) -> None:
+        person = await self.person(who)
+        standing = self.runtime.alarms.standing() if person else []
+        if person and standing and person.may("acknowledge"):
+            await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
+
+    async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
+        if not self.down and who != "ada":
+            await self.runtime.access.people.set_roles(BOSS, self.ids[who], roles)
+
+    async def _do_bar(self, who: str, seconds: float) -> None:
+        if self.down or who == "ada":
+            return
+        await self.runtime.access.people.disable(BOSS, self.ids[who], True)
+        await asyncio.sleep(seconds)
+        if not self.down:
+            await self.runtime.access.people.disable(BOSS, self.ids[who], False)
+
+    # ---- faults ---------------------------------------------------------------------------------------
+
+    async def _do_line(self, machine: str, fault: str, part: float, seconds: float) -> None:
+        if found := self.bus_of(machine):
+            self.line.troubles.append(Trouble(*found, fault, part, self.now + seconds))
+
+    async def _do_power(self, machine: str) -> None:
+        device = self.devices.get(machine)
+        if isinstance(device, VirtualPlc | VirtualE800):
+            device.power_cycle()
+
+    async def _do_freeze(self, machine: str, number: int, seconds: float) -> None:
+        """The program of a PLC stands still; its registers are read all the same."""
+        device = self.devices.get(machine)
+        if device is None or "step" in vars(device) or not isinstance(device, VirtualPlc):
+            return
+        device.step = lambda: None  # type: ignore[method-assign]
+        await asyncio.sleep(seconds)
+        vars(device).pop("step", None)
+
+    async def _do_fault(self, machine: str, number: int, seconds: float) -> None:
+        found, device = self.bus_of(machine), self.devices.get(machine)
+        codes = MACHINE_FAULTS.get(device.type, ()) if device else ()
+        if found is None or device is None or not codes:
+            return
+        device.write(6, REG_MACHINE_FAULT, (codes[number % len(codes)],))
+        await asyncio.sleep(seconds)
+        device.write(6, REG_MACHINE_FAULT, (0,))
+
+    async def _do_disk(self, which: str, how: str, seconds: float, after: int) -> None:
+        self.disks[which] = how, after
+        await asyncio.sleep(seconds)
+        self.troubled = max(self.troubled, self.now)
+        self.disks.pop(which, None)
+
+    async def _do_clock(self, seconds: float) -> None:
+        self.clock.step_wall(seconds)
+
+    async def _do_reload(self, machine: str) -> None:
+        """Take a machine out of the plant file, or put it in again."""
+        if self.down:
+            return
+        if machine in self.machines and len(self.machines) == 1:
+            return
+        if machine == "extra" and not {"m1", "m2"} & set(self.machines):
+            return
+        before = list(self.machines)
+        if machine in self.machines:
+            self.machines.remove(machine)
+        else:
+            self.machines.append(machine)
+        if not {"m1", "m2"} & set(self.machines) and "extra" in self.machines:
+            self.machines = before
+            return
+        self._write_plant()
+        reading = await self.runtime.look()
+        if reading.problems:
+            self.machines = before
+            self._write_plant()
+            return
+        person = await self.person("ada")
+        reading = await self.runtime.reload(person, reading.digest)
+        self.watch_devices()
+        if reading.refused and reading.refused not in ("plant.refused.other", "plant.refused.nothing"):
+            raise Fell("plant_reloads", f"{reading.refused} {reading.error}")
+        if not reading.done:
+            self.machines = before
+            self._write_plant()
+
+    def _write_plant(self) -> None:
+        (self.plant_folder / "plant.toml").write_text(plant_file(self.machines), "utf-8")
+
+    async def _do_kill(self, seconds: float) -> None:
+        await self.kill()
+        await self._back(seconds)
+
+    async def _do_restart(self, seconds: float) -> None:
+        await self.stop()
+        await self._back(seconds)
+
+    async def _back(self, seconds: float) -> None:
+        assert self.sim is not None
+        self.disks.clear()
+        self.sim._due = self.now
+        moving = asyncio.get_running_loop().create_task(self.sim.run())
+        await asyncio.sleep(seconds)
+        moving.cancel()
+        await asyncio.gather(moving, return_exceptions=True)
+        self.troubled = self.now
+        await self.start()
+
+    async def _do_stall(self, seconds: float) -> None:
+        """The server stands still; the machines do not."""
+        assert self.sim is not None
+        for _ in range(round(seconds / 0.01)):
+            self.clock.advance(0.01)
+            self.sim.step()
+        self.sim._due = self.now
+        await asyncio.sleep(SWEPT)
+        self.troubled = self.now
+
+
+SWEPT = 0.3
+"""A server that stood still has looked at all values again [s]."""
+ALONE = ("kill", "restart", "stall", "reload", "power", "line", "clock")
+"""Nothing else happens meanwhile, or it takes no time."""
+REJECTED = (4,)
+NEVER = 1e9
+MESSAGES = {"full": "database or disk is full", "locked": "database is locked", "failing": "disk I/O error"}
+
+
+class Listener(logging.Handler):
+    """Hears what goes wrong inside and was not made by us."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(logging.ERROR)
+        self.world = world
+
+    def emit(self, record: logging.LogRecord) -> None:
+        error = record.exc_info[1] if record.exc_info else None
+        self.world.trace(f"log {record.getMessage()}")
+        if error is not None and not isinstance(error, PogonError):
+            self.world.errors.append(f"{record.getMessage()}: {type(error).__name__}: {error}")
+
+
+@contextmanager
+def patched(world: World) -> Iterator[None]:
+    """The server of `world` is joined to its line and its machines."""
+    kept = app.runtime.exchange, app.runtime.SimPlant
+    app.runtime.exchange, app.runtime.SimPlant = world.line.exchange, world.simulate  # type: ignore[assignment, misc]
+    root, listener = logging.getLogger("app"), Listener(world)
+    propagate, root.propagate = root.propagate, False
+    root.addHandler(listener)
+    chance.use(Random(f"chance {world.script.seed}"))
+    try:
+        yield
+    finally:
+        app.runtime.exchange, app.runtime.SimPlant = kept  # type: ignore[misc]
+        root.removeHandler(listener)
+        root.propagate = propagate
+        chance.use()
+
+
+def play(
+    script: Script, folder: Path, check: Callable[[World, bool], Coroutine[Any, Any, None]], **options: Any
+) -> World:
+    """Live through `script` in `folder`, from the first to the last moment.
+
+    Raises:
+        Fell: an invariant does not hold.
+    """
+    world = World(script, folder, **options)
+    loop = VirtualLoop(world.clock)
+
+    def lost(_loop: Any, context: dict[str, Any]) -> None:
+        world.errors.append(f"{context.get('message')}: {context.get('exception')!r}")
+
+    loop.set_exception_handler(lost)
+    with patched(world):
+        try:
+            loop.run_until_complete(world.live(check))
+        finally:
+            rest = asyncio.all_tasks(loop)
+            for task in rest:
+                task.cancel()
+            if rest:
+                loop.run_until_complete(asyncio.wait(rest))
+            loop.run_until_complete(loop.shutdown_asyncgens())
+            loop.close()
+    return world
