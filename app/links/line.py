@@ -35,7 +35,7 @@ class Line:
         self._tags = tags
         self._schedule = Schedule()
         self._open: set[int] = set()
-        self._sleepers: set[asyncio.Future[None]] = set()
+        self._sleepers: dict[asyncio.Future[None], None] = {}
         self._failed: asyncio.Future[None] | None = None
         self._publisher = StatisticsPublisher(link.name, self.statistics, tags, clock)
         self._told_up: bool | None = None

@@ -184,11 +184,11 @@ class LinkRunner(Outages):
         sleeper: asyncio.Future[None] = loop.create_future()
         due = self._schedule.next_due()
         timer = None if due is None else loop.call_at(due, finish, sleeper)
-        self._sleepers.add(sleeper)
+        self._sleepers[sleeper] = None
         try:
             await sleeper
         finally:
-            self._sleepers.discard(sleeper)
+            self._sleepers.pop(sleeper, None)
             if timer is not None:
                 timer.cancel()
 

@@ -197,6 +197,7 @@ class World:
         self.line.dead = True
         mine = {asyncio.current_task(), *self.tasks}
         others = [task for task in asyncio.all_tasks() if task not in mine]
+        others.sort(key=lambda task: (len(task.get_name()), task.get_name()))  # the same order every time
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
