@@ -50,7 +50,7 @@ soak: setup $(VENV)/.test .browser ## the tests that run for minutes
 	$(BIN)/python -m pytest -m soak --timeout 0 $(or $(T),tests) $(ARGS) || [ $$? = 5 ]  # 5: none there yet
 
 storm: setup $(VENV)/.test ## the whole house under people and faults in virtual time: SEEDS=1000, or SEED=7 MINUTES=60, PLANT=m1,c1
-	$(BIN)/python -m tests.storm --seeds "$(or $(SEEDS),100)" --seed "$(SEED)" --minutes "$(or $(MINUTES),1)" --jobs "$(JOBS)" --plant "$(PLANT)" $(ARGS)
+	$(BIN)/python -m tools.storm --seeds "$(or $(SEEDS),100)" --seed "$(SEED)" --minutes "$(or $(MINUTES),1)" --jobs "$(JOBS)" --plant "$(PLANT)" $(ARGS)
 
 pictures: setup $(VENV)/.test .browser ## photograph every screen into build/pictures
 	@[ -f tools/pictures.py ] || { echo "tools/pictures.py is not there yet: no pictures to take"; exit 1; }

@@ -1,6 +1,6 @@
 """`make storm`: play many scripts on all cores; the first that fails is made as short as it can be.
 
-python -m tests.storm [--seeds N] [--seed S] [--minutes M] [--jobs N] [--plant m1,c1]
+python -m tools.storm [--seeds N] [--seed S] [--minutes M] [--jobs N] [--plant m1,c1]
 """
 
 import argparse
@@ -70,5 +70,5 @@ def main(arguments: Sequence[str]) -> int:
 if __name__ == "__main__":
     if os.environ.get("PYTHONHASHSEED") != "0":  # what is in a set comes in the same order every time
         os.environ["PYTHONHASHSEED"] = "0"
-        os.execv(sys.executable, [sys.executable, "-m", "tests.storm", *sys.argv[1:]])
+        os.execv(sys.executable, [sys.executable, "-m", "tools.storm", *sys.argv[1:]])
     sys.exit(main(sys.argv[1:]))
