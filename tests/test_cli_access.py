@@ -19,7 +19,7 @@ from app.db import Database
 from app.main import create_app
 from app.settings import Settings
 from app.web.serve import announcement
-from tests.conftest import PogonServer
+from tests.conftest import PogonServer, enroll
 
 Pogon = Callable[..., Result]
 ALARM = journal.Record(
@@ -221,3 +221,17 @@ def test_beside_a_running_server_people_are_made_and_the_chain_is_verified(
 def test_port_0_is_told_as_what_it_became(tmp_path: Path) -> None:
     settings = Settings(port=0, data=tmp_path)
     assert "http://localhost:43210/" in announcement(create_app(settings), settings, 43210)
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["user", "add", "eve", "--role", "admin"], ["user", "list"]])
+def test_a_plant_that_lost_its_database_is_not_taken_for_a_new_one(tmp_path: Path, arguments: list[str]) -> None:
+    data = tmp_path / "data"
+    enroll(data, {"ana": ["admin"]}, "tri plave ladice u kutu")
+    for path in data.glob("pogon.db*"):
+        path.unlink()
+    result = CliRunner().invoke(cli, arguments, env={"POGON_DATA": str(data), "POGON_PORT": "0"})
+    assert result.exit_code == 2
+    (line,) = result.stderr.strip().splitlines()
+    assert "pogon restore" in line
+    assert "--begin-anew" in line
+    assert not (data / "pogon.db").exists()
