@@ -23,7 +23,7 @@ from .tracked import BLIND, Code, Product
 
 def rising(table: ProductTable, sensor: Sensor) -> None:
     """The beam is interrupted: by the product that is expected next, by one that is known to be there, or by one that nobody knows."""
-    sensor.risen, sensor.apart = table.travel(sensor), table.apart(sensor)
+    table.begin(sensor)
     n, x = sensor.n, sensor.x
     near = max(table.settings.sensor_tolerance, table.settings.lost_after)
     best = over = None
@@ -208,7 +208,7 @@ def _close(table: ProductTable, product: Product, sensor: Sensor) -> None:
     length is a guess: it is measured anew at the next sensor, and nothing that may have been long enough is withdrawn."""
     limits, n = table.settings, sensor.n
     back = product.moving == (1 if product.open_right else -1)
-    apart = abs(table.apart(sensor) - sensor.apart)
+    apart = table.apart(sensor)
     guessed = apart > limits.alarm_tolerance
     lacks = limits.shortest - product.length
     if guessed and not back and lacks > 0.0 and limits.shortest <= abs(table.travel(sensor) - sensor.risen) + apart / 2:

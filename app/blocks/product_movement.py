@@ -2,11 +2,8 @@
 
 from itertools import pairwise
 
-from .product_table import ENTERING, LOST, TOUCH, UNCERTAIN, ProductTable, doubt
+from .product_table import ENTERING, LOST, TO_AND_FRO, TOUCH, UNCERTAIN, ProductTable, doubt
 from .tracked import Code, Product, share
-
-_REVERSAL = 0.2
-"""A product has turned round after this way back [mm]: one pulse to and fro is no reversal."""
 
 
 def move(table: ProductTable, moved: tuple[float, ...]) -> None:
@@ -22,6 +19,8 @@ def move(table: ProductTable, moved: tuple[float, ...]) -> None:
             table.ways[belt] = 1 if way > 0 else -1
         if way != first:
             uniform = False
+    if not uniform:
+        table.compare_belts()
     ends, unseen = table.line.belt_ends, table.settings.shortest
     end, now = ends[-1], table.now
     ahead = float("inf")
@@ -49,7 +48,7 @@ def move(table: ProductTable, moved: tuple[float, ...]) -> None:
             product.moving = 1 if delta > 0 else -1
             if (delta < 0) is not product.swapped:
                 product.back += abs(delta)
-                if product.back > _REVERSAL:
+                if product.back > TO_AND_FRO:
                     product.swapped = not product.swapped
                     product.back = 0.0
                     turned.append(product)

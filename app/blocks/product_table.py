@@ -11,6 +11,8 @@ RECENT_US = 500_000
 """An edge can only come from a product that moved within this time."""
 TOUCH = 1e-6
 """Overlap that is rounding [mm]."""
+TO_AND_FRO = 0.2
+"""So much way [mm] to and fro is the pulses of the encoders, not a movement."""
 
 TRACKED, ENTERING, UNCERTAIN = ProductState.TRACKED, ProductState.ENTERING, ProductState.UNCERTAIN
 OUTSIDE, LOST, UNLOADING = ProductState.OUTSIDE, ProductState.LOST, ProductState.UNLOADING
@@ -39,7 +41,7 @@ class Cut(NamedTuple):
 class Sensor:
     """What is known of one light barrier."""
 
-    __slots__ = ("apart", "before", "behind", "held", "misses", "n", "risen", "strangers", "stuck", "x")
+    __slots__ = ("apart", "before", "behind", "held", "lead", "misses", "n", "risen", "strangers", "stuck", "x")
 
     def __init__(self, n: int, x: float, belt_ends: tuple[float, ...]) -> None:
         self.n = n
@@ -53,7 +55,9 @@ class Sensor:
         self.risen = 0.0
         """Way of the belts beside it when its beam was interrupted last [mm]."""
         self.apart = 0.0
-        """By so much the one before had gone further then than the one behind [mm]."""
+        """By so much they went differently since then, whichever was ahead [mm]."""
+        self.lead = 0.0
+        """By so much the one before has gone further than the one behind, as far as it is in `apart` [mm]."""
         self.held: Held | None = None
         self.misses = 0
         """Products in a row that were lost here."""
@@ -105,6 +109,7 @@ class ProductTable:
         self.gap_stop = False
         """Latched until `release_gap_stop`: the whole line must stop."""
         self.sensors = [Sensor(n, x, line.belt_ends) for n, x in enumerate(line.sensors)]
+        self.at_borders = [sensor for sensor in self.sensors if sensor.before != sensor.behind]
         self.beams: tuple[bool, ...] | None = None
         """Of the last scan; None = not looked at since power-up."""
         self.cuts: dict[int, Cut] = {}
@@ -234,13 +239,30 @@ class ProductTable:
         """Way of the belts beside it so far [mm]."""
         return (self.odometers[sensor.before] + self.odometers[sensor.behind]) / 2
 
+    def compare_belts(self) -> None:
+        """Adds up by how much the belts beside a sensor go differently: the one ahead now may be behind later, and make up for nothing."""
+        for sensor in self.at_borders:
+            lead = self._lead(sensor)
+            further = abs(lead - sensor.lead)
+            if further > TO_AND_FRO:
+                sensor.apart += further
+                sensor.lead = lead
+
     def apart(self, sensor: Sensor) -> float:
-        """By so much the belt before it has gone further so far than the one behind it [mm]."""
-        return self.odometers[sensor.before] - self.odometers[sensor.behind]
+        """By so much the belts beside it went differently since its beam was interrupted [mm]; a product on both may have gone half of
+        it further than their mean, or less far."""
+        return sensor.apart + abs(self._lead(sensor) - sensor.lead)
+
+    def begin(self, sensor: Sensor) -> None:
+        """Its beam is interrupted now."""
+        sensor.risen, sensor.apart, sensor.lead = self.travel(sensor), 0.0, self._lead(sensor)
 
     def way_at(self, sensor: Sensor) -> int:
         """Which way something comes to it: 1 forward, −1 backwards."""
         return -1 if self.ways[sensor.behind] < 0 and self.ways[sensor.before] <= 0 else 1
+
+    def _lead(self, sensor: Sensor) -> float:
+        return self.odometers[sensor.before] - self.odometers[sensor.behind]
 
     def _take_id(self) -> int:
         id = self.next_id

@@ -51,11 +51,11 @@ class ProductTracking(ProductTable):
     the head at S1. The length is what the product moves until the falling edge; then head = S1 + length, tail = S1. An arrival that
     goes back out of S1, or that was shorter than the shortest product, is withdrawn; when it comes again it is a new arrival.
 
-    **Movement.** A product moves by the mean of its belts' movements, weighted by the part of its length on each at the beginning of
-    the scan; one whose other end is still in a beam reaches as far behind the sensor as the shortest product is long. When the belts
-    beside that sensor went different ways meanwhile, its length is a guess, measured anew at the next sensor, and it is uncertain; it
-    is withdrawn only if neither belt went as far as the shortest product is long. Two products that would overlap are in contact: the
-    one that ran into the other is held (a lost one gives way) and is uncertain.
+    **Movement.** A product moves by the mean of its belts' movements, weighted by the part of its length on each at the beginning of the
+    scan; one whose other end is still in a beam reaches as far behind the sensor as the shortest product is long. When the belts beside
+    that sensor went different ways meanwhile, its length is a guess, measured anew at the next sensor, and it is uncertain; it is withdrawn
+    only if what was the faster belt at every moment did not carry it as far as the shortest product is long. Two products that would
+    overlap are in contact: the one that ran into the other is held (a lost one gives way) and is uncertain.
 
     **Correction.** The leading end makes the rising edge, the trailing end the falling one; which is which follows the direction of
     travel, so backwards the left end leads. An end within the sensor tolerance is set to the sensor, the length stays, the amount
@@ -260,10 +260,11 @@ class ProductTracking(ProductTable):
             product.moving, product.moved_us, product.back = 0, NEVER, 0.0
         self.beams = None
         self.cuts.clear()
-        for sensor in self.sensors:
-            sensor.held, sensor.risen = None, 0.0
         self.ways = [0] * len(self.ways)
         self.odometers = [0.0] * len(self.odometers)
+        for sensor in self.sensors:
+            sensor.held = None
+            self.begin(sensor)
         self.brake = self.gap_stop = False
         self.braking = 0
         self.stands_since = NEVER

@@ -1246,3 +1246,28 @@ def test_blind_sensor_is_found_out_by_the_next_one() -> None:
         (Code.SENSOR_SUSPECTED, 2),
     ]
     assert line.tracking.products[0].state is ProductState.TRACKED
+
+
+def across_the_first_border(ways: list[tuple[float, float]]) -> Product:
+    """The record of a product that nobody knew at S2, whose beam is free again after these ways of the belts beside it [mm]."""
+    tracking = ProductTracking(Line())
+    beams = [False, True, False, False]
+    for number, (first, second) in enumerate([(0.06, 0.06), *ways]):
+        tracking.scan((first, second, 0.0), beams, (0.0, 0.0, 0.0), number * 10_000)
+    tracking.scan((0.06, 0.06, 0.0), [False] * 4, (0.0, 0.0, 0.0), (len(ways) + 1) * 10_000)
+    assert tracking.withdrawn == 0
+    return tracking.products[0]
+
+
+@pytest.mark.parametrize("pulse", [0.057, 0.092])
+def test_belts_whose_pulses_come_by_turns_go_the_same_way(pulse: float) -> None:
+    product = across_the_first_border([(pulse, 0.0), (0.0, pulse)] * 300)
+    assert product.length_known and product.length == pytest.approx(300 * pulse, abs=0.2)
+
+
+@pytest.mark.parametrize(("ahead", "turns"), [(9.0, 1), (4.5, 2), (3.0, 3), (-9.0, 1), (-3.0, 3), (0.9, 10)])
+def test_belts_that_were_ahead_by_turns_have_not_gone_the_same_way(ahead: float, turns: int) -> None:
+    steps = round(abs(ahead) / 0.1)
+    one, other = [(0.1, 0.0)] * steps, [(0.0, 0.1)] * steps
+    product = across_the_first_border((one + other if ahead > 0 else other + one) * turns)
+    assert not product.length_known and product.length >= 10.0

@@ -4,7 +4,7 @@ import itertools
 import json
 from math import isfinite
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from app.blocks.product_tracking import Code, EditRefused, Line, Product, ProductState, ProductTracking, Settings
@@ -151,6 +151,7 @@ def test_displacement_of_a_product_is_what_the_encoder_counted(course: list[tupl
     st.lists(st.tuples(st.sampled_from([(0, 0), (1, 0), (0, 1), (1, 1)]), st.integers(5, 150)), max_size=12),
     st.sampled_from([0, 1]),
 )
+@example(11.0, 9.0, [((1, 0), 72), ((0, 1), 32)], 0)  # one belt ahead, then the other: both went 9 mm, the product 11
 def test_a_product_that_nobody_knows_is_never_withdrawn_at_a_border_of_belts(
     length: float, before: float, course: list[tuple[tuple[int, int], int]], border: int
 ) -> None:
