@@ -5,26 +5,30 @@ import atexit
 import os
 import shutil
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from app import chance
+from app import chance, db
+from app.access import passwords
 from app.access.access import Access, prepare
+from app.access.passwords import Cost
 from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
-from tests.virtual import VirtualLoop
+from tests.virtual import VirtualLoop, inline
 
 settings.register_profile("house", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("house")  # how long an example takes is the machine's affair
@@ -32,6 +36,10 @@ settings.load_profile("house")  # how long an example takes is the machine's aff
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")
 """Files of browser tests that take a minute and more."""
+CHEAP = Cost(passes=1, memory=64, lanes=1)
+"""A thousandth of what a hash of the product costs: for tests that are not about the cost."""
+NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
+"""The databases."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -66,6 +74,49 @@ def _seeded(request: pytest.FixtureRequest) -> Iterator[None]:
     chance.use(Random(request.node.nodeid))
     yield
     chance.use()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _light() -> Iterator[None]:
+    """In this process a hash is cheap, and what a database writes need not outlive the machine; other processes are as they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        connect = db._connect
+
+        def without_waiting(path: Path) -> sqlite3.Connection:
+            connection = connect(path)
+            connection.execute("PRAGMA synchronous=OFF")
+            return connection
+
+        patch.setattr(db, "_connect", without_waiting)
+        for name, pragmas in db.PRAGMAS.items():
+            patch.setitem(db.PRAGMAS, name, tuple(text for text in pragmas if not text.startswith("synchronous")))
+        patch.setattr(os, "fsync", lambda _file: None)
+        patch.setattr(passwords, "Cost", lambda: CHEAP)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _migrated(_light: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Of each database one is migrated; every new one of this process begins as its copy, with an id of its own."""
+    migrate = Database.migrate
+    templates: dict[str, bytes] = {}
+    for name in NAMES:
+        database = Database(tmp_path_factory.mktemp("migrated") / f"{name}.db", name, inline)
+        database.migrate()
+        database.close()
+        templates[name] = database.path.read_bytes()
+
+    def copy(database: Database) -> None:
+        if not database.path.exists() and database.path.parent.is_dir():
+            file = bytearray(templates[database.name])
+            file[68:72] = db._new_id().to_bytes(4, "big")  # application_id: sqlite.org/fileformat.html, 1.3
+            with suppress(OSError):
+                database.path.write_bytes(file)
+        migrate(database)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Database, "migrate", copy)
+        yield
 
 
 @pytest.fixture

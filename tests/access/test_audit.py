@@ -18,6 +18,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import Refused, StorageError
 from tests.access.conftest import OpenAccess, add, boss
+from tests.virtual import inline
 
 LINES = 20
 COLUMNS = [
@@ -204,7 +205,8 @@ async def test_everything_older_put_back_is_found_by_an_anchor_elsewhere(
     data: Path, clock: ManualClock, tmp_path: Path
 ) -> None:
     told: list[str] = []
-    access = Access(Database(data / "pogon.db", "pogon"), clock, data, anchors=[told.append])
+    database = Database(data / "pogon.db", "pogon", inline)
+    access = Access(database, clock, data, anchors=[told.append], threads=inline)
     copied = await older(access, data)
     clock.advance(3601)
     await access.audit.record("command", boss())

@@ -64,7 +64,8 @@ def test_common_lists_of_leaked_passwords_are_known_in_all_four_languages() -> N
     ] == []
 
 
-def test_what_is_kept_is_argon2id_with_the_promised_cost() -> None:
+def test_what_is_kept_is_argon2id_with_the_promised_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.access.passwords.Cost", Cost)
     passwords = Passwords()
     kept = passwords.hash_now("tri plave ladice u kutu")
     passwords.close()
