@@ -65,6 +65,10 @@ class Owed:
                 return until
         return 0.0
 
+    def expects(self, mark: Mark, now: float) -> bool:
+        """Whether an answer that looks like `mark` may still come."""
+        return any(owed == mark and until > now for owed, until, _ in self._marks)
+
     def only(self, unit: int, block: Block, now: float) -> bool:
         """Whether everything that an answer to `block` could be taken for is an earlier read of the same registers."""
         mark = mark_of_request(unit, Request(block.function, block.address, block.count))

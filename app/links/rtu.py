@@ -6,6 +6,8 @@ bytes go through the loop's own reader here, answers are cut by length and check
 remembers what may still be answered.
 
 One telegram at a time. Before each the line has been silent for 3.5 characters, and what was heard meanwhile is not an answer to anything.
+A repeater that says every answer twice is told by time: a former answer once more, sooner than the wire allows, is not believed unless it
+comes again. A line that has shown to take no time (a pseudo-terminal, a tunnel) tells nothing that way: there all is believed.
 Unit 0 (broadcast) is refused: nobody confirms one.
 """
 
@@ -16,8 +18,9 @@ import fcntl
 import logging
 import os
 import termios
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import serial  # type: ignore[import-untyped]
@@ -35,6 +38,12 @@ GAP = 0.02
 """Longest pause within one answer [s]: a USB adapter hands it over in pieces up to its latency timer (FTDI 16 ms) apart."""
 RESTLESS = 1.0
 """A line that is not silent for so long cannot be used [s]."""
+SOONER = 0.9
+"""Part of the time that a request and its answer take on the wire: what is complete before that answers something else."""
+FORMER = 4
+"""So many answers back one may be said again, ..."""
+AGAIN = 0.2
+"""... and not later than so long after its time on the wire [s]."""
 NOISE = 5
 """Fewer bytes that are no frame are the click of a driver that switches; from here on it was an answer, damaged."""
 TEMPORARY = (4, 5, 6)
@@ -59,6 +68,10 @@ class _Telegram:
     """`Block.again`."""
     older: tuple[bytes, float] | None = None
     """An answer that counts as the one to an earlier read of the same registers, and until when that was owed [s]."""
+    earliest: float = 0.0
+    """Before that no answer to it can be complete on a wire of this speed [s]."""
+    held: list[bytes] = field(default_factory=list)
+    """Answers that may be former ones, said twice."""
     deadline: float = 0.0
     timer: asyncio.TimerHandle | None = None
 
@@ -84,6 +97,12 @@ class RtuTransport:
         self._heard = 0.0
         """When the last byte was heard, or the last one sent will have left [s]."""
         self._quiet: asyncio.TimerHandle | None = None
+        self._former: deque[tuple[int, bytes, float]] = deque(maxlen=FORMER)
+        """Units and PDUs of the last answers that were one, and when they were heard [s]."""
+        self._paced = True
+        """False: an answer that was surely one came sooner than this speed allows."""
+        self._doubles = False
+        """Whether an answer was heard twice."""
 
     @property
     def connected(self) -> bool:
@@ -101,6 +120,8 @@ class RtuTransport:
         loop = asyncio.get_running_loop()
         self._lost, self._heard = "", loop.time()
         self._framer = AnswerFramer(echo=self._framer.echo)
+        self._paced, self._doubles = True, False
+        self._former.clear()
         loop.add_reader(self._port.fileno(), self._readable)
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
@@ -155,11 +176,12 @@ class RtuTransport:
         telegram = _Telegram(unit, request, mark_of_request(unit, request), loop.create_future(), again)
         self._telegram = telegram
         answered = False
+        answer = len(build_answer(request, [0] * request.count)) + 3
+        telegram.earliest = loop.time() + SOONER * (len(frame) + answer) * self._character
         try:
             self._send(frame)
             sent = loop.time() + len(frame) * self._character
             self._heard = sent
-            answer = len(build_answer(request, [0] * request.count)) + 3
             telegram.deadline = sent + self._silence + patience + answer * self._character
             telegram.timer = loop.call_at(telegram.deadline, self._time_is_up, telegram, patience)
             pdu = await telegram.answer
@@ -231,6 +253,8 @@ class RtuTransport:
             self._owed.unanswered(telegram.mark, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)
         else:
+            if telegram.held:
+                self._doubles = False  # nothing was said twice here
             self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s"))
 
     # what is heard
@@ -291,20 +315,47 @@ class RtuTransport:
             else:
                 telegram.answer.set_result(pdu)
         elif mark_of_answer(unit, pdu) == telegram.mark:
-            if until := self._owed.settled(telegram.mark, now):
+            if self._is_doubtful(telegram, pdu, now):
+                telegram.held.append(pdu)
+            elif until := self._owed.settled(telegram.mark, now):
                 self.counts.late += 1  # one answer for each telegram like this one: ours is the last
                 if telegram.again:
                     telegram.older = pdu, until
             else:
+                self._doubles = self._doubles or bool(telegram.held)
+                self._former.append((unit, pdu, now))
                 telegram.answer.set_result(pdu)
         elif self._owed.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
+        elif self._was_said(unit, pdu, now):
+            self._doubles = True
         elif pdu[0] == function:
             self._fail(telegram, _wrong(f"{self._path} unit {unit}", telegram.request, pdu))
 
+    def _was_said(self, unit: int, pdu: bytes, now: float) -> bool:
+        """Whether this may be a former answer, said again."""
+        since = now - AGAIN - (len(pdu) + 3) * self._character
+        return any((of, said) == (unit, pdu) and heard >= since for of, said, heard in self._former)
+
+    def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
+        """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
+        if telegram.request.function not in READS or self._owed.expects(telegram.mark, now):
+            return False
+        soon = now < telegram.earliest
+        if not self._was_said(telegram.unit, pdu, now):
+            if soon and not self._owed.owes(telegram.unit, telegram.request.function, now):
+                self._paced = False
+            return False
+        return pdu not in telegram.held and (self._doubles or (soon and self._paced))
+
     def _late(self, unit: int, pdu: bytes) -> None:
-        if not pdu[0] & 0x80 and self._owed.settle(mark_of_answer(unit, pdu), asyncio.get_running_loop().time()):
+        now = asyncio.get_running_loop().time()
+        if pdu[0] & 0x80:
+            return
+        if self._owed.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
+        elif self._was_said(unit, pdu, now):
+            self._doubles = True
 
     def _fail(self, telegram: _Telegram, error: LinkError) -> None:
         if not telegram.answer.done():
