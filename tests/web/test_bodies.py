@@ -15,6 +15,7 @@ from app.main import create_app
 from app.settings import Settings
 from app.web.guard import permissions
 from app.web.security import ALWAYS, LARGEST_BODY
+from tests.virtual import house
 from tests.web.conftest import Start
 from tests.web.knock import knock
 from tests.web.people import HOST, Staff
@@ -44,8 +45,7 @@ CHARSETS = [
 
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
-    app = create_app(Settings(data=tmp_path_factory.mktemp("bodies") / "data"))
-    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+    with house(Settings(data=tmp_path_factory.mktemp("bodies") / "data")) as client:
         yield Staff(client)
 
 

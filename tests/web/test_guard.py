@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 
 import pytest
 from fastapi import APIRouter, FastAPI
@@ -83,6 +84,7 @@ def live_plant(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
 # ---- every route says who --------------------------------------------------------------------------------
 
 
+@cache
 def routes() -> dict[str, str]:
     return permissions(create_app(Settings()))
 
