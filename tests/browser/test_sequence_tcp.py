@@ -36,7 +36,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     folder = tmp_path_factory.mktemp("coils")
     port = find_port()
     coil_plant.write(folder / "devices")
-    coil_plant.write(folder / "plant", f'"tcp"\nhost = "127.0.0.1"\nport = {port}')
+    coil_plant.write(folder / "plant", f'"tcp"\nhost = "127.0.0.1"\nport = {port}\nsimulated = true')
     with (folder / "simulate.log").open("wb") as sink:
         devices = subprocess.Popen(
             [sys.executable, "-m", "app.cli", "simulate", str(folder / "devices"), "--tcp", f"127.0.0.1:{port}"],
