@@ -1,5 +1,5 @@
 # The two commands of a newcomer are `make run` and `make test`; everything else is for those who stay.
-.PHONY: help run setup dev test check fix bench soak storm sbom pictures lock bundle migration translations registers .browser
+.PHONY: help run setup dev test check fix bench soak storm pictures lock bundle sbom migration translations registers .browser
 .DEFAULT_GOAL := help
 SHELL  := /bin/bash
 PYTHON ?= python3

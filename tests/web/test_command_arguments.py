@@ -21,8 +21,17 @@ def staff(demo: TestClient) -> Staff:
     return Staff(demo)
 
 
-@pytest.fixture(scope="module")
-def eva(staff: Staff) -> Operator:
+@pytest.fixture(autouse=True)
+def free(staff: Staff) -> None:
+    """Every test begins with a machine that nobody holds."""
+    gate = runtime_of(staff.client).gate
+    assert gate is not None
+    if holder := gate.control.holder("c1"):
+        staff.wait(gate.control.session_ended, holder.session)
+
+
+@pytest.fixture
+def eva(staff: Staff, free: None) -> Operator:
     engineer = Operator(staff, "eva", ("engineer", "operator"))
     engineer.take("c1")
     return engineer

@@ -83,8 +83,9 @@ def settled(staff: Staff, equipment: str) -> str:
 
 
 def lines_of(staff: Staff, object: str) -> int:
-    """Lines of the audit about `object`."""
-    return len(staff.wait(staff.access.audit.find, Filter(object=object), 500))
+    """Commands of the audit about `object`; that each was sent is a line of its own."""
+    found = staff.wait(staff.access.audit.find, Filter(object=object), 500)
+    return sum(line.kind == "command" for line in found)
 
 
 # ---- who ----------------------------------------------------------------------------------------------------
