@@ -75,6 +75,7 @@ async def frequency(said: dict[str, str]) -> int:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 async def test_what_was_asked_of_a_frozen_server_is_refused_when_it_wakes_up(
     tmp_path: Path, pogon_server: Callable[..., PogonServer]
 ) -> None:

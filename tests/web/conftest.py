@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 
 from app import bundled
 from app.settings import Settings
-from tests.virtual import HOST, house
+from tests.virtual import HOST, MORNING, house
 
 Start = Callable[..., TestClient]
 
@@ -33,9 +33,10 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    """One running demo plant for all tests of a module."""
-    with _running(tmp_path_factory.mktemp("demo") / "data") as browser:
+def demo(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[TestClient]:
+    """One running demo plant for all tests of a module; a module says in BEGUN when it began, if that matters."""
+    settings = Settings(data=tmp_path_factory.mktemp("demo") / "data")
+    with house(settings, begin=getattr(request.module, "BEGUN", MORNING)) as browser:
         yield browser
 
 

@@ -148,16 +148,10 @@ def test_a_wrong_argument_is_named_and_nothing_is_sent(
 
 def test_a_number_that_means_two_things_is_to_be_written_again(staff: Staff) -> None:
     eva = Operator(staff, "eva2", ("engineer", "operator"), language="de")
-    holder = runtime_of(staff.client).gate.control.holder("c1")  # type: ignore[union-attr]
-    assert holder is not None
-    staff_gate = runtime_of(staff.client).gate
-    assert staff_gate is not None
-    staff.wait(_in_loop, staff_gate.control.session_ended, holder.session)
     eva.take("c1")
     answer = eva.press(EDIT, confirmed="1", reason="x", arg_product="1", arg_head="1.234", arg_length="20")
     assert answer.status_code == 422
     assert "1,234" in line_of(answer)
-    staff.wait(_in_loop, staff_gate.control.session_ended, staff_gate.control.holder("c1").session)  # type: ignore[union-attr]
 
 
 def test_without_confirmation_the_gate_asks_back_with_what_was_given(staff: Staff) -> None:

@@ -7,16 +7,15 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 import pytest
-from fastapi.testclient import TestClient
 
 from app.historian.export import Sheet
-from app.main import create_app
 from app.settings import Settings
 from app.web import history
 from app.web.guard import permissions
 from app.web.history import MOST_EXPORTS, attachment
+from tests.virtual import house
 from tests.web.knock import knock
-from tests.web.people import HOST, Staff
+from tests.web.people import Staff
 
 NASTY = [
     "č", 'a";x="b', "..\\..\\x", "\r\nSet-Cookie: sid=x", "\x00", "9" * 5000, "-1", "1e309", "NaN", "T" * 9000, "'; drop --", "²",
@@ -33,6 +32,7 @@ FILES = {
         {"tab": "journal"},
         ["tab", "source", "area", "q", "event", "priority", "since", "until", "before", "state", "sort"],
     ),
+    "/users/review.csv": ({}, []),
     "/history/export/size": (SPAN, ["tags", "from", "to", "interval"]),
     "/products/export/size": ({}, [*EVENTS, "product"]),
     "/runs/export/size": ({}, [*EVENTS, "first_out"]),
@@ -47,8 +47,7 @@ ASK = [("User-Agent", "testclient")]
 
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
-    app = create_app(Settings(data=tmp_path_factory.mktemp("exports") / "data"))
-    with TestClient(app, base_url=HOST, follow_redirects=False, client=("127.0.0.1", 50000)) as client:
+    with house(Settings(data=tmp_path_factory.mktemp("exports") / "data")) as client:
         staff = Staff(client)
         staff.enter("ana", "engineer", "admin")
         yield staff

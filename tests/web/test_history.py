@@ -14,22 +14,14 @@ from app.errors import StorageError
 from app.historian import store
 from app.historian.export import verify_export
 from app.runtime import Runtime
-from app.settings import Settings
 from app.tags.quality import COMM_FAILURE, GOOD, Origin
 from app.web import history
-from tests.virtual import house, pass_time
+from tests.virtual import pass_time
 from tests.web.people import Staff
 
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
-
-
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    """The demo plant, begun after the ten minutes that are told of it."""
-    settings = Settings(data=tmp_path_factory.mktemp("history") / "data")
-    with house(settings, begin=datetime(2026, 3, 9, 8, 0, tzinfo=UTC)) as client:
-        yield client
+BEGUN = datetime(2026, 3, 9, 8, 0, tzinfo=UTC)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import html
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import Any
 
 import orjson
@@ -20,6 +21,7 @@ from tests.web.people import Staff
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
 END = BEGIN + 600_000_000
+BEGUN = datetime(2026, 3, 9, 8, 0, tzinfo=UTC)
 
 
 def runtime_of(client: TestClient) -> Runtime:
