@@ -28,6 +28,9 @@ log = logging.getLogger("app.links.runner")
 def started() -> Iterator[Callable[..., io.StringIO]]:
     """Start the log as the server does; afterwards it is as it was."""
     root = logging.getLogger()
+    uvicorn = logging.getLogger("uvicorn")
+    kept = uvicorn.propagate, uvicorn.handlers[:]
+    uvicorn.propagate, uvicorn.handlers[:] = True, []  # a test that ran a server may have left its own
     before, level, own = root.handlers[:], root.level, logging.getLogger("app").level
     ends: list[Callable[[], None]] = []
 
@@ -42,6 +45,7 @@ def started() -> Iterator[Callable[..., io.StringIO]]:
     for end in ends:
         end()
     root.handlers[:] = before
+    uvicorn.propagate, uvicorn.handlers[:] = kept
     root.setLevel(level)
     logging.getLogger("app").setLevel(own)
 

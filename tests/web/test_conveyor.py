@@ -138,7 +138,12 @@ def test_the_ruler_ends_with_the_line_and_its_numbers_keep_apart() -> None:
         assert scale.ticks[0] == 0 and scale.ticks[-1] <= length
 
 
-def test_products_stand_in_the_table_in_the_order_of_the_line(line: TestClient) -> None:
+def test_products_stand_in_the_table_in_the_order_of_the_line(folder: Path, tmp_path: Path) -> None:
+    with _running(tmp_path / "data", folder) as line:  # one that no other test has stopped
+        _in_their_order(line)
+
+
+def _in_their_order(line: TestClient) -> None:
     assert until(lambda: (value(line, "c1.products") or 0) >= 3, 40)
     rows = table(line, "c1").by("head")
     heads = [row.number("head") or 0 for row in rows]
