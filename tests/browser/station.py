@@ -139,7 +139,7 @@ class Operator:
         url, end = self.server.url, time.monotonic() + 60
         while True:
             self.page.goto(f"{url}/alarms")
-            left = [row.get_attribute("value") for row in self.page.locator("#content [name=occurrence]").all()]
+            left = self.page.locator("#content [name=occurrence]").evaluate_all("rows => rows.map(row => row.value)")
             if not left and self.page.locator("#alarms", has_text="No active alarms").count():
                 return
             assert time.monotonic() < end, self.page.inner_text("#content")
