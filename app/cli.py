@@ -155,7 +155,7 @@ def _check_sums(plant: "Plant") -> str:
 
 def _tests_pass(plant: "Plant") -> bool:
     """Run the tests of every sequence, one that several machines share once for each kind of machine; one line for each test."""
-    from app.sim.sequence_tests import run_tests
+    from app.sim.sequence.tests import run_tests
 
     done = 0
     failed = 0

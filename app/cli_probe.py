@@ -17,8 +17,8 @@ from app.addresses import host_and_port
 from app.errors import ConfigurationError, DeviceException, LinkError, NotConnected
 from app.plant.definitions import Link
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
-from app.sim.conveyor_machine import FAULT_NAMES
-from app.sim.e800 import FAULTS
+from app.sim.conveyor.machine import FAULT_NAMES
+from app.sim.eura_e800.drive import FAULTS
 
 if TYPE_CHECKING:
     from app.links.contract import Block

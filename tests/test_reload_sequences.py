@@ -11,7 +11,7 @@ from app.registers import plc_map
 from app.registers.plc_map import Request
 from app.runtime import Runtime
 from app.settings import Settings
-from app.sim.sequence import VirtualSequence
+from app.sim.sequence.program import VirtualSequence
 from app.tags.quality import is_good
 from tests.virtual import inline, loop_clock
 

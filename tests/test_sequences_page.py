@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from app.plant.loader import read_plant
-from app.sim.sequence_tests import run_tests
+from app.sim.sequence.tests import run_tests
 from tests.conftest import ROOT
 
 PAGE = (ROOT / "docs" / "sequences.md").read_text("utf-8")

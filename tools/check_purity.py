@@ -22,7 +22,7 @@ PURE = (
     "app/alarms/lifecycle.py",
     "app/commands/interlocks.py",
 )
-DOING = ("app/sim/plant.py", "app/sim/sequence_tests.py", "app/sim/server.py")
+DOING = ("app/sim/plant.py", "app/sim/sequence/tests.py", "app/sim/server.py")
 """The few files of `sim` that run the virtual devices and open the port; everything else there is physics and programs."""
 SOURCES = ("app/clock.py", "app/chance.py")
 """Who asks the machine for time and chance."""

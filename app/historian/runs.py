@@ -1,6 +1,6 @@
 """Runs of sequences: what each run did, step by step, made of the events of the device that runs it.
 
-How they are kept is told in event_history.py. Codes are those of a device that runs a sequence (app/sim/sequence.py):
+How they are kept is told in event_history.py. Codes are those of a device that runs a sequence (app/sim/sequence/program.py):
 
 | subject | rule |
 | --- | --- |

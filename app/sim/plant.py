@@ -5,7 +5,7 @@ machine shows a slower plant, never a jumping one.
 """
 
 import asyncio
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from zlib import crc32
 
@@ -14,15 +14,11 @@ from app.errors import BadAnswer, ConfigurationError
 from app.plant.definitions import Equipment, Plant, Problem
 from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.sequences import program
-from app.sim import coil_car_machine, conveyor_machine, sequence
 from app.sim.bus import Bus, damaged
-from app.sim.coil_car import VirtualCoilCar
-from app.sim.conveyor import VirtualConveyor
-from app.sim.conveyor_machine import Geometry
 from app.sim.device import DT, VirtualDevice
-from app.sim.e800 import FAULTS, VirtualE800
+from app.sim.machines import VIRTUAL_DEVICES, Factory
 from app.sim.plc import VirtualPlc
-from app.sim.sequence import Machine, VirtualSequence
+from app.sim.sequence.program import Machine, VirtualSequence
 
 CATCH_UP = 20
 """Most steps that are made up for."""
@@ -32,114 +28,6 @@ GIVE_BACK = 0.5
 """What the loop then has at least for others, as a part of what the steps took: links and pages go on beside a plant that is too large."""
 PACE_WINDOW = 5.0
 """Over which the pace is measured [s]."""
-
-
-Factory = Callable[[Equipment, int], VirtualDevice]
-"""(equipment, seed) → its virtual device."""
-
-
-def _eura_e800(item: Equipment, seed: int) -> VirtualDevice:
-    """A drive as the plant file describes it: its motor, its jog frequency, and `simulation` = start and parameters."""
-    simulation = _table(item, "simulation")
-    start = str(simulation.pop("start", ""))
-    parameters = (
-        {"F124": _number("jog_frequency", item.options["jog_frequency"])} if "jog_frequency" in item.options else {}
-    )
-    parameters |= {code: _number(f"simulation.{code}", value) for code, value in simulation.items()}
-    return VirtualE800(
-        seed=seed,
-        rated_current=_number("rated_current", item.options.get("rated_current", 4.5)),
-        start="" if start == "stopped" else start,
-        parameters=parameters,
-    )
-
-
-def _conveyor(item: Equipment, seed: int) -> VirtualDevice:
-    """A line as the plant file describes it: its measures, and `simulation` = start, arrivals (1 or 0), interval [s], shortest,
-    longest [mm] and settings by name."""
-    simulation = _table(item, "simulation")
-    start = str(simulation.pop("start", "stopped"))
-    if start not in ("automatic", "stopped"):
-        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or stopped")
-    given = {key: _number(f"simulation.{key}", value) for key, value in simulation.items()}
-    world = {key: given.pop(key) for key in ("interval", "shortest", "longest") if key in given}
-    arrivals = bool(given.pop("arrivals", 1.0))
-
-    def measure(key: str, default: float) -> float:
-        return _number(key, item.options.get(key, default))
-
-    plain = Geometry()
-    ends = [measure(f"belt_{n}_end", plain.belt_ends[n - 1]) for n in (1, 2)]
-    sensors = [measure(f"sensor_{n}", plain.sensors[n - 1]) for n in (1, 2, 3, 4)]
-    geometry = Geometry(
-        (ends[0], ends[1], measure("line_length", plain.length)),
-        (sensors[0], sensors[1], sensors[2], sensors[3]),
-        measure("roller_radius", plain.roller_radius),
-        measure("rated_speed", plain.rated_speed),
-        round(measure("resolution", float(plain.resolution))),
-        bool(measure("intact_is_one", float(plain.intact_is_one))),
-    )
-    try:
-        return VirtualConveyor(
-            geometry,
-            seed=seed,
-            slots=round(measure("product_slots", 20)),
-            start=start,
-            arrivals=arrivals,
-            settings=given,
-            **world,
-        )
-    except ValueError as error:
-        raise ConfigurationError(str(error)) from error
-
-
-def _coil_car(item: Equipment, seed: int) -> VirtualDevice:
-    """A coil-car line as the plant file describes it: its measures, and `simulation` = start, coil (1 or 0), growth [mm/s], crane [s] and
-    settings by name."""
-    simulation = _table(item, "simulation")
-    start = str(simulation.pop("start", "stopped"))
-    given = {key: _number(f"simulation.{key}", value) for key, value in simulation.items()}
-    world = {key: given.pop(key) for key in ("growth", "crane") if key in given}
-    measures = {key: _number(key, item.options[key]) for key in coil_car_machine.MEASURES if key in item.options}
-    try:
-        return VirtualCoilCar(
-            coil_car_machine.Geometry(**measures),
-            start=start,
-            coil=bool(given.pop("coil", 0.0)),
-            settings=given,
-            **world,
-        )
-    except ValueError as error:
-        raise ConfigurationError(str(error)) from error
-
-
-def _sequence(item: Equipment, seed: int) -> VirtualDevice:
-    """A sequence by its definition, and `simulation` = start (automatic or idle)."""
-    simulation = _table(item, "simulation")
-    start = simulation.pop("start", "idle")
-    if start not in ("automatic", "idle"):
-        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or idle")
-    for key in simulation:
-        raise ConfigurationError(f"simulation.{key}: expected start")
-    if item.sequence is None:
-        raise ConfigurationError("no sequence, expected a definition")
-    return VirtualSequence(item.sequence, automatic=start == "automatic")
-
-
-VIRTUAL_DEVICES: dict[str, Factory] = {
-    "eura_e800": _eura_e800,
-    "conveyor": _conveyor,
-    "coil_car": _coil_car,
-    "sequence": _sequence,
-}
-"""Equipment type → what builds its virtual device."""
-MACHINE_FAULTS: Mapping[str, Sequence[int]] = {
-    "eura_e800": tuple(FAULTS),
-    "conveyor": conveyor_machine.FAULTS,
-    "coil_car": coil_car_machine.FAULTS,
-    "sequence": sequence.FAULTS,
-}
-"""Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
 
 
 def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None) -> tuple[Plant | None, list[Problem]]:
@@ -402,19 +290,6 @@ def _try_out(item: Equipment, plant: Plant, factories: Mapping[str, Factory]) ->
     if machine and plant.links[machine.link].simulated and item.machine != item.id:
         devices[machine.id] = _build(machine, 1, factories)
     _couple({item.id: item}, devices)
-
-
-def _table(item: Equipment, key: str) -> dict[str, object]:
-    table = item.options.get(key, {})
-    if not isinstance(table, Mapping):
-        raise ConfigurationError(f'{key} = {table!r}: expected a table such as {{ start = "forward" }}')
-    return dict(table)
-
-
-def _number(key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigurationError(f"{key} = {value!r}: expected a number")
-    return float(value)
 
 
 async def exchange(bus: Bus, unit: int, pdu: bytes) -> bytes | None:

@@ -40,7 +40,7 @@ Of a PLC: 0xE031 w, 1 = power off and on, the retained area is kept. Of a `conve
 | 0xE026 | w | mm = put a product of 0xE022 mm by hand, its head there, without telling the PLC |
 
 Of a `coil_car`: 0xE020 strip arrives (1) or not (0) · 0xE021 growth of the coil [0.1 mm/s] · 0xE022 the crane takes a coil so many seconds
-after it was laid, 0 = never; machine faults in app/sim/coil_car_map.py.
+after it was laid, 0 = never; machine faults in app/sim/coil_car/register_map.py.
 
 Of a `sequence`: machine fault 1 = inputs frozen; without a machine moreover its permissive words, 1 = there:
 

@@ -18,7 +18,7 @@ from app.errors import LinkError, Refused
 from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment
 from app.sim import training
-from app.sim.plant import MACHINE_FAULTS
+from app.sim.machines import MACHINE_FAULTS
 from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of

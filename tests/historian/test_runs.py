@@ -17,7 +17,7 @@ from app.historian.run_query import Run, Wanted
 from app.historian.runs import Runs, runs_sequence
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.sequence_rings import Device, definition, sequences
-from tests.sim.coil_line import TRANSPORT, Line
+from tests.sim.coil_car.line import TRANSPORT, Line
 from tests.virtual import inline
 
 

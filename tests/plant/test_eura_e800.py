@@ -53,7 +53,7 @@ def test_a_parameter_stands_where_its_name_says(drive: EquipmentType) -> None:
 
 
 def test_the_virtual_drive_agrees_on_address_scale_and_unit(drive: EquipmentType) -> None:
-    e800 = importlib.import_module("app.sim.e800")
+    e800 = importlib.import_module("app.sim.eura_e800.drive")
     for key, point in registers(drive).items():
         register = point.register
         assert register

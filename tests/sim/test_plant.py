@@ -11,7 +11,8 @@ from app.clock import ManualClock
 from app.errors import ConfigurationError
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
 from app.registers.pdu import read_request
-from app.sim.plant import VIRTUAL_DEVICES, SimPlant, read_simulated
+from app.sim.machines import VIRTUAL_DEVICES
+from app.sim.plant import SimPlant, read_simulated
 from app.sim.server import Openings, simulate
 from tests.sim.fake_device import FakeDevice
 from tests.virtual import loop_clock

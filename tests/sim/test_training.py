@@ -3,7 +3,7 @@
 import pytest
 
 from app.errors import DeviceException
-from app.sim.e800 import FAULTS, VirtualE800
+from app.sim.eura_e800.drive import FAULTS, VirtualE800
 from app.sim.training import BASE, END, LIMITS, REG_MACHINE_FAULT, is_training
 
 

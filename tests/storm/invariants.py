@@ -13,7 +13,7 @@ from app.alarms.tables import journal_table, state_table
 from app.commands.lifecycle import Progress, State
 from app.historian import tables as history
 from app.sim.bus import Bus
-from app.sim.e800 import VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
 from app.sim.plc import VirtualPlc
 from app.tags.quality import is_good
 from tests.storm.world import Fell, World

@@ -31,8 +31,9 @@ from app.runtime import Runtime
 from app.settings import Settings
 from app.sim.bus import Bus
 from app.sim.device import VirtualDevice
-from app.sim.e800 import VirtualE800
-from app.sim.plant import MACHINE_FAULTS, SimPlant
+from app.sim.eura_e800.drive import VirtualE800
+from app.sim.machines import MACHINE_FAULTS
+from app.sim.plant import SimPlant
 from app.sim.plc import VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
 from tests.storm.line import Line, Trouble

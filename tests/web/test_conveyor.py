@@ -14,7 +14,7 @@ from app import bundled
 from app.access.audit import Filter
 from app.plant.loader import read_plant
 from app.sim import training
-from app.sim.plant import MACHINE_FAULTS
+from app.sim.machines import MACHINE_FAULTS
 from app.web.drawing import Scale
 from app.web.points import EquipmentView
 from app.web.tables import TableView

@@ -14,7 +14,7 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.access.audit import Filter
 from app.sim import training
-from app.sim.plant import MACHINE_FAULTS
+from app.sim.machines import MACHINE_FAULTS
 from tests.web.conftest import Start
 from tests.web.people import Staff
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from app.clock import SystemClock
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
-from app.sim.conveyor import VirtualConveyor
-from app.sim.conveyor_machine import Geometry
+from app.sim.conveyor.machine import Geometry
+from app.sim.conveyor.program import VirtualConveyor
 from app.sim.plant import SimPlant
 from benchmarks.common import Row, median
 

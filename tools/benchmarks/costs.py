@@ -18,7 +18,7 @@ from app.live.frames import Live
 from app.plant.definitions import Alarm, Device, Equipment, EquipmentType, Plant, Point, Register, Scan
 from app.plant.texts import Texts
 from app.registers.codec import decoder, encode
-from app.sim.e800 import VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
 from benchmarks.common import Row

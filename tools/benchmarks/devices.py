@@ -13,7 +13,7 @@ from struct import Struct
 
 from app.errors import DeviceException
 from app.sim import training
-from app.sim.e800 import VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
 from benchmarks.common import lines_in, say
 
 MBAP = Struct(">HHHB")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 
 from app.sim.bus import Bus
-from app.sim.e800 import VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
 from app.sim.server import serve_pty
 from benchmarks.common import lines_in, say
 

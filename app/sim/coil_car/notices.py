@@ -1,0 +1,95 @@
+"""What the coil car's PLC tells of its line: everything that has changed since the last scan, as events."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from app.sim.coil_car.register_map import Event
+
+if TYPE_CHECKING:
+    from app.sim.coil_car.program import VirtualCoilCar
+
+
+class Notices:
+    """What was seen of one line in the last scan."""
+
+    def __init__(self, car: "VirtualCoilCar") -> None:
+        self._car = car
+        self._seen: dict[str, float] = {}
+
+    def take_stock(self) -> None:
+        """What is so now is not news."""
+        machine = self._car.machine
+        self._seen = {
+            "emergency_stop": float(machine.emergency_stop),
+            **{f"guard_{n}": float(machine.guard(n)) for n in (1, 2, 3)},
+            "drive_1": float(machine.drive_ready(1)),
+            "drive_2": float(machine.drive_ready(2)),
+            "pump": float(machine.pump),
+            "pressure": float(machine.pressure >= self._car.values["least_pressure"]),
+            "oil": float(machine.oil >= self._car.values["least_oil_temperature"]),
+            "mandrel": float(machine.mandrel),
+            "winding": float(machine.winding),
+            "finished": float(machine.finished),
+            "coil": machine.coil,
+            "load": machine.load,
+            **{f"saddle_{n}": there for n, there in enumerate(machine.saddles, 1)},
+            "hit": float(machine.hit),
+            **{f"limit_{n}": float(self._car.interlock.plausible(n)) for n in (1, 2, 3, 4)},
+        }
+
+    def look(self) -> None:
+        """Tell what has changed since the last scan."""
+        before = self._seen
+        self.take_stock()
+        now, machine = self._seen, self._car.machine
+        if now == before:
+            return
+
+        def edge(name: str, rise: Event, fall: Event, source: int = 0, value: float = 0.0) -> None:
+            if now[name] != before[name]:
+                self._car.event(rise if now[name] else fall, source, value)
+
+        edge("emergency_stop", Event.EMERGENCY_STOP, Event.EMERGENCY_STOP_OFF)
+        for n in (1, 2, 3):
+            edge(f"guard_{n}", Event.GUARD_CLOSED, Event.GUARD_OPENED, n)
+        for n in (1, 2):
+            edge(f"drive_{n}", Event.DRIVE_READY, Event.DRIVE_TRIPPED, n)
+        edge("pump", Event.PUMP_ON, Event.PUMP_OFF)
+        edge("pressure", Event.PRESSURE_BACK, Event.PRESSURE_LOW, 0, machine.pressure)
+        edge("oil", Event.OIL_WARM, Event.OIL_COLD, 0, machine.oil)
+        for n in (1, 2, 3, 4):
+            at = machine.x if n < 3 else machine.v
+            edge(f"limit_{n}", Event.LIMIT_PLAUSIBLE, Event.LIMIT_IMPLAUSIBLE, n, at)
+        if now["mandrel"] != before["mandrel"] and now["mandrel"] != 1:
+            self._car.event(Event.EXPANDED if now["mandrel"] else Event.COLLAPSED)
+        if now["winding"] != before["winding"]:
+            if now["winding"]:
+                self._car.event(Event.WINDING, 0, machine.coil)
+            elif not machine.finished:
+                self._car.event(Event.WINDING_STOPPED, 0, machine.coil)
+        if now["finished"] and not before["finished"]:
+            if before["load"] and not now["load"]:
+                self._car.event(Event.COIL_ON_MANDREL, 0, machine.coil)
+            else:
+                self._car.coils_wound = self._car.coils_wound + 1 & 0xFFFFFFFF
+                self._car.event(Event.COIL_READY, 0, machine.coil)
+        self._look_at_coils(before, now)
+        if now["hit"] and not before["hit"]:
+            self._car.event(Event.COLLISION, int(now["hit"]), machine.x)
+
+    def _look_at_coils(self, before: Mapping[str, float], now: Mapping[str, float]) -> None:
+        gained = now["load"] and not before["load"]
+        lost = before["load"] and not now["load"]
+        source = 0
+        for n in (1, 2, 3):
+            name = f"saddle_{n}"
+            if now[name] and not before[name] and lost:
+                self._car.coils_done = self._car.coils_done + 1 & 0xFFFFFFFF
+                self._car.event(Event.COIL_LAID, n, now[name])
+            elif before[name] and not now[name]:
+                if gained:
+                    source = n
+                else:
+                    self._car.event(Event.COIL_REMOVED, n, before[name])
+        if gained:
+            self._car.event(Event.COIL_ON_CAR, source, now["load"])

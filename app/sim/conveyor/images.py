@@ -1,0 +1,162 @@
+"""What the conveyor's PLC shows: status and configuration image, and the rows of the product table, packed as the map says."""
+
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+from app.blocks.mode_control import Mode
+from app.sim import training
+from app.sim.conveyor.machine import BELTS, SENSORS
+from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, ROW_IMAGE, STATUS_IMAGE
+
+if TYPE_CHECKING:
+    from app.sim.conveyor.program import VirtualConveyor
+
+
+@dataclass(slots=True)
+class FirstOut:
+    """What stopped the line first."""
+
+    code: int = 0
+    source: int = 0
+    rear: int = 0
+    front: int = 0
+    time: int = 0
+    value: float = 0.0
+    ended: int = 0
+    """When it ended by itself; 0 = it has not."""
+
+
+def status(plc: "VirtualConveyor") -> bytes:
+    """The status image."""
+    follow, machine, first = plc.tracking, plc.machine, plc.first_out
+    gap = follow.gap
+    length, scale = plc.geometry.pulse_length, plc.geometry.full_speed / 100
+    speeds = [belt.speed(length, plc.steps) for belt in plc.belts]
+    belts = [
+        number
+        for belt, speed in zip(plc.belts, speeds, strict=True)
+        for number in (
+            belt.target,
+            speed / scale,
+            abs(belt.stop_distance()) * scale,
+            belt.pulses,
+            speed,
+            belt.motor,
+            belt.source,
+            0,
+            0,
+        )
+    ]
+    return STATUS_IMAGE.pack(
+        plc.state,
+        plc.modes.mode,
+        _facts(plc),
+        _alarms(plc),
+        machine.beams,
+        machine.raw_inputs,
+        follow.areas,
+        len(follow.products),
+        0,
+        follow.next_id,
+        gap.gap if gap else nan,
+        gap.limit if gap else nan,
+        gap.rear if gap else 0,
+        gap.front if gap else 0,
+        first.code,
+        first.source,
+        first.rear,
+        first.front,
+        first.time,
+        first.value,
+        follow.entered,
+        follow.unloaded,
+        follow.lost,
+        follow.unexpected,
+        follow.corrections,
+        speeds[0],
+        follow.greatest_correction,
+        0,
+        *belts,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
+
+
+def configuration(plc: "VirtualConveyor") -> bytes:
+    """The configuration image."""
+    measures = plc.geometry
+    return CONFIGURATION_IMAGE.pack(
+        BELTS,
+        SENSORS,
+        len(plc.line.area_ends),
+        *measures.belt_ends,
+        *measures.sensors,
+        *measures.area_ends,
+        measures.length,
+        measures.roller_radius,
+        measures.rated_speed,
+        measures.resolution,
+        measures.intact_is_one,
+        plc.line.slots,
+        measures.pulse_length,
+    )
+
+
+def row(plc: "VirtualConveyor", slot: int) -> bytes:
+    """The row of a slot of the product table."""
+    product = plc.tracking.slots[slot]
+    mark = plc.generation
+    if product is None:
+        return ROW_IMAGE.pack(0, mark, 0, nan, nan, nan, 0, 0, nan, 0, nan, 0, 0, mark)
+    return ROW_IMAGE.pack(
+        product.id,
+        mark,
+        product.state,
+        product.head,
+        product.tail,
+        product.length,
+        product.area,
+        product.corrected_at,
+        product.correction,
+        min(max(0, plc.time - product.entered_us) // 1000, 0xFFFFFFFF),
+        product.displacement,
+        product.swapped,
+        product.entered_us,
+        mark,
+    )
+
+
+def _facts(plc: "VirtualConveyor") -> int:
+    return _bits(
+        plc.modes.mode is Mode.AUTOMATIC,
+        plc.moving,
+        plc.stop_active,
+        plc.pressed,
+        plc.tracking.gap_stop,
+        plc.tracking.brake,
+        plc.host_silent,
+        plc.tracking.uncertain,
+        plc.tracking.buffer_full,
+        any(belt.ramp.speed < 0 for belt in plc.belts),
+        plc.training[training.REG_SENSORS] != 0,
+    )
+
+
+def _alarms(plc: "VirtualConveyor") -> int:
+    faults = plc.tracking.sensor_faults
+    return _bits(
+        *(belt.jammed for belt in plc.belts),
+        *(belt.encoder_fault for belt in plc.belts),
+        plc.tracking.outside_present,
+        plc.tracking.lost_present,
+        plc.tracking.buffer_full,
+        *(faults >> sensor & 1 for sensor in range(SENSORS)),
+    )
+
+
+def _bits(*flags: bool | int) -> int:
+    return sum(1 << bit for bit, flag in enumerate(flags) if flag)

@@ -1,0 +1,24 @@
+"""An EURA E800 drive as a virtual device: its motor, its load and the drive's own state machine, faults and parameters."""
+
+from app.plant.definitions import Equipment
+from app.sim.device import VirtualDevice
+from app.sim.eura_e800.drive import FAULTS, VirtualE800
+from app.sim.options import number, table
+
+__all__ = ["FAULTS", "build"]
+
+
+def build(item: Equipment, seed: int) -> VirtualDevice:
+    """A drive as the plant file describes it: its motor, its jog frequency, and `simulation` = start and parameters."""
+    simulation = table(item, "simulation")
+    start = str(simulation.pop("start", ""))
+    parameters = (
+        {"F124": number("jog_frequency", item.options["jog_frequency"])} if "jog_frequency" in item.options else {}
+    )
+    parameters |= {code: number(f"simulation.{code}", value) for code, value in simulation.items()}
+    return VirtualE800(
+        seed=seed,
+        rated_current=number("rated_current", item.options.get("rated_current", 4.5)),
+        start="" if start == "stopped" else start,
+        parameters=parameters,
+    )

@@ -1,0 +1,24 @@
+"""Every machine that can be simulated: each folder here is one, named after its equipment type.
+
+Its package holds `build`, which makes the virtual device of an equipment, and `FAULTS`, the status codes that it takes as a machine fault.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pkgutil import iter_modules
+
+from app.plant.definitions import Equipment
+from app.sim.device import VirtualDevice
+
+Factory = Callable[[Equipment, int], VirtualDevice]
+"""(equipment, seed) → its virtual device."""
+
+_PACKAGES = {
+    found.name: import_module(f"{__package__}.{found.name}")
+    for found in iter_modules([*import_module(__package__).__path__])
+    if found.ispkg
+}
+VIRTUAL_DEVICES: dict[str, Factory] = {name: package.build for name, package in _PACKAGES.items()}
+"""Equipment type → what builds its virtual device."""
+MACHINE_FAULTS: Mapping[str, Sequence[int]] = {name: tuple(package.FAULTS) for name, package in _PACKAGES.items()}
+"""Equipment type → the status codes that its virtual device takes as a machine fault (0xE010)."""
