@@ -80,6 +80,13 @@ class Line:
         self._schedule.at(block, due)
         self._wake()
 
+    def written(self, station: Station, address: int, count: int) -> None:
+        """What holds these registers is read again now."""
+        if station.state is State.UP:
+            for block in station.around(3, address, address + count - 1):
+                self._schedule.at(block, self._now())
+            self._wake()
+
     def drop(self, block: ScanBlock) -> None:
         """Scan `block` no more until it is given a place again."""
         self._schedule.drop(block)

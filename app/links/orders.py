@@ -25,6 +25,7 @@ from app.registers.plc_map import Answer, AnswerState, Request
 if TYPE_CHECKING:
     from app.links.events import DeviceClock
     from app.links.road import Road
+    from app.links.services import SetWrite
     from app.links.station import Station
 
 UNTOLD = (5, 10, 11)
@@ -105,8 +106,8 @@ class Orders:
         words = (bits & 0xFFFF, counter & 0xFFFF, *plc_map.long_words(plc_map.real(argument)))
         await self._write(plc_map.HOLD, words, urgent=urgent)
 
-    async def set(self, map: PlcMap, register: Register, words: Sequence[int], name: str) -> None:
-        """Put `words` into the set of setpoints and have the device take it as a whole. Returns when it is in effect.
+    async def set(self, map: PlcMap, writes: "Sequence[SetWrite]") -> None:
+        """Put `writes` into the set of setpoints and have the device take it as a whole. Returns when it is in effect.
 
         The others are as the device has them at that moment, so of two writes one after the other none is lost.
 
@@ -114,17 +115,18 @@ class Orders:
             Rejected: the device takes none of it, with its reason; nothing has changed.
             LinkError: it did not arrive, or nobody knows (NoAnswer).
         """
-        image = map.settings
+        image, name = map.settings, ", ".join(name for name, _, _ in writes)
         assert image is not None
         stops = self._station.stops
         async with self._setting:
             actual = await self._image(image)
             count = 2 * actual[1]
-            offset = register.address - image.address - 2
-            if count + 3 > image.words or not 0 <= offset <= count - len(words):
-                raise LinkError(f"{name}: the device has {actual[1]} setpoints, this one is not among them")
             values = actual[2 : 2 + count]
-            values[offset : offset + len(words)] = merged(register, values[offset : offset + len(words)], words)
+            for each, register, words in writes:
+                offset = register.address - image.address - 2
+                if count + 3 > image.words or not 0 <= offset <= count - len(words):
+                    raise LinkError(f"{each}: the device has {actual[1]} setpoints, this one is not among them")
+                values[offset : offset + len(words)] = merged(register, values[offset : offset + len(words)], words)
             limit = min(max(2, self._station.device.max_write), MAX_WRITE)
             for first in range(0, count, limit):
                 self._check_stops(stops)

@@ -18,9 +18,10 @@ from app.links.line import Line
 from app.links.plc import PlcUnit
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
+from app.links.services import Maker, services_of
 from app.links.station import Station
 from app.links.statistics import State
-from app.plant.definitions import Link
+from app.plant.definitions import Link, PlcMap, UnitService
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
 
@@ -60,6 +61,8 @@ TRAINING_VERSION = 1
 """Head of the training registers (reference/register-map.md): magic, flags, version, type."""
 GATEWAY = (10, 11)
 PERMANENT_CODES = (1, 7)
+KINDS: Mapping[type[UnitService], Maker] = {PlcMap: PlcUnit}
+"""What a type says of a service → what serves it."""
 
 
 class Outages(Line):
@@ -224,7 +227,7 @@ class Outages(Line):
         """Find out what the unit is, then scan it."""
         while True:
             try:
-                if await self._identify(station) and (station.plc is None or await station.plc.identify()):
+                if await self._identify(station) and await self._identified(station):
                     break
             except NotConnected:
                 if not self._open:
@@ -237,8 +240,8 @@ class Outages(Line):
             self._to_configuration(station)
             await asyncio.sleep(RECHECK)
         station.state = State.UP
-        if station.plc is not None:
-            station.plc.begin()
+        for service in station.services:
+            service.begin()
         station.tell_unreadable(self._tags, self.clock.micros())
         now = self._now()
         for block in station.blocks:
@@ -246,6 +249,13 @@ class Outages(Line):
         self._wake()
         self._examiner.start_recheck(station)
         self._settle()
+
+    async def _identified(self, station: Station) -> bool:
+        """Whether all its services take the unit for the device of the plant file."""
+        for service in station.services:
+            if not await service.identify():
+                return False
+        return True
 
     async def _identify(self, station: Station) -> bool:
         """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one."""
@@ -306,5 +316,4 @@ class Outages(Line):
 
     def _prepare(self, station: Station) -> None:
         station.plan()
-        if station.device.plc is not None:
-            station.plc = PlcUnit(self, station, station.device.plc)
+        station.services = services_of(self, station, KINDS)

@@ -14,7 +14,6 @@ import asyncio
 import logging
 from collections.abc import Sequence
 from contextlib import suppress
-from enum import IntEnum
 from math import inf
 
 from app import chance
@@ -27,10 +26,11 @@ from app.links.pulse import FIRST, LAST, Pulse
 from app.links.road import Road
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
+from app.links.services import Seen, Service, SetWrite
 from app.links.station import Station
 from app.links.statistics import State
 from app.links.table_block import TableBlock
-from app.plant.definitions import PlcMap
+from app.plant.definitions import PlcMap, Register
 from app.registers import plc_map
 from app.registers.pdu import WRITE_SINGLE
 
@@ -50,17 +50,6 @@ TRIES = 3
 BUSY_PAUSE = 0.1
 NO_HEADER = (1, 2, 3)
 """Refusals that mean: this device has no header."""
-
-
-class Seen(IntEnum):
-    """What a block of the map is worth."""
-
-    WHOLE = 0
-    PARTLY = 1
-    """The torn rows were made what they were before."""
-    TORN = 2
-    NOTHING = 3
-    """Not to be published."""
 
 
 def header_fault(words: Sequence[int], map: PlcMap) -> str:
@@ -92,11 +81,15 @@ class PlcUnit:
         self._pulse = Pulse()
         self._pulse_words = Block(plc_map.HEADER + FIRST, LAST - FIRST + 1)
 
-    def adopt(self, before: "PlcUnit") -> None:
+    def adopt(self, before: Service) -> None:
         """The plant file has changed around the same device: go on where `before` was."""
-        if before.map.type_code == self.map.type_code:
+        if isinstance(before, PlcUnit) and before.map.type_code == self.map.type_code:
             self.events.adopt(before.events)
             self.orders.adopt(before.orders)
+
+    async def end(self) -> None:
+        """The link ends: whoever takes events finishes with those that he has."""
+        await self.events.end()
 
     # connecting
 
@@ -143,7 +136,25 @@ class PlcUnit:
             self._road.attend(self._station, self._beat())
         self._road.attend(self._station, self._watch())
 
+    # sets of setpoints
+
+    def takes(self, register: Register) -> bool:
+        """Whether `register` is a setpoint in effect: it is changed through the staging area only."""
+        settings = self.map.settings
+        return settings is not None and settings.address <= register.address < settings.address + settings.words
+
+    async def write(self, writes: Sequence[SetWrite]) -> None:
+        """Put `writes` into the set of setpoints and have the device take it as a whole (orders.py)."""
+        await self.orders.set(self.map, writes)
+        settings = self.map.settings
+        assert settings is not None
+        self._road.written(self._station, settings.address, settings.words)
+
     # scans
+
+    def reads(self, block: ScanBlock) -> bool:
+        """Whether `block` is a part of the map."""
+        return block.part is not None
 
     def seen(self, block: ScanBlock, words: list[int], started: float) -> Seen:
         """What `words`, read by a telegram sent at `started` [s], are worth; they may be put right."""

@@ -18,6 +18,7 @@ from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner
 from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Priority
+from app.links.services import SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkStatistics, State
 from app.links.statistics import statistic_names as statistic_names
@@ -121,7 +122,7 @@ class RegisterLink:
     def only_here(self, equipment: str) -> int:
         """Events of a machine that are stored nowhere and that its ring has overwritten."""
         item = self._equipment.get(equipment)
-        plc = self._runner.stations[item.unit].plc if item is not None else None
+        plc = self._runner.stations[item.unit].service(PlcUnit) if item is not None else None
         return plc.events.only_here if plc is not None else 0
 
     def halted(self, equipment: str) -> bool:
@@ -168,28 +169,54 @@ class RegisterLink:
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
         item = self._equipment_named(equipment)
-        definition = self._point_named(item, point)
-        register = definition.register
-        if register is None or not register.writable:
-            raise LinkError(f"{definition.name} cannot be written: it is read only")
-        try:
-            words = encode(register, value)
-        except ValueError as error:
-            raise LinkError(f"{definition.name}: {error}") from error
+        name, register, words = self._encoded(item, point, value)
         station = self._runner.stations[item.unit]
-        plc = station.plc
-        settings = plc.map.settings if plc else None
-        if plc and settings and settings.address <= register.address < settings.address + settings.words:
+        service = next((each for each in station.services if each.takes(register)), None)
+        if service is not None:
             self._check_writable(station, urgent=urgent)
-            await plc.orders.set(plc.map, register, words, definition.name)
-            self._runner.written(station, settings.address, settings.words)
+            await service.write([(name, register, words)])
             return
-        function = self._write_function(station, definition.name, words)
+        function = self._write_function(station, name, words)
         self._check_writable(station, urgent=urgent)
         if register.mask is not None and register.readable:
             words = await self._merged(station, register, words)
         await self._send(item.unit, register.address, words, function, urgent=urgent)
         self._runner.written(station, register.address, len(words))
+
+    def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
+        """`points` (keys) in the groups that the device takes all or none, in the order of their first; a register by itself is one.
+
+        Raises:
+            LinkError: no such machine or point.
+        """
+        item = self._equipment_named(equipment)
+        services = self._runner.stations[item.unit].services
+        groups: dict[object, list[str]] = {}
+        for key in points:
+            register = self._point_named(item, key).register
+            service = next((each for each in services if register is not None and each.takes(register)), None)
+            groups.setdefault(key if service is None else id(service), []).append(key)
+        return list(groups.values())
+
+    async def write_set(self, equipment: str, values: Mapping[str, float]) -> None:
+        """Have the device take the points of one group of `together` at once; otherwise as `write`.
+
+        Raises:
+            Rejected: the device took none of them, with its own reason.
+            Refused, LinkError: as `write`.
+        """
+        if len(values) == 1:
+            for point, value in values.items():
+                await self.write(equipment, point, value)
+            return
+        item = self._equipment_named(equipment)
+        writes = [self._encoded(item, point, value) for point, value in values.items()]
+        station = self._runner.stations[item.unit]
+        service = next((each for each in station.services if all(each.takes(one[1]) for one in writes)), None)
+        if service is None:
+            raise LinkError(f"{item.id}: {', '.join(values)} are not taken as one set")
+        self._check_writable(station, urgent=False)
+        await service.write(writes)
 
     async def order(
         self,
@@ -252,8 +279,8 @@ class RegisterLink:
             raise NoAnswer(f"link {self.name}: unit {item.unit} is silent")
         blocks = station.covering(names)
         missing = names.difference(*(block.names for block in blocks))
-        if station.plc is not None:
-            blocks = station.plc.worth_reading(blocks)
+        for service in station.services:
+            blocks = service.worth_reading(blocks)
         if missing:
             raise LinkError(f"link {self.name}: {', '.join(sorted(missing))} cannot be read")
         results = await asyncio.gather(*(self._refresh(station, block) for block in blocks), return_exceptions=True)
@@ -309,6 +336,16 @@ class RegisterLink:
 
     def _station(self, unit: int, items: Sequence[Equipment]) -> Station:
         return Station(self.link, unit, items, f"link.{self.name}", lambda: next(self._numbers))
+
+    def _encoded(self, item: Equipment, point: str, value: float) -> SetWrite:
+        definition = self._point_named(item, point)
+        register = definition.register
+        if register is None or not register.writable:
+            raise LinkError(f"{definition.name} cannot be written: it is read only")
+        try:
+            return definition.name, register, encode(register, value)
+        except ValueError as error:
+            raise LinkError(f"{definition.name}: {error}") from error
 
     async def _refresh(self, station: Station, block: ScanBlock) -> None:
         for more in range(TORN_TRIES if block.part else 1, -1, -1):
@@ -366,9 +403,10 @@ class RegisterLink:
     def _plc_of(self, equipment: str) -> tuple[Station, PlcUnit]:
         item = self._equipment_named(equipment)
         station = self._runner.stations[item.unit]
-        if station.plc is None:
+        plc = station.service(PlcUnit)
+        if plc is None:
             raise LinkError(f"{equipment} takes no commands by code: its type {item.type.name} has no map of ours")
-        return station, station.plc
+        return station, plc
 
     def _is_training(self, unit: int, address: int) -> bool:
         station = self._runner.stations.get(unit)

@@ -39,6 +39,10 @@ class Road(Protocol):
         """Scan `block` at `due` [s]."""
         ...
 
+    def written(self, station: Station, address: int, count: int) -> None:
+        """What holds these registers is read again now."""
+        ...
+
     def drop(self, block: ScanBlock) -> None:
         """Scan `block` no more until it is given a place again."""
         ...

@@ -16,9 +16,10 @@ from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConne
 from app.links.contract import StillOwed, Transport
 from app.links.line import check_permit, fail, finish
 from app.links.outages import FIRST_PAUSE, GATEWAY, LAST_PAUSE, SETTLE, Outages
-from app.links.plc import TORN_TRIES, Seen
+from app.links.plc import TORN_TRIES
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job
+from app.links.services import Seen
 from app.links.station import Station
 from app.links.statistics import State, UnitStatistics
 from app.plant.definitions import Link, Scan
@@ -82,16 +83,9 @@ class LinkRunner(Outages):
                 task.cancel()
             await asyncio.gather(*own, return_exceptions=True)
             self._close(ENDED)
-            await asyncio.gather(*(station.plc.events.end() for station in self.stations.values() if station.plc))
+            await asyncio.gather(*(each.end() for station in self.stations.values() for each in station.services))
             if not self._failed.done():
                 self._failed.cancel()
-
-    def written(self, station: Station, address: int, count: int) -> None:
-        """What holds these registers is read again now."""
-        if station.state is State.UP:
-            for block in station.around(3, address, address + count - 1):
-                self._schedule.at(block, self._now())
-            self._wake()
 
     def nudge(self, unit: int) -> None:
         """Somebody wrote registers of their own to `unit`: what is silent or refused is tried now, not when its pause is over."""
@@ -119,8 +113,10 @@ class LinkRunner(Outages):
             self.statistics.units.setdefault(station.number, UnitStatistics())
             self._prepare(station)
             before = next((old for old in gone if old.number == station.number), None)
-            if station.plc is not None and before is not None and before.plc is not None:
-                station.plc.adopt(before.plc)
+            for service in station.services:
+                former = before.service(type(service)) if before is not None else None
+                if former is not None:
+                    service.adopt(former)
             if self._open:
                 self.attend(station, self._bring_up(station))
             else:
@@ -335,9 +331,9 @@ class LinkRunner(Outages):
         return self._tags.standstills != standstills
 
     def _look(self, station: Station, block: ScanBlock, words: list[int], started: float) -> Seen:
-        """What words of a machine with a map of ours are worth."""
-        assert station.plc is not None
-        seen = station.plc.seen(block, words, started)
+        """What words that a service cares for are worth."""
+        service = next(each for each in station.services if each.reads(block))
+        seen = service.seen(block, words, started)
         if seen in (Seen.TORN, Seen.PARTLY):
             self.statistics.torn += 1
         return seen

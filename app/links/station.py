@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from app.links.contract import Block
 from app.links.map_plan import plan_map
@@ -18,7 +18,9 @@ from app.tags.database import TagDatabase
 from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
 
 if TYPE_CHECKING:
-    from app.links.plc import PlcUnit
+    from app.links.services import Service
+
+S = TypeVar("S")
 
 
 @dataclass(slots=True)
@@ -51,8 +53,8 @@ class Station:
     """One write at a time, so that a Stop on a second connection never overtakes a start on the first."""
     stops: int = 0
     """Urgent writes so far: what was prepared before one of them is not sent after it."""
-    plc: "PlcUnit | None" = None
-    """Of a machine with a map of ours."""
+    services: "list[Service]" = field(default_factory=list)
+    """What it offers beside plain registers."""
     unreadable: tuple[Point, ...] = ()
     _unreadable_block: int = -1
     _unreadable_told: tuple[object, ...] = ()
@@ -86,6 +88,10 @@ class Station:
     def may_write(self) -> bool:
         """Whether anything may be written to it."""
         return self.link.may_write
+
+    def service(self, kind: type[S]) -> S | None:
+        """Its service of one kind; None when it has none."""
+        return next((service for service in self.services if isinstance(service, kind)), None)
 
     def plan(self) -> list[ScanBlock]:
         """Plan the reads anew; blocks that stay as they are keep their number and state. Returns those that are gone."""

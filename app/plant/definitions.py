@@ -237,8 +237,14 @@ class Image:
     words: int
 
 
+class UnitService:
+    """What a unit offers beside plain registers; each kind is a table of `device.toml` and is served in links/services.py."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
-class PlcMap:
+class PlcMap(UnitService):
     """What a machine with a map of ours has beyond registers/plc_map.py."""
 
     type_code: int
@@ -299,8 +305,13 @@ class Device:
     write_only: Sequence[tuple[int, int]] = ()
     training: int = 0xE000
     """Address of the training registers of its virtual device."""
-    plc: PlcMap | None = None
-    """Of a machine with a map of ours (reference/register-map.md)."""
+    services: Sequence[UnitService] = ()
+    """What its unit offers beside plain registers; at most one of a kind."""
+
+    @property
+    def plc(self) -> PlcMap | None:
+        """Of a machine with a map of ours (reference/register-map.md)."""
+        return next((service for service in self.services if isinstance(service, PlcMap)), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,7 @@ from app.plant.definitions import (
     Write,
 )
 from app.plant.derive import KINDS
+from app.plant.services import read_services
 from app.plant.tables import MISSING, NONE, Source, Table
 from app.registers.plc_map import TABLE_HEAD
 
@@ -162,8 +163,8 @@ class _TypeReader:
             self._add_definition(head)
         actions, simulation_presets = self._sequence_words(head, sequence)
         checks = tuple(self._checks(head, presets))
-        self.map = plc.read_plc(head, device)
-        device = replace(device, plc=self.map)
+        device = replace(device, services=read_services(head, device))
+        self.map = device.plc
         head.done()
         names = self._file("events.toml", optional=True)
         self.events, reasons = plc.read_names(names, "events"), plc.read_names(names, "reasons")

@@ -16,6 +16,7 @@ from app.commands.gate import Gate
 from app.commands.interlocks import Reason
 from app.commands.lifecycle import Progress, State
 from app.errors import Refused
+from app.links.plc import PlcUnit
 from app.plant.definitions import Argument, Condition, Equipment
 from app.web import format as fmt
 from app.web.points import CommandView, EquipmentView, PointView
@@ -137,9 +138,10 @@ class Operation:
         """A time of the device itself [µs since it was first switched on] as time of day; empty when not known."""
         link = self.runtime.links.get(self.equipment.link)
         station = link.stations.get(self.equipment.unit_address) if link else None
-        if station is None or station.plc is None or not point.usable or not isinstance(point.value, int | float):
+        plc = station.service(PlcUnit) if station else None
+        if plc is None or not point.usable or not isinstance(point.value, int | float):
             return ""
-        time = station.plc.clock.utc(int(point.value))
+        time = plc.clock.utc(int(point.value))
         return fmt.clock_time(time, self.zone, milliseconds=True, lang=self.equipment.lang)
 
     @property

@@ -80,7 +80,7 @@ def conveyor(*ids: str) -> list[Equipment]:
         Alarm("lost", "a", "lost_present == 1", 2, event=11),
         Alarm("gap", "a", "gap_stop == 1", 2, event=20, event_clear=21),
     ]
-    device = Device(plc=PlcMap(10, events=True))
+    device = Device(services=(PlcMap(10, events=True),))
     table = TableMap("product", 0x0800, 24, "20")
     names = {
         1: "arrived",

@@ -47,7 +47,7 @@ def definition(name: str = "transport", steps: tuple[str, ...] = ("lower", "lift
 
 def sequences(*ids: str, of: SequenceDefinition | None = None) -> list[Equipment]:
     """Machines that run one."""
-    device = DeviceMap(plc=PlcMap(20, events=True))
+    device = DeviceMap(services=(PlcMap(20, events=True),))
     table = TableMap("step", 0x0800, 32, "8")
     names = {event.value: event.name.lower() for event in SequenceEvent} | {POWER_UP: "power_up"}
     kind = EquipmentType(

@@ -207,7 +207,7 @@ DEVICE = Device(
     slow=0.2,
     max_write=123,
     write_functions=(6, 16),
-    plc=MAP,
+    services=(MAP,),
 )
 
 

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from app.links.events import DeviceClock, Head, HostEvent
+from app.links.plc import PlcUnit
 from app.plant.definitions import Equipment
 from app.plant.events import Mark, mark_of
 from app.registers import plc_map
@@ -290,7 +291,7 @@ async def test_a_head_that_comes_late_on_another_connection_is_not_another_ring(
         for code in range(1, 6):
             device.event(code)
         await until(lambda: len(taker.events) == 5)
-        unit = line.link.stations[1].plc
+        unit = line.link.stations[1].service(PlcUnit)
         assert unit is not None
         unit.events.seen(Head(EVENT_CAPACITY, 16, 1, 3, 0))
         await asyncio.sleep(0.2)
