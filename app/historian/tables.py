@@ -1,6 +1,6 @@
 """Tables of `history.db`."""
 
-from sqlalchemy import BigInteger, Column, Float, Index, Integer, String, Table, text
+from sqlalchemy import BigInteger, Column, Float, Index, Integer, LargeBinary, String, Table, text
 
 from app.db import history_tables
 
@@ -132,15 +132,38 @@ event_mark = Table(
     Column("sequence", BigInteger, nullable=False),
     Column("time", BigInteger, nullable=False),
 )
-"""The last event of each machine that is in the passages, written with it."""
+"""The last event of each machine that is stored, written with it."""
 
 event_machine = Table(
     "event_machine",
     history_tables,
-    Column("lasting_id", String, primary_key=True),
+    Column("id", Integer, primary_key=True),
+    Column("lasting_id", String, nullable=False, unique=True),
     Column("name", String, nullable=False),
 )
-"""The name that a machine had when its events were last stored: rows say names, and follow a machine that is renamed."""
+"""The name that a machine had when its events were last stored: rows say names, and follow a machine that is renamed; its events say
+`id`, and stay as they are."""
+
+event = Table(
+    "event",
+    history_tables,
+    Column("id", Integer, primary_key=True),
+    Column("machine", Integer, nullable=False),
+    Column("boot", Integer, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("time", BigInteger, nullable=False),
+    Column("code", Integer, nullable=False),
+    Column("source", Integer, nullable=False),
+    Column("value", Float),
+    Column("words", LargeBinary, nullable=False),
+    Column("request", Integer, nullable=False),
+    Column("person", String, nullable=False),
+    Column("reason", String, nullable=False),
+    Index("ix_event_machine", "machine", "time"),
+)
+"""Every event of every ring (records/event.py). `id` rises in the order of storing; `time` is the event's own [µs UTC]; a `value` that
+is none is NULL; `words` are the snapshot as packed there; `request` is the command that caused it (0: none); `person` and `reason` are of
+who gave that command (empty: not known)."""
 
 event_gap = Table(
     "event_gap",
