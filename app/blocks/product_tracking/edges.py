@@ -1,8 +1,9 @@
 """Edges of the light barriers: whose they are, and what they say of identity, position and length."""
 
-from .product_absence import note_seen, note_working, suspect
-from .product_movement import separate, shift
-from .product_table import (
+from app.blocks.product_tracking.absence import note_seen, note_working, suspect
+from app.blocks.product_tracking.movement import separate, shift
+from app.blocks.product_tracking.product import BLIND, Code, Product
+from app.blocks.product_tracking.table import (
     ENTERING,
     LOST,
     OUTSIDE,
@@ -18,7 +19,6 @@ from .product_table import (
     mark,
     note_passed,
 )
-from .tracked import BLIND, Code, Product
 
 
 def rising(table: ProductTable, sensor: Sensor) -> None:

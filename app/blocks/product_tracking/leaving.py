@@ -1,7 +1,7 @@
 """Products that leave the line: unloaded at the end, over it, or backwards out of the beginning."""
 
-from .product_table import LOST, NEVER, UNLOADING, ProductTable
-from .tracked import Code, Product
+from app.blocks.product_tracking.product import Code, Product
+from app.blocks.product_tracking.table import LOST, NEVER, UNLOADING, ProductTable
 
 _STANDS = 0.05
 """A belt with less distance to stop stands [mm]."""

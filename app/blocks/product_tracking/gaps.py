@@ -3,7 +3,7 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 
-from .tracked import Gap, Product
+from app.blocks.product_tracking.product import Gap, Product
 
 SMALL_CLOSING = 0.5
 """Pairs that come nearer by less than this [mm] get a margin in proportion: equal speeds that differ by a hair do not stop a line."""

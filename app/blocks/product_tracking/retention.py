@@ -5,8 +5,8 @@ from dataclasses import fields
 from math import inf, isfinite
 from typing import Any
 
-from .product_table import LAST_ID, ProductTable
-from .tracked import Product, ProductState
+from app.blocks.product_tracking.product import Product, ProductState
+from app.blocks.product_tracking.table import LAST_ID, ProductTable
 
 _COUNTERS = (
     "entered",

@@ -2,9 +2,9 @@
 
 from bisect import bisect_left, bisect_right
 
-from .product_movement import separate
-from .product_table import ENTERING, LOST, TRACKED, UNCERTAIN, ProductTable, Sensor, doubt
-from .tracked import BLIND, STUCK, Code, Product
+from app.blocks.product_tracking.movement import separate
+from app.blocks.product_tracking.product import BLIND, STUCK, Code, Product
+from app.blocks.product_tracking.table import ENTERING, LOST, TRACKED, UNCERTAIN, ProductTable, Sensor, doubt
 
 
 def look_for_missed(table: ProductTable) -> None:

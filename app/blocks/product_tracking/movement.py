@@ -2,8 +2,8 @@
 
 from itertools import pairwise
 
-from .product_table import ENTERING, LOST, TO_AND_FRO, TOUCH, UNCERTAIN, ProductTable, doubt
-from .tracked import Code, Product, share
+from app.blocks.product_tracking.product import Code, Product, share
+from app.blocks.product_tracking.table import ENTERING, LOST, TO_AND_FRO, TOUCH, UNCERTAIN, ProductTable, doubt
 
 
 def move(table: ProductTable, moved: tuple[float, ...]) -> None:

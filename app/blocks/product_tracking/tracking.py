@@ -5,43 +5,23 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from .gap_supervision import nearest
-from .product_absence import look_for_missed, look_for_stuck
-from .product_edges import falling, look_for_short, rising
-from .product_leaving import leave, unload
-from .product_movement import move
-from .product_retention import retain, take_back
-from .product_table import ENTERING, LOST, NEVER, TOUCH, TRACKED, UNCERTAIN, UNLOADING, ProductTable
-from .tracked import (
-    BLIND,
-    STUCK,
+from app.blocks.product_tracking.absence import look_for_missed, look_for_stuck
+from app.blocks.product_tracking.edges import falling, look_for_short, rising
+from app.blocks.product_tracking.gaps import nearest
+from app.blocks.product_tracking.leaving import leave, unload
+from app.blocks.product_tracking.movement import move
+from app.blocks.product_tracking.product import (
     Code,
     EditRefused,
     Gap,
     Line,
     Product,
-    ProductState,
     Reason,
     Settings,
     TrackingEvent,
-    share,
 )
-
-__all__ = [
-    "BLIND",
-    "STUCK",
-    "Code",
-    "EditRefused",
-    "Gap",
-    "Line",
-    "Product",
-    "ProductState",
-    "ProductTracking",
-    "Reason",
-    "Settings",
-    "TrackingEvent",
-    "share",
-]
+from app.blocks.product_tracking.retention import retain, take_back
+from app.blocks.product_tracking.table import ENTERING, LOST, NEVER, TOUCH, TRACKED, UNCERTAIN, UNLOADING, ProductTable
 
 
 class ProductTracking(ProductTable):

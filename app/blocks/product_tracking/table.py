@@ -3,7 +3,7 @@
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from .tracked import Code, Gap, Line, Product, ProductState, Settings, TrackingEvent
+from app.blocks.product_tracking.product import Code, Gap, Line, Product, ProductState, Settings, TrackingEvent
 
 LAST_ID = (1 << 32) - 1
 NEVER = -(1 << 60)
