@@ -90,7 +90,7 @@ stands in row `sequence % capacity`, {row_words} words each.
 | 6 | code |
 | 7 | source |
 | 8–9 | value f32 |
-| 10–{last} | snapshot: {snapshot} |"""
+{snapshot}"""
 
 TRAINING = """\
 A virtual device also has training registers from 0x{training:04X} (table in app/sim/training.py): faults, resets, power cycles. A real
@@ -234,8 +234,7 @@ def _events(kind: EquipmentType) -> Iterator[str]:
         row_words=words.EVENT_WORDS,
         acknowledged=at,
         acknowledged_end=at + 1,
-        last=words.EVENT_WORDS - 1,
-        snapshot=" ".join(_block(kind, "events.toml", "events")) or "0",
+        snapshot="\n".join(_snapshot(kind)),
     )
     yield _grid(
         ("code", "name", "meaning", "source, value"),
@@ -244,6 +243,21 @@ def _events(kind: EquipmentType) -> Iterator[str]:
             for code, name in kind.events.items()
         ],
     )
+
+
+def _snapshot(kind: EquipmentType) -> Iterator[str]:
+    """The words of a row behind the value, by the layout of the type."""
+    at = words.EVENT_WORDS - words.SNAPSHOT_WORDS
+    free = set(range(words.SNAPSHOT_WORDS))
+    for name, field in sorted(kind.snapshot.items(), key=lambda one: one[1].word):
+        free -= set(range(field.word, field.word + field.words))
+        first, last = at + field.word, at + field.word + field.words - 1
+        note = _note(kind, "events.toml", f"snapshot.{name}", "word")
+        none = "" if field.none is None else f"; {field.none} = none"
+        place = f"{first}–{last}" if last > first else f"{first}"
+        yield f"| {place} | snapshot: `{name}` {field.type}: {_with(_text(kind, f'snapshot.{name}'), note)}{none} |"
+    if free:
+        yield f"| {', '.join(str(at + word) for word in sorted(free))} | snapshot: 0 |"
 
 
 def _table(data: types.TypeData, table: TableMap) -> Iterator[str]:
@@ -348,13 +362,14 @@ def _block(kind: EquipmentType, file: str, table: str) -> list[str]:
     return []
 
 
-def _note(kind: EquipmentType, file: str, table: str) -> str:
-    """What stands behind `address = ` or `offset = ` of `[table]`."""
+def _note(kind: EquipmentType, file: str, table: str, *keys: str) -> str:
+    """What stands behind `address = ` or `offset = ` of `[table]`, or behind another key."""
+    wanted = "|".join(keys or ("address", "offset"))
     here = False
     for line in _lines(kind, file):
         if line.startswith("["):
             here = line == f"[{table}]"
-        elif here and (found := re.match(r"(?:address|offset) = \w+\s+# (.+)", line)):
+        elif here and (found := re.match(rf"(?:{wanted}) = \w+\s+# (.+)", line)):
             return found[1]
     return ""
 

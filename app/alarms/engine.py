@@ -21,6 +21,7 @@ from app.access.roles import Person
 from app.alarms import journal
 from app.alarms.conditions import EVENT_LATE, Delay, Happened, Told, Truth, condition, delay, inputs, needs_time
 from app.alarms.definitions import PREFIX, PRIORITIES, SYSTEM_ALARMS
+from app.alarms.event_params import completed, of_event, untold
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import ANNUNCIATED, AUDIBLE, HIDDEN, Event, Life, State, Step, step
 from app.alarms.watch import (
@@ -41,7 +42,7 @@ from app.db import Database
 from app.errors import Refused, StorageError
 from app.plant import expression
 from app.plant.definitions import Alarm, Equipment, Kind, Plant
-from app.plant.events import Mark, RingEvent, is_new, mark_of, snapshot_of
+from app.plant.events import Mark, RingEvent, is_new, mark_of
 from app.plant.system import SYSTEM
 from app.plant.texts import Texts
 from app.tags import quality
@@ -77,18 +78,6 @@ LONG_AGO = 60_000_000
 MARK_PERIOD = 10.0
 MARK_EVERY = 30
 """How often it is written down how far events without any effect were taken [s], and after how many [events]: a ring holds 63."""
-NAMED = 4
-"""Products that an alarm names at most; of more the newest."""
-UNTOLD: Mapping[str, object] = {
-    "product": "–",
-    "products": "–",
-    "second": "–",
-    "source": "–",
-    "second_value": "–",
-    "value": "–",
-    "event": 0,
-}
-"""Parameters of an alarm whose event was lost."""
 
 
 class AlarmEngine:
@@ -218,7 +207,8 @@ class AlarmEngine:
             handles=frozenset(self._handles(names, inputs(alarm))),
             unit=point.unit if point and numeric else "",
             decimals=point.decimals if point else 1 if alarm.event else 0,
-            params=UNTOLD if alarm.event else {},
+            params=untold(item.type.snapshot) if alarm.event else {},
+            layout=item.type.snapshot,
         )
 
     def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:
@@ -404,7 +394,7 @@ class AlarmEngine:
                 watch.annunciated = change.at + round(delay.on * 1e6)
                 told = watch.condition
                 if isinstance(told, Happened) and not told.standing:  # its sentence says so alone: the event was lost
-                    watch.event, watch.params = 0, UNTOLD
+                    watch.event, watch.params = 0, untold(watch.layout)
             is_root = self._roots.get(watch.equipment) is watch
             (roots if is_root else others).append((watch, change.active))
         for watch, active in roots:
@@ -517,17 +507,9 @@ class AlarmEngine:
             self._changed(watch, False, now, max(watch.first_true, min(event.time, wall)), event)
 
     def _explain(self, watch: Watch, event: RingEvent) -> None:
-        said = snapshot_of(event.snapshot)
         watch.event = event.sequence
         watch.value = event.value if math.isfinite(event.value) else watch.value
-        watch.params = {
-            "product": said.product or "–",
-            "products": _named("–" if watch.life.acked else watch.params.get("products", "–"), said.product),
-            "second": said.second or "–",
-            "source": event.source,
-            "second_value": round(said.value, 3) if math.isfinite(said.value) else "–",
-            "event": event.sequence,
-        }
+        watch.params = of_event(watch.layout, event, {} if watch.life.acked else watch.params)
 
     def _answers(self, watch: Watch) -> None:
         """A device whose events arrive does answer: what it says now is not hidden by the lost communication."""
@@ -628,7 +610,7 @@ class AlarmEngine:
             self._flood_times.append(now)
             self._judge_flood(now)
         lang = self._texts.default
-        params = spoken(self._texts, lang, watch.type, written(watch))
+        params = spoken(self._texts, lang, watch.type, completed(watch.layout, written(watch)))
         text = self._texts.of_type(lang, watch.type, watch.alarm.label, **params)
         self._records.append(record(watch, result, at, person, comment, detail, text, self.config))
         self._mark(watch)
@@ -972,13 +954,6 @@ class AlarmEngine:
     async def verify(self) -> Verdict:
         """Walk the chain of the journal."""
         return await self._db.read(lambda connection: journal.verify(connection, self._key))
-
-
-def _named(before: object, product: int) -> str:
-    """All products that an alarm is about since it was acknowledged last, oldest first; `before` are those of its former occurrences."""
-    named = [one for one in str(before).split(", ") if one not in ("–", str(product))]
-    named += [str(product)] * bool(product)
-    return ", ".join(["…", *named[1 - NAMED :]] if len(named) > NAMED else named) or "–"
 
 
 def _in_stop(one: Watch, at: int) -> bool:

@@ -12,6 +12,7 @@ from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import UNACKED, Life, State, Step, Traits
 from app.plant.definitions import Alarm
 from app.plant.texts import Texts
+from app.records.snapshot import Layout
 from app.tags import quality
 from app.tags.batch import Value
 
@@ -142,6 +143,8 @@ class Watch:
     """[s, monotonic]"""
     ordinal: int = 0
     uncertain: bool = False
+    layout: Layout = field(default_factory=dict)
+    """Of the snapshot words of its machine's events."""
     event: int = 0
     """Sequence of the device's event that raised it; 0 = none did."""
     standing: Standing | None = None
@@ -292,10 +295,7 @@ def written(watch: Watch) -> dict[str, object]:
 
 
 def spoken(texts: Texts, lang: str, type: str, params: Mapping[str, object]) -> dict[str, object]:
-    """Parameters in `lang`: one that begins with @ is the key of a text. What was written down before alarms named all their products
-    names one."""
-    if "product" in params:
-        params = {"products": params["product"], **params}
+    """Parameters in `lang`: one that begins with @ is the key of a text."""
     return {
         name: texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
         for name, value in params.items()

@@ -5,7 +5,8 @@ machines that track products (docs/registers).
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Any
 
@@ -16,7 +17,8 @@ from app.db import Database
 from app.historian import event_history
 from app.historian.event_history import LATE, TOLD_AFTER, TOLD_BEFORE, Book, Delivery, EventHistory, Told
 from app.plant.definitions import Equipment
-from app.plant.events import RingEvent, Snapshot, snapshot_of
+from app.plant.events import RingEvent
+from app.records.snapshot import Field, decode
 
 TABLE = "product"
 """Key of the table of a machine that tracks products."""
@@ -68,6 +70,24 @@ BY_COMMAND: Mapping[int, int] = {
     8: Code.INSERTED,
 }
 """Code of a command → code of the event that it causes."""
+
+
+LAYOUT: Mapping[str, Field] = {"product": Field(0, "u32"), "second": Field(2, "u32"), "value": Field(4, "f32")}
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What the words of an event say."""
+
+    product: int
+    """0 = none."""
+    second: int
+    value: float | None
+
+
+def snapshot_of(words: Sequence[int]) -> Snapshot:
+    said = decode(LAYOUT, words)
+    return Snapshot(int(said["product"] or 0), int(said["second"] or 0), said["value"])
 
 
 def tracks_products(item: Equipment) -> bool:
@@ -149,7 +169,7 @@ def _put(connection: Connection, equipment: str, event: RingEvent, alarms: Colle
     match event.code:
         case Code.IDENTIFIED if math.isfinite(event.value):
             connection.exec_driver_sql("UPDATE passage SET length = ? WHERE id = ?", (event.value, number))
-        case Code.INSERTED | Code.EDITED if math.isfinite(said.value) and said.value > 0:
+        case Code.INSERTED | Code.EDITED if said.value is not None and said.value > 0:
             # the person's measure, where the device passes it on; 0 where it does not
             connection.exec_driver_sql("UPDATE passage SET length = ? WHERE id = ?", (said.value, number))
         case Code.HEAD | Code.TAIL:
@@ -207,11 +227,10 @@ def _passage(connection: Connection, equipment: str, event: RingEvent, product: 
 
 def _step(connection: Connection, number: int, event: RingEvent, said: Snapshot, alarms: Collection[int]) -> None:
     value = event.value if math.isfinite(event.value) else None
-    second = said.value if math.isfinite(said.value) else None
     connection.exec_driver_sql(
         "INSERT OR IGNORE INTO passage_step (passage, boot, sequence, time, code, source, value, second, second_value, person, reason) "
         "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, '', '')",
-        (number, event.boot, event.sequence, event.time, event.code, event.source, value, said.second, second),
+        (number, event.boot, event.sequence, event.time, event.code, event.source, value, said.second, said.value),
     )
     if event.code in alarms:
         mark = f" {event.code} "

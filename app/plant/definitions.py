@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+from app.records.snapshot import Layout
 from app.registers.register import Order as Order
 from app.registers.register import Register as Register
 from app.registers.register import Type as Type
@@ -342,6 +343,8 @@ class EquipmentType:
     """Name of a preset (`preset = "model"` in the plant file) → defaults of options."""
     events: Mapping[int, str] = field(default_factory=dict)
     """Code of an event of the device → its key; the text is `event.<key>`."""
+    snapshot: Layout = field(default_factory=dict)
+    """What the snapshot words of its events say; texts are `snapshot.<name>`."""
     reasons: Mapping[int, str] = field(default_factory=dict)
     """Reason in an answer of the device → its key; the text is `reason.<key>`."""
     sequence: bool = False

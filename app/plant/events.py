@@ -1,10 +1,8 @@
-"""Events of machines as their readers see them: which of them are new, and what their snapshot says."""
+"""Events of machines as their readers see them, and which of them are new."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
-
-from app.registers.plc_map import real_of
 
 RESTARTED = 1_000_000
 """An event this much later than the last one is new although its number is not [µs]: the ring began again. Delivered again, an event has
@@ -54,16 +52,6 @@ class Mark:
         return self.boot, self.sequence
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """What the six snapshot words of a machine that tracks products say."""
-
-    product: int
-    """0 = none."""
-    second: int
-    value: float
-
-
 def mark_of(event: RingEvent) -> Mark:
     """The mark behind `event`."""
     return Mark(event.boot, event.sequence, event.time)
@@ -81,10 +69,3 @@ def begins_again(event: RingEvent | Mark, mark: Mark) -> bool:
 
 def _ahead(event: RingEvent | Mark, mark: Mark) -> bool:
     return 0 < (event.sequence - mark.sequence) % 2**32 < HALF
-
-
-def snapshot_of(words: Sequence[int]) -> Snapshot:
-    """Words 0–1 product, 2–3 second product, 4–5 second value (float32)."""
-    padded = [*words, 0, 0, 0, 0, 0, 0]
-    longs = [padded[n] << 16 | padded[n + 1] for n in (0, 2, 4)]
-    return Snapshot(longs[0], longs[1], real_of(longs[2]))

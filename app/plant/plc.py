@@ -21,6 +21,11 @@
     1 = "arrived"
     [reasons]
     1 = "unknown_code"
+    [snapshot.product]                                  what the six words of an event say; text `snapshot.<key>`
+    word = 0                                            the first of its words
+    type = "u32"                                        u16 i16 u32 i32 f32
+    none = 0                                            number that means "no value"
+    all = "products"                                    under this name an alarm lists all of them since it was acknowledged
 
 The points that they lie on are read in plant/types.py.
 """
@@ -30,6 +35,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from app.plant.definitions import Device, Image, PlcMap, Register, TableMap
 from app.plant.tables import MISSING, Plain, Table, one_of
+from app.records.event import WORDS
+from app.records.snapshot import TYPES, Field, Layout, words_of
 from app.registers.plc_map import TABLE_HEAD
 
 KEY = r"[a-z][a-z0-9_]*"
@@ -41,6 +48,8 @@ WRITE_SEVERAL = 16
 SMALLEST_ROW = 5
 """Id of two words, generation, state, generation."""
 MOST_SLOTS = 10_000
+OF_EVENT = ("event", "limit", "source", "value")
+"""Names that the parameters of an alarm have beside those of the snapshot."""
 HEAD_POINTS: Mapping[str, int] = {"generation": 0, "capacity": 1, "count": 2}
 """Points of every table by their word in its head."""
 
@@ -102,6 +111,33 @@ def read_names(file: Table, key: str) -> dict[int, str]:
             table.note(code, name, "a key that no other code has")
         else:
             found[int(code)] = name
+    return found
+
+
+def read_snapshot(file: Table) -> Layout:
+    """`[snapshot.<name>]`: what the words of an event say."""
+    table = file.table("snapshot")
+    found: dict[str, Field] = {}
+    taken: dict[int, str] = {}
+    for name, row in table.tables():
+        field = Field(
+            word=row.whole("word", low=0, high=WORDS - 1),
+            type=row.text("type", choices=TYPES),
+            none=row.whole("none", low=-(2**31), high=2**32 - 1) if row.has("none") else None,
+            all=row.text("all", "", pattern=KEY, expected="a key of small letters, digits and _"),
+        )
+        row.done()
+        if not re.fullmatch(KEY, name) or name in OF_EVENT:
+            table.note(name, name, f"a key of small letters, digits and _, and none of {', '.join(OF_EVENT)}")
+        if field.all and (field.all in table.data or field.all in OF_EVENT):
+            row.note("all", field.all, "a name that nothing else has")
+        for word in range(field.word, field.word + words_of(field.type) if field.type in TYPES else 0):
+            if word >= WORDS:
+                row.note("word", field.word, f"words within the {WORDS} of a snapshot: {field.type} takes two")
+            elif taken.setdefault(word, name) != name:
+                row.note("word", field.word, f"words that {taken[word]} does not use")
+                break
+        found[name] = field
     return found
 
 
@@ -190,7 +226,8 @@ def is_cell(key: str, tables: Mapping[str, TableMap]) -> bool:
     return any(re.fullmatch(rf"{table}_\d+_\w+", key) for table in tables)
 
 
-def text_keys(events: Mapping[int, str], reasons: Mapping[int, str]) -> Iterator[str]:
-    """Texts that the codes need."""
+def text_keys(events: Mapping[int, str], reasons: Mapping[int, str], snapshot: Layout) -> Iterator[str]:
+    """Texts that the codes and the snapshot need."""
+    yield from (f"snapshot.{key}" for key in snapshot)
     yield from (f"event.{key}" for key in events.values())
     yield from (f"reason.{key}" for key in reasons.values())

@@ -47,7 +47,7 @@ from app.plant.definitions import (
 )
 from app.plant.derive import KINDS
 from app.plant.services import read_services
-from app.plant.tables import MISSING, NONE, Source, Table
+from app.plant.tables import MISSING, NONE, Source, Table, one_of
 from app.registers.plc_map import TABLE_HEAD
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
@@ -168,6 +168,7 @@ class _TypeReader:
         head.done()
         names = self._file("events.toml", optional=True)
         self.events, reasons = plc.read_names(names, "events"), plc.read_names(names, "reasons")
+        snapshot = plc.read_snapshot(names)
         names.done()
         for key, table in self._file("points.toml").tables():
             self._point(key, table)
@@ -214,6 +215,7 @@ class _TypeReader:
             presets=presets,
             events=self.events,
             reasons=reasons,
+            snapshot=snapshot,
             sequence=sequence,
             actions=actions,
             simulation_presets=simulation_presets,
@@ -764,7 +766,7 @@ class _TypeReader:
 def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -> Alarm:
     """An alarm row; its texts are the keys `prefix` + label, consequence, cause, response unless the row names others.
 
-    `events`: codes that the device's ring can have.
+    `events`: what the device's ring can say, code → the key by which a row names it.
     """
     event, event_clear = _event(table, "event", events), _event(table, "event_clear", events)
     source = table.whole("source") if table.has("source") else None
@@ -778,15 +780,15 @@ def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -
     if kind != "expression" and not table.has("value"):
         table.note("value", MISSING, f"the point that an alarm of the kind {kind} watches")
     if kind != "expression" and event:
-        table.note("event", event, f"no event for an alarm of the kind {kind}")
+        table.note("event", table.raw("event"), f"no event for an alarm of the kind {kind}")
     if event and event == event_clear:
-        table.note("event_clear", event_clear, "another event than the one that raises it")
+        table.note("event_clear", table.raw("event_clear"), "another event than the one that raises it")
     if event and table.has("clear") and not table.has("expression"):
         table.note("clear", table.raw("clear"), "an `expression`, whose end it is; an event ends with `event_clear`")
     return Alarm(
         key=key,
         label=table.text("label", f"{prefix}label"),
-        expression=table.text("expression", *([""] if event else [])) if kind == "expression" else "",
+        expression=table.text("expression", *([""] if table.has("event") else [])) if kind == "expression" else "",
         kind=kind,
         dead_band=float(table.number("dead_band", 0.0, 0)),
         reference=table.text("reference") if kind == "deviation" else table.text("reference", ""),
@@ -812,13 +814,17 @@ def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -
 
 
 def _event(table: Table, key: str, events: Mapping[int, str]) -> int:
-    code: int = table.whole(key, 0, 1)
-    if code and code not in events:
-        known = ", ".join(f"{number} {name}" for number, name in events.items())
-        table.note(
-            key, code, f"a code of events.toml: {known}" if known else "a machine with an event ring (plc.events)"
-        )
-    return code
+    """Code of the event that a row names by its key; 0 = it names none."""
+    if not table.has(key):
+        return 0
+    name, codes = table.raw(key), {name: code for code, name in events.items()}
+    if not isinstance(name, str) or name not in codes:
+        numbered = isinstance(name, int) and not isinstance(name, bool) and name in events
+        meant = f'the key of the event, "{events[name]}", not its number' if numbered else ""
+        known = f"the key of an event in events.toml: {one_of(sorted(codes), str(name))}"
+        table.note(key, name, (meant or known) if codes else "a machine with an event ring (plc.events)")
+        return 0
+    return codes[name]
 
 
 def text_keys(data: TypeData) -> Iterator[str]:
@@ -839,7 +845,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield condition.label
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
-    yield from plc.text_keys(kind.events, kind.reasons)
+    yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
 
 
 def holds(check: Check, options: Mapping[str, float]) -> bool:

@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo
 
 from app.alarms.definitions import PRIORITIES
 from app.alarms.engine import AlarmEngine
+from app.alarms.event_params import completed
 from app.alarms.journal import HOUR, Record
 from app.alarms.lifecycle import State
 from app.alarms.watch import SYMBOLS, Standing, spoken
@@ -177,9 +178,11 @@ class Drawing:
             if one is not None
         }
         unit = fmt.unit_symbol(found.unit, self._) if found and found.unit else ""
+        kind = self.runtime.plant.types.get(type) if self.runtime.plant else None
+        whole = completed(kind.snapshot, params) if kind else params
         plain = {
             name: fmt.number(one, fmt.shortest(one, 3), self.lang) if isinstance(one, float) else one
-            for name, one in spoken(self.texts, self.lang, type, params).items()
+            for name, one in spoken(self.texts, self.lang, type, whole).items()
         }
         return {"unit": unit, **plain, **shown}
 

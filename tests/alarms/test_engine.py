@@ -17,6 +17,7 @@ from app.db import Database
 from app.errors import Refused, StorageError
 from app.plant.definitions import Alarm, Command, Device, Equipment, EquipmentType, Kind, Plant, Point
 from app.plant.texts import Texts
+from app.records.snapshot import Field
 from app.tags.batch import Batch, Value
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import COMM_FAILURE, GOOD
@@ -31,6 +32,7 @@ TRIP = Alarm("trip", "alarm.trip.label", "status == 4", 2, alarm_class="drive", 
 BLOCKED = Alarm("blocked", "alarm.blocked.label", "status == 5", 2, alarm_class="drive", value="status")
 OPEN = Alarm("open", "alarm.open.label", "status in (4, 5, 6)", 2, alarm_class="drive", value="status")
 LOST = Alarm("communication", "alarm.lost.label", "bad(status)", 2, on_delay=3.0, off_delay=5.0, alarm_class="comm")
+SNAPSHOT = {"product": Field(0, "u32", 0, "products"), "second": Field(2, "u32", 0), "second_value": Field(4, "f32")}
 TEXTS = {
     "hr": {"alarm.hot.label": "Vruće: {value} > {limit}", "alarm.trip.label": "Ispad", "alarm.lost.label": "Veza"},
     "en": {"alarm.hot.label": "Hot: {value} > {limit}", "alarm.trip.label": "Trip", "alarm.lost.label": "Link"},
@@ -40,7 +42,9 @@ TEXTS = {
 def plant(*alarms: Alarm, machines: Sequence[str] = ("m1",)) -> Plant:
     stop = Command("stop", "command.stop", (), "status == 0", "5", stop=True)
     keys = {"t": Kind.ANALOG, "status": Kind.ENUM}
-    kind = EquipmentType("fan", Path(), "type", Device(), {}, {"stop": stop}, (), (), {}, alarms, TEXTS)
+    kind = EquipmentType(
+        "fan", Path(), "type", Device(), {}, {"stop": stop}, (), (), {}, alarms, TEXTS, snapshot=SNAPSHOT
+    )
     equipment = {}
     for id in machines:
         points = {

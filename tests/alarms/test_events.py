@@ -9,13 +9,11 @@ import pytest
 
 from app.alarms.conditions import EVENT_LATE
 from app.alarms.lifecycle import Life, State
-from app.alarms.watch import spoken
 from app.clock import ManualClock
 from app.db import Database
 from app.plant.definitions import Alarm
-from app.plant.texts import Texts
 from app.tags.quality import COMM_FAILURE
-from tests.alarms.test_engine import ANA, LOST, PRODUCT, Plot
+from tests.alarms.test_engine import ANA, LOST, Plot
 from tests.historian.rings import SECOND, Ring
 from tests.virtual import inline
 
@@ -144,14 +142,6 @@ async def test_an_event_without_a_product_names_none(plot: Plot) -> None:
     line.ring.tell(10, 8, source=2, value=2.0)
     line.deliver()
     assert [one.params["products"] for one in engine.standing()] == ["8"]
-
-
-async def test_what_was_written_down_before_alarms_named_all_their_products_names_one(plot: Plot) -> None:
-    await plot.begin(PASSED)
-    texts = Texts(PRODUCT, plot.plant)
-    assert spoken(texts, "en", "", {"product": 7})["products"] == 7
-    assert spoken(texts, "en", "", {"product": 8, "products": "7, 8"})["products"] == "7, 8"
-    assert "products" not in spoken(texts, "en", "", {"link": "line"})
 
 
 async def test_order_within_a_stop_comes_from_the_ring_not_from_polling(plot: Plot) -> None:

@@ -104,6 +104,14 @@ shift = 1
 kind = "bool"
 """,
     "events.toml": """
+[snapshot.product]
+word = 0
+type = "u32"
+none = 0
+all = "products"
+[snapshot.second]
+word = 2
+type = "u32"
 [events]
 1 = "arrived"
 20 = "jam"
@@ -147,12 +155,12 @@ timeout = 2
     "alarms.toml": """
 [jam]
 priority = 2
-event = 20
-event_clear = 21
+event = "jam"
+event_clear = "jam_over"
 source = 2
 [late]
 priority = 3
-event = 1
+event = "arrived"
 expression = "count > 4"
 on_delay = 2
 """,

@@ -11,6 +11,7 @@ from app.plant import changes, types
 from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Problem, Scan, TableMap, Type
 from app.plant.loader import LANGUAGES, read_plant
 from app.plant.texts import read_product
+from app.records.snapshot import Field
 from tests.plant.line import FILES, PLANT, write_type
 
 
@@ -40,6 +41,7 @@ def problem(folder: Path, file: str, old: str, new: str) -> Problem:
 def test_the_map_of_a_machine_is_read(tmp_path: Path) -> None:
     kind = machine(tmp_path).type
     assert kind.device.plc == PlcMap(10, (Image(0x100, 16),), Image(0x200, 8), 0x240, "state", events=True)
+    assert kind.snapshot == {"product": Field(0, "u32", 0, "products"), "second": Field(2, "u32")}
     assert (kind.events, kind.reasons) == (
         {1: "arrived", 20: "jam", 21: "jam_over"},
         {2: "wrong_state", 7: "no_such_product"},
@@ -174,7 +176,7 @@ def test_an_event_may_raise_an_alarm(tmp_path: Path) -> None:
 
 def test_a_plant_may_add_alarms_by_event(tmp_path: Path) -> None:
     row = '[[alarms]]\nequipment = "k1"\nkey = "busy"\nevent = {}\npriority = 4\nlabel = "Busy"\n'
-    assert machine(tmp_path, row.format(1)).alarms[-1].event == 1
+    assert machine(tmp_path, row.format('"arrived"')).alarms[-1].event == 1
     _, problems = load(tmp_path, PLANT + row.format(9))
     assert [(found.key, found.value) for found in problems] == [("alarms.0.event", "9")]
 
@@ -247,12 +249,39 @@ MISTAKES = [
     ("commands", 'name = "head"', 'name = "product"', "edit.arguments.1.name", "no other argument"),
     ("commands", 'name = "head"', 'name = "age"', "edit.arguments.1.name", "no word of the grammar"),
     ("commands", 'name = "head"', 'name = "Head"', "edit.arguments.1.name", "small letters"),
-    ("alarms", "event = 20", "event = 22", "jam.event", "1 arrived, 20 jam, 21 jam_over"),
-    ("alarms", "event_clear = 21", "event_clear = 22", "jam.event_clear", "20 jam"),
-    ("alarms", "event_clear = 21", "event_clear = 20", "jam.event_clear", "another event"),
-    ("alarms", "event_clear = 21", 'clear = "count == 0"', "jam.clear", "an `expression`"),
+    ("alarms", 'event = "jam"', 'event = "jamm"', "jam.event", "one of arrived, jam, jam_over (perhaps jam)"),
+    ("alarms", 'event = "jam"', "event = 20", "jam.event", 'the key of the event, "jam", not its number'),
+    (
+        "alarms",
+        'event = "jam"',
+        "event = 22",
+        "jam.event",
+        "the key of an event in events.toml: one of arrived, jam, jam_over",
+    ),
+    ("alarms", 'event = "jam"', "event = true", "jam.event", "the key of an event"),
+    ("alarms", 'event = "jam"', 'event = ["jam"]', "jam.event", "the key of an event"),
+    (
+        "alarms",
+        'event_clear = "jam_over"',
+        'event_clear = "cleared"',
+        "jam.event_clear",
+        "one of arrived, jam, jam_over",
+    ),
+    ("alarms", 'event_clear = "jam_over"', "event_clear = 21", "jam.event_clear", '"jam_over", not its number'),
+    ("alarms", 'event_clear = "jam_over"', 'event_clear = "jam"', "jam.event_clear", "another event"),
+    ("alarms", 'event_clear = "jam_over"', 'clear = "count == 0"', "jam.clear", "an `expression`"),
+    ("events", "word = 0", "word = 6", "snapshot.product.word", "from 0 to 5"),
+    ("events", "word = 0", "word = 5", "snapshot.product.word", "words within the 6 of a snapshot"),
+    ("events", "word = 0", "word = 1", "snapshot.second.word", "words that product does not use"),
+    ("events", "none = 0", "no = 0", "snapshot.product.no", "no such key"),
+    ("events", 'type = "u32"', 'type = "u64"', "snapshot.product.type", "one of u16, i16, u32, i32, f32"),
+    ("events", "none = 0", "none = 0.5", "snapshot.product.none", "a whole number"),
+    ("events", 'all = "products"', 'all = "second"', "snapshot.product.all", "a name that nothing else has"),
+    ("events", 'all = "products"', 'all = "source"', "snapshot.product.all", "a name that nothing else has"),
+    ("events", "[snapshot.second]", "[snapshot.value]", "snapshot.value", "none of event, limit, source, value"),
+    ("events", "[snapshot.second]", "[snapshot.Second]", "snapshot.Second", "small letters"),
     ("alarms", "source = 2", "source = -1", "jam.source", "from 0 to 65535"),
-    ("alarms", "event = 1\n", "source = 1\n", "late.source", "an `event`"),
+    ("alarms", 'event = "arrived"\n', "source = 1\n", "late.source", "an `event`"),
 ]
 
 
