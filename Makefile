@@ -37,6 +37,7 @@ check: setup $(VENV)/.test ## format, lint, types, import rows, templates, langu
 	$(BIN)/mypy --strict app
 	$(BIN)/lint-imports
 	$(BIN)/python tools/check_purity.py
+	$(BIN)/python tools/check_house.py
 	$(BIN)/python tools/check_texts.py
 
 fix: $(VENV)/.test ## format and sort

@@ -35,7 +35,8 @@ from sqlalchemy import Connection, Select, func, insert, select
 
 from app import chance
 from app.access.audit_buffer import Buffer, Found
-from app.access.keys import Mark, read_key, read_mark, write_mark, write_private
+from app.access.keys import Mark, read_key, read_mark, write_mark
+from app.access.private import write_private
 from app.access.roles import SYSTEM, Person
 from app.access.tables import audit_table
 from app.clock import Clock

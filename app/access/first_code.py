@@ -5,7 +5,7 @@ import logging
 from pathlib import Path
 
 from app import chance
-from app.access.keys import write_private
+from app.access.private import write_private
 
 log = logging.getLogger(__name__)
 

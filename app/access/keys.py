@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app import chance
+from app.access.private import write_private
+from app.access.restoring import finish_restore
 from app.errors import ConfigurationError
 from app.files import read_text
 
@@ -48,8 +50,6 @@ def prepare(data: Path) -> None:
     Raises:
         ConfigurationError: as `check_files`, or the folder cannot be made.
     """
-    from app.access.restoring import finish_restore  # which writes its journal with what stands below
-
     try:
         data.mkdir(parents=True, exist_ok=True, mode=0o700)
         finish_restore(data)
@@ -128,21 +128,3 @@ def write_mark(path: Path, mark: Mark | None) -> None:
     """
     line = f"mark {mark.install} {mark.seq} {mark.mac} {mark.sign}\n" if mark else ""
     write_private(path, f"{read_key(path).hex()}\n{line}")
-
-
-def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
-    """Write `text` to a file that is private from its first byte on; a reader sees the old text or the new, never half."""
-    temporary = path.with_name(f".{path.name}.{chance.token_hex(4)}")
-    handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-    if exclusive and path.exists():
-        temporary.unlink()
-    else:
-        temporary.replace(path)

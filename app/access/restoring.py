@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from app.access.keys import write_private
+from app.access.private import write_private
 from app.errors import ConfigurationError
 from app.files import read_text
 

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.access.keys import read_key, write_private
+from app.access.keys import read_key
+from app.access.private import write_private
 from app.errors import ConfigurationError, UnusableFile
 from app.files import open_ordinary, read_text
 

@@ -9,22 +9,20 @@ import asyncio
 import inspect
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from app.errors import DeviceException, LinkError
 from app.links.contract import Block
+from app.links.host_event import HostEvent
+from app.links.road import Road
 from app.links.schedule import Priority
+from app.links.station import Station
 from app.plant.definitions import Equipment, Scan
 from app.plant.events import Mark, is_new, mark_of
 from app.registers import plc_map
 from app.registers.pdu import MAX_READ, WRITE_MULTIPLE
 from app.registers.plc_map import DeviceEvent, TimeQuality
-
-if TYPE_CHECKING:
-    from app.links.road import Road
-    from app.links.station import Station
 
 log = logging.getLogger(__name__)
 
@@ -36,33 +34,6 @@ AGAIN = 1.0
 """Before events that were not taken are handed over again [s]."""
 ABSENT_TRIES = 5
 """How often a row is read that the head counts and that is not there, before it counts as lost."""
-
-
-@dataclass(frozen=True, slots=True)
-class HostEvent:
-    """One event of a device, in our time."""
-
-    sequence: int
-    time: int
-    """When it happened [µs UTC]; two of one start differ by exactly what they differ in the device's time."""
-    seen: int
-    """When it was read [µs UTC]."""
-    code: int
-    source: int
-    value: float
-    """NaN = no value."""
-    snapshot: tuple[int, ...]
-    """Raw words; what they mean is the type's."""
-    boot: int
-    """Start of the device that it belongs to."""
-
-
-OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
-"""Takes events in order, and how many were lost before the first; what it raises means: not taken."""
-LastSeen = Callable[[Equipment], Awaitable[tuple[int, int] | None] | tuple[int, int] | None]
-"""(boot, sequence) of the last event that was taken of a machine; None = nobody knows."""
-StoredUpTo = Callable[[Equipment], Mark | None]
-"""The last event of a machine that is stored wherever it belongs; None = none is."""
 
 
 class DeviceClock:
@@ -136,7 +107,7 @@ def head_of(words: Sequence[int]) -> Head | None:
 class EventReader:
     """Follows the ring of one unit."""
 
-    def __init__(self, road: "Road", station: "Station", clock: DeviceClock) -> None:
+    def __init__(self, road: Road, station: Station, clock: DeviceClock) -> None:
         self.position: int | None = None
         """Sequence of the last event that was taken; None until somebody was asked where to begin."""
         self.lost = 0

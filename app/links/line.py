@@ -8,7 +8,7 @@ from typing import Any
 from app.clock import Clock
 from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
 from app.links.contract import Block, StillOwed
-from app.links.events import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station

@@ -10,23 +10,20 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from struct import pack
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Rejected
 from app.links.contract import Block, StillOwed
+from app.links.events import DeviceClock
+from app.links.road import Road
 from app.links.schedule import Priority
+from app.links.services import SetWrite
+from app.links.station import Station
 from app.plant.definitions import Image, PlcMap, Register, Scan
 from app.registers import plc_map
 from app.registers.pdu import MAX_WRITE, WRITE_MULTIPLE
 from app.registers.plc_map import Answer, AnswerState, Request
-
-if TYPE_CHECKING:
-    from app.links.events import DeviceClock
-    from app.links.road import Road
-    from app.links.services import SetWrite
-    from app.links.station import Station
 
 UNTOLD = (5, 10, 11)
 """Refusals that do not say that nothing happened: "accepted, it will take a while", and those of a gateway."""
@@ -46,7 +43,7 @@ LARGEST_ID = 0xFFFF
 class Orders:
     """What is asked of one unit."""
 
-    def __init__(self, road: "Road", station: "Station", clock: "DeviceClock") -> None:
+    def __init__(self, road: Road, station: Station, clock: DeviceClock) -> None:
         self._road = road
         self._station = station
         self._clock = clock
@@ -106,7 +103,7 @@ class Orders:
         words = (bits & 0xFFFF, counter & 0xFFFF, *plc_map.long_words(plc_map.real(argument)))
         await self._write(plc_map.HOLD, words, urgent=urgent)
 
-    async def set(self, map: PlcMap, writes: "Sequence[SetWrite]") -> None:
+    async def set(self, map: PlcMap, writes: Sequence[SetWrite]) -> None:
         """Put `writes` into the set of setpoints and have the device take it as a whole. Returns when it is in effect.
 
         The others are as the device has them at that moment, so of two writes one after the other none is lost.

@@ -6,7 +6,7 @@ one, so a write never waits for more than the telegram on the wire.
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from app import chance
@@ -18,7 +18,7 @@ from app.links.line import Line
 from app.links.plc import PlcUnit
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
-from app.links.services import Maker, services_of
+from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import State
 from app.plant.definitions import Link, PlcMap, UnitService
@@ -61,7 +61,7 @@ TRAINING_VERSION = 1
 """Head of the training registers (reference/register-map.md): magic, flags, version, type."""
 GATEWAY = (10, 11)
 PERMANENT_CODES = (1, 7)
-KINDS: Mapping[type[UnitService], Maker] = {PlcMap: PlcUnit}
+KINDS: Mapping[type[UnitService], Callable[..., Service]] = {PlcMap: PlcUnit}
 """What a type says of a service → what serves it."""
 
 
@@ -316,4 +316,6 @@ class Outages(Line):
 
     def _prepare(self, station: Station) -> None:
         station.plan()
-        station.services = services_of(self, station, KINDS)
+        station.services = [
+            KINDS[type(definition)](self, station, definition) for definition in station.device.services
+        ]

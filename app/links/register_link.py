@@ -12,7 +12,7 @@ from typing import cast
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
 from app.links.contract import Block, Exchange, Transport
-from app.links.events import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import LastSeen, OnEvents, StoredUpTo
 from app.links.orders import merged
 from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner

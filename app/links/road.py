@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.clock import Clock
 from app.errors import LinkError
 from app.links.contract import Block
-from app.links.events import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority
 from app.links.station import Station

@@ -3,16 +3,15 @@
 A unit has a list of them, made of what its type says (`Device.services`). A new kind is one file here and one row in `KINDS` (outages.py).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from app.links.scan_block import ScanBlock
-from app.plant.definitions import Register, UnitService
+from app.plant.definitions import Register
 
-if TYPE_CHECKING:
-    from app.links.road import Road
-    from app.links.station import Station
+SetWrite = tuple[str, Register, Sequence[int]]
+"""(name of the point, its register, its words)."""
 
 
 class Seen(IntEnum):
@@ -65,7 +64,7 @@ class Service(Protocol):
         """Whether a write to `register` goes through this service: those that it takes, it takes all or none."""
         ...
 
-    async def write(self, writes: Sequence["SetWrite"]) -> None:
+    async def write(self, writes: Sequence[SetWrite]) -> None:
         """Have the device take `writes` as a whole; returns when they are in effect.
 
         Raises:
@@ -73,14 +72,3 @@ class Service(Protocol):
             LinkError: it did not arrive, or nobody knows (NoAnswer).
         """
         ...
-
-
-SetWrite = tuple[str, Register, Sequence[int]]
-"""(name of the point, its register, its words)."""
-Maker = Callable[..., Service]
-"""Builds a service of (loop around the link, unit, its definition)."""
-
-
-def services_of(road: "Road", station: "Station", kinds: Mapping[type[UnitService], Maker]) -> list[Service]:
-    """The services of a unit, in the order of its type."""
-    return [kinds[type(definition)](road, station, definition) for definition in station.device.services]

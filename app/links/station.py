@@ -4,21 +4,19 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from app.links.contract import Block
 from app.links.map_plan import plan_map
 from app.links.planner import FUNCTIONS, Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
+from app.links.services import Service
 from app.links.statistics import State
 from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
 from app.tags.batch import Batch
 from app.tags.database import TagDatabase
 from app.tags.quality import GOOD, HALTED, NOT_CONNECTED, Origin
-
-if TYPE_CHECKING:
-    from app.links.services import Service
 
 S = TypeVar("S")
 
@@ -53,7 +51,7 @@ class Station:
     """One write at a time, so that a Stop on a second connection never overtakes a start on the first."""
     stops: int = 0
     """Urgent writes so far: what was prepared before one of them is not sent after it."""
-    services: "list[Service]" = field(default_factory=list)
+    services: list[Service] = field(default_factory=list)
     """What it offers beside plain registers."""
     unreadable: tuple[Point, ...] = ()
     _unreadable_block: int = -1

@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 from math import isnan, nan
-from typing import TYPE_CHECKING
 
+from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.register_map import BACK, COLLAPSE, DOWN, EXPAND, FORWARD, GEOMETRY, UP, Block
-
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
 
 ARRIVED = 1.0
 """A positioned axis is there [mm]."""
@@ -30,7 +27,7 @@ class Wish:
         return self.movement in (FORWARD, BACK)
 
 
-def jogged(car: "VirtualCoilCar") -> Wish | None:
+def jogged(car: InterlockedCar) -> Wish | None:
     """Of hold-to-run; two bits at a time are none."""
     bits = car.hold & (1 << EXPAND + 2) - 1
     if not bits or bits & bits - 1:
@@ -39,7 +36,7 @@ def jogged(car: "VirtualCoilCar") -> Wish | None:
     return Wish(movement, car.values["manual_horizontal" if movement in (FORWARD, BACK) else "manual_vertical"])
 
 
-def wish_of(car: "VirtualCoilCar", action: str) -> Wish:
+def wish_of(car: InterlockedCar, action: str) -> Wish:
     """Of an action (`ACTIONS`)."""
     machine, m = car.machine, car.geometry
     if action == "expand":
@@ -62,7 +59,7 @@ def wish_of(car: "VirtualCoilCar", action: str) -> Wish:
     return Wish(UP if target >= machine.v else DOWN, car.values["automatic_vertical"], target)
 
 
-def block_of(car: "VirtualCoilCar", wish: Wish) -> Block:
+def block_of(car: InterlockedCar, wish: Wish) -> Block:
     """Why it cannot be done; an axis that can go on for a part of its way, but not to the end, is blocked as well."""
     if wish.block:
         return wish.block
@@ -80,7 +77,7 @@ def block_of(car: "VirtualCoilCar", wish: Wish) -> Block:
     return Block.FREE
 
 
-def is_there(car: "VirtualCoilCar", wish: Wish) -> bool:
+def is_there(car: InterlockedCar, wish: Wish) -> bool:
     """It is done."""
     machine = car.machine
     if wish.movement == EXPAND:

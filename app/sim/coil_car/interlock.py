@@ -1,60 +1,16 @@
 """What holds the coil car back: obstacles that its positions must keep away from, the way that is left, and why a movement is blocked."""
 
-from dataclasses import dataclass, replace
-from math import inf, nan
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from math import inf
 
-from app.blocks.s_ramp import SRamp
 from app.sim.coil_car.machine import BRAKE_X, CORRIDOR, LOWERED, MARGIN, RISE, TOUCH, Obstacle
 from app.sim.coil_car.register_map import BACK, DOWN, EXPAND, FORWARD, UP, WIND, Block
+from app.sim.coil_car.state import DEPTH, CarState
 
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
-
-MORE_ROOM = 5.0
-"""A positioning that brakes goes on when there is this much more room [mm]."""
 AT_REST = 1.0
 """A movement that has less room than this is blocked [mm]."""
-DEPTH = 0.5
-"""What a position may lie inside an obstacle of the interlock before it counts [mm]."""
 IMPLAUSIBLE = 3.0
 """A limit switch contradicts the position by more than this [mm]."""
-
-
-class Axis:
-    """One axis: its ramp and whether it is braking."""
-
-    __slots__ = ("braking", "cut", "ramp", "target")
-
-    def __init__(self, acceleration: float, jerk: float) -> None:
-        self.ramp = SRamp(acceleration, jerk)
-        self.braking = False
-        """A positioning that has begun to brake goes on to brake."""
-        self.cut = False
-        """The brake holds until the axis stands."""
-        self.target = nan
-        """[mm]"""
-
-    def go(self, way: int, speed: float, room: float, dt: float) -> None:
-        """One scan `way` (+1 or −1) at up to `speed` [mm/s] without coming to a stop beyond `room` [mm]."""
-        ramp = self.ramp
-        if not self.braking or ramp.stop_distance() * way < room - MORE_ROOM:
-            trial = replace(ramp)
-            out = trial.step(way * speed, dt)
-            if ((ramp.speed + trial.speed) / 2 * dt + out.stop_distance) * way <= room:
-                ramp.speed, ramp.acceleration = trial.speed, trial.acceleration
-                self.braking = False
-                return
-        self.braking = True
-        self.stop(dt)
-
-    def stop(self, dt: float) -> None:
-        """One scan of the ramp to standstill."""
-        ramp = self.ramp
-        if ramp.speed or ramp.acceleration:
-            ramp.step(0.0, dt)
-        else:
-            self.braking = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +26,7 @@ class Way:
 class Interlock:
     """Judges for one car; what it found holds until something has moved."""
 
-    def __init__(self, car: "VirtualCoilCar") -> None:
+    def __init__(self, car: CarState) -> None:
         self._car = car
         self._blocks: dict[int, Block] = {}
         self._rectangles: list[Obstacle] | None = None
@@ -259,3 +215,9 @@ class Interlock:
 def _braking(speed: float) -> float:
     """Way to a stop of a car that moves back at `speed` [mm/s], not less than with its brake [mm]."""
     return speed * speed / (2 * BRAKE_X) if speed < 0 else 0.0
+
+
+class InterlockedCar(CarState):
+    """What the PLC knows of its line, with what holds the car back."""
+
+    interlock: Interlock

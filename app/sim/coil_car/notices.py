@@ -1,18 +1,15 @@
 """What the coil car's PLC tells of its line: everything that has changed since the last scan, as events."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.register_map import Event
-
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
 
 
 class Notices:
     """What was seen of one line in the last scan."""
 
-    def __init__(self, car: "VirtualCoilCar") -> None:
+    def __init__(self, car: InterlockedCar) -> None:
         self._car = car
         self._seen: dict[str, float] = {}
 

@@ -1,16 +1,13 @@
 """States that a test of a sequence puts the coil car's line into (`given` and `set`)."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.machine import Hit
 from app.sim.coil_car.register_map import PRESETS, Fault, Mode
 
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
 
-
-def put(car: "VirtualCoilCar", values: Mapping[str, float]) -> None:
+def put(car: InterlockedCar, values: Mapping[str, float]) -> None:
     """Put the line into a state, as `given` and `set` of a test do (`PRESETS`); all of them or none.
 
     Raises:
@@ -33,18 +30,16 @@ def put(car: "VirtualCoilCar", values: Mapping[str, float]) -> None:
         machine.saddles, machine.finished, machine.winding = before[6], before[7], before[8]
         said = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         raise ValueError(f"preset {said}: there the car touches the {kind}")
-    car.notices.take_stock()
     car.choose_target()
     car.interlock.renew()
-    car._cached.clear()
 
 
-def _picture(car: "VirtualCoilCar") -> tuple[Hit, float, float, float, float, float, list[float], bool, bool]:
+def _picture(car: InterlockedCar) -> tuple[Hit, float, float, float, float, float, list[float], bool, bool]:
     m = car.machine
     return m.hit, m.x, m.v, m.coil, m.load, m.expansion, list(m.saddles), m.finished, m.winding
 
 
-def _put(car: "VirtualCoilCar", name: str, value: float) -> None:
+def _put(car: InterlockedCar, name: str, value: float) -> None:
     machine = car.machine
     if name == "mode":
         car.mode, car.fault = Mode(int(value)), Fault.NONE

@@ -22,7 +22,8 @@ from app.registers.plc_map import AnswerState, Request
 from app.sim import training
 from app.sim.coil_car import presets, signals
 from app.sim.coil_car.actions import ARRIVED, Wish, block_of, is_there, jogged, wish_of
-from app.sim.coil_car.interlock import DEPTH, Axis, Interlock
+from app.sim.coil_car.axis import Axis
+from app.sim.coil_car.interlock import Interlock, InterlockedCar
 from app.sim.coil_car.machine import FAULTS, HOST_OFF, CoilCar, Geometry, Hit
 from app.sim.coil_car.notices import Notices
 from app.sim.coil_car.recoiler import Recoiler
@@ -50,17 +51,16 @@ from app.sim.coil_car.register_map import (
     Fault,
     Mode,
     Reason,
-    State,
     checked_settings,
 )
-from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict, VirtualPlc
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
 from app.sim.plc import rejected as no
 
 STUCK_AFTER = 6.0
 """The mandrel must have arrived in this time [s]."""
 
 
-class VirtualCoilCar(VirtualPlc):
+class VirtualCoilCar(InterlockedCar):
     """The PLC of one coil-car line."""
 
     type = "coil_car"
@@ -68,29 +68,6 @@ class VirtualCoilCar(VirtualPlc):
     signals: Sequence[str] = SIGNALS
     actions: Sequence[str] = ACTIONS
 
-    machine: CoilCar
-    """The line as it really is; only tests and screens of the class room look here."""
-    mode: Mode
-    fault: Fault
-    action: int
-    """Number in `ACTIONS`, from 1; 0 = none."""
-    action_state: ActionState
-    target_selected: int
-    coils_done: int
-    coils_wound: int
-    target: int
-    """Saddle."""
-    horizontal: Axis
-    vertical: Axis
-    mandrel_drive: int
-    """Way that the mandrel is driven now: 1 expands, −1 collapses."""
-    held_back: Block
-    """What holds back what is asked now."""
-    stopping: bool
-    """A stop is not over."""
-    preset_diameter: float
-    """Of the coils that presets put [mm]."""
-    interlock: Interlock
     notices: Notices
     recoiler: Recoiler
     _asked: tuple[str, ...]
@@ -128,8 +105,6 @@ class VirtualCoilCar(VirtualPlc):
             if not low <= value <= high:
                 raise ValueError(f"{name} = {value:g}: expected {low:g} to {high:g}")
         given = checked_settings(dict(settings or {}))
-        self.interlocks = True
-        """Only a test that wants to see collisions switches them off."""
         self._start_in, self._coil_there = STARTS[start], coil
         self._growth, self._crane = growth, crane
         super().__init__(
@@ -178,6 +153,7 @@ class VirtualCoilCar(VirtualPlc):
             ValueError: no such preset, a value out of its range, or values that would have the car touch something.
         """
         presets.put(self, values)
+        self.notices.take_stock()
         self._cached.clear()
 
     # ---- one scan
@@ -239,54 +215,6 @@ class VirtualCoilCar(VirtualPlc):
             self.event(Event.HOST_SILENT if silent else Event.HOST_BACK)
             if silent:
                 self.mode = Mode.OFF
-
-    # ---- where it is, where it shall go
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """Settings in effect, by name."""
-        return self._values
-
-    def choose_target(self) -> None:
-        """The saddle that is selected, else the farthest that a coil can be laid on."""
-        machine, measures = self.machine, self.geometry
-        if self.target_selected:
-            self.target = self.target_selected
-            return
-        # Who stands at a saddle is at it, also when the coil lies there: the next target is that of who drives away.
-        if self.target and (self.is_free(self.target) if machine.load else self.is_at(measures.saddle(self.target))):
-            return
-        free = [n for n in (1, 2, 3) if self.is_free(n)]
-        self.target = free[0] if free else 1
-
-    def is_free(self, number: int) -> bool:
-        """Whether a coil can be laid on saddle `number`: it is empty and so are those before it."""
-        return number > 0 and not any(self.machine.saddles[n - 1] for n in range(number, SADDLES + 1))
-
-    def can_lay(self) -> bool:
-        """Whether there is a saddle for the coil on the car, or for the next one."""
-        if self.machine.load or self.target_selected:
-            return self.is_free(self.target)
-        return self.is_free(SADDLES)
-
-    def is_at(self, position: float) -> bool:
-        """The car is at `position` [mm]."""
-        return abs(self.machine.x - position) <= self.geometry.position_tolerance + DEPTH
-
-    @property
-    def standing_x(self) -> bool:
-        """The car stands."""
-        return not (self.machine.speed_x or self.horizontal.ramp.speed or self.horizontal.ramp.acceleration)
-
-    @property
-    def standing_v(self) -> bool:
-        """Its table stands."""
-        return not (self.machine.speed_v or self.vertical.ramp.speed or self.vertical.ramp.acceleration)
-
-    @property
-    def moving(self) -> bool:
-        """Whether anything of the car or the mandrel moves."""
-        return not (self.standing_x and self.standing_v and not self.mandrel_drive)
 
     # ---- movements
 
@@ -405,20 +333,6 @@ class VirtualCoilCar(VirtualPlc):
             self.action_state = ActionState.RUNNING
 
     # ---- commands
-
-    @property
-    def state(self) -> int:
-        """State word."""
-        if self.machine.emergency_stop or self.fault is Fault.EMERGENCY_STOP:
-            return State.EMERGENCY_STOP
-        if self.fault:
-            return State.HELD
-        moving = self.moving
-        if self.mode is Mode.AUTOMATIC and not self.stopping:
-            return State.AUTOMATIC_MOVING if moving else State.AUTOMATIC
-        if self.mode is Mode.MANUAL and not self.stopping:
-            return State.MANUAL_MOVING if moving else State.MANUAL
-        return State.STOPPING if moving else State.OFF
 
     def _execute(self, request: Request) -> Verdict:
         code, first = request.code, request.arguments[0]

@@ -1,17 +1,13 @@
 """The recoiler of the coil car's line by itself: it expands its mandrel and winds."""
 
-from typing import TYPE_CHECKING
-
+from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.register_map import EXPAND, WIND, Block, Mode
-
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
 
 
 class Recoiler:
     """Winds when it is told to, and in automatic by itself."""
 
-    def __init__(self, car: "VirtualCoilCar") -> None:
+    def __init__(self, car: InterlockedCar) -> None:
         self._car = car
         self.wind = False
         """It was told to begin."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from math import nan
 from struct import pack
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.machine import LOWERED, MEASURES, RISE, CoilCar, Geometry, Hit
 from app.sim.coil_car.register_map import (
     BITS,
@@ -23,11 +23,8 @@ from app.sim.coil_car.register_map import (
     Mode,
 )
 
-if TYPE_CHECKING:
-    from app.sim.coil_car.program import VirtualCoilCar
 
-
-def name_signals(car: "VirtualCoilCar") -> Mapping[str, Callable[[], float]]:
+def name_signals(car: InterlockedCar) -> Mapping[str, Callable[[], float]]:
     """What a point's value is, by name."""
     c, m = car.geometry, car.machine
     getters: dict[str, Callable[[], float]] = {
@@ -125,11 +122,11 @@ def configuration(geometry: Geometry) -> bytes:
     return packed.ljust(2 * (CONFIGURATION_WORDS - 2), b"\0")
 
 
-def _block(car: "VirtualCoilCar", movement: int) -> tuple[Callable[[], float], Callable[[], float]]:
+def _block(car: InterlockedCar, movement: int) -> tuple[Callable[[], float], Callable[[], float]]:
     return lambda: car.interlock.block(movement) is not Block.FREE, lambda: car.interlock.block(movement)
 
 
-def _setting(car: "VirtualCoilCar", name: str) -> Callable[[], float]:
+def _setting(car: InterlockedCar, name: str) -> Callable[[], float]:
     return lambda: car.values[name]
 
 

@@ -1,33 +1,15 @@
 """What the conveyor's PLC shows: status and configuration image, and the rows of the product table, packed as the map says."""
 
-from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING
 
 from app.blocks.mode_control import Mode
 from app.sim import training
 from app.sim.conveyor.machine import BELTS, SENSORS
 from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, ROW_IMAGE, STATUS_IMAGE
-
-if TYPE_CHECKING:
-    from app.sim.conveyor.program import VirtualConveyor
+from app.sim.conveyor.state import LineState
 
 
-@dataclass(slots=True)
-class FirstOut:
-    """What stopped the line first."""
-
-    code: int = 0
-    source: int = 0
-    rear: int = 0
-    front: int = 0
-    time: int = 0
-    value: float = 0.0
-    ended: int = 0
-    """When it ended by itself; 0 = it has not."""
-
-
-def status(plc: "VirtualConveyor") -> bytes:
+def status(plc: LineState) -> bytes:
     """The status image."""
     follow, machine, first = plc.tracking, plc.machine, plc.first_out
     gap = follow.gap
@@ -86,7 +68,7 @@ def status(plc: "VirtualConveyor") -> bytes:
     )
 
 
-def configuration(plc: "VirtualConveyor") -> bytes:
+def configuration(plc: LineState) -> bytes:
     """The configuration image."""
     measures = plc.geometry
     return CONFIGURATION_IMAGE.pack(
@@ -106,7 +88,7 @@ def configuration(plc: "VirtualConveyor") -> bytes:
     )
 
 
-def row(plc: "VirtualConveyor", slot: int) -> bytes:
+def row(plc: LineState, slot: int) -> bytes:
     """The row of a slot of the product table."""
     product = plc.tracking.slots[slot]
     mark = plc.generation
@@ -130,7 +112,7 @@ def row(plc: "VirtualConveyor", slot: int) -> bytes:
     )
 
 
-def _facts(plc: "VirtualConveyor") -> int:
+def _facts(plc: LineState) -> int:
     return _bits(
         plc.modes.mode is Mode.AUTOMATIC,
         plc.moving,
@@ -146,7 +128,7 @@ def _facts(plc: "VirtualConveyor") -> int:
     )
 
 
-def _alarms(plc: "VirtualConveyor") -> int:
+def _alarms(plc: LineState) -> int:
     faults = plc.tracking.sensor_faults
     return _bits(
         *(belt.jammed for belt in plc.belts),

@@ -33,7 +33,6 @@ from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim import training
 from app.sim.conveyor import images
 from app.sim.conveyor.belt import Belt, Finding
-from app.sim.conveyor.images import FirstOut
 from app.sim.conveyor.machine import BELTS, EMERGENCY_STOP, FAULTS, HOST_OFF, SENSORS, Conveyor, Geometry
 from app.sim.conveyor.plausibility import Doubts, doubt_belt, slip_of
 from app.sim.conveyor.register_map import (
@@ -51,11 +50,11 @@ from app.sim.conveyor.register_map import (
     Event,
     Reason,
     Source,
-    State,
     require_settings,
     words_of,
 )
-from app.sim.plc import EVENT_CAPACITY, Image, Setting, Table, Verdict, VirtualPlc
+from app.sim.conveyor.state import FirstOut, LineState
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Table, Verdict
 from app.sim.plc import rejected as no
 
 SELECTIONS = (Source.NONE, Source.STOP, Source.GAP, Source.UNLOADING, Source.MANUAL, Source.AUTOMATIC)
@@ -64,21 +63,12 @@ FORGOTTEN = 10_000_000
 """A first-out that ended by itself is shown for so long [µs]."""
 
 
-class VirtualConveyor(VirtualPlc):
+class VirtualConveyor(LineState):
     """The PLC of one line."""
 
     type = "conveyor"
     TYPE_CODE = training.TYPE_CODES["conveyor"]
 
-    machine: Conveyor
-    """The line as it really is; only tests and screens of the class room look here."""
-    tracking: ProductTracking
-    belts: tuple[Belt, ...]
-    modes: ModeControl
-    first_out: FirstOut
-    moving: bool
-    pressed: bool
-    """The emergency stop is."""
     _setpoints: list[float]
     """Of the drives [%]."""
     _enabled: bool
@@ -90,12 +80,7 @@ class VirtualConveyor(VirtualPlc):
     _start: bool
     _start_automatic: bool
     _select_manual: bool
-    _stopping: bool
-    _held: bool
-    """After an emergency stop, until reset."""
-    _faulty: bool
     _silent: bool
-    _direction: int
     _gap_age: float
     _doubts: Doubts
     _restart_speed: float
@@ -329,28 +314,6 @@ class VirtualConveyor(VirtualPlc):
             self._setpoints[number] = ramp.speed
 
     # ---- commands
-
-    @property
-    def state(self) -> int:
-        """State word."""
-        if self._held:
-            return State.EMERGENCY_STOP
-        if self._faulty:
-            return State.FAULT
-        if self.tracking.gap_stop:
-            return State.GAP
-        if self._stopping:
-            return State.STOPPING
-        if self.modes.mode is Mode.AUTOMATIC:
-            return State.AUTOMATIC if all(belt.target for belt in self.belts) else State.WAITING
-        if self.moving:
-            return State.MANUAL if self._direction else State.STOPPING
-        return State.STOPPED
-
-    @property
-    def stop_active(self) -> bool:
-        """Something holds the line, or is about to."""
-        return self._stopping or self._held or self._faulty
 
     def _execute(self, request: Request) -> Verdict:
         code, first = request.code, request.arguments[0]

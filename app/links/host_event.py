@@ -1,0 +1,34 @@
+"""An event of a device as the host has it, and who takes events: the link hands them over, the house says how far they are stored."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+
+from app.plant.definitions import Equipment
+from app.plant.events import Mark
+
+
+@dataclass(frozen=True, slots=True)
+class HostEvent:
+    """One event of a device, in our time."""
+
+    sequence: int
+    time: int
+    """When it happened [µs UTC]; two of one start differ by exactly what they differ in the device's time."""
+    seen: int
+    """When it was read [µs UTC]."""
+    code: int
+    source: int
+    value: float
+    """NaN = no value."""
+    snapshot: tuple[int, ...]
+    """Raw words; what they mean is the type's."""
+    boot: int
+    """Start of the device that it belongs to."""
+
+
+OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
+"""Takes events in order, and how many were lost before the first; what it raises means: not taken."""
+LastSeen = Callable[[Equipment], Awaitable[tuple[int, int] | None] | tuple[int, int] | None]
+"""(boot, sequence) of the last event that was taken of a machine; None = nobody knows."""
+StoredUpTo = Callable[[Equipment], Mark | None]
+"""The last event of a machine that is stored wherever it belongs; None = none is."""

@@ -1,0 +1,45 @@
+"""One axis of the coil car: positioned by an S-ramp, with a brake."""
+
+from dataclasses import replace
+from math import nan
+
+from app.blocks.s_ramp import SRamp
+
+MORE_ROOM = 5.0
+"""A positioning that brakes goes on when there is this much more room [mm]."""
+
+
+class Axis:
+    """One axis: its ramp and whether it is braking."""
+
+    __slots__ = ("braking", "cut", "ramp", "target")
+
+    def __init__(self, acceleration: float, jerk: float) -> None:
+        self.ramp = SRamp(acceleration, jerk)
+        self.braking = False
+        """A positioning that has begun to brake goes on to brake."""
+        self.cut = False
+        """The brake holds until the axis stands."""
+        self.target = nan
+        """[mm]"""
+
+    def go(self, way: int, speed: float, room: float, dt: float) -> None:
+        """One scan `way` (+1 or −1) at up to `speed` [mm/s] without coming to a stop beyond `room` [mm]."""
+        ramp = self.ramp
+        if not self.braking or ramp.stop_distance() * way < room - MORE_ROOM:
+            trial = replace(ramp)
+            out = trial.step(way * speed, dt)
+            if ((ramp.speed + trial.speed) / 2 * dt + out.stop_distance) * way <= room:
+                ramp.speed, ramp.acceleration = trial.speed, trial.acceleration
+                self.braking = False
+                return
+        self.braking = True
+        self.stop(dt)
+
+    def stop(self, dt: float) -> None:
+        """One scan of the ramp to standstill."""
+        ramp = self.ramp
+        if ramp.speed or ramp.acceleration:
+            ramp.step(0.0, dt)
+        else:
+            self.braking = False

@@ -1,0 +1,68 @@
+"""What the conveyor's PLC knows of its line, as its images show it."""
+
+from dataclasses import dataclass
+
+from app.blocks import product_tracking as tracking
+from app.blocks.mode_control import Mode, ModeControl
+from app.blocks.product_tracking import ProductTracking
+from app.sim.conveyor.belt import Belt
+from app.sim.conveyor.machine import Conveyor, Geometry
+from app.sim.conveyor.register_map import State
+from app.sim.plc import VirtualPlc
+
+
+@dataclass(slots=True)
+class FirstOut:
+    """What stopped the line first."""
+
+    code: int = 0
+    source: int = 0
+    rear: int = 0
+    front: int = 0
+    time: int = 0
+    value: float = 0.0
+    ended: int = 0
+    """When it ended by itself; 0 = it has not."""
+
+
+class LineState(VirtualPlc):
+    """State of one line; what happens to it is decided in `program`."""
+
+    geometry: Geometry
+    line: tracking.Line
+    machine: Conveyor
+    """The line as it really is; only tests and screens of the class room look here."""
+    tracking: ProductTracking
+    belts: tuple[Belt, ...]
+    modes: ModeControl
+    first_out: FirstOut
+    moving: bool
+    pressed: bool
+    """The emergency stop is."""
+    _stopping: bool
+    _held: bool
+    """After an emergency stop, until reset."""
+    _faulty: bool
+    _direction: int
+
+    @property
+    def state(self) -> int:
+        """State word."""
+        if self._held:
+            return State.EMERGENCY_STOP
+        if self._faulty:
+            return State.FAULT
+        if self.tracking.gap_stop:
+            return State.GAP
+        if self._stopping:
+            return State.STOPPING
+        if self.modes.mode is Mode.AUTOMATIC:
+            return State.AUTOMATIC if all(belt.target for belt in self.belts) else State.WAITING
+        if self.moving:
+            return State.MANUAL if self._direction else State.STOPPING
+        return State.STOPPED
+
+    @property
+    def stop_active(self) -> bool:
+        """Something holds the line, or is about to."""
+        return self._stopping or self._held or self._faulty
