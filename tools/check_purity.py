@@ -16,6 +16,7 @@ FORBIDDEN = {"fastapi", "starlette", "sqlalchemy", "pymodbus", "asyncio", "jinja
 PURE = (
     "app/blocks/**/*.py",
     "app/profidrive/**/*.py",
+    "app/equipment/**/*.py",
     "app/records/**/*.py",
     "app/registers/**/*.py",
     "app/sim/**/*.py",

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+from app.records.kind import Kind as RecordKind
 from app.records.snapshot import Layout
 from app.registers.register import Order as Order
 from app.registers.register import Register as Register
@@ -353,6 +354,8 @@ class EquipmentType:
     """What a sequence may ask of such a machine."""
     simulation_presets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """What a test of a sequence may set on the simulated machine → least and greatest value."""
+    records: Mapping[str, RecordKind] = field(default_factory=dict)
+    """What it keeps of its history, by name, in the order of records.toml."""
 
 
 @dataclass(frozen=True, slots=True)

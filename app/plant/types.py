@@ -2,7 +2,8 @@
 
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
 (each is a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`;
-`texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py).
+`texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py), `records.toml`
+(plant/record_kinds.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import ConfigurationError
-from app.plant import expression, plc
+from app.plant import expression, plc, record_kinds
 from app.plant.definitions import (
     Alarm,
     Argument,
@@ -51,6 +52,8 @@ from app.plant.tables import MISSING, NONE, Source, Table, one_of
 from app.registers.plc_map import TABLE_HEAD
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
+PACKAGE = "app.equipment"
+"""Where the Python of a type is imported from."""
 KEY = r"[a-z][a-z0-9_]*"
 WORDS: Mapping[Type, int] = {
     Type.U16: 1,
@@ -170,6 +173,9 @@ class _TypeReader:
         self.events, reasons = plc.read_names(names, "events"), plc.read_names(names, "reasons")
         snapshot = plc.read_snapshot(names)
         names.done()
+        kinds = record_kinds.read_kinds(
+            self._file("records.toml", optional=True), self.folder, PACKAGE, self.events, list(snapshot)
+        )
         for key, table in self._file("points.toml").tables():
             self._point(key, table)
         tables, columns = self._tables(self._file("tables.toml", optional=True))
@@ -219,6 +225,7 @@ class _TypeReader:
             sequence=sequence,
             actions=actions,
             simulation_presets=simulation_presets,
+            records=kinds,
         )
         return TypeData(
             kind,
@@ -846,6 +853,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
+    yield from record_kinds.text_keys(kind.records)
 
 
 def holds(check: Check, options: Mapping[str, float]) -> bool:

@@ -218,7 +218,9 @@ def test_every_text_key_of_the_data_exists_in_every_language(kind: EquipmentType
     wanted = set(types.text_keys(_data)) | {"area", *(setpoint.group for setpoint in kind.setpoints.values())}
     for language in LANGUAGES:
         assert wanted - product - set(kind.texts[language]) == set(), language
-        assert set(kind.texts[language]) - wanted == set(), f"{language}: nobody asks for these"
+        assert {key for key in kind.texts[language] if ".page." not in key} - wanted == set(), (
+            f"{language}: nobody asks for these"
+        )
 
 
 SAME = {

@@ -1,0 +1,1 @@
+"""A sequence of the plant that a device runs step by step."""

@@ -1,0 +1,305 @@
+"""Record kinds of an equipment type: records.toml, and the functions of the type's own records.py that bear a kind's name.
+
+Events stand in records.toml by their keys of events.toml, `"all"` means any.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from app.plant.tables import MISSING, REQUIRED, Table, one_of
+from app.records.kind import (
+    SOURCES,
+    Column,
+    End,
+    Field,
+    Filter,
+    Hooks,
+    Kind,
+    Order,
+    Parts,
+    Pause,
+    Repeat,
+    Rule,
+    Type,
+    Verb,
+    When,
+)
+from app.records.record import OPEN, UNKNOWN
+
+PYTHON = "records.py"
+KEY = r"[a-z][a-z0-9_]*"
+HOOKS = ("number", "belongs", "fold", "detail")
+SAID = ("value", "source", "time")
+"""What every event says beside the words of its snapshot."""
+SECONDS = ("elapsed", "value", "unknown")
+LISTED = ("begun", "ended", *(one for one in SOURCES if "." not in one))
+"""What a column of the list may show beside the fields."""
+DEFAULT = ("begun", "equipment", "outcome", "duration")
+COMMON = ("equipment", "outcome", "duration", "alarms", "person", "reason", "definition", "ended", "missed")
+"""Columns that are called the same whatever the kind: `records.<column>`."""
+OPEN_CHOICE = ("any", "choice", "alarm")
+"""Filters that offer: whatever it is."""
+HOW = ("is", "above", "any", "choice", "alarm")
+REPEATED = ("time", "value", "seconds")
+MOST_REPEATED = 200
+ALL = "all"
+
+
+def read_kinds(
+    file: Table, folder: Path, package: str, events: Mapping[int, str], words: Sequence[str]
+) -> dict[str, Kind]:
+    """The kinds that `file` declares, in its order.
+
+    `events`: codes of events.toml; `words`: names of what a snapshot says; `package`: where records.py is imported from.
+    """
+    python = import_module(f"{package}.{folder.name}.records") if file.data and (folder / PYTHON).is_file() else None
+    codes = {key: code for code, key in events.items()}
+    found = {name: _KindReader(name, table, codes, words, _hooks(python, name)).read() for name, table in file.tables()}
+    for name, kind in found.items():
+        for one in kind.fields.values():
+            if one.overlapping and one.overlapping not in found:
+                file.note(f"{name}.fields.{one.name}.overlapping", one.overlapping, one_of(list(found)))
+    file.done()
+    return found
+
+
+def text_keys(kinds: Mapping[str, Kind]) -> Iterator[str]:
+    """Every text that these kinds ask for."""
+    for kind in kinds.values():
+        of = f"record.{kind.name}"
+        yield from (f"{of}.{key}" for key in ("title", "none", "choose", "hint", "unseen"))
+        yield from (f"{of}.outcome.{one}" for one in kind.outcomes)
+        yield from (f"{of}.column.{one}" for one in {*kind.columns, *kind.details} - set(COMMON))
+        for one in kind.filters.values():
+            yield f"{of}.filter.{one.name}"
+            if one.how in OPEN_CHOICE:
+                yield f"{of}.any.{one.name}"
+        repeated = kind.repeat.columns if kind.repeat else ()
+        yield from (f"{of}.csv.{header(column.name)}" for column in (*kind.csv, *repeated))
+        yield from (f"{of}.{one.name}.{word}" for one in kind.fields.values() for word in one.words)
+
+
+def header(column: str) -> str:
+    """Key of the text of a column: `s{n}_utc` is `s_n_utc`."""
+    return column.replace("{n}", "_n").replace("__", "_")
+
+
+def _hooks(python: ModuleType | None, kind: str) -> Hooks:
+    return Hooks(**{name: getattr(python, f"{kind}_{name}", None) for name in HOOKS})
+
+
+class _KindReader:
+    def __init__(self, name: str, table: Table, codes: Mapping[str, int], words: Sequence[str], hooks: Hooks) -> None:
+        self.name, self.table, self.codes, self.words, self.hooks = name, table, codes, words, hooks
+
+    def read(self) -> Kind:
+        table = self.table
+        if not codes_named(self.name):
+            table.note("", self.name, "a name of small letters, digits and _")
+        also = table.table("also")
+        ends = tuple(self._ends())
+        fields = {key: self._field(key, row) for key, row in table.tables("fields")}
+        reopen = table.table("reopen")
+        csv = table.table("csv")
+        lasts = table.text("lasts", "")
+        if lasts:
+            self._of(table, "lasts", lasts)
+        kind = Kind(
+            name=self.name,
+            begin=self._events(table, "begin", required=True) or frozenset(),
+            number=self._word(table, "number"),
+            only=self._events(table, "only") if table.has("only") else None,
+            implied=self._events(table, "implied"),
+            found=self._events(table, "found") or frozenset(),
+            also=self._word(also, "word"),
+            shared=self._events(also, "events") or frozenset(),
+            late=float(table.number("late", 0.0, 0, 86_400)),
+            ends=ends,
+            restart=self._events(table, "restart") or frozenset(),
+            displaced=table.text("displaced", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
+            reopen={key: self._events(reopen, key) or frozenset() for key in reopen.data},
+            order=self._order(),
+            lasts=lasts,
+            expired=table.text("expired", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
+            parts=Parts(*pair) if (pair := self._pair("parts")) else None,
+            pause=Pause(*pair) if (pair := self._pair("pause")) else None,
+            alarms=table.flag("alarms"),
+            definition=table.flag("definition"),
+            fields=fields,
+            key=self._field_name("key", fields),
+            value=self._field_name("value", fields),
+            columns=tuple(self._columns("columns", fields, DEFAULT)),
+            details=tuple(self._columns("details", fields, DEFAULT)),
+            filters={key: self._filter(key, row, fields) for key, row in table.tables("filters")},
+            csv=tuple(self._csv(csv, fields)),
+            repeat=self._repeat(csv),
+            title=csv.text("title", self.name),
+            file=csv.text("file", self.name),
+            hooks=self.hooks,
+        )
+        for name, tables in (("also", also), ("reopen", reopen), ("csv", csv)):
+            if table.has(name):
+                tables.done()
+        for index, end in enumerate(ends):
+            for outcome in end.after - set(kind.outcomes):
+                table.note(f"end.{index}.after", outcome, one_of(kind.outcomes, outcome))
+        for outcome in set(kind.reopen) - set(kind.outcomes):
+            table.note(f"reopen.{outcome}", outcome, one_of(kind.outcomes, outcome))
+        table.done()
+        return kind
+
+    # ---- events and words -------------------------------------------------------------------------------
+
+    def _events(self, table: Table, key: str, *, required: bool = False) -> frozenset[int] | None:
+        """Codes of the events that stand at `key`; None for all of them."""
+        if table.raw(key) == ALL and not required:
+            return None
+        found = set()
+        for index, one in enumerate(table.items(key, REQUIRED if required else [], "a list of events")):
+            if one in self.codes:
+                found.add(self.codes[one])
+            else:
+                table.note(f"{key}.{index}", one, "an event of events.toml: " + one_of(list(self.codes), one))
+        if required and not found:
+            table.note(key, table.raw(key, MISSING), "at least one event")
+        return frozenset(found)
+
+    def _when(self, table: Table) -> When:
+        value = table.number("value", None) if table.has("value") else None
+        return When(
+            self._events(table, "events", required=True) or frozenset(),
+            table.whole("source") if table.has("source") else None,
+            None if value is None else float(value),
+        )
+
+    def _word(self, table: Table, key: str) -> str:
+        word = table.text(key, "")
+        if word and word not in self.words:
+            table.note(key, word, "a word of the snapshot in events.toml: " + one_of(self.words, word))
+        return word
+
+    def _of(self, table: Table, key: str, of: str) -> None:
+        if of not in SAID and of not in self.words:
+            table.note(key, of, one_of([*SAID, *self.words], of))
+
+    def _pair(self, key: str) -> tuple[frozenset[int], frozenset[int]] | None:
+        table = self.table.table(key)
+        if not self.table.has(key):
+            return None
+        found = [self._events(table, name, required=True) or frozenset() for name in ("begin", "end")]
+        table.done()
+        return found[0], found[1]
+
+    def _order(self) -> Order | None:
+        table = self.table.table("order")
+        if not self.table.has("order"):
+            return None
+        found = [self._events(table, name, required=True) or frozenset() for name in ("begun", "ended")]
+        table.done()
+        return Order(found[0], found[1])
+
+    # ---- ends and fields --------------------------------------------------------------------------------
+
+    def _ends(self) -> list[End]:
+        found = []
+        for row in self.table.rows("end"):
+            end = End(
+                row.text("outcome", pattern=KEY, expected="a key of small letters, digits and _"),
+                self._when(row),
+                frozenset(map(str, row.items("after", [OPEN], "a list of outcomes"))),
+                row.text("seconds", SECONDS[0], choices=SECONDS),
+                row.text("part", ""),
+            )
+            row.done()
+            found.append(end)
+        if not found:
+            self.table.note("end", MISSING, "[[end]]: what ends a record of this kind")
+        return found
+
+    def _field(self, key: str, table: Table) -> Field:
+        kind = Type(table.text("type", Type.NUMBER.value, choices=[one.value for one in Type]))
+        if not codes_named(key) or key in SOURCES or key in LISTED:
+            table.note("", key, f"a name of small letters, digits and _ that is none of {', '.join(LISTED)}")
+        people = None
+        if table.has("events"):
+            people = When(self._events(table, "events", required=True) or frozenset())
+            if kind is not Type.PERSON:
+                table.note("events", table.raw("events"), "`rules`; events of its own has a field of the type person")
+        field = Field(
+            name=key,
+            type=kind,
+            rules=tuple(self._rule(row) for row in table.rows("rules")),
+            unit=table.text("unit", ""),
+            decimals=table.whole("decimals", 0, 0, 6),
+            initial=table.number("initial", None) if table.has("initial") else None,
+            overlapping=table.text("overlapping", ""),
+            people=people,
+            words=tuple(map(str, table.items("words", []))),
+        )
+        if field.words and kind is not Type.WORD:
+            table.note("words", list(field.words), "no words: the type of the field is not word")
+        table.done()
+        return field
+
+    def _rule(self, row: Table) -> Rule:
+        verb = Verb(row.text("verb", choices=[one.value for one in Verb]) or Verb.SET.value)
+        of = row.text("of", "") if verb is Verb.COUNT else row.text("of")
+        if of:
+            self._of(row, "of", of)
+        above = row.number("above", None) if row.has("above") else None
+        rule = Rule(verb, self._when(row), of, row.flag("amount"), None if above is None else float(above))
+        row.done()
+        return rule
+
+    def _field_name(self, key: str, fields: Mapping[str, Field]) -> str:
+        name = self.table.text(key, "")
+        if name and name not in fields:
+            self.table.note(key, name, "a field: " + one_of(list(fields), name))
+        return name
+
+    # ---- how it is shown --------------------------------------------------------------------------------
+
+    def _columns(self, key: str, fields: Mapping[str, Field], default: Sequence[str]) -> list[str]:
+        known = [*LISTED, *fields]
+        found = [str(one) for one in self.table.items(key, default)]
+        for index, one in enumerate(found):
+            if one not in known:
+                self.table.note(f"{key}.{index}", one, one_of(known, one))
+        return found
+
+    def _filter(self, key: str, row: Table, fields: Mapping[str, Field]) -> Filter:
+        found = Filter(
+            key, row.text("of", choices=["number", "seconds", "alarms", *fields]), row.text("how", choices=HOW)
+        )
+        row.done()
+        return found
+
+    def _csv(self, csv: Table, fields: Mapping[str, Field]) -> list[Column]:
+        columns, known = csv.table("columns"), [*SOURCES, *fields]
+        return [Column(name, columns.text(name, choices=known)) for name in columns.data]
+
+    def _repeat(self, csv: Table) -> Repeat | None:
+        table = csv.table("repeat")
+        if not csv.has("repeat"):
+            return None
+        columns = table.table("columns")
+        for name in columns.data:
+            if "{n}" not in name:
+                columns.note(name, name, "a name with {n}")
+        found = Repeat(
+            tuple(Column(name, columns.text(name, choices=REPEATED)) for name in columns.data),
+            self._events(table, "events") or frozenset(),
+            self._events(table, "value") or frozenset(),
+            table.text("points", ""),
+            table.whole("usual", 0, 0, MOST_REPEATED),
+            table.whole("most", MOST_REPEATED, 1, MOST_REPEATED),
+        )
+        table.done()
+        return found
+
+
+def codes_named(key: str) -> bool:
+    """Whether a key is one that texts and addresses can have."""
+    return key.isascii() and key.replace("_", "").isalnum() and key[:1].isalpha() and key == key.lower()
