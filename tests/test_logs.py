@@ -28,9 +28,10 @@ log = logging.getLogger("app.links.runner")
 def started() -> Iterator[Callable[..., io.StringIO]]:
     """Start the log as the server does; afterwards it is as it was."""
     root = logging.getLogger()
-    uvicorn = logging.getLogger("uvicorn")
-    kept = uvicorn.propagate, uvicorn.handlers[:]
+    uvicorn, voice = logging.getLogger("uvicorn"), logging.getLogger("uvicorn.error")
+    kept, loud = (uvicorn.propagate, uvicorn.handlers[:]), voice.level
     uvicorn.propagate, uvicorn.handlers[:] = True, []  # a test that ran a server may have left its own
+    voice.setLevel(logging.NOTSET)
     before, level, own = root.handlers[:], root.level, logging.getLogger("app").level
     ends: list[Callable[[], None]] = []
 
@@ -46,6 +47,7 @@ def started() -> Iterator[Callable[..., io.StringIO]]:
         end()
     root.handlers[:] = before
     uvicorn.propagate, uvicorn.handlers[:] = kept
+    voice.setLevel(loud)
     root.setLevel(level)
     logging.getLogger("app").setLevel(own)
 
