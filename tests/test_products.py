@@ -45,7 +45,7 @@ preset = "model"
 label = {{ en = "Conveyor 1" }}
 {simulation}
 """
-# the ring of 63 events must outlast the start of a server on a loaded machine
+# the ring of 59 events must outlast the start of a server on a loaded machine
 SIMULATED = PLANT.format(
     link='transport = "memory"', simulation='simulation = { start = "automatic", arrivals = 1, interval = 5 }'
 )

@@ -90,7 +90,8 @@ stands in row `sequence % capacity`, {row_words} words each.
 | 6 | code |
 | 7 | source |
 | 8–9 | value f32 |
-{snapshot}"""
+{snapshot}
+| {request} | id of the command that caused the event (word 15 of the command); 0 = none. Rows of map 1.0 end before it |"""
 
 TRAINING = """\
 A virtual device also has training registers from 0x{training:04X} (table in app/sim/training.py): faults, resets, power cycles. A real
@@ -235,6 +236,7 @@ def _events(kind: EquipmentType) -> Iterator[str]:
         acknowledged=at,
         acknowledged_end=at + 1,
         snapshot="\n".join(_snapshot(kind)),
+        request=words.AT_REQUEST,
     )
     yield _grid(
         ("code", "name", "meaning", "source, value"),
@@ -247,7 +249,7 @@ def _events(kind: EquipmentType) -> Iterator[str]:
 
 def _snapshot(kind: EquipmentType) -> Iterator[str]:
     """The words of a row behind the value, by the layout of the type."""
-    at = words.EVENT_WORDS - words.SNAPSHOT_WORDS
+    at = words.AT_REQUEST - words.SNAPSHOT_WORDS
     free = set(range(words.SNAPSHOT_WORDS))
     for name, field in sorted(kind.snapshot.items(), key=lambda one: one[1].word):
         free -= set(range(field.word, field.word + field.words))

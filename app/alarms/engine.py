@@ -77,7 +77,7 @@ LONG_AGO = 60_000_000
 """Events that happened this long before a machine was first met raise nothing [µs]."""
 MARK_PERIOD = 10.0
 MARK_EVERY = 30
-"""How often it is written down how far events without any effect were taken [s], and after how many [events]: a ring holds 63."""
+"""How often it is written down how far events without any effect were taken [s], and after how many [events]: a ring holds 59."""
 
 
 class AlarmEngine:

@@ -164,16 +164,17 @@ class EventReader:
         """The head was read: fetch and acknowledge what is new."""
         if self._road.on_events is None or self._busy is not None:
             return
-        if not head.capacity or head.words != plc_map.EVENT_WORDS:
+        if not head.capacity or not plc_map.LEAST_EVENT_WORDS <= head.words <= MAX_READ:
             if not self._told:
                 self._told = True
                 log.error(
-                    "event ring not understood link=%s unit=%d capacity=%d words=%d expected=%d words",
+                    "event ring not understood link=%s unit=%d capacity=%d words=%d expected=%d to %d words",
                     self._station.link.name,
                     self._station.number,
                     head.capacity,
                     head.words,
-                    plc_map.EVENT_WORDS,
+                    plc_map.LEAST_EVENT_WORDS,
+                    MAX_READ,
                 )
             return
         if self._suspect or head.newest != self.position or self._to_acknowledge(head) is not None:
@@ -277,7 +278,7 @@ class EventReader:
 
     async def _rows(self, head: Head, sequence: int, count: int) -> list[DeviceEvent]:
         """At most `count` rows from `sequence` on, as many as one telegram takes without cutting one."""
-        size, slot = plc_map.EVENT_WORDS, sequence % head.capacity
+        size, slot = head.words, sequence % head.capacity
         device = self._station.device
         limit = min(
             device.max_read, device.group_read.get(Scan.FAST.value, MAX_READ), self._station.learned.limit, MAX_READ
@@ -317,6 +318,7 @@ class EventReader:
                 event.value,
                 event.snapshot,
                 self._clock.boot(event.time),
+                event.request,
             )
             for event in found
         ]

@@ -24,6 +24,8 @@ class HostEvent:
     """Raw words; what they mean is the type's."""
     boot: int
     """Start of the device that it belongs to."""
+    request: int = 0
+    """Id of the command that caused it; 0 = none did, or the device does not say."""
 
 
 OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]

@@ -36,6 +36,11 @@ class RingEvent(Protocol):
         """How often the device had been switched on."""
         ...
 
+    @property
+    def request(self) -> int:
+        """Id of the command that caused it; 0 = none did, or the device does not say."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Mark:

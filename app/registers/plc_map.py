@@ -11,7 +11,7 @@ virtual PLC to answer, the link to ask. Big-endian words, high word first.
 | 0x0320–0x0361 | answers: generation, the last 8 answers of 8 words with the newest first, generation |
 | 0x0380–0x0383 | hold-to-run: request bits, counter, argument f32 |
 | 0x0400–0x0409 | events, head: generation, capacity, words per row, oldest u32, newest u32, acknowledged u32, generation |
-| 0x0410–0x07FF | events: row `sequence % capacity` of 16 words; 63 fit, the capacity is in the head |
+| 0x0410–0x07FF | events: row `sequence % capacity` of 17 words; 59 fit, capacity and words per row are in the head |
 | 0x0800 … | tables: generation, capacity, count, words per row, then the rows |
 """
 
@@ -22,7 +22,8 @@ from struct import pack, unpack
 
 MAGIC = 0x5047
 MAJOR = 1
-MINOR = 0
+MINOR = 1
+"""1: an event says which command caused it (word 16 of its row)."""
 
 HEADER = 0
 HEADER_WORDS = 32
@@ -61,7 +62,10 @@ EVENTS_WORDS = 10
 AT_OLDEST, AT_NEWEST, AT_ACKNOWLEDGED = 3, 5, 7
 """Words of the head of the ring; the acknowledged sequence is written by the host."""
 EVENT_ROWS = 0x0410
-EVENT_WORDS = 16
+EVENT_WORDS = 17
+LEAST_EVENT_WORDS = 16
+"""Of a device of map 1.0: its events do not say which command caused them. Words behind those that we know are ignored."""
+AT_REQUEST = 16
 SNAPSHOT_WORDS = 6
 
 TABLE_HEAD = 4
@@ -127,6 +131,8 @@ class DeviceEvent:
     source: int
     value: float
     snapshot: tuple[int, ...] = (0,) * SNAPSHOT_WORDS
+    request: int = 0
+    """Id of the command that caused it; 0 = none did, or the device does not say."""
 
 
 def request_words(request: Request) -> list[int]:
@@ -160,7 +166,7 @@ def answers_of(words: Sequence[int]) -> list[Answer] | None:
 
 
 def event_words(event: DeviceEvent) -> list[int]:
-    """The 16 words of one row of the ring."""
+    """The words of one row of the ring."""
     snapshot = [*event.snapshot, *(0,) * SNAPSHOT_WORDS][:SNAPSHOT_WORDS]
     return [
         *long_words(event.sequence),
@@ -169,11 +175,12 @@ def event_words(event: DeviceEvent) -> list[int]:
         event.source,
         *long_words(real(event.value)),
         *snapshot,
+        event.request,
     ]
 
 
 def event_of(words: Sequence[int]) -> DeviceEvent:
-    """The event in one row of the ring."""
+    """The event in one row of the ring, which may have fewer words, or more."""
     return DeviceEvent(
         words[0] << 16 | words[1],
         time_of(words[2:6]),
@@ -181,6 +188,7 @@ def event_of(words: Sequence[int]) -> DeviceEvent:
         words[7],
         real_of(words[8] << 16 | words[9]),
         tuple(words[10:16]),
+        words[AT_REQUEST] if len(words) > AT_REQUEST else 0,
     )
 
 

@@ -9,7 +9,8 @@ scan as a whole. Between two scans nothing changes, so an image is encoded when 
 | commands | one function 16 of 16 words with an id; a known id is not executed again, its answer stays; the last 8 answers are retained |
 | hold-to-run | request bits count until the counter stood still for 500 ms |
 | setpoints | staged, then valid by `COMMIT_SETTINGS`: all or none; reasons 20 count, 22 check sum, 21 value (detail: number from 1) |
-| events | the ring keeps the last 63 with their time; retained, so that a power cycle loses none; row = sequence % 63 |
+| events | the ring keeps the last 59 with their time; retained, so that a power cycle loses none; row = sequence % 59 |
+| causes | an event that a command causes carries its id: one of the same scan, told while it is executed or named by `causes` |
 | time | scans x dt since the device was first switched on: two runs with the same writes are equal to the bit |
 | scan time | read from `stopwatch`, 0 without one: what was measured never enters the program |
 | host | its heartbeat must change within the host time-out once that is above 0 |
@@ -30,8 +31,8 @@ from app.sim.device import DT
 from app.sim.training import LineFault, TrainingRegisters, is_training
 
 MAX_READ = 125
-EVENT_CAPACITY = 63
-"""Rows of 16 words that fit between 0x0410 and the tables at 0x0800."""
+EVENT_CAPACITY = (0x0800 - plc_map.EVENT_ROWS) // plc_map.EVENT_WORDS
+"""Rows that fit between 0x0410 and the tables at 0x0800."""
 
 REASON_UNKNOWN, REASON_WRONG_STATE = 1, 2
 REASON_COUNT, REASON_VALUE, REASON_CRC = 20, 21, 22
@@ -197,6 +198,8 @@ class VirtualPlc(ABC):
         self._cached: dict[int, Sequence[int]] = {}
         self._pending: list[tuple[int, tuple[int, ...]]] = []
         self._running: dict[int, Callable[[], AnswerState]] = {}
+        self._executing = 0
+        self._causing: dict[int, int] = {}
         self._forget_all()
 
     # ---- what a machine gives
@@ -337,10 +340,15 @@ class VirtualPlc(ABC):
     def event(self, code: int, source: int = 0, value: float = 0.0, snapshot: Sequence[int] = ()) -> None:
         """Put an event into the ring, with the time of this scan; those of one scan stand in the order of their calls."""
         self._sequence = self._sequence % 0xFFFFFFFF + 1
-        event = DeviceEvent(self._sequence, self.time, code, source, value, tuple(snapshot))
+        request = self._executing or self._causing.get(code, 0)
+        event = DeviceEvent(self._sequence, self.time, code, source, value, tuple(snapshot), request)
         row = self._sequence % EVENT_CAPACITY * plc_map.EVENT_WORDS
         self._ring[row : row + plc_map.EVENT_WORDS] = plc_map.event_words(event)
         self._events_kept = min(self._events_kept + 1, EVENT_CAPACITY)
+
+    def causes(self, *codes: int) -> None:
+        """Events with these codes in this scan come from the command that is being executed, though it has been answered by then."""
+        self._causing |= dict.fromkeys(codes, self._executing)
 
     def power_cycle(self) -> None:
         """Supply off and on: the retained area stays, commands that ran have failed, writes not yet taken are gone."""
@@ -364,6 +372,7 @@ class VirtualPlc(ABC):
         self._scan()
         if self._running:
             self._watch_running()
+        self._causing.clear()
         self._cached.clear()
         if watch:
             self._scan_last = min(round((watch() - began) * 1_000_000), 0xFFFF)
@@ -405,16 +414,20 @@ class VirtualPlc(ABC):
     def _take(self, request: Request) -> None:
         if any(answer.id == request.id for answer in self._answers):
             return
-        if request.expected and request.expected != self.state:
-            verdict = rejected(REASON_WRONG_STATE, self.state)
-        elif request.code == plc_map.COMMIT_SETTINGS:
-            verdict = self._commit(request)
-        else:
-            verdict = self._execute(request)
+        self._executing = request.id
+        verdict = self._judged(request)
+        self._executing = 0
         answer = Answer(request.id, verdict.state, verdict.reason, verdict.detail & 0xFFFF, self.time)
         self._answers = [answer, *self._answers][: plc_map.ANSWERS_KEPT]
         if verdict.until:
             self._running[request.id] = verdict.until
+
+    def _judged(self, request: Request) -> Verdict:
+        if request.expected and request.expected != self.state:
+            return rejected(REASON_WRONG_STATE, self.state)
+        if request.code == plc_map.COMMIT_SETTINGS:
+            return self._commit(request)
+        return self._execute(request)
 
     def _commit(self, request: Request) -> Verdict:
         staged = pack(f">{self._settings_words}H", *self._staged)

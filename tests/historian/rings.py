@@ -23,6 +23,7 @@ class Event:
     snapshot: tuple[int, ...] = (0,) * 6
     boot: int = 1
     seen: int = 0
+    request: int = 0
 
 
 def snapshot(product: int = 0, second: int = 0, value: float = float("nan")) -> tuple[int, ...]:

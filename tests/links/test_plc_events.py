@@ -105,7 +105,51 @@ async def test_a_full_ring_is_read_over_its_seam_in_whole_rows() -> None:
         rows = [read for read in device.reads if plc_map.EVENT_ROWS <= read[0] < 0x0800]
         assert rows
         for address, count in rows:
-            assert (address - plc_map.EVENT_ROWS) % 16 == 0 and count % 16 == 0 and count <= 112
+            size = plc_map.EVENT_WORDS
+            assert (address - plc_map.EVENT_ROWS) % size == 0 and count % size == 0 and count <= 125 // size * size
+
+
+class OtherRows(SmallPlc):
+    """Its rows have another number of words: those of map 1.0, or of one to come."""
+
+    row = 16
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        words = super().read(function, address, count) if not plc_map.EVENT_ROWS <= address < 0x0800 else []
+        if address == plc_map.EVENTS:
+            words[2] = self.row
+        if words:
+            return words
+        size, spare = plc_map.EVENT_WORDS, [0xAAAA] * 8
+        rows = [(self._ring[at : at + size] + spare)[: self.row] for at in range(0, EVENT_CAPACITY * size, size)]
+        flat = [word for row in rows for word in row]
+        return flat[address - plc_map.EVENT_ROWS :][:count]
+
+
+@pytest.mark.parametrize(("row", "caused"), [(16, 0), (17, 300), (18, 300), (25, 300)])
+async def test_rows_of_an_older_and_of_a_newer_map_are_read(row: int, caused: int) -> None:
+    device, taker = OtherRows(), Taker()
+    device.row = row
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device._executing = 300
+        for code in range(1, 21):
+            device.event(code, code + 1, code / 2, [1, 2, 3, 4, 5, 6])
+        await until(lambda: len(taker.events) == 20)
+        found = [(one.code, one.source, one.value, one.snapshot, one.request) for one in taker.events]
+        assert found == [(code, code + 1, code / 2, (1, 2, 3, 4, 5, 6), caused) for code in range(1, 21)]
+
+
+@pytest.mark.parametrize("row", [0, 10, 15, 126])
+async def test_rows_that_no_map_has_are_told_and_not_taken(row: int, caplog: pytest.LogCaptureFixture) -> None:
+    device, taker = OtherRows(), Taker()
+    device.row = row
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await asyncio.sleep(1.0)
+    assert taker.events == []
+    assert caplog.text.count(f"words={row} expected=16 to 125 words") == 1
 
 
 async def test_what_the_ring_overwrote_is_counted_and_told() -> None:

@@ -9,7 +9,7 @@ import pytest
 from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, real, real_of, time_of
-from app.sim.plc import EVENT_CAPACITY, VirtualPlc
+from app.sim.plc import EVENT_CAPACITY, Verdict, VirtualPlc
 from tests.sim.fake_plc import ADD, FAIL, REMOVE, RUN, SET, SETTINGS, STAGING, STATUS, TABLE, FakePlc
 
 
@@ -36,7 +36,10 @@ def events(plc: VirtualPlc, after: int = 0) -> list[DeviceEvent]:
     head = plc.read(3, plc_map.EVENTS, plc_map.EVENTS_WORDS)
     assert plc_map.is_whole(head)
     oldest, newest = head[3] << 16 | head[4], head[5] << 16 | head[6]
-    rows = [plc.read(3, plc_map.EVENT_ROWS + n % head[1] * 16, 16) for n in range(max(oldest, after + 1), newest + 1)]
+    size = plc_map.EVENT_WORDS
+    rows = [
+        plc.read(3, plc_map.EVENT_ROWS + n % head[1] * size, size) for n in range(max(oldest, after + 1), newest + 1)
+    ]
     return [plc_map.event_of(row) for row in rows]
 
 
@@ -197,6 +200,36 @@ def test_setpoints_are_taken_all_or_none() -> None:
     assert [event.code for event in events(plc)] == [34, 38, 34]
 
 
+def test_an_event_carries_the_command_that_caused_it_and_no_other() -> None:
+    plc = FakePlc(slots=3)
+    ask(plc, ADD, 11, id=7)
+    plc.event(1)
+    plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(ADD, arguments=(12,), id=8)))
+    plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(ADD, arguments=(13,), id=9)))
+    plc.step()
+    ask(plc, plc_map.COMMIT_SETTINGS, *stage(plc, 2.5, 4.0), id=10)
+    plc.step()
+    plc.event(1)
+    assert [event.request for event in events(plc)] == [0, 7, 0, 8, 9, 10, 0]
+
+
+def test_an_event_of_the_same_scan_that_a_command_names_is_caused_by_it() -> None:
+    class Late(FakePlc):
+        def _execute(self, request: Request) -> Verdict:
+            self.causes(40, 41)
+            return Verdict()
+
+        def _scan(self) -> None:
+            for code in (40, 42):
+                self.event(code)
+
+    plc = Late()
+    ask(plc, ADD, 1, id=7)
+    plc.step()
+    found = [(event.code, event.request) for event in events(plc)[1:]]
+    assert found == [(40, 7), (42, 0), (40, 0), (42, 0)], "in the next scan nobody has asked for anything"
+
+
 def test_the_ring_keeps_order_and_time_and_shows_a_loss() -> None:
     plc = FakePlc(slots=100)
     for id in range(1, 41):
@@ -213,7 +246,7 @@ def test_the_ring_keeps_order_and_time_and_shows_a_loss() -> None:
         plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(ADD, arguments=(id,), id=id)))
     plc.step()
     head = plc.read(3, plc_map.EVENTS, 10)
-    assert head[1:3] == [EVENT_CAPACITY, 16]
+    assert head[1:3] == [EVENT_CAPACITY, plc_map.EVENT_WORDS]
     assert head[3:9] == [0, 101 - EVENT_CAPACITY + 1, 0, 101, 0, 41]
     assert [event.sequence for event in events(plc)] == list(range(101 - EVENT_CAPACITY + 1, 102))
 

@@ -4,7 +4,7 @@
 zone, then the saddles; saddle 1 is the farthest and is filled first. A car with a coil does not pass a coil on a saddle. `vertical` is the
 height of the car's table [mm], 0 = lowered; a coil on it has its lowest point there.
 
-Header words 23–31: 3 saddles · settings · 63 events.
+Header words 23–31: 3 saddles · settings · 59 events.
 
 | registers | content |
 | --- | --- |

@@ -398,8 +398,10 @@ class VirtualConveyor(LineState):
             if self.host_silent:
                 return no(Reason.WRONG_STATE, self.state)
             self._start = True
+            self.causes(Event.AUTOMATIC)
         else:
             self._select_manual = True
+            self.causes(Event.AUTOMATIC_ENDED, Event.MANUAL)
         return Verdict()
 
     def _tell(self, event: TrackingEvent) -> None:

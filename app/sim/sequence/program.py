@@ -3,7 +3,7 @@
 Its permissives are sentences over the signals of its machine (another virtual device, `attach`), its steps ask actions of it. Without a machine the
 words come from training registers. Type code 20; the definition is `<plant>/sequences/<name>.toml`.
 
-Header words 23–27: steps N · 16 · 63 events · 16 falls · 32 forces; the check sum is of steps, keys and sentences.
+Header words 23–27: steps N · 16 · 59 events · 16 falls · 32 forces; the check sum is of steps, keys and sentences.
 
 | registers | content |
 | --- | --- |
@@ -466,6 +466,7 @@ class VirtualSequence(VirtualPlc):
             self._words = self._inputs()
         code = request.code
         if code in _SIMPLE:
+            self.causes(*_CAUSED.get(code, ()))
             return _SIMPLE[Command(code)](self)
         if code == Command.SET_TIMES:
             return self._set_times(request)
@@ -762,6 +763,15 @@ _OUTCOMES: Mapping[SequenceEvent, int] = MappingProxyType(
         SequenceEvent.ABORTED: int(SequenceState.ABORTED),
     }
 )
+_CAUSED: Mapping[int, tuple[SequenceEvent, ...]] = {
+    Command.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED),
+    Command.SUSPEND: (SequenceEvent.SUSPENDED,),
+    Command.RESUME: (SequenceEvent.RESUMED,),
+    Command.ABORT: (SequenceEvent.ABORTED,),
+    Command.ACKNOWLEDGE: (SequenceEvent.ACKNOWLEDGED,),
+    Command.ADVANCE: (SequenceEvent.STEP_ENDED,),
+}
+"""Events of the scan that takes a command and that the block tells after it."""
 _SIMPLE: Mapping[Command, Callable[[VirtualSequence], Verdict]] = MappingProxyType(
     {
         Command.START: VirtualSequence._command_start,

@@ -28,6 +28,7 @@ from app.sim.coil_car.register_map import (
     Reason,
     State,
 )
+from app.sim.plc import EVENT_CAPACITY
 from tests.sim.coil_car.line import Talker, act
 
 DONE, REJECTED, RUNNING = AnswerState.DONE, AnswerState.REJECTED, AnswerState.RUNNING
@@ -75,7 +76,7 @@ def test_images_are_whole_and_measures_and_settings_read_as_they_are() -> None:
     for address, words in ((0x100, 64), (0x180, 64), (0x200, 2 * len(SETTINGS) + 4)):
         assert plc_map.is_whole(car.read(3, address, words))
     assert car.read(3, plc_map.AT_TYPE, 1) == [30]
-    assert car.read(3, plc_map.AT_CAPACITIES, 3) == [3, len(SETTINGS), 63]
+    assert car.read(3, plc_map.AT_CAPACITIES, 3) == [3, len(SETTINGS), EVENT_CAPACITY]
     for name in MEASURES:
         assert value(car, f"device_{name}") == pytest.approx(getattr(Geometry(), name)), name
     for setting in SETTINGS:

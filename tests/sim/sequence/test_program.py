@@ -12,6 +12,7 @@ from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, real, real_of, time_of
 from app.sim import training
 from app.sim.coil_car import register_map as coil_car
+from app.sim.plc import EVENT_CAPACITY
 from app.sim.sequence.program import (
     FALLS,
     FORCE_ROWS,
@@ -157,7 +158,7 @@ def test_the_map_is_whole_and_names_its_definition() -> None:
     for address, words in ((0x100, 64), (0x180, 16), (0x200, 8)):
         assert plc_map.is_whole(plc.read(3, address, words))
     assert plc.read(3, plc_map.AT_TYPE, 1) == [20]
-    assert plc.read(3, plc_map.AT_CAPACITIES, 5) == [3, 16, 63, 16, 32]
+    assert plc.read(3, plc_map.AT_CAPACITIES, 5) == [3, 16, EVENT_CAPACITY, 16, 32]
     crc = plc.read(3, plc_map.AT_CRC, 2)
     assert crc[0] << 16 | crc[1] == checksum(plc.definition)
     assert plc.read(3, 0x181, 1) == [3] and real_of(0x46E10000) == plc.definition.longest_force
