@@ -4,14 +4,15 @@ from collections.abc import Mapping, Sequence
 
 from app.access.roles import ROLE_PERMISSION, Person, Rights
 from app.clock import Clock
-from app.commands import interlocks
+from app.commands import interlocks, value_set
 from app.commands.control_token import ControlToken
 from app.commands.entry import parse_number
 from app.commands.interlocks import Age, Prepared, Reason
 from app.commands.orders import Machine, Order, Question, Task, Writer
+from app.commands.value_set import Change
 from app.errors import LinkError, Refused
 from app.plant import expression
-from app.plant.definitions import Condition, Scan
+from app.plant.definitions import Condition, EquipmentType, Scan
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA, is_good, reason
@@ -53,10 +54,11 @@ class Checks:
         if person is None:
             return [(Reason("why.signed_out"), 401)]
         reasons: list[tuple[Reason, int]] = []
-        permission = STOP if command.stop else ROLE_PERMISSION[command.role]
-        if not person.may(permission):
-            key = "why.idle" if person.idle and command.role in person.roles else "why.role"
-            reasons.append((Reason(key, {"role": command.role}), 403))
+        needed = {STOP: command.role} if command.stop else {ROLE_PERMISSION[role]: role for role in prepared.roles}
+        lacking = next((role for permission, role in needed.items() if not person.may(permission)), None)
+        if lacking is not None:
+            key = "why.idle" if person.idle and lacking in person.roles else "why.role"
+            reasons.append((Reason(key, {"role": lacking}), 403))
         if command.stop:
             return reasons
         holder = self._control.holder(machine.item.id)
@@ -66,8 +68,11 @@ class Checks:
             reasons.append((Reason("why.held", {"display": holder.display, "since": holder.since}), 423))
         return reasons
 
-    def reasons(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
-        """Everything that stands in the way of a command without its value, in the order of the gate."""
+    def reasons(
+        self, person: Person | None, machine: Machine, prepared: Prepared, *, running: bool = False
+    ) -> list[tuple[Reason, int]]:
+        """Everything that stands in the way of a command without its value, in the order of the gate; of one that is `running` only what
+        keeps it from going on."""
         reasons = self.standing(person, machine, prepared)
         writer = self._writers.get(machine.item.link)
         if writer is None:
@@ -89,12 +94,22 @@ class Checks:
         reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.interlocks, look, age=age)]
+        if not running:
+            reasons += self._occupied(machine, prepared)
+        return reasons
+
+    def _occupied(self, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
+        """What is at work on the machine and lets nothing beside it."""
+        reasons: list[tuple[Reason, int]] = []
         job = machine.job
-        if machine.restoring or (job and job.ending is not None and not prepared.command.hold):
+        if machine.set is not None:
+            at_work = machine.set.progress
+            reasons.append((Reason("why.busy", {"display": at_work.person}, at_work.label), 409))
+        elif machine.restoring or (job and job.ending is not None and not prepared.command.hold):
             reasons.append((Reason("why.hold_ending"), 409))
         elif job and job.lease is not None and job.lease.moving:
             reasons.append((Reason("why.hold_active", {"display": job.progress.person}), 423))
-        elif job and (job.writing or (job.prepared.command.stop and job.since is None)):
+        elif job and (job.writing or (job.prepared.command.stop and (job.since is None or prepared.parts))):
             reasons.append((Reason("why.busy", {"display": job.progress.person}, job.progress.label), 409))
         if is_pulse(machine, prepared) and prepared.command.key in machine.pulses:
             left = PULSE_PAUSE - (self._clock.monotonic() - machine.pulses[prepared.command.key])
@@ -106,15 +121,15 @@ class Checks:
         """Every check that reads the plant, and what is to be written."""
         command, look = prepared.command, self.look(machine)
         reasons = self.reasons(order.person, machine, prepared)
+        if prepared.parts:
+            return self._set_task(order, machine, prepared, reasons)
         guarding = ("why.condition", "why.condition_unknown")
         first = next((found for found in reasons if found[0].key not in guarding), None)
         if first is not None:
             raise Refused(first[0].key, first[1], label=first[0].label, **first[0].params)
         argument = self._argument(order, prepared, machine)
         arguments = self._arguments(order, prepared, machine)
-        for found, status in reasons:
-            others = [other.label for other, _ in reasons]
-            raise Refused(found.key, status, label=found.label, missing=others, **found.params)
+        self._refuse_first(reasons)
         old = look(prepared.point.key)[0] if prepared.point else None
         level, why = interlocks.level(prepared, look, argument)
         if not command.stop:
@@ -134,6 +149,62 @@ class Checks:
             tuple(interlocks.raw(one, arguments[one.name]) for one in command.arguments),
             self._expected(machine, prepared),
         )
+
+    @staticmethod
+    def _refuse_first(reasons: Sequence[tuple[Reason, int]]) -> None:
+        for found, status in reasons:
+            others = [other.label for other, _ in reasons]
+            raise Refused(found.key, status, label=found.label, missing=others, **found.params)
+
+    def _set_task(
+        self, order: Order, machine: Machine, prepared: Prepared, reasons: Sequence[tuple[Reason, int]]
+    ) -> Task:
+        """As `task`, of a set: each value as by itself, with the others in place; then the checks between them, and their order."""
+        guarding = ("why.condition", "why.condition_unknown")
+        first = next((found for found in reasons if found[0].key not in guarding), None)
+        if first is not None:
+            raise Refused(first[0].key, first[1], label=first[0].label, **first[0].params)
+        look, kind = self.look(machine), machine.item.type
+        values = {
+            part.command.key: self._entered(order, part, order.arguments[part.command.key]) for part in prepared.parts
+        }
+        then = value_set.after(look, values)
+        for part in prepared.parts:
+            wrong = interlocks.wrong_value(part, values[part.command.key], then)
+            if wrong is not None:
+                raise Refused(wrong.key, 422, label=wrong.label, argument=part.command.key, **wrong.params)
+            self._check_seen(part, look, order.seen.get(part.command.key))
+        self._check_relations(kind, values, look)
+        self._refuse_first(reasons)
+        groups = self._writers[machine.item.link].together(machine.item.id, list(values))
+        steps = value_set.steps(kind, prepared.parts, groups, values, look)
+        if isinstance(steps, Reason):
+            raise Refused(steps.key, 409, label=steps.label, **steps.params)
+        changes = tuple(self._change(kind, part, look, values[part.command.key]) for part in prepared.parts)
+        found = [interlocks.level(part, look, values[part.command.key]) for part in prepared.parts]
+        level, why = (
+            max(level for level, _ in found),
+            tuple(dict.fromkeys(line for _, lines in found for line in lines)),
+        )
+        self._confirm(order, prepared, level, why, None, value_set.told(changes, old=True), values)
+        limit = expression.number(prepared.command.timeout, look) or DEFAULT_LIMIT
+        telegrams = tuple((key, values[key]) for step in steps for key in step)
+        old = value_set.told(changes, old=True)
+        return Task(telegrams, None, old, limit, level, values, changes=changes, steps=steps)
+
+    @staticmethod
+    def _change(kind: EquipmentType, part: Prepared, look: expression.Look, value: float) -> Change:
+        assert part.point is not None and part.setpoint is not None
+        old, point = look(part.point.key)[0], part.point
+        assert isinstance(old, int | float)  # a value that is not known keeps a set from being written
+        return Change(
+            point.key, part.setpoint.code or point.key, point.label, float(old), value, point.unit, point.decimals
+        )
+
+    def _check_relations(self, kind: EquipmentType, values: Mapping[str, float], look: expression.Look) -> None:
+        check = value_set.broken(kind, values, look)
+        if check is not None:
+            raise Refused("why.check", 422, label=check.label, check=check.key)
 
     def _expected(self, machine: Machine, prepared: Prepared) -> int:
         """State of the device as the screen has it, for a command that makes it move: in any other it is not what the person meant."""
@@ -175,34 +246,42 @@ class Checks:
             return None
         if order.argument is None or order.argument == "":
             raise Refused("why.argument_missing", 422, label=prepared.point.label)
-        try:
-            if isinstance(order.argument, str):
-                value = parse_number(order.argument, order.language, prepared.point.unit)
-            else:
-                value = float(order.argument)
-        except Refused as refusal:
-            if refusal.reason == "why.ambiguous":
-                raise Question(
-                    refusal.reason,
-                    refusal.status,
-                    label=prepared.point.label,
-                    unit=prepared.point.unit,
-                    **refusal.params,
-                ) from refusal
-            raise
+        value = self._entered(order, prepared, order.argument)
         look = self.look(machine)
         wrong = interlocks.wrong_value(prepared, value, look)
         if wrong is not None:
             raise Refused(wrong.key, 422, label=wrong.label, **wrong.params)
-        current = look(prepared.point.key)[0]
-        if order.expected is not None:
-            step = 0.6 * 10.0**-prepared.point.decimals
-            if not isinstance(current, int | float) or not abs(current - order.expected) < step:
-                raise Refused(
-                    "why.changed", 409, label=prepared.point.label, current=current, expected=order.expected,
-                    unit=prepared.point.unit,
-                )  # fmt: skip
+        self._check_seen(prepared, look, order.expected)
+        self._check_relations(machine.item.type, {prepared.point.key: value}, look)
         return value
+
+    @staticmethod
+    def _entered(order: Order, prepared: Prepared, given: str | float) -> float:
+        """What was entered for the point of `prepared`, as a number."""
+        assert prepared.point is not None
+        more: dict[str, object] = {"argument": prepared.command.key} if order.arguments else {}
+        try:
+            return parse_number(given, order.language, prepared.point.unit) if isinstance(given, str) else float(given)
+        except Refused as refusal:
+            if refusal.reason != "why.ambiguous":
+                raise Refused(refusal.reason, refusal.status, **{**refusal.params, **more}) from refusal
+            raise Question(
+                refusal.reason,
+                refusal.status,
+                label=prepared.point.label,
+                unit=prepared.point.unit,
+                **{**refusal.params, **more},
+            ) from refusal
+
+    @staticmethod
+    def _check_seen(prepared: Prepared, look: expression.Look, seen: float | None) -> None:
+        """The setpoint still is what the person saw it at."""
+        point = prepared.point
+        if point is None or seen is None:
+            return
+        current = look(point.key)[0]
+        if not isinstance(current, int | float) or not abs(current - seen) < 0.6 * 10.0**-point.decimals:
+            raise Refused("why.changed", 409, label=point.label, current=current, expected=seen, unit=point.unit)
 
     def _confirm(
         self,
@@ -251,8 +330,8 @@ class Checks:
         age, points = self.age(machine), machine.item.points
         scans = {Scan.PAGE, Scan.ONCE} if prepared.command.hold else {Scan.PAGE}
         keys = [key for key in prepared.used if points[key].scan in scans]
-        if prepared.point is not None and prepared.point.scan in (Scan.PAGE, Scan.ONCE):
-            keys.append(prepared.point.key)
+        written = [part.point for part in prepared.parts or (prepared,) if part.point is not None]
+        keys += [point.key for point in written if point.scan in (Scan.PAGE, Scan.ONCE)]
         keys = [key for key in dict.fromkeys(keys) if points[key].register and age(key) > RENEW_AFTER]
         if not keys or writer is None or not machine.link.may_write:
             return

@@ -62,7 +62,7 @@ class Desk:
     def may_go_on(self, order: Order, prepared: Prepared) -> bool:
         """Whether whoever gave an order still may give it."""
         person = self.rights(order.person) if order.person is not None else None
-        return person is not None and person.may(ROLE_PERMISSION[prepared.command.role])
+        return person is not None and all(person.may(ROLE_PERMISSION[role]) for role in prepared.roles)
 
     def moving(self, equipment: str) -> bool:
         """Whether somebody holds a button that moves the machine."""
@@ -133,11 +133,16 @@ class Desk:
         task.add_done_callback(lambda done: None if done.cancelled() else done.exception())
         return task
 
-    def spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
-        """Do `work` without waiting for it; what goes wrong is logged."""
+    def work(self, work: Coroutine[Any, Any, None], name: str) -> "asyncio.Task[None]":
+        """As `spawn`, for who waits for it: closing the gate waits for it as well."""
         task = asyncio.create_task(work, name=name)
         self.tasks.add(task)
         task.add_done_callback(self._finished)
+        return task
+
+    def spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Do `work` without waiting for it; what goes wrong is logged."""
+        self.work(work, name)
 
     def _finished(self, task: "asyncio.Task[None]") -> None:
         self.tasks.discard(task)

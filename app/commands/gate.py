@@ -22,7 +22,7 @@ from types import MappingProxyType
 from app import chance
 from app.access.roles import Person, Rights
 from app.clock import Clock
-from app.commands import interlocks
+from app.commands import interlocks, value_set
 from app.commands.admission import Admission
 from app.commands.desk import Desk
 from app.commands.following import Following
@@ -33,6 +33,7 @@ from app.commands.nonce import Once
 from app.commands.orders import LONGEST_REASON, Audit, Foretell, Machine, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
+from app.commands.sets import Sets
 from app.errors import Refused
 from app.plant.definitions import Condition, Plant
 from app.tags.database import TagDatabase
@@ -42,6 +43,7 @@ TICK = 0.05
 LOOK = 0.2
 """Between two looks at all conditions [s]."""
 NOTHING: Mapping[str, str | float] = MappingProxyType({})
+NO_NUMBERS: Mapping[str, float] = MappingProxyType({})
 
 
 class Gate:
@@ -69,6 +71,7 @@ class Gate:
         )  # fmt: skip
         self._admission = Admission(desk)
         self._sending = Sending(desk)
+        self._sets = Sets(desk)
         self._motion = HeldMotion(desk, self._admission, self._sending)
         self._following = Following(desk, self._sending, self._motion)
         self.control = desk.control
@@ -110,9 +113,11 @@ class Gate:
             if old is not None:
                 machine.job, machine.last, machine.history = old.job, old.last, old.history
                 machine.pulses, machine.restore, machine.restoring = old.pulses, old.restore, old.restoring
-                machine.counter = old.counter
+                machine.counter, machine.set = old.counter, old.set
+                self._sets.stop(machine, "why.reloaded")
             self._desk.machines[item.id] = machine
         for gone in former.values():
+            self._sets.stop(gone, "why.reloaded")
             if gone.job is not None:
                 if gone.job.lease is not None:
                     self.hold.end(gone.job.lease, "reload")
@@ -178,6 +183,29 @@ class Gate:
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.setpoints.get(setpoint))
 
+    async def set_values(
+        self,
+        person: Person | None,
+        equipment: str,
+        values: Mapping[str, str | float],
+        *,
+        seen: Mapping[str, float] = NO_NUMBERS,
+        id: str = "",
+        nonce: str = "",
+        confirmed: bool = False,
+        proven: bool = False,
+        reason: str = "",
+        address: str = "",
+        language: str = "en",
+    ) -> Progress:
+        """Write several parameters and setpoints of a machine as one: all, or none (sets.py); otherwise as `ask`. `seen` is what the
+        person saw them at [EU]. Returns when the set is over, with what the device holds of each value."""
+        order = Order(
+            person, equipment, value_set.KEY, None, id or chance.token_hex(16), nonce, None, confirmed, proven, reason, address,
+            language, self._desk.clock.micros(), dict(values), dict(seen),
+        )  # fmt: skip
+        return await self._admit(order, lambda machine: _parts(machine, values))
+
     def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[Reason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.
 
@@ -211,7 +239,8 @@ class Gate:
         machine = self._desk.machines.get(equipment)
         if machine is None:
             return None
-        return machine.job.progress if machine.job else machine.last
+        at_work = machine.job or machine.set
+        return at_work.progress if at_work else machine.last
 
     def history(self, equipment: str) -> Sequence[Progress]:
         """The last commands, newest first, refused ones too."""
@@ -267,6 +296,8 @@ class Gate:
     async def close(self) -> None:
         """Stop what is held to run, give its telegrams a second, and end all tasks."""
         self._admission.close()
+        for machine in self._desk.machines.values():
+            self._sets.stop(machine, "why.shutdown")
         for machine in self._desk.machines.values():
             lease = self.hold.active(machine.item.id)
             if lease is not None:
@@ -331,4 +362,13 @@ class Gate:
             gone = Refused("why.reloaded", 409)
             self._admission.note_refusal(order, prepared, gone)
             raise gone from error
+        if prepared.parts:
+            return await self._sets.send(order, machine, prepared, plan)
         return await self._sending.send(order, machine, prepared, plan)
+
+
+def _parts(machine: Machine, values: Mapping[str, object]) -> Prepared | None:
+    """The setpoints of a set as one; None when there are none, too many, or one that the machine does not have."""
+    if not 0 < len(values) <= value_set.MOST or not all(key in machine.setpoints for key in values):
+        return None
+    return value_set.joined([machine.setpoints[key] for key in values])

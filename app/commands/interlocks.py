@@ -61,6 +61,13 @@ class Prepared:
     """Points read from the device that decide the feedback."""
     used: Sequence[str]
     """Points read from the device that anything about the command uses."""
+    parts: "Sequence[Prepared]" = ()
+    """Of a set of setpoints each of them; empty for what is one command."""
+
+    @property
+    def roles(self) -> Sequence[str]:
+        """Roles that whoever asks must have the permission of."""
+        return tuple(dict.fromkeys(part.command.role for part in self.parts)) or (self.command.role,)
 
 
 def prepare(item: Equipment, command: Command) -> Prepared:

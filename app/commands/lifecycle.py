@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from app.commands.value_set import Change
+
 
 class State(StrEnum):
     """Where a command stands; its text is `fb.<state>`."""
@@ -73,6 +75,8 @@ class Progress:
     """(point, value) that are or, in a dry run, would be written; of a command sent as a code `code` and its arguments."""
     arguments: Mapping[str, float] = field(default_factory=dict)
     """Name → value, of a command that takes several."""
+    changes: tuple[Change, ...] = ()
+    """Of a set of setpoints: each with what the device holds of it in the end."""
 
     @property
     def over(self) -> bool:

@@ -11,6 +11,7 @@ from app.access.roles import Person
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress
+from app.commands.value_set import Change
 from app.errors import Refused
 from app.plant.definitions import Alarm, Condition, Equipment, Link
 from app.registers.plc_map import Answer
@@ -33,6 +34,22 @@ class Writer(Protocol):
 
         Raises:
             LinkError: no valid answer; DeviceException: the device refused; Overtaken: never sent.
+        """
+        ...
+
+    def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
+        """`points` in the groups that the device takes all or none.
+
+        Raises:
+            LinkError: no such machine or point.
+        """
+        ...
+
+    async def write_set(self, equipment: str, values: Mapping[str, float]) -> None:
+        """Write the values [EU] of one group; returns when the device has taken all of them.
+
+        Raises:
+            LinkError: as `write`; Rejected: the device took none.
         """
         ...
 
@@ -157,7 +174,9 @@ class Order:
     asked: int
     """[µs UTC]"""
     arguments: Mapping[str, str | float] = field(default_factory=dict)
-    """Name → value, of a command that takes several."""
+    """Name → value, of a command that takes several, and of a set of setpoints."""
+    seen: Mapping[str, float] = field(default_factory=dict)
+    """What the person saw the setpoints of a set at [EU]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +193,26 @@ class Task:
     """The arguments as they are sent."""
     expected: int = 0
     """State of the device as it was seen; 0 = any."""
+    changes: tuple[Change, ...] = ()
+    """Of a set of setpoints."""
+    steps: tuple[tuple[str, ...], ...] = ()
+    """Of a set of setpoints: what the device takes at once, in the order in which it is written."""
+
+
+@dataclass(slots=True)
+class SetJob:
+    """A set of setpoints at work; `sets.Sets` alone changes it."""
+
+    order: Order
+    prepared: Prepared
+    plan: Task
+    progress: Progress
+    touched: list[tuple[str, ...]] = field(default_factory=list)
+    """Steps of which a telegram may have reached the device."""
+    unsettled: set[str] = field(default_factory=set)
+    """Points whose last write may still take effect: what is read of them now proves nothing."""
+    stop: str = ""
+    """Why no further new value is written (a text key); empty while nothing keeps it from going on."""
 
 
 @dataclass(slots=True)
@@ -231,6 +270,8 @@ class Machine:
     setpoints: Mapping[str, Prepared]
     stop: Prepared | None
     job: Job | None = None
+    set: SetJob | None = None
+    """Nothing but a Stop is taken beside it."""
     last: Progress | None = None
     history: deque[Progress] = field(default_factory=lambda: deque(maxlen=HISTORY))
     met: dict[str, tuple[bool | None, int]] = field(default_factory=dict)

@@ -90,6 +90,8 @@ class Sending:
         )
         if self._desk.dry_run:
             return job
+        if machine.set is not None:
+            machine.set.stop = machine.set.stop or "why.set_stopped"
         self._supersede(machine, job)
         machine.job = job
         if is_pulse(machine, prepared):

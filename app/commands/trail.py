@@ -1,11 +1,13 @@
 """What the gate writes into the audit trail: one line for every command that is over, and one for every change of control."""
 
 import asyncio
+import json
 import logging
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 from app.access.roles import Person
+from app.commands import value_set
 from app.commands.lifecycle import Progress
 from app.commands.orders import Audit, Foretell, Order
 from app.tags.batch import Value
@@ -27,11 +29,10 @@ class Trail:
 
     async def sent(self, order: Order, progress: Progress) -> bool:
         """Have on the disk that `order` is being sent; False: it can be written nowhere."""
-        new = told(progress.arguments) or progress.argument
+        new = value_set.told(progress.changes, old=False) or told(progress.arguments) or progress.argument
         params: dict[str, Any] = {"id": progress.id, "requested": progress.requested}
         params |= {"why": order.reason} if order.reason else {}
-        params |= {"telegrams": [list(telegram) for telegram in progress.telegrams]}
-        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
+        params |= _what_was_sent(progress)
         try:
             return await self._foretell(
                 "command.sent", order.person, f"{order.equipment}.{order.key}", progress.old, new, "sent", "",
@@ -44,7 +45,11 @@ class Trail:
     def command(self, order: Order, progress: Progress, *, refused: bool = False) -> None:
         """What became of `order`; of a refused one what was typed, of another what was sent."""
         arguments = order.arguments if refused else progress.arguments
-        new = told(arguments) or (order.argument if refused else progress.argument)
+        new = (
+            value_set.told(progress.changes, old=False)
+            or told(arguments)
+            or (order.argument if refused else progress.argument)
+        )
         self.line(
             order.person, f"{order.equipment}.{order.key}", progress.old, new, progress,
             address=order.address, why=order.reason,
@@ -59,9 +64,8 @@ class Trail:
             "requested": progress.requested,
             "accepted": progress.accepted,
             "ended": progress.ended,
-            "telegrams": [list(telegram) for telegram in progress.telegrams],
         }
-        params |= {"arguments": dict(progress.arguments)} if progress.arguments else {}
+        params |= _what_was_sent(progress)
         self._write("command", person, what, old, new, str(progress.state), progress.reason, params)
 
     def control(self, person: Person | None, equipment: str, what: str, former: str) -> None:
@@ -85,6 +89,17 @@ class Trail:
                 self._spawn(found, "audit")
         except Exception:
             log.exception("audit failed object=%s", what)
+
+
+def _what_was_sent(progress: Progress) -> dict[str, Any]:
+    """Telegrams and arguments; of a set each value by itself, so that none is cut off: key, former, new, found, where it stands."""
+    if progress.changes:
+        return {
+            f"change_{number}": json.dumps([one.key, one.old, one.new, one.found, one.stands])
+            for number, one in enumerate(progress.changes, 1)
+        }
+    params: dict[str, Any] = {"telegrams": [list(telegram) for telegram in progress.telegrams]}
+    return params | ({"arguments": dict(progress.arguments)} if progress.arguments else {})
 
 
 def told(arguments: Mapping[str, str | float]) -> str:

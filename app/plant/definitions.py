@@ -348,6 +348,8 @@ class EquipmentType:
     """What the snapshot words of its events say; texts are `snapshot.<name>`."""
     reasons: Mapping[int, str] = field(default_factory=dict)
     """Reason in an answer of the device → its key; the text is `reason.<key>`."""
+    checks: Sequence[Condition] = ()
+    """What must hold between setpoints: a value that breaks one is not written."""
     sequence: bool = False
     """Whether its equipment runs a sequence of the plant: `definition` and `machine` in the plant file, `steps` as an option."""
     actions: Sequence[str] = ()

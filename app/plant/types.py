@@ -1,9 +1,9 @@
 """Equipment types: the folders of app/equipment, read once.
 
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
-(each is a point too); `commands.toml`; `interlocks.toml` with `[permissives.…]` and `[interlocks.…]`; `alarms.toml`;
-`texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and `events.toml` (plant/plc.py), `records.toml`
-(plant/record_kinds.py).
+(each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `commands.toml`; `interlocks.toml` with
+`[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and
+`events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -189,6 +189,15 @@ class _TypeReader:
         permissives = [self._condition("permissive", key, table) for key, table in guards.tables("permissives")]
         interlocks = [self._condition("interlock", key, table) for key, table in guards.tables("interlocks")]
         guards.done()
+        relations = self._file("checks.toml", optional=True)
+        checked = [self._condition("check", key, table) for key, table in relations.tables()]
+        for check in checked:
+            if not any(name in setpoints for name in self._names(check.expression)):
+                relations.note(f"{check.key}.expression", check.expression, "a sentence over at least one setpoint")
+            if check.commands:
+                relations.note(
+                    f"{check.key}.commands", ", ".join(check.commands), "no commands: a check is about values"
+                )
         alarms = [self._alarm(key, table) for key, table in self._file("alarms.toml", optional=True).tables()]
         for guard, conditions in (("permissives", permissives), ("interlocks", interlocks)):
             for condition in conditions:
@@ -222,6 +231,7 @@ class _TypeReader:
             events=self.events,
             reasons=reasons,
             snapshot=snapshot,
+            checks=checked,
             sequence=sequence,
             actions=actions,
             simulation_presets=simulation_presets,
@@ -720,6 +730,13 @@ class _TypeReader:
             row.done()
             yield Write(point, str(value))
 
+    @staticmethod
+    def _names(text: str) -> frozenset[str]:
+        try:
+            return expression.parse(text).names if text else frozenset()
+        except ConfigurationError:
+            return frozenset()
+
     def _condition(self, group: str, key: str, table: Table) -> Condition:
         condition = Condition(
             key=key,
@@ -728,7 +745,7 @@ class _TypeReader:
             commands=tuple(table.items("commands", [])),
         )
         if condition.expression:
-            self.expressions.append((table, "expression", condition.expression, True))
+            self.expressions.append((table, "expression", condition.expression, group != "check"))
         table.done()
         return condition
 
@@ -848,7 +865,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
     for command in kind.commands.values():
         yield command.label
         yield from (argument.label for argument in command.arguments)
-    for condition in (*kind.permissives, *kind.interlocks):
+    for condition in (*kind.permissives, *kind.interlocks, *kind.checks):
         yield condition.label
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)

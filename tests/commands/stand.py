@@ -1,7 +1,7 @@
 """A stand for the gate: the demo plant's machines behind a link that is written by hand, and time that only the test moves."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -107,6 +107,13 @@ class FakeLink:
         if error is not None:
             raise error
 
+    def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
+        return [[point] for point in points]
+
+    async def write_set(self, equipment: str, values: Mapping[str, float]) -> None:
+        for point, value in values.items():
+            await self.write(equipment, point, value)
+
     async def turn(self) -> None:
         """Wait for the wire; what may no more is not sent then, as on a link."""
         await self.door.wait()
@@ -164,6 +171,8 @@ class Stand:
         self.people: dict[str, Person | None] = {}
         """By session, who may other things now than when they asked; None: the session is over."""
         self.scanning = True
+        self.sleeps = False
+        """Whether the time of the loop passes, too: what a set waits for between two reads."""
         self.bad: set[str] = set()
         """Machines that do not answer."""
         self._derivation = Derivation(self.plant)
@@ -233,6 +242,8 @@ class Stand:
                     self.publish(name, Scan.FAST, Scan.SLOW)
             self.gate.tick()
             await settle()
+            if self.sleeps:
+                await asyncio.sleep(TICK)
 
     async def _foretell(self, kind: str, who: Person | None, object: str, *_: object, **__: object) -> bool:
         assert kind == "command.sent"
@@ -252,6 +263,27 @@ class Stand:
             self.gate.control.take(who, equipment)
         asked.setdefault("nonce", self.gate.nonces.issue(who.session))
         return await self.gate.set_value(who, equipment, key, value, **asked)  # type: ignore[arg-type]
+
+    async def set_all(
+        self, who: Person, values: Mapping[str, str | float], equipment: str = "m1", **asked: object
+    ) -> Progress:
+        """A set, asked by a well-behaved person, to its end."""
+        return await self.finish(self.begin_set(who, values, equipment, **asked))
+
+    def begin_set(
+        self, who: Person, values: Mapping[str, str | float], equipment: str = "m1", **asked: object
+    ) -> "asyncio.Task[Progress]":
+        if self.gate.control.holder(equipment) is None:
+            self.gate.control.take(who, equipment)
+        self.sleeps = True
+        asked = {"nonce": self.gate.nonces.issue(who.session), "confirmed": True, **asked}
+        return asyncio.create_task(self.gate.set_values(who, equipment, values, **asked))  # type: ignore[arg-type]
+
+    async def finish(self, asked: "asyncio.Task[Progress]", limit: float = 60.0) -> Progress:
+        """Let time pass until `asked` is answered."""
+        await self.pass_time(limit, asked.done)
+        assert asked.done(), "no end"
+        return await asked
 
     def state(self, equipment: str = "m1") -> str:
         progress = self.gate.progress(equipment)

@@ -1,0 +1,347 @@
+"""A set of setpoints on its way: written in order, each step read back before the next, and all put back when one fails.
+
+    sent (on the disk) → step, read back → step, read back → … → all read back → confirmed
+                            └ refused, not as written, a right or a condition lost, Stop → former values written and read back → failed
+
+It ends with all new values, with all former ones, or with a mixed state that names which value stands where and is an alarm. What a device
+takes at once (a staging area) is one step. A write of which nobody knows is looked up: new values that are there are there. Putting back
+asks for no right and waits at most `RESTORE_LIMIT` for a device that is silent; each former value is written once, after the device has
+answered, never later. Values that cannot be read then are read when the device is back, and told again (`found`): nothing is written then.
+
+A Stop waits for no set. It ends the set, which puts back what it had changed.
+"""
+
+import asyncio
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from app import chance
+from app.commands import value_set
+from app.commands.delivery import Outcome, outcome_of
+from app.commands.desk import Desk
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress, State, advance
+from app.commands.orders import Machine, Order, SetJob, Task
+from app.commands.value_set import Change, Stands
+from app.errors import LinkError, Refused
+from app.links.schedule import PERMIT
+from app.tags.quality import is_good
+
+log = logging.getLogger(__name__)
+
+FIRST_PAUSE, LAST_PAUSE = 0.02, 0.5
+"""Between two reads of a value that is not there yet [s]."""
+RESTORE_LIMIT = 10.0
+"""Longest wait for a device that is silent before its former values are given up [s]."""
+SETTLE = 2.0
+"""A device that is back has answered with good values for so long before they are believed [s]."""
+FOUND_EVERY = 1.0
+"""Between two looks at values that could not be read [s]."""
+NO_AUDIT = "why.no_audit"
+RESTORED, MIXED, UNREAD = "why.set_restored", "why.set_mixed", "why.set_unread"
+"""Ends of a set: all former values stand; some new, some old; some cannot be read."""
+FOUND_NEW, FOUND_OLD, FOUND_MIXED = "why.set_found_new", "why.set_found_old", "why.set_found_mixed"
+"""What was found of a set whose values could not be read when it ended, or during which the server was killed."""
+UNTOLD = frozenset({UNREAD})
+"""Ends after which the values are still to be read."""
+
+Failure = tuple[str, Mapping[str, object]]
+"""Why a set does not go on: text key, what fills it."""
+
+
+class Sets:
+    """The sets of all machines; at most one at work on each."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+
+    async def send(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
+        """Write an admitted set; returns when it is over. It goes on when the caller goes away.
+
+        Raises:
+            Refused: 503, it can be written down nowhere; nothing was sent.
+        """
+        assert order.person is not None
+        progress = Progress(
+            order.id, order.equipment, prepared.command.key, prepared.command.label, order.person.display, State.REQUESTED,
+            order.asked, old=plan.old, limit=plan.limit, telegrams=plan.telegrams, arguments=plan.arguments,
+            changes=plan.changes,
+        )  # fmt: skip
+        job = SetJob(order, prepared, plan, progress)
+        if self._desk.dry_run:
+            self._end(machine, job, State.DRY_RUN, "why.dry_run", {})
+            return job.progress
+        if machine.job is not None:
+            new = {"label": progress.label, "display": progress.person}
+            self._desk.end(machine, machine.job, State.SUPERSEDED, "why.superseded", new)
+        machine.set = job
+        self._desk.mark(order.equipment)
+        await asyncio.shield(self._desk.work(self._carry_out(machine, job), f"set {order.equipment}"))
+        if job.progress.reason == NO_AUDIT:
+            raise Refused(NO_AUDIT, 503)
+        return job.progress
+
+    def stop(self, machine: Machine, why: str) -> None:
+        """Write no further new value: put back what was changed (`why`: text key)."""
+        if machine.set is not None and not machine.set.stop:
+            machine.set.stop = why
+
+    async def follow_up(self, equipment: str, progress: Progress) -> None:
+        """Wait until the values of a set that nobody knows can be read, and tell once what stands where. Nothing is written."""
+        good_since: float | None = None
+        while True:
+            machine = self._desk.machines.get(equipment)
+            parts = self._parts(machine, progress) if machine is not None else None
+            if machine is None or parts is None:
+                return  # another plant: there is nothing to look at
+            now = self._desk.clock.monotonic()
+            if machine.set is None and await self._read(machine, list(parts), now - FOUND_EVERY):
+                good_since = now if good_since is None else good_since
+                if now - good_since >= SETTLE:
+                    break
+            else:
+                good_since = None
+            await asyncio.sleep(FOUND_EVERY)
+        changes = tuple(
+            value_set.judged(change, parts[change.key], self._value(machine, change.key)) for change in progress.changes
+        )
+        stands = {change.stands for change in changes}
+        state, reason = State.UNCONFIRMED, FOUND_MIXED
+        if stands == {Stands.NEW}:
+            state, reason = State.CONFIRMED, FOUND_NEW
+        elif stands == {Stands.OLD}:
+            state, reason = State.FAILED, FOUND_OLD
+        found = replace(
+            progress,
+            state=state,
+            reason=reason,
+            params=_params(changes),
+            changes=changes,
+            ended=self._desk.clock.micros(),
+        )
+        self._close(machine, found)
+        self._desk.trail.line(
+            None, f"{equipment}.{value_set.KEY}", value_set.told(changes, old=True), value_set.told(changes, old=False),
+            found, by=found.person,
+        )  # fmt: skip
+
+    # details
+
+    async def _carry_out(self, machine: Machine, job: SetJob) -> None:
+        try:
+            if not await self._desk.trail.sent(job.order, job.progress):
+                self._end(machine, job, State.FAILED, NO_AUDIT, {})
+                return
+            failure = await self._write(machine, job)
+            if failure is None:
+                self._end(machine, job, State.CONFIRMED, "", {}, self._judged(machine, job))
+                return
+            log.warning("set not written equipment=%s reason=%s", machine.item.id, failure[0])
+            await self._restore(machine, job)
+            self._end_failed(machine, job, failure)
+        finally:
+            self._release(machine, job)
+
+    async def _write(self, machine: Machine, job: SetJob) -> Failure | None:
+        """All new values, step by step; why it does not go on, None when they are all there."""
+        values = job.plan.arguments
+        for step in job.plan.steps:
+            failure = self._hindrance(machine, job)
+            if failure is not None:
+                return failure
+            job.touched.append(step)
+            since = self._desk.clock.monotonic()
+            broke = await self._send(machine, job, {key: values[key] for key in step}, new=True)
+            if broke is not None and broke[0] is not State.UNKNOWN:
+                job.touched.remove(step)
+                return broke[1], broke[2]
+            if broke is None and job.progress.state is State.REQUESTED:
+                job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
+                self._desk.mark(machine.item.id)
+            failure = await self._there(machine, job, step, values, since)
+            if failure is not None:
+                return failure if broke is None else (broke[1], broke[2])
+            job.unsettled.difference_update(step)  # seen in effect: nothing of it is still to come
+        return await self._there(machine, job, list(values), values, self._desk.clock.monotonic())
+
+    def _hindrance(self, machine: Machine, job: SetJob) -> Failure | None:
+        """What keeps the set from going on: a Stop, a right, the token, a value or condition that is lost."""
+        if job.stop:
+            return job.stop, {}
+        if self._desk.machines.get(machine.item.id) is not machine:
+            return "why.reloaded", {}
+        reasons = self._desk.checks.reasons(job.order.person, machine, job.prepared, running=True)
+        if not reasons:
+            return None
+        first = reasons[0][0]
+        return first.key, {**first.params, "label": first.label} if first.label else first.params
+
+    async def _send(self, machine: Machine, job: SetJob, values: Mapping[str, float], *, new: bool) -> Outcome | None:
+        """One step; None = the device has taken it. New values go only while the person may, former ones always."""
+        permit = partial(self._may_go_on, machine, job) if new else None
+        before = PERMIT.set(permit)
+        try:
+            await self._desk.writers[machine.item.link].write_set(machine.item.id, values)
+        except (LinkError, Refused, KeyError) as error:
+            outcome = outcome_of(error, machine.item, told=False)
+            if outcome[0] is State.UNKNOWN:
+                job.unsettled |= values.keys()
+            return outcome
+        finally:
+            PERMIT.reset(before)
+        job.unsettled.difference_update(values)
+        return None
+
+    def _may_go_on(self, machine: Machine, job: SetJob) -> bool:
+        return not job.stop and self._desk.may_go_on(job.order, job.prepared)
+
+    async def _there(
+        self, machine: Machine, job: SetJob, keys: Sequence[str], wanted: Mapping[str, float], since: float,
+        *, putting_back: bool = False,
+    ) -> Failure | None:  # fmt: skip
+        """Wait until the device holds the `wanted` values of `keys`; why it does not."""
+        parts = {part.command.key: part for part in job.prepared.parts}
+        until, pause = self._desk.clock.monotonic() + job.plan.limit, FIRST_PAUSE
+        while True:
+            read = await self._read(machine, keys, since)
+            wrong = [
+                key for key in keys
+                if not read or not value_set.is_value(parts[key], self._value(machine, key) or 0.0, wanted[key])
+            ]  # fmt: skip
+            if not wrong:
+                return None
+            if job.stop and not putting_back:
+                return job.stop, {}
+            if self._desk.clock.monotonic() >= until:
+                break
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LAST_PAUSE)
+        change = next(change for change in job.plan.changes if change.key == wrong[0])
+        if not read:
+            return "why.set_not_read", {"label": change.label}
+        found = self._value(machine, change.key)
+        return "why.set_differs", {
+            "label": change.label,
+            "value": found,
+            "unit": change.unit,
+            "asked": wanted[change.key],
+        }
+
+    async def _restore(self, machine: Machine, job: SetJob) -> None:
+        """Write the former values of every step that may have arrived, the last one first, and read them back."""
+        former = {change.key: change.old for change in job.plan.changes}
+        until = self._desk.clock.monotonic() + RESTORE_LIMIT
+        since = self._desk.clock.monotonic()
+        for step in reversed(job.touched):
+            if not await self._answers(machine, step, until):
+                job.unsettled |= set(step)
+                continue
+            since = self._desk.clock.monotonic()
+            broke = await self._send(machine, job, {key: former[key] for key in step}, new=False)
+            if broke is not None:
+                log.warning("former values not taken equipment=%s reason=%s", machine.item.id, broke[1])
+        keys = [key for step in job.touched for key in step]
+        if keys:
+            await self._there(machine, job, keys, former, since, putting_back=True)
+
+    async def _answers(self, machine: Machine, keys: Sequence[str], until: float) -> bool:
+        """Whether the device answers with good values before `until`: nothing is sent into silence."""
+        pause = FIRST_PAUSE
+        while not await self._read(machine, keys, float("-inf")):
+            if self._desk.clock.monotonic() >= until:
+                return False
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LAST_PAUSE)
+        return True
+
+    async def _read(self, machine: Machine, keys: Sequence[str], since: float) -> bool:
+        """Have `keys` read now; whether all are good and were read after `since` [s]."""
+        try:
+            await self._desk.writers[machine.item.link].refresh(machine.item.id, keys)
+        except (LinkError, Refused, KeyError) as error:
+            log.info("set not read equipment=%s error=%s", machine.item.id, error)
+            return False
+        return self._desk.checks.read_since(machine, keys, since)
+
+    def _value(self, machine: Machine, key: str) -> float | None:
+        value, word = self._desk.checks.look(machine)(key)
+        return float(value) if is_good(word) and isinstance(value, int | float) else None
+
+    def _judged(self, machine: Machine, job: SetJob) -> tuple[Change, ...]:
+        """What the device holds of each value. Of one that was never sent and cannot be read it is the former one."""
+        parts = {part.command.key: part for part in job.prepared.parts}
+        touched = {key for step in job.touched for key in step}
+        uncertain = job.unsettled if machine.item.type.device.services else frozenset[str]()
+        changes = []
+        for change in job.plan.changes:
+            value = None if change.key in uncertain else self._value(machine, change.key)
+            if value is None and change.key not in touched:
+                changes.append(replace(change, found=change.old, stands=Stands.OLD))
+            else:
+                changes.append(value_set.judged(change, parts[change.key], value))
+        return tuple(changes)
+
+    def _end_failed(self, machine: Machine, job: SetJob, failure: Failure) -> None:
+        changes = self._judged(machine, job)
+        stands = {change.stands for change in changes}
+        cause: dict[str, object] = {**failure[1], "cause": failure[0]}
+        if "cause" in failure[1]:
+            cause["deeper"] = failure[1]["cause"]
+        if stands == {Stands.OLD}:
+            self._end(machine, job, State.FAILED, RESTORED, cause, changes)
+        else:
+            reason = UNREAD if Stands.UNKNOWN in stands else MIXED
+            self._end(machine, job, State.UNCONFIRMED, reason, {**cause, **_params(changes)}, changes)
+
+    def _end(
+        self,
+        machine: Machine,
+        job: SetJob,
+        state: State,
+        reason: str,
+        params: Mapping[str, object],
+        changes: tuple[Change, ...] = (),
+    ) -> None:
+        ended = advance(job.progress, state, self._desk.clock.micros(), end=True, reason=reason, params=params)
+        job.progress = replace(ended, changes=changes or ended.changes)
+        self._release(machine, job)
+        self._close(machine, job.progress)
+        self._desk.trail.command(job.order, job.progress)
+        if reason in UNTOLD:
+            self._desk.spawn(self.follow_up(machine.item.id, job.progress), f"set of {machine.item.id}")
+
+    def _release(self, machine: Machine, job: SetJob) -> None:
+        """The machine takes other commands again, also when the plant was read anew meanwhile."""
+        for known in (machine, self._desk.machines.get(machine.item.id, machine)):
+            if known.set is job:
+                known.set = None
+                self._desk.mark(machine.item.id)
+
+    def _close(self, machine: Machine, progress: Progress) -> None:
+        machine = self._desk.machines.get(machine.item.id, machine)
+        machine.last = progress
+        machine.history.append(progress)
+        self._desk.tell_end(progress)
+        self._desk.mark(machine.item.id)
+
+    @staticmethod
+    def _parts(machine: Machine | None, progress: Progress) -> dict[str, Prepared] | None:
+        """The setpoints of a former set on its machine now; None when one is gone."""
+        if machine is None or not all(change.key in machine.setpoints for change in progress.changes):
+            return None
+        return {change.key: machine.setpoints[change.key] for change in progress.changes}
+
+
+def left_open(equipment: str, id: str, person: str, requested: int, changes: Sequence[Change]) -> Progress:
+    """A set that was being written when the server was killed, as the audit trail has it."""
+    return Progress(
+        id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, State.UNCONFIRMED, requested,
+        reason=UNREAD, params={"cause": "why.set_killed", **_params(changes)},
+        old=value_set.told(changes, old=True), changes=tuple(changes),
+    )  # fmt: skip
+
+
+def _params(changes: Sequence[Change]) -> dict[str, object]:
+    return {"values": value_set.standing(changes)}
