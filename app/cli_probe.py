@@ -6,7 +6,7 @@ sense, the port is not there or belongs to another program, or the device is rea
 
 import asyncio
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -17,8 +17,6 @@ from app.addresses import host_and_port
 from app.errors import ConfigurationError, DeviceException, LinkError, NotConnected
 from app.plant.definitions import Link
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
-from app.sim.conveyor.machine import FAULT_NAMES
-from app.sim.eura_e800.drive import FAULTS
 
 if TYPE_CHECKING:
     from app.links.contract import Block
@@ -27,11 +25,6 @@ if TYPE_CHECKING:
     from app.plant.definitions import Equipment, Plant
 
 AUTO = "auto"
-MACHINE_FAULTS: Mapping[str, Mapping[str, int]] = {
-    "eura_e800": {keypad: code for code, (keypad, _) in FAULTS.items()},
-    "conveyor": FAULT_NAMES,
-}
-"""Equipment type → name of a fault (of a drive: on its keypad) → code to cause."""
 
 
 def probe(
@@ -101,7 +94,7 @@ def inject(
                 f"{equipment} is simulated inside the server: start that with --serve-modbus HOST:PORT (or POGON_SERVE_MODBUS), "
                 "and give --tcp HOST:PORT"
             )
-        what = injection(fault, MACHINE_FAULTS.get(item.type.name, {}), delay=delay, code=code, count=count)
+        what = injection(fault, item.type.training.faults, delay=delay, code=code, count=count)
         asyncio.run(_inject(link, item.unit, what))
     except (ConfigurationError, NotConnected, ValueError) as error:
         _fail(error, 2)

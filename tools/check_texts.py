@@ -1,6 +1,6 @@
 """Every language says the same things, and every text that a template or the code asks for exists.
 
-A language is a folder `app/locale/<lang>/` of TOML files and a `texts.<lang>.toml` per equipment type; English is the
+A language is a folder `app/locale/<lang>/` of TOML files and a `texts.<lang>.toml` per equipment type (`<type>.<key>`); English is the
 one the others are compared with. Tables inside a file are joined with dots (`[alarm] high = …` is `alarm.high`); a
 table of plural forms (one, few, many, other) counts as one text and holds exactly the forms of its language.
 All problems are printed, then the exit code is 1. With --update, what a language lacks is put into its `new.toml`.
@@ -44,12 +44,16 @@ def main() -> int:
         for key in in_type(folder.name, problems):
             if key not in by_type[folder.name] | set(own["en"]):
                 problems.append(f'app/equipment/{folder.name}: text "{key}" is not in texts.en.toml')
+    of_types = {f"{name}.{key}" for name, keys in by_type.items() for key in keys}
+    for key in sorted(own["en"]):
+        if key.split(".")[0] in by_type:
+            problems.append(
+                f'app/locale: text "{key}" is that of a type, expected in app/equipment/{key.split(".")[0]}'
+            )
     wanted = [*in_templates(problems), *in_code()]
     lacking = {}
     for where, key in wanted:
-        screen = re.match(r"templates/screens/([^/]+)/", where)
-        known = set(own["en"]) | (by_type.get(screen[1], set()) if screen else set())
-        if key not in known:
+        if key not in of_types | set(own["en"]):
             problems.append(f'{where}: text "{key}" is not in app/locale/en')
             lacking[key] = where
     if "--update" in sys.argv:

@@ -317,6 +317,34 @@ class Device:
 
 
 @dataclass(frozen=True, slots=True)
+class TrainingWord:
+    """A training register of a type of machine."""
+
+    register: int
+    low: int
+    high: int
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """What an instructor may do to a simulated machine of a type besides breaking its line (plant/training.py)."""
+
+    faults: Mapping[str, int] = field(default_factory=dict)
+    """Name of a machine fault → code."""
+    names: str = ""
+    """Point whose texts name the faults; empty = the texts of the type do."""
+    live: Sequence[str] = ()
+    """Points that are shown beside it."""
+    world: Mapping[str, TrainingWord] = field(default_factory=dict)
+    """What is set and kept; limits of 0 and 1 make a switch."""
+    acts: Mapping[str, TrainingWord] = field(default_factory=dict)
+    """What acts once and reads 0."""
+    switches: Mapping[str, TrainingWord] = field(default_factory=dict)
+    """Bits, of which one is turned over."""
+
+
+@dataclass(frozen=True, slots=True)
 class EquipmentType:
     """A folder of app/equipment, read."""
 
@@ -358,6 +386,7 @@ class EquipmentType:
     """What a test of a sequence may set on the simulated machine → least and greatest value."""
     records: Mapping[str, RecordKind] = field(default_factory=dict)
     """What it keeps of its history, by name, in the order of records.toml."""
+    training: Training = field(default_factory=Training)
 
 
 @dataclass(frozen=True, slots=True)

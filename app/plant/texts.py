@@ -1,8 +1,9 @@
 """Every text that a person sees, in the person's language.
 
 The product's own texts are `app/locale/<lang>/*.toml`, tables inside joined with dots; an equipment type has its own in
-`texts.<lang>.toml`; a plant file has labels and alarm rows, the definition of a sequence has labels of its steps and permissives. A text
-that a language lacks is shown in the plant's first language, else in English, with the mark of that language: `[en] Fan 2`.
+`texts.<lang>.toml`, and its pages ask for them by `<type>.<key>`; a plant file has labels and alarm rows, the definition of a sequence has
+labels of its steps and permissives. A text that a language lacks is shown in the plant's first language, else in English, with the mark of
+that language: `[en] Fan 2`.
 
 A table of plural forms is written as its categories: `rows.one`, `rows.few`, `rows.many`, `rows.other` (CLDR, by Babel). The parameter
 `n` chooses the form.
@@ -36,6 +37,7 @@ class Texts:
     def __init__(self, product: Catalogue, plant: Plant | None = None) -> None:
         self._product = product
         self._plant = plant
+        self._types = _by_type(plant) if plant else {}
         self.languages = tuple(plant.languages) if plant else tuple(product)
         """Languages that a person may choose; the first is the default."""
         self.default = self.languages[0] if self.languages else FALLBACK
@@ -50,11 +52,11 @@ class Texts:
         return cls(read_product(folder), plant)
 
     def text(self, lang: str, key: str, /, **params: object) -> str:
-        """The product's (or the plant file's) text `key` in `lang`, its placeholders filled.
+        """The product's (or the plant file's) text `key` in `lang`, its placeholders filled; `<type>.<key>` is that of an equipment type.
 
         A missing text comes in another language with that language's mark; a key that exists nowhere comes as `[key]`.
         """
-        return self._find(lang, key, params, self._product, self._plant.texts if self._plant else {})
+        return self._find(lang, key, params, self._product, self._plant.texts if self._plant else {}, self._types)
 
     def of_type(self, lang: str, kind: EquipmentType | str, key: str, /, **params: object) -> str:
         """The text `key` of an equipment type, else the plant's, else the product's."""
@@ -103,6 +105,15 @@ class Texts:
                     filled = fill(text, params)
                     return filled if language == lang else f"[{language}] {filled}"
         return f"[{key}]"
+
+
+def _by_type(plant: Plant) -> dict[str, dict[str, str]]:
+    """The texts of the plant's equipment types, the name of the type before each key."""
+    texts: dict[str, dict[str, str]] = {}
+    for name, kind in plant.types.items():
+        for language, own in kind.texts.items():
+            texts.setdefault(language, {}).update({f"{name}.{key}": text for key, text in own.items()})
+    return texts
 
 
 @lru_cache(maxsize=256)

@@ -2,8 +2,8 @@
 
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
 (each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `commands.toml`; `interlocks.toml` with
-`[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `texts.<lang>.toml`; of a machine with a map of ours also `tables.toml` and
-`events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py).
+`[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a machine with a map of
+ours also `tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -49,6 +49,8 @@ from app.plant.definitions import (
 from app.plant.derive import KINDS
 from app.plant.services import read_services
 from app.plant.tables import MISSING, NONE, Source, Table, one_of
+from app.plant.training import read_training
+from app.plant.training import text_keys as training_keys
 from app.registers.plc_map import TABLE_HEAD
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
@@ -204,6 +206,7 @@ class _TypeReader:
                 for command in condition.commands:
                     if command not in commands:
                         guards.note(f"{guard}.{condition.key}.commands", command, f"a command of {self.name}")
+        training = read_training(self._file("training.toml", optional=True), tuple(self.points))
         codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
         texts = {language: self._texts(language) for language in self.languages}
         self._check_expressions()
@@ -236,6 +239,7 @@ class _TypeReader:
             actions=actions,
             simulation_presets=simulation_presets,
             records=kinds,
+            training=training,
         )
         return TypeData(
             kind,
@@ -869,6 +873,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield condition.label
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
+    yield from training_keys(kind.training)
     yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
     yield from record_kinds.text_keys(kind.records)
 

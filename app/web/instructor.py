@@ -5,8 +5,8 @@ again right before each write. A live device has no such registers; nothing is e
 """
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from fastapi import APIRouter, Request
@@ -16,9 +16,9 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.errors import LinkError, Refused
 from app.links.register_link import RegisterLink
-from app.plant.definitions import Equipment
+from app.plant.definitions import Equipment, TrainingWord
+from app.plant.training import text_of_code
 from app.sim import training
-from app.sim.machines import MACHINE_FAULTS
 from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of
@@ -31,65 +31,13 @@ READ_BACK = 2.0
 LOOK_PERIOD = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Trainer:
-    """What an instructor can do to a type of machine besides causing faults and breaking its line."""
-
-    world: Mapping[str, tuple[int, str]]
-    """Field → register and unit; the text is `instructor.<field>`. Limits of 0 and 1 make a switch."""
-    live: Sequence[str]
-    """Points that are shown beside it."""
-    acts: Mapping[str, int] = field(default_factory=dict)
-    """Deed → register that acts once and reads 0."""
-    switches: Mapping[str, int] = field(default_factory=dict)
-    """Deed → register of bits, of which one is turned over."""
-    names: str = ""
-    """Point whose texts name the faults; empty = the texts `instructor.<type>.<code>`, or `….<tens>x` with {n} for its last digit."""
-
-
-TRAINERS: Mapping[str, Trainer] = {
-    "eura_e800": Trainer(
-        world={
-            "load": (training.REG_LOAD, "%"),
-            "quadratic": (training.REG_LOAD_QUADRATIC, "%"),
-            "disturbance": (training.REG_DISTURBANCE, "%"),
-            "ambient": (training.REG_AMBIENT, "°C"),
-            "supply": (training.REG_SUPPLY, "V"),
-        },
-        live=("status", "speed", "current", "heatsink_temperature"),
-        names="status",
-    ),
-    "conveyor": Trainer(
-        world={
-            "arrivals": (training.REG_ARRIVALS, ""),
-            "interval": (training.REG_INTERVAL, "× 0.1 s"),
-            "shortest": (training.REG_SHORTEST, "mm"),
-            "longest": (training.REG_LONGEST, "mm"),
-        },
-        live=("state", "mode", "products", "smallest_gap", "line_speed"),
-        acts={"remove": training.REG_REMOVE, "put": training.REG_PUT, "power": training.REG_POWER},
-        switches={"sensor": training.REG_SENSORS},
-    ),
-    "coil_car": Trainer(
-        world={
-            "strip": (training.REG_STRIP, ""),
-            "growth": (training.REG_GROWTH, "× 0.1 mm/s"),
-            "crane": (training.REG_CRANE, "s"),
-        },
-        live=("state", "mode", "horizontal", "vertical", "mandrel", "coil_diameter"),
-        acts={"power": training.REG_POWER},
-    ),
-    "sequence": Trainer(
-        world={},
-        live=("state", "step", "stalled", "run_time"),
-        acts={"power": training.REG_POWER},
-    ),
-}
-"""By equipment type."""
-LINE_FIELDS: Mapping[str, tuple[int, str]] = {
-    "delay": (training.REG_LINE_DELAY, "ms"),
-    "argument": (training.REG_LINE_ARGUMENT, ""),
-    "count": (training.REG_LINE_COUNT, ""),
+LINE_FIELDS: Mapping[str, TrainingWord] = {
+    name: TrainingWord(register, *training.COMMON_LIMITS[register], unit)
+    for name, register, unit in (
+        ("delay", training.REG_LINE_DELAY, "ms"),
+        ("argument", training.REG_LINE_ARGUMENT, ""),
+        ("count", training.REG_LINE_COUNT, ""),
+    )
 }
 DONE = ("fault", "line", "world", "reset")
 
@@ -140,8 +88,8 @@ async def set_fault(request: Request, key: str) -> Response:
     given = await fields(request, ["code"])
 
     def words(item: Equipment) -> dict[int, int]:
-        code = _whole(request, given["code"], "instructor.fault", (0, max(MACHINE_FAULTS[item.type.name])))
-        if code and code not in MACHINE_FAULTS[item.type.name]:
+        code = _whole(request, given["code"], "instructor.fault", (0, 0xFFFF))
+        if code and code not in item.type.training.faults.values():
             raise Refused("access.form_field", 422, field="code")
         return {training.REG_MACHINE_FAULT: code}
 
@@ -156,8 +104,8 @@ async def set_line(request: Request, key: str) -> Response:
     def words(item: Equipment) -> dict[int, int]:
         mode = training.REG_LINE_FAULT
         return {mode: _whole(request, given["mode"], "instructor.line", training.COMMON_LIMITS[mode])} | {
-            register: _whole(request, given[name] or "0", f"instructor.{name}", training.COMMON_LIMITS[register])
-            for name, (register, _) in LINE_FIELDS.items()
+            word.register: _whole(request, given[name] or "0", f"instructor.{name}", (word.low, word.high))
+            for name, word in LINE_FIELDS.items()
         }
 
     return await _do(request, key, "line", words)
@@ -165,14 +113,14 @@ async def set_line(request: Request, key: str) -> Response:
 
 @router.post("/instructor/{key}/world", dependencies=[allow("instruct")])
 async def set_world(request: Request, key: str) -> Response:
-    """Load, disturbance, ambient temperature, supply; arrivals and lengths of products."""
-    world = TRAINERS[_item(request, key).type.name].world
+    """What its type calls its world: loads, temperatures, what arrives and how long it is."""
+    world = _item(request, key).type.training.world
     given = await fields(request, world)
 
     def words(item: Equipment) -> dict[int, int]:
         return {
-            register: _whole(request, given[name], f"instructor.{name}", training.LIMITS_OF[item.type.name][register])
-            for name, (register, _) in world.items()
+            word.register: _whole(request, given[name], f"{item.type.name}.training.{name}", (word.low, word.high))
+            for name, word in world.items()
         }
 
     return await _do(request, key, "world", words)
@@ -186,19 +134,18 @@ async def train(request: Request, key: str) -> Response:
 
 @router.post("/instructor/{key}/act", dependencies=[allow("instruct")])
 async def act(request: Request, key: str) -> Response:
-    """Do something with the hand: press a sensor, take a product off, put one on, switch the supply off and on."""
+    """Do something with the hand: what its type lists as acts and switches."""
     given = await fields(request, ["act"], ["value"])
     item = _item(request, key)
-    trainer, what = TRAINERS[item.type.name], given["act"]
-    limits = training.LIMITS_OF[item.type.name]
-    if what not in trainer.acts and what not in trainer.switches:
+    trained, what = item.type.training, given["act"]
+    word = trained.acts.get(what) or trained.switches.get(what)
+    if word is None:
         raise Refused("access.form_field", 422, field="act")
-    register = trainer.acts.get(what) or trainer.switches[what]
 
     def words(item: Equipment) -> dict[int, int]:
-        low, high = limits[register] if what in trainer.acts else (1, limits[register][1].bit_length())
-        number = low if low == high else _whole(request, given["value"], f"instructor.{what}", (low, high))
-        return {register: number}
+        low, high = (word.low, word.high) if what in trained.acts else (1, word.high.bit_length())
+        label = f"{item.type.name}.training.{what}"
+        return {word.register: low if low == high else _whole(request, given["value"], label, (low, high))}
 
     return await _do(request, key, "act", words, act=what)
 
@@ -250,13 +197,13 @@ async def _write(request: Request, item: Equipment, wanted: Mapping[int, int], a
     before = await _look(request, item)
     if before.words is None:
         raise Refused(before.problem, 409, machine=item.id, cause=before.reason)
-    trainer = TRAINERS[item.type.name]
-    if act in trainer.switches:
+    trained = item.type.training
+    if act in trained.switches:
         wanted = {register: before.words[register] ^ 1 << (number - 1) for register, number in wanted.items()}
     try:
         for first, words in _telegrams(wanted):
             await before.link.raw_write(item.unit, first, words)
-        if act not in trainer.acts:
+        if act not in trained.acts:
             await _confirm(before.link, item, wanted)
     except LinkError as error:
         raise Refused("instructor.not_written", 409, cause=str(error)) from error
@@ -312,7 +259,7 @@ async def _area(link: RegisterLink, unit: int) -> Words | None:
 
 def _says_simulated(link: RegisterLink, item: Equipment) -> bool:
     station = link.stations.get(item.unit)
-    return item.type.name in MACHINE_FAULTS and (link.simulated or (station is not None and station.simulated))
+    return link.simulated or (station is not None and station.simulated)
 
 
 def _telegrams(wanted: Mapping[int, int]) -> list[tuple[int, list[int]]]:
@@ -346,7 +293,7 @@ def _told(words: Words) -> str:
 
 def _item(request: Request, key: str) -> Equipment:
     item = plant_of(request).equipment.get(key)
-    if item is None or item.type.name not in MACHINE_FAULTS:
+    if item is None:
         raise HTTPException(404)
     return item
 
@@ -368,19 +315,19 @@ async def _page(request: Request, key: str, refused: Refused | None = None) -> R
         rows=[],
         chosen=_row(request, one),
         equipment=drawn,
-        live=drawn.points(TRAINERS[item.type.name].live),
+        live=drawn.points(item.type.training.live),
         faults=_faults(request, item),
         modes=[
             (mode, view.text(request, f"instructor.mode.{mode}"), view.text(request, f"instructor.line_sees.{mode}"))
             for mode in training.LINE_FAULT_MODES
             if mode
         ],
-        line_fields=_entries(LINE_FIELDS, one.words, training.COMMON_LIMITS),
-        world=_entries(TRAINERS[item.type.name].world, one.words, training.LIMITS_OF[item.type.name]),
+        line_fields=_entries(request, LINE_FIELDS, one.words, "instructor"),
+        world=_entries(request, item.type.training.world, one.words, f"{item.type.name}.training"),
         hands=_hands_template(item) if one.words else "",
         said="",
         error=runtime.texts.text(language_of(request), refused.reason, **refused.params) if refused else "",
-        done=view.text(request, f"instructor.{done}") if done in _deeds(item) and not refused else "",
+        done=_deed(request, item, done) if done in _deeds(item) and not refused else "",
     )
 
 
@@ -389,7 +336,7 @@ async def _hands(request: Request, item: Equipment, act: str = "", refused: Refu
     view, template = view_of(request), _hands_template(item)
     if not template:
         raise HTTPException(404)
-    said = view.text(request, "instructor.confirmed", what=view.text(request, f"instructor.{act}")) if act else ""
+    said = view.text(request, "instructor.confirmed", what=_deed(request, item, act)) if act else ""
     if refused:
         said = view.text(request, refused.reason, **refused.params)
     one = await _look(request, item)
@@ -410,16 +357,28 @@ def _hands_template(item: Equipment) -> str:
 
 
 def _deeds(item: Equipment) -> frozenset[str]:
-    trainer = TRAINERS[item.type.name]
-    return frozenset((*DONE, *trainer.acts, *trainer.switches))
+    return frozenset((*DONE, *item.type.training.acts, *item.type.training.switches))
+
+
+def _deed(request: Request, item: Equipment, deed: str) -> str:
+    """What was done, in words."""
+    return view_of(request).text(request, f"instructor.{deed}" if deed in DONE else f"{item.type.name}.training.{deed}")
 
 
 def _entries(
-    table: Mapping[str, tuple[int, str]], words: Words | None, limits: Mapping[int, tuple[int, int]]
-) -> list[tuple[str, str, int, int, int]]:
-    """(field, unit, now, lowest, highest)."""
+    request: Request, table: Mapping[str, TrainingWord], words: Words | None, texts: str
+) -> list[tuple[str, str, str, int, int, int]]:
+    """(field, its label, unit, now, lowest, highest)."""
     return [
-        (name, unit, words[register] if words else 0, *limits[register]) for name, (register, unit) in table.items()
+        (
+            name,
+            view_of(request).text(request, f"{texts}.{name}"),
+            word.unit,
+            words[word.register] if words else 0,
+            word.low,
+            word.high,
+        )
+        for name, word in table.items()
     ]
 
 
@@ -427,30 +386,27 @@ def _faults(request: Request, item: Equipment) -> list[tuple[int, str, str]]:
     """(code, what the machine calls it, what the trainee sees)."""
     return [
         (code, _code_text(request, item, code), _machine_sees(request, item, code))
-        for code in MACHINE_FAULTS[item.type.name]
+        for code in item.type.training.faults.values()
     ]
 
 
 def _code_text(request: Request, item: Equipment, code: int) -> str:
-    runtime, trainer = view_of(request).runtime(request), TRAINERS[item.type.name]
-    if not trainer.names:
-        return _coded(request, f"instructor.{item.type.name}", code) or f"{code}"
-    key = item.points[trainer.names].texts.get(code, "")
-    return runtime.texts.of_type(language_of(request), item.type, key) if key else f"{code}"
+    names = item.type.training.names
+    if not names:
+        return _coded(request, item, "training.fault", code) or f"{code}"
+    key = item.points[names].texts.get(code, "")
+    return view_of(request).runtime(request).texts.of_type(language_of(request), item.type, key) if key else f"{code}"
 
 
 def _machine_sees(request: Request, item: Equipment, code: int) -> str:
-    table = "instructor.machine_sees" if TRAINERS[item.type.name].names else f"instructor.{item.type.name}_sees"
-    return _coded(request, table, code) or view_of(request).text(request, "instructor.machine_sees.any")
+    return _coded(request, item, "training.sees", code)
 
 
-def _coded(request: Request, table: str, code: int) -> str:
-    """Text of a code, else of its tens (`1x`) with {n} for its last digit; empty when there is none."""
-    view, language = view_of(request), language_of(request)
-    for key in (f"{table}.{code}", f"{table}.{code // 10}x"):
-        if view.runtime(request).texts.has(language, key):
-            return view.text(request, key, n=code % 10)
-    return ""
+def _coded(request: Request, item: Equipment, table: str, code: int) -> str:
+    """Text of a code, else of its tens with {n} for its last digit, else of any; empty when there is none."""
+    key = text_of_code(item.type.texts, table, code)
+    texts = view_of(request).runtime(request).texts
+    return texts.of_type(language_of(request), item.type, key, n=code % 10) if key else ""
 
 
 def _row(request: Request, one: Trainee) -> dict[str, Any]:
@@ -475,19 +431,19 @@ def _row(request: Request, one: Trainee) -> dict[str, Any]:
         row["active"].append((_code_text(request, item, fault), _machine_sees(request, item, fault)))
     if mode:
         row["active"].append((_line_text(request, words), text(request, f"instructor.line_sees.{mode}")))
-    trainer, limits = TRAINERS[item.type.name], training.LIMITS_OF[item.type.name]
+    trained = item.type.training
     row["world"] = [
         (
-            text(request, f"instructor.{name}"),
-            text(request, f"instructor.{'on' if words[register] else 'off'}")
-            if limits[register] == (0, 1)
-            else f"{words[register]}\u00a0{unit}",
+            text(request, f"{item.type.name}.training.{name}"),
+            text(request, f"instructor.{'on' if words[word.register] else 'off'}")
+            if (word.low, word.high) == (0, 1)
+            else f"{words[word.register]}\u00a0{word.unit}",
         )
-        for name, (register, unit) in trainer.world.items()
+        for name, word in trained.world.items()
     ]
     row["pressed"] = {
-        name: [bool(words[register] >> bit & 1) for bit in range(limits[register][1].bit_length())]
-        for name, register in trainer.switches.items()
+        name: [bool(words[word.register] >> bit & 1) for bit in range(word.high.bit_length())]
+        for name, word in trained.switches.items()
     }
     return row
 

@@ -296,8 +296,8 @@ class Operation:
         step, bit = int(given["step"]), int(given["bit"])
         named = definition.permissive(step, bit)
         text = self.equipment.text
-        label = self.equipment.words(named.label) if named else text("sequence.bit", n=bit)
-        return f"{text('sequence.in_step', n=step) if step else text('sequence.abort')} · {label}"
+        label = self.equipment.words(named.label) if named else text("sequence.screen.bit", n=bit)
+        return f"{text('sequence.screen.in_step', n=step) if step else text('sequence.screen.abort')} · {label}"
 
     def _amount(self, value: float, argument: Argument) -> str:
         """An argument with its unit; whole minutes as minutes and hours."""

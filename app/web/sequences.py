@@ -183,7 +183,7 @@ class SequenceView:
 
     def title(self, number: int) -> str:
         """What step `number` is called; 0 = the abort conditions."""
-        return self.step(number).label if number else self.equipment.text("sequence.abort")
+        return self.step(number).label if number else self.equipment.text("sequence.screen.abort")
 
     def word(self, step: int, column: str = "word") -> int | None:
         """A word of permissives: `word` as it counts, `input`, `forced`, `forceable`; None = not known."""
@@ -193,7 +193,7 @@ class SequenceView:
     def label(self, step: int, bit: int) -> str:
         """What a permissive is called."""
         named = self.definition.permissive(step, bit)
-        return self.equipment.words(named.label) if named else self.equipment.text("sequence.bit", n=bit)
+        return self.equipment.words(named.label) if named else self.equipment.text("sequence.screen.bit", n=bit)
 
     @cached_property
     def first(self) -> tuple[int, int] | None:
@@ -299,14 +299,14 @@ class SequenceView:
         text, state = self.equipment.text, self.state
         if state is None:
             return Headline(
-                "i-link-off", text("live.no_communication"), "", None, text("sequence.head.unknown"), "stop"
+                "i-link-off", text("live.no_communication"), "", None, text("sequence.screen.head.unknown"), "stop"
             )
         if state == SequenceState.IDLE or (state == SequenceState.DONE and not self.is_on("needs_acknowledge")):
             done = state == SequenceState.DONE
             ready = self.is_on("start_possible")
             key = "done" if done else "ready" if ready else "idle"
             time = self.value("last_run_time") if self.value("runs_done") else None
-            line = text(f"sequence.head.{key}", time=self.seconds(time))
+            line = text(f"sequence.screen.head.{key}", time=self.seconds(time))
             return Headline("i-check" if done or ready else "i-pause", line, "", None, self._to_start(), "calm")
         if state == SequenceState.ABORTED:
             return Headline("i-cross", self._aborted(), "", None, self._then(), "stop")
@@ -314,14 +314,14 @@ class SequenceView:
         cells = self.step(step) if 0 < step <= self.total else None
         elapsed = cells["elapsed"] if cells and cells.has("elapsed") else None
         maximum = cells.number_of("maximum") if cells else None
-        allowed = self.seconds(maximum) if maximum else text("sequence.unlimited")
+        allowed = self.seconds(maximum) if maximum else text("sequence.screen.unlimited")
         stalled = self.is_on("stalled")
         kind = {SequenceState.TIMED_OUT: "timed_out", SequenceState.SUSPENDED: "suspended"}.get(
             SequenceState(state) if state in tuple(SequenceState) else SequenceState.IDLE,
             "stalled" if stalled else "running",
         )
         line = text(
-            f"sequence.head.{kind}",
+            f"sequence.screen.head.{kind}",
             step=step,
             total=self.total,
             label=cells.label if cells else "",
@@ -339,33 +339,35 @@ class SequenceView:
         """Some permissives in one line: A · B · C and 2 more."""
         shown = " · ".join(one.label for one in bits[:MOST_NAMED])
         more = len(bits) - MOST_NAMED
-        return self.equipment.text("sequence.and_more", names=shown, n=more) if more > 0 else shown
+        return self.equipment.text("sequence.screen.and_more", names=shown, n=more) if more > 0 else shown
 
     def _to_start(self) -> str:
         """What is missing to start, or that nothing is."""
         text = self.equipment.text
         if self.is_on("machine_manual"):
-            return text("sequence.head.manual")
+            return text("sequence.screen.head.manual")
         if abort := self.missing(ABORT):
-            return text("sequence.head.abort_missing", names=self.named(abort))
+            return text("sequence.screen.head.abort_missing", names=self.named(abort))
         if missing := self.missing(1):
-            return text("sequence.head.missing", step=1, names=self.named(missing))
-        return text("sequence.head.automatic" if self.is_on("automatic") else "sequence.head.can_start")
+            return text("sequence.screen.head.missing", step=1, names=self.named(missing))
+        return text("sequence.screen.head.automatic" if self.is_on("automatic") else "sequence.screen.head.can_start")
 
     def _waits(self, step: int, maximum: float | None) -> str:
         """What a running step waits for."""
         text = self.equipment.text
         if self.state == SequenceState.SUSPENDED:
             missing = self.missing(step)
-            return text("sequence.head.missing", step=step, names=self.named(missing)) if missing else text(
-                "sequence.head.resume"
+            return text("sequence.screen.head.missing", step=step, names=self.named(missing)) if missing else text(
+                "sequence.screen.head.resume"
             )  # fmt: skip
         if maximum == 0:
-            return text("sequence.head.stays")
+            return text("sequence.screen.head.stays")
         following = step + 1
         if following <= self.total and (missing := self.missing(following)):
-            return text("sequence.head.missing", step=following, names=self.named(missing))
-        return text("sequence.head.single") if self.is_on("single_step") else text("sequence.head.goes_on")
+            return text("sequence.screen.head.missing", step=following, names=self.named(missing))
+        return (
+            text("sequence.screen.head.single") if self.is_on("single_step") else text("sequence.screen.head.goes_on")
+        )
 
     def _then(self) -> str:
         """What stopped it first, and what to do."""
@@ -374,11 +376,13 @@ class SequenceView:
         if self.first is not None:
             name, value = self.label(*self.first), self.first_value
             one = (
-                text("sequence.head.first", name=name, value=value) if value else text("sequence.head.only", name=name)
+                text("sequence.screen.head.first", name=name, value=value)
+                if value
+                else text("sequence.screen.head.only", name=name)
             )
             parts.append(one)
         if self.is_on("needs_acknowledge"):
-            parts.append(text("sequence.head.acknowledge"))
+            parts.append(text("sequence.screen.head.acknowledge"))
         return " · ".join(parts)
 
     def _aborted(self) -> str:
@@ -391,9 +395,9 @@ class SequenceView:
             Cause.OPERATOR: "by_operator",
             Cause.POWER_UP: "by_power",
         }.get(Cause(cause) if cause in tuple(Cause) else Cause.NONE, "")
-        line = self.equipment.text("sequence.head.aborted", step=step)
+        line = self.equipment.text("sequence.screen.head.aborted", step=step)
         if key:
-            line += f": {self.equipment.text(f'sequence.head.{key}', name=name)}"
+            line += f": {self.equipment.text(f'sequence.screen.head.{key}', name=name)}"
         return line
 
 

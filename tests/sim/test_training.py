@@ -4,7 +4,8 @@ import pytest
 
 from app.errors import DeviceException
 from app.sim.eura_e800.drive import FAULTS, VirtualE800
-from app.sim.training import BASE, END, LIMITS, REG_MACHINE_FAULT, is_training
+from app.sim.eura_e800.training import LIMITS
+from app.sim.training import BASE, END, REG_MACHINE_FAULT, is_training
 
 
 def step(device: VirtualE800, seconds: float) -> None:

@@ -25,6 +25,7 @@ from app.registers.codec import decode
 from app.runtime import Runtime
 from app.settings import Settings
 from app.sim import training
+from app.sim.eura_e800 import training as own
 from app.sim.eura_e800.drive import FAULTS
 from app.sim.plant import SimPlant
 from app.sim.server import serve_tcp
@@ -49,9 +50,9 @@ class Shift:
     async def instruct(self) -> None:
         """Break the line, the drive or its load, and repair it again."""
         registers = {
-            training.REG_LOAD: lambda: self.chance.randint(0, 160),
-            training.REG_AMBIENT: lambda: self.chance.randint(5, 55),
-            training.REG_SUPPLY: lambda: self.chance.choice((0, 160, 230, 230, 265)),
+            own.REG_LOAD: lambda: self.chance.randint(0, 160),
+            own.REG_AMBIENT: lambda: self.chance.randint(5, 55),
+            own.REG_SUPPLY: lambda: self.chance.choice((0, 160, 230, 230, 265)),
             training.REG_MACHINE_FAULT: lambda: self.chance.choice((0, *FAULTS)),
         }
         while True:

@@ -13,7 +13,7 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.access.audit import Filter
 from app.plant.loader import read_plant
-from app.sim import training
+from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS
 from app.web.drawing import Scale
 from app.web.points import EquipmentView
@@ -362,7 +362,7 @@ def test_arrivals_and_lengths_are_set_and_read_back(crew: Staff, line: TestClien
     given = {"arrivals": "0", "interval": "80", "shortest": "25", "longest": "45"}
     assert crew.post("/instructor/c2/world", given).status_code == 303
     link = runtime_of(line).links["hall"]
-    area = crew.wait(link.raw_read, 11, training.REG_ARRIVALS, 4)
+    area = crew.wait(link.raw_read, 11, own.REG_ARRIVALS, 4)
     assert list(area) == [0, 80, 25, 45]
 
 

@@ -13,7 +13,9 @@ from fastapi.testclient import TestClient
 
 from app import bundled
 from app.access.audit import Filter
+from app.plant.definitions import Training
 from app.sim import training
+from app.sim.eura_e800 import training as own
 from app.sim.machines import MACHINE_FAULTS
 from tests.web.conftest import Start
 from tests.web.people import Staff
@@ -100,14 +102,14 @@ async def _pause() -> None:
 
 
 def test_the_world_of_a_machine_is_set_and_reset(staff: Staff) -> None:
-    before = staff.wait(link_of(staff.client).raw_read, 1, training.REG_LOAD, 5)
+    before = staff.wait(link_of(staff.client).raw_read, 1, own.REG_LOAD, 5)
     given = {"load": "80", "quadratic": "10", "disturbance": "20", "ambient": "40", "supply": "215"}
     assert staff.post("/instructor/m1/world", given).status_code == 303
-    assert staff.wait(link_of(staff.client).raw_read, 1, training.REG_LOAD, 5) == [80, 10, 20, 40, 215]
+    assert staff.wait(link_of(staff.client).raw_read, 1, own.REG_LOAD, 5) == [80, 10, 20, 40, 215]
     page = staff.client.get("/instructor/m1").text
     assert 'name="ambient" type="number" inputmode="numeric" min="0" max="60" value="40"' in page
     assert staff.post("/instructor/m1/reset").status_code == 303
-    assert staff.wait(link_of(staff.client).raw_read, 1, training.REG_LOAD, 5) == before
+    assert staff.wait(link_of(staff.client).raw_read, 1, own.REG_LOAD, 5) == before
 
 
 @pytest.mark.parametrize(
@@ -145,6 +147,23 @@ def test_nothing_is_shown_as_done_that_was_not_read_back(staff: Staff, monkeypat
     assert "Sent, but not read back" in answer.text
     assert "Read back:" not in answer.text
     assert told(staff)[0].result == "refused"
+
+
+def test_a_type_that_says_nothing_of_training_spoils_nobodys_page(staff: Staff) -> None:
+    """Its line can still be broken."""
+    kind = link_of(staff.client).stations[1].equipment[0].type
+    said = kind.training
+    object.__setattr__(kind, "training", Training())
+    try:
+        assert staff.client.get("/instructor").status_code == 200
+        page = staff.client.get("/instructor/m1")
+        assert page.status_code == 200 and "Break the line" in page.text
+        assert staff.post("/instructor/m1/fault", {"code": "13"}).status_code == 422
+        assert staff.post("/instructor/m1/act", {"act": "power"}).status_code == 422
+        assert staff.post("/instructor/m1/line", {"mode": "2", "delay": "0"}).status_code == 303
+        assert staff.post("/instructor/m1/line", {"mode": "0"}).status_code == 303
+    finally:
+        object.__setattr__(kind, "training", said)
 
 
 def test_only_an_engineer_breaks_machines(staff: Staff) -> None:

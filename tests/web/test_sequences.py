@@ -148,7 +148,7 @@ def test_a_force_is_told_by_the_name_of_its_permissive_and_in_hours(plant: TestC
 def test_what_nobody_knows_is_not_said_to_be_nothing(plant: TestClient, engineer: Operator, lang: str) -> None:
     engineer.language = lang
     texts = runtime_of(plant).texts
-    nothing, unknown = (texts.text(lang, f"sequence.{key}") for key in ("no_first", "first_unknown"))
+    nothing, unknown = (texts.text(lang, f"sequence.screen.{key}") for key in ("no_first", "first_unknown"))
 
     def first() -> str:
         return words(engineer.get("/equipment/seq2/part/first").text)

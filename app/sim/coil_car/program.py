@@ -21,6 +21,7 @@ from types import MappingProxyType
 from app.registers.plc_map import AnswerState, Request
 from app.sim import training
 from app.sim.coil_car import presets, signals
+from app.sim.coil_car import training as own
 from app.sim.coil_car.actions import ARRIVED, Wish, block_of, is_there, jogged, wish_of
 from app.sim.coil_car.axis import Axis
 from app.sim.coil_car.interlock import Interlock, InterlockedCar
@@ -64,7 +65,7 @@ class VirtualCoilCar(InterlockedCar):
     """The PLC of one coil-car line."""
 
     type = "coil_car"
-    TYPE_CODE = training.TYPE_CODES["coil_car"]
+    TYPE_CODE = own.TYPE_CODE
     signals: Sequence[str] = SIGNALS
     actions: Sequence[str] = ACTIONS
 
@@ -119,11 +120,11 @@ class VirtualCoilCar(InterlockedCar):
             capacities=(SADDLES, len(SETTINGS), EVENT_CAPACITY),
             faults=FAULTS,
             words={
-                training.REG_STRIP: 1,
-                training.REG_GROWTH: round(growth * 10),
-                training.REG_CRANE: round(crane),
+                own.REG_STRIP: 1,
+                own.REG_GROWTH: round(growth * 10),
+                own.REG_CRANE: round(crane),
             },
-            limits=training.COIL_CAR_LIMITS,
+            limits=own.LIMITS,
         )
         self._start_up()
 
@@ -458,11 +459,11 @@ class VirtualCoilCar(InterlockedCar):
 
     def _trained(self, address: int, word: int) -> None:
         machine = self.machine
-        if address == training.REG_STRIP:
+        if address == own.REG_STRIP:
             machine.strip = bool(word)
-        elif address == training.REG_GROWTH:
+        elif address == own.REG_GROWTH:
             machine.growth = word / 10
-        elif address == training.REG_CRANE:
+        elif address == own.REG_CRANE:
             machine.crane = float(word)
         elif address == training.REG_MACHINE_FAULT:
             machine.fault = word

@@ -3,7 +3,7 @@
 from math import nan
 
 from app.blocks.mode_control import Mode
-from app.sim import training
+from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import BELTS, SENSORS
 from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, ROW_IMAGE, STATUS_IMAGE
 from app.sim.conveyor.state import LineState
@@ -124,7 +124,7 @@ def _facts(plc: LineState) -> int:
         plc.tracking.uncertain,
         plc.tracking.buffer_full,
         any(belt.ramp.speed < 0 for belt in plc.belts),
-        plc.training[training.REG_SENSORS] != 0,
+        plc.training[own.REG_SENSORS] != 0,
     )
 
 

@@ -32,6 +32,7 @@ from app.blocks.s_ramp import SRamp
 from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim import training
 from app.sim.conveyor import images
+from app.sim.conveyor import training as own
 from app.sim.conveyor.belt import Belt, Finding
 from app.sim.conveyor.machine import BELTS, EMERGENCY_STOP, FAULTS, HOST_OFF, SENSORS, Conveyor, Geometry
 from app.sim.conveyor.plausibility import Doubts, doubt_belt, slip_of
@@ -67,7 +68,7 @@ class VirtualConveyor(LineState):
     """The PLC of one line."""
 
     type = "conveyor"
-    TYPE_CODE = training.TYPE_CODES["conveyor"]
+    TYPE_CODE = own.TYPE_CODE
 
     _setpoints: list[float]
     """Of the drives [%]."""
@@ -126,13 +127,13 @@ class VirtualConveyor(LineState):
             capacities=(BELTS, SENSORS, slots, EVENT_CAPACITY, len(SETTINGS)),
             faults=FAULTS,
             words={
-                training.REG_ARRIVALS: int(arrivals),
-                training.REG_INTERVAL: round(interval * 10),
-                training.REG_SHORTEST: round(shortest),
-                training.REG_LONGEST: round(longest),
+                own.REG_ARRIVALS: int(arrivals),
+                own.REG_INTERVAL: round(interval * 10),
+                own.REG_SHORTEST: round(shortest),
+                own.REG_LONGEST: round(longest),
             },
-            limits=training.CONVEYOR_LIMITS,
-            triggers=(training.REG_REMOVE, training.REG_PUT),
+            limits=own.LIMITS,
+            triggers=(own.REG_REMOVE, own.REG_PUT),
         )
         self._start_up()
 
@@ -452,19 +453,19 @@ class VirtualConveyor(LineState):
 
     def _trained(self, address: int, word: int) -> None:
         machine, words = self.machine, self.training
-        if address == training.REG_REMOVE:
+        if address == own.REG_REMOVE:
             machine.remove(word)
-        elif address == training.REG_PUT:
-            machine.place(float(word), float(words[training.REG_SHORTEST]))
-        elif address == training.REG_ARRIVALS:
+        elif address == own.REG_PUT:
+            machine.place(float(word), float(words[own.REG_SHORTEST]))
+        elif address == own.REG_ARRIVALS:
             machine.arrivals = bool(word)
-        elif address == training.REG_INTERVAL:
+        elif address == own.REG_INTERVAL:
             machine.interval = word / 10
-        elif address == training.REG_SHORTEST:
+        elif address == own.REG_SHORTEST:
             machine.shortest = float(word)
-        elif address == training.REG_LONGEST:
+        elif address == own.REG_LONGEST:
             machine.longest = float(word)
-        elif address == training.REG_SENSORS:
+        elif address == own.REG_SENSORS:
             machine.pressed = word
         elif address == training.REG_MACHINE_FAULT:
             machine.fault = word
@@ -473,7 +474,7 @@ class VirtualConveyor(LineState):
         self.machine = Conveyor(
             self.geometry,
             Random(self._seed),
-            arrivals=bool(self.training[training.REG_ARRIVALS]),
+            arrivals=bool(self.training[own.REG_ARRIVALS]),
             **self._machine_options,
         )
         self.tracking = ProductTracking(self.line)

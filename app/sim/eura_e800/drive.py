@@ -31,6 +31,7 @@ from typing import NamedTuple
 from app.errors import ConfigurationError, DeviceException
 from app.sim import training
 from app.sim.device import DT
+from app.sim.eura_e800 import training as own
 from app.sim.eura_e800.load import Load
 from app.sim.eura_e800.motor import MOTOR_SETS, SQRT3, InductionMotor, rated_point
 from app.sim.training import LineFault, TrainingRegisters, is_training
@@ -350,15 +351,16 @@ class VirtualE800:
         """Rated output current of the drive [A]."""
         self._factory = self._commissioned(rated_current, parameters or {})
         self._training = TrainingRegisters(
-            training.TYPE_CODES[self.type],
+            own.TYPE_CODE,
             FAULTS,
             {
-                training.REG_LOAD: _percent("load", load, training.REG_LOAD),
-                training.REG_LOAD_QUADRATIC: _percent("quadratic_load", quadratic_load, training.REG_LOAD_QUADRATIC),
-                training.REG_DISTURBANCE: _percent("disturbance", disturbance, training.REG_DISTURBANCE),
-                training.REG_AMBIENT: 25,
-                training.REG_SUPPLY: 230,
+                own.REG_LOAD: _percent("load", load, own.REG_LOAD),
+                own.REG_LOAD_QUADRATIC: _percent("quadratic_load", quadratic_load, own.REG_LOAD_QUADRATIC),
+                own.REG_DISTURBANCE: _percent("disturbance", disturbance, own.REG_DISTURBANCE),
+                own.REG_AMBIENT: 25,
+                own.REG_SUPPLY: 230,
             },
+            limits=own.LIMITS,
         )
         self._command_table: Mapping[int, Callable[[], None]] = {
             1: lambda: self._run(1),
@@ -541,9 +543,9 @@ class VirtualE800:
             else:
                 self.outputs[address] = word
         self._pending.clear()
-        self._load.constant = self._training[training.REG_LOAD] / 100
-        self._load.quadratic = self._training[training.REG_LOAD_QUADRATIC] / 100
-        self._load.disturbance = self._training[training.REG_DISTURBANCE] / 100
+        self._load.constant = self._training[own.REG_LOAD] / 100
+        self._load.quadratic = self._training[own.REG_LOAD_QUADRATIC] / 100
+        self._load.disturbance = self._training[own.REG_DISTURBANCE] / 100
         if initial:
             self._to_initial_state()
 
@@ -649,7 +651,7 @@ class VirtualE800:
         if self._ticks % 10 == 0:
             self._mains = 0.97 * self._mains + 0.25 * self._random.gauss(0.0, 1.0)
         self._ticks += 1
-        supply = (self._training[training.REG_SUPPLY] + self._mains) * {OE: 1.3, LU: 0.45}.get(self._injected, 1.0)
+        supply = (self._training[own.REG_SUPPLY] + self._mains) * {OE: 1.3, LU: 0.45}.get(self._injected, 1.0)
         power_in = self.motor.point.power_in
         power = power_in + 15.0 + (10.0 + 0.02 * abs(power_in) if self.output_on else 0.0)
         size = self.drive_current / DRIVE_RATED_CURRENT
@@ -664,7 +666,7 @@ class VirtualE800:
     def _warm_up(self) -> None:
         point = self.motor.point
         ratio = point.current / self.drive_current
-        ambient = self._training[training.REG_AMBIENT]
+        ambient = self._training[own.REG_AMBIENT]
         aim, time = ambient + self._sink_rise(ratio), SINK_TIME
         if self._injected == OH and not (self.fault and self.heat_sink >= OH_LEVEL):
             aim, time = ambient + 125.0, FAN_LOST_TIME
@@ -819,9 +821,9 @@ class VirtualE800:
         area = self._training
         self._load = Load(
             self._random,
-            area[training.REG_LOAD] / 100,
-            area[training.REG_LOAD_QUADRATIC] / 100,
-            area[training.REG_DISTURBANCE] / 100,
+            area[own.REG_LOAD] / 100,
+            area[own.REG_LOAD_QUADRATIC] / 100,
+            area[own.REG_DISTURBANCE] / 100,
         )
         self.motor = InductionMotor(self.motor_data, load_inertia=self._inertia_ratio * self.motor_data.inertia)
         self._eeprom = dict(self._factory)
@@ -830,8 +832,8 @@ class VirtualE800:
         self._injected = 0
         self._injected_for = 0.0
         self._power_up()
-        ambient = area[training.REG_AMBIENT]
-        self.bus_voltage = _ROOT2 * area[training.REG_SUPPLY]
+        ambient = area[own.REG_AMBIENT]
+        self.bus_voltage = _ROOT2 * area[own.REG_SUPPLY]
         self.heat_sink = ambient + self._sink_rise(0.0)
         self.winding = float(ambient)
         if self._start:
@@ -853,7 +855,7 @@ class VirtualE800:
             self._load.torque * data.rated_torque,
             self._load.quadratic * data.rated_torque / (speed * speed),
         )
-        ambient = self._training[training.REG_AMBIENT]
+        ambient = self._training[own.REG_AMBIENT]
         self.heat_sink = ambient + self._sink_rise(point.current / self.drive_current)
         self.winding = ambient + WINDING_RISE * point.losses / self._rated_losses
 
@@ -915,7 +917,7 @@ def _overload(image: float, ratio: float, at_limit: float, dt: float) -> float:
 
 
 def _percent(name: str, value: float, address: int) -> int:
-    low, high = training.LIMITS[address]
+    low, high = own.LIMITS[address]
     if not low <= value <= high:
         raise ConfigurationError(f"{name} takes {low} to {high} %, not {value}")
     return round(value)

@@ -74,6 +74,7 @@ from app.sim.plc import (
     VirtualPlc,
 )
 from app.sim.plc import rejected as no
+from app.sim.sequence import training as own
 from app.tags.quality import GOOD, NO_DATA
 
 STATUS, CONFIGURATION, SETTINGS_AT, STAGING = 0x0100, 0x0180, 0x0200, 0x0240
@@ -189,15 +190,15 @@ def settings_of(definition: SequenceDefinition) -> SequenceSettings:
 
 def _word_registers(steps: int) -> list[int]:
     """Training registers of the permissive words."""
-    first = range(training.REG_PERMISSIVES, training.REG_PERMISSIVES + training.PERMISSIVE_WORDS)
-    return [*first, *range(training.REG_WORDS, training.REG_WORDS + steps + 1)]
+    first = range(own.REG_PERMISSIVES, own.REG_PERMISSIVES + own.PERMISSIVE_WORDS)
+    return [*first, *range(own.REG_WORDS, own.REG_WORDS + steps + 1)]
 
 
 class VirtualSequence(VirtualPlc):
     """The PLC of one sequence."""
 
     type = "sequence"
-    TYPE_CODE = training.TYPE_CODES["sequence"]
+    TYPE_CODE = own.TYPE_CODE
 
     block: SequenceBlock
     automatic: bool
@@ -271,7 +272,7 @@ class VirtualSequence(VirtualPlc):
             capacities=(self._count, BITS, EVENT_CAPACITY, FALL_ROWS, FORCE_ROWS),
             faults=FAULTS,
             words=dict.fromkeys(_word_registers(self._count), ALL),
-            limits=training.sequence_limits(self._count),
+            limits=own.limits_of(self._count),
         )
         self._start_up()
 
@@ -596,15 +597,15 @@ class VirtualSequence(VirtualPlc):
     # ---- settings, training, power
 
     def _trained(self, address: int, word: int) -> None:
-        number = address - (training.REG_WORDS if address >= training.REG_WORDS else training.REG_PERMISSIVES)
+        number = address - (own.REG_WORDS if address >= own.REG_WORDS else own.REG_PERMISSIVES)
         if 0 <= number <= self._count:
             self._teach(number, word)
 
     def _teach(self, number: int, word: int) -> None:
         self._taught[number] = word
-        self.training.act(training.REG_WORDS + number, word)
-        if number < training.PERMISSIVE_WORDS:
-            self.training.act(training.REG_PERMISSIVES + number, word)
+        self.training.act(own.REG_WORDS + number, word)
+        if number < own.PERMISSIVE_WORDS:
+            self.training.act(own.REG_PERMISSIVES + number, word)
 
     def _settings_changed(self) -> None:
         self._take_settings()

@@ -5,6 +5,7 @@ from random import Random
 import pytest
 
 from app.sim import training
+from app.sim.coil_car import training as own
 from app.sim.coil_car.machine import FAULTS, CoilCar, Geometry, Hit
 from app.sim.coil_car.program import VirtualCoilCar
 from app.sim.coil_car.register_map import (
@@ -98,8 +99,8 @@ def commotion(car: VirtualCoilCar, random: Random, seconds: float) -> Hit:
             elif what < 0.95:
                 talker.train(training.REG_POWER, 1)
             elif what < 0.97:
-                talker.train(training.REG_CRANE, random.choice((0, 1, 20)))
-                talker.train(training.REG_GROWTH, random.choice((100, 1000, 5000)))
+                talker.train(own.REG_CRANE, random.choice((0, 1, 20)))
+                talker.train(own.REG_GROWTH, random.choice((100, 1000, 5000)))
             else:
                 pause = 700
         pause -= 1

@@ -14,8 +14,8 @@ from app.blocks.product_tracking import Code
 from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, real
-from app.sim import training
 from app.sim.bus import Bus
+from app.sim.conveyor import training as own
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Event, Place, State
 from app.sim.plc import EVENT_CAPACITY
@@ -200,7 +200,7 @@ class TestLine:
         return await self.order(plc_map.COMMIT_SETTINGS, len(raw) // 2, crc32(raw))
 
     async def train(self, register: int, word: int) -> None:
-        if register == training.REG_REMOVE and word <= len(self.true()):
+        if register == own.REG_REMOVE and word <= len(self.true()):
             self.hand = self.true()[word - 1].number
         await self.port.write(register, [word], 6)
         self.step()
@@ -521,7 +521,7 @@ class Operator:
 
     async def _take_off(self, number: int) -> None:
         numbers = [product.number for product in self.line.true()]
-        await self.line.train(training.REG_REMOVE, numbers.index(number) + 1)
+        await self.line.train(own.REG_REMOVE, numbers.index(number) + 1)
         self.taken_off += 1
 
 

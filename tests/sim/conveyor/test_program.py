@@ -10,6 +10,7 @@ from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Device, Equipment, EquipmentType
 from app.registers.plc_map import AnswerState, real, real_of
 from app.sim import training
+from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import REGISTERS, ROW, Command, Event, Motor, Place, Source, State
@@ -80,7 +81,7 @@ async def test_beams_are_told_alike_whatever_the_wiring() -> None:
         on = line(geometry=geometry)
         on.step()
         assert await on.port.read(0x0105, 2) == [0, free]
-        await on.train(training.REG_SENSORS, 0b0101)
+        await on.train(own.REG_SENSORS, 0b0101)
         assert await on.port.read(0x0105, 2) == [0b0101, pressed]
         status = await on.status()
         assert (status["beam_1"], status["beam_2"], status["sensors_forced"]) == (1, 0, 1)
@@ -556,11 +557,11 @@ async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
     await on.done(Command.START)
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: on.device.tracking.entered == 1 and on.true()[0].tail > 140)
-    await on.train(training.REG_REMOVE, 1)
+    await on.train(own.REG_REMOVE, 1)
     assert on.true() == []
     lost = await on.until_event(11, 2)
     assert lost.snapshot[1] == 1
-    await on.train(training.REG_PUT, 380)
+    await on.train(own.REG_PUT, 380)
     found = await on.until_event(12, 3)
     assert found.snapshot[1] == 2
     assert (await on.products())[2]["state"] in (2, 3)
@@ -596,7 +597,7 @@ async def test_an_empty_grip_of_the_unloader_is_told() -> None:
     await on.done(Command.START)
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: bool(on.true()) and on.true()[0].tail > 570, 60)
-    await on.train(training.REG_REMOVE, 1)
+    await on.train(own.REG_REMOVE, 1)
     lost = await on.until_event(11, 0)
     assert lost.snapshot[1] == 1
     status = await on.status()
@@ -609,7 +610,7 @@ async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told
     await on.done(Command.START)
     await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
     assert (await on.products())[first]["state"] == 6
-    await on.train(training.REG_REMOVE, 1)
+    await on.train(own.REG_REMOVE, 1)
     lost = await on.until_event(11, 0)
     assert lost.snapshot[1] == first
     assert [product.by_hand for product in on.true()] == [True], "the second one is still there"
@@ -688,16 +689,16 @@ async def test_a_full_buffer_holds_the_infeed_and_loses_nothing() -> None:
 async def test_a_sensor_pressed_by_hand_moves_nothing_and_is_told_when_it_fits_nothing() -> None:
     on = line()
     id = await put(on, 300.0)
-    await on.train(training.REG_SENSORS, 0b0010)
+    await on.train(own.REG_SENSORS, 0b0010)
     on.go(0.5)
-    await on.train(training.REG_SENSORS, 0)
+    await on.train(own.REG_SENSORS, 0)
     assert (await on.products())[id]["head"] == 300
     await on.done(Command.START)
     on.go(0.5)
     await on.fetch()
-    await on.train(training.REG_SENSORS, 0b1000)
+    await on.train(own.REG_SENSORS, 0b1000)
     on.go(0.1)
-    await on.train(training.REG_SENSORS, 0)
+    await on.train(own.REG_SENSORS, 0)
     assert (12, 4) in await on.codes()
 
 

@@ -20,6 +20,7 @@ import pytest
 from app.blocks.product_tracking import Code, ProductState
 from app.registers.plc_map import AnswerState
 from app.sim import training
+from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import Command, Event, State
@@ -147,7 +148,7 @@ class Soak:
         number = self.chance.choice(known)
         gone = line.true()[number - 1].number
         id = self.witness.record[gone]
-        await line.train(training.REG_REMOVE, number)
+        await line.train(own.REG_REMOVE, number)
         self.taken_silently.add(gone)
         for _ in range(60):
             self.line.go(1)
@@ -174,7 +175,7 @@ class Soak:
             raise AssertionError("no room to put a product for 60 s: the line stands")
         before = line.device.machine.put
         number = before + 1 + line.device.machine.entered
-        await line.train(training.REG_PUT, self.chance.choice(room))
+        await line.train(own.REG_PUT, self.chance.choice(room))
         assert line.device.machine.put == before + 1
         life = self.witness.lives[number]
         assert life.thing.by_hand

@@ -25,7 +25,7 @@ from app.sim.eura_e800.drive import (
     VirtualE800,
     parameter_address,
 )
-from app.sim.training import LIMITS
+from app.sim.eura_e800.training import LIMITS
 
 QUIET = {"F905": 0.0}
 FORWARD, REVERSE, STOP, COAST, JOG, JOG_STOP, RUN, RESET = 1, 2, 3, 4, 5, 6, 8, 9

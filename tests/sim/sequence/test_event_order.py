@@ -11,8 +11,8 @@ from app.blocks.sequence import ALL, Cause, SequenceEvent
 from app.registers import plc_map
 from app.registers.pdu import Request, parse_answer, read_request
 from app.registers.plc_map import event_of, time_of
-from app.sim import training
 from app.sim.bus import Bus
+from app.sim.sequence import training as own
 from app.sim.sequence.program import STATUS, Command, VirtualSequence
 from app.sim.server import serve_tcp
 from tests.sim.coil_car.line import Talker, teaching
@@ -89,11 +89,11 @@ async def test_the_ring_tells_which_of_two_fell_first(road: str) -> None:
                 talker.ask(code)
             one, other = random.sample(range(16), 2)
             orders.add(one < other)
-            talker.train(training.REG_PERMISSIVES + 1, ALL & ~(1 << one))
+            talker.train(own.REG_PERMISSIVES + 1, ALL & ~(1 << one))
             plc.step()
             first = plc.time
             plc.step()
-            talker.train(training.REG_PERMISSIVES + 1, ALL & ~(1 << one | 1 << other))
+            talker.train(own.REG_PERMISSIVES + 1, ALL & ~(1 << one | 1 << other))
             for _ in range(random.randint(1, 30)):
                 plc.step()
             talker.ask(Command.RESUME)
@@ -102,7 +102,7 @@ async def test_the_ring_tells_which_of_two_fell_first(road: str) -> None:
             out = await read(STATUS + 28, 12)
             assert (out[0], out[1], out[2], out[10]) == (Cause.PERMISSIVE_LOST, 1, one, 1)
             assert time_of(out[4:8]) == first
-            talker.train(training.REG_PERMISSIVES + 1, ALL)
+            talker.train(own.REG_PERMISSIVES + 1, ALL)
             plc.step()
     assert orders == {True, False}
 
@@ -120,10 +120,10 @@ async def test_one_of_the_abort_conditions_and_one_of_the_next_step_too(road: st
             talker.ask(Command.START)
             place = random.choice((1, 2))
             bits = random.sample(range(16), 2)
-            talker.train(training.REG_PERMISSIVES + place, ALL & ~(1 << bits[0]))
+            talker.train(own.REG_PERMISSIVES + place, ALL & ~(1 << bits[0]))
             plc.step()
             plc.step()
-            talker.train(training.REG_PERMISSIVES, ALL & ~(1 << bits[1]))
+            talker.train(own.REG_PERMISSIVES, ALL & ~(1 << bits[1]))
             for _ in range(10):
                 plc.step()
             told, seen = await fallen(read, seen)
@@ -132,7 +132,7 @@ async def test_one_of_the_abort_conditions_and_one_of_the_next_step_too(road: st
             out = await read(STATUS + 28, 4)
             assert tuple(out[:3]) == (Cause.ABORT_CONDITION, 0, bits[1]), "what stopped it, not what fell before"
             for n in range(3):
-                talker.train(training.REG_PERMISSIVES + n, ALL)
+                talker.train(own.REG_PERMISSIVES + n, ALL)
             plc.step()
 
 
@@ -142,7 +142,7 @@ def test_two_in_one_scan_are_told_as_such() -> None:
     plc.step()
     talker.ask(Command.START)
     talker.events()
-    talker.train(training.REG_PERMISSIVES + 1, ALL & ~0b1010)
+    talker.train(own.REG_PERMISSIVES + 1, ALL & ~0b1010)
     plc.step()
     lost = [event for event in talker.events() if event.code == SequenceEvent.PERMISSIVE_LOST]
     assert [(event.snapshot[0], event.snapshot[1]) for event in lost] == [(1, 2), (3, 2)]
