@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from app.historian import passages, runs
+from app.historian import passages, records, runs
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -273,6 +273,8 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
     passages_removed, passages_done = passages.cut(connection, before, at_once)
     runs_removed, runs_done = runs.cut(connection, before, at_once)
     removed, done = removed + passages_removed + runs_removed, done and passages_done and runs_done
+    records_removed, records_done = records.cut(connection, before, at_once)
+    removed, done = removed + records_removed, done and records_done
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
@@ -289,7 +291,10 @@ def _first(connection: Connection) -> int | None:
     """Time of the oldest thing that is kept: a sample, a product that entered, a run."""
     sample = _oldest(connection, "sample")
     entered: int | None = connection.exec_driver_sql("SELECT min(entered) FROM passage").scalar()
-    return min((time for time in (sample, entered, runs.oldest(connection)) if time is not None), default=None)
+    return min(
+        (time for time in (sample, entered, runs.oldest(connection), records.oldest(connection)) if time is not None),
+        default=None,
+    )
 
 
 def _oldest(connection: Connection, table: str) -> int | None:

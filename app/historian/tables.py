@@ -277,3 +277,67 @@ sequence_definition = Table(
     Column("text", String, nullable=False),
 )
 """Definitions by which runs were made, as JSON: keys and labels of steps and permissives, whatever the plant file says today."""
+
+record = Table(
+    "record",
+    history_tables,
+    Column("id", Integer, primary_key=True),
+    Column("machine", Integer, nullable=False),
+    Column("kind", String, nullable=False),
+    Column("number", BigInteger, nullable=False),
+    Column("boot", Integer, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("begun", BigInteger, nullable=False),
+    Column("entry", Integer, nullable=False),
+    Column("outcome", String, nullable=False),
+    Column("ended", BigInteger),
+    Column("seconds", Float),
+    Column("paused", BigInteger, nullable=False),
+    Column("pause", BigInteger),
+    Column("missed", Integer, nullable=False),
+    Column("alarms", String, nullable=False),
+    Column("definition", String, nullable=False),
+    Column("key", String, nullable=False),
+    Column("value", Float),
+    Column("fields", String, nullable=False),
+    Column("memo", String, nullable=False),
+    Index("ix_record_begun", "kind", "begun"),
+    Index("ix_record_machine", "machine", "kind", "begun"),
+    Index("ix_record_number", "machine", "kind", "number"),
+    Index("ix_record_open", "machine", "kind", sqlite_where=text("outcome = 'open'")),
+    Index("ix_record_key", "machine", "kind", "key", sqlite_where=text("key <> ''")),
+)
+"""What became of one thing on a machine (records/record.py): `machine` as in `event`, `alarms` codes (` 10 20 `), `fields` what its kind
+declares and `memo` what it remembers meanwhile, as JSON (empty: nothing); `key` and `value` are those fields by which its kind is found."""
+
+record_part = Table(
+    "record_part",
+    history_tables,
+    Column("record", Integer, primary_key=True),
+    Column("number", Integer, primary_key=True),
+    Column("key", String, nullable=False),
+    Column("state", String, nullable=False),
+    Column("begun", BigInteger),
+    Column("ended", BigInteger),
+    Column("seconds", Float),
+    Column("paused", BigInteger, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""Its parts: when each began and ended [µs UTC], how long it was active [s], pauses [µs] not counted."""
+
+record_event = Table(
+    "record_event",
+    history_tables,
+    Column("record", Integer, primary_key=True),
+    Column("event", Integer, primary_key=True),
+    sqlite_with_rowid=False,
+)
+"""Its events; one may be of several records."""
+
+definition = Table(
+    "definition",
+    history_tables,
+    Column("id", String, primary_key=True),
+    Column("text", String, nullable=False),
+)
+"""What machines were configured to do when a record was made, as JSON, whatever the plant file says today."""

@@ -145,6 +145,9 @@ class _KindReader:
         for index, end in enumerate(ends):
             for outcome in end.after - set(kind.outcomes):
                 table.note(f"end.{index}.after", outcome, one_of(kind.outcomes, outcome))
+        for key, one in kind.filters.items():
+            if one.how == "choice" and one.of != kind.key:
+                table.note(f"filters.{key}.of", one.of, "the field that is the `key` of the kind, where one chooses")
         for outcome in set(kind.reopen) - set(kind.outcomes):
             table.note(f"reopen.{outcome}", outcome, one_of(kind.outcomes, outcome))
         table.done()

@@ -111,6 +111,8 @@ class Record:
     parts: dict[int, Part] = field(default_factory=dict)
     id: int = 0
     """In the store; 0: not there yet."""
+    equipment: str = ""
+    """Name that the machine has now."""
 
     @property
     def open(self) -> bool:

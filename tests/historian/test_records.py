@@ -1,0 +1,358 @@
+"""Records in the history: the same as in memory, the same as before there were records, whatever breaks in between."""
+
+import random
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from sqlalchemy import Connection
+
+from app.db import Database
+from app.historian import event_history, passage_query, passages, record_query, records, run_query, runs, store
+from app.historian.event_history import Delivery
+from app.historian.record_query import ANY, Wanted
+from app.historian.records import RecordFold
+from app.historian.runs import RunBook
+from app.plant import types
+from app.plant.definitions import Alarm, Equipment
+from app.plant.kept import kept
+from app.records import fold
+from app.records.record import Record
+from tests.historian import keeping, rings, stories
+from tests.historian.rings import BEGIN, SECOND, Ring
+from tests.historian.sequence_rings import Device, definition
+from tests.historian.stories import Portion
+from tests.records.shelf import MemoryShelf, reading
+from tests.virtual import inline
+
+CONVEYOR = types.read_type("conveyor", ["en"])[0].type
+SEQUENCE = types.read_type("sequence", ["en"])[0].type
+PASSAGE, RUN, FORCE = CONVEYOR.records["passage"], SEQUENCE.records["run"], SEQUENCE.records["force"]
+ALARMS = [Alarm(f"a{code}", "a", "", 3, event=code) for code in (10, 11, 12, 20)]
+
+
+def item(id: str) -> Equipment:
+    """A conveyor, or a machine that runs a sequence."""
+    if id.startswith("seq"):
+        return Equipment(id, SEQUENCE, "hall", 1, {"en": id}, "line", {}, [], sequence=definition(), machine="cc1")
+    return Equipment(id, CONVEYOR, "hall", 1, {"en": id}, "line", {}, ALARMS)
+
+
+def tell(history: Database, equipment: str, portions: Iterable[Portion]) -> None:
+    made = RecordFold([item(equipment)])
+
+    def work(connection: Connection) -> None:
+        for one in portions:
+            if one.events or one.lost:
+                keeping.store(connection, made, equipment, one.events, one.lost)
+
+    history.run(work)
+
+
+def ask(history: Database, kind: Any, limit: int = 1000, **wanted: Any) -> list[Record]:
+    return history.run(lambda connection: record_query.find(connection, kind, Wanted(**wanted), limit))
+
+
+def whole(history: Database, kind: Any) -> list[tuple[Any, ...]]:
+    """All records of a kind with parts and events, in the order in which they began to be kept."""
+
+    def look(connection: Connection) -> list[tuple[Any, ...]]:
+        found = sorted(record_query.find(connection, kind, Wanted(), 10**6), key=lambda one: one.id)
+        parts = record_query.parts(connection, [one.id for one in found])
+        told = record_query.events(connection, [one.id for one in found])
+        return [
+            (replace(one, id=0, parts=dict(parts[one.id])), [(event.boot, event.sequence) for event in told[one.id]])
+            for one in found
+        ]
+
+    return history.run(look)
+
+
+# ---- as in memory, as before --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_passages_are_those_of_the_version_before(history: Database, seed: int) -> None:
+    told = list(stories.products(seed, 120))
+    tell(history, "c1", told)
+    codes = {alarm.event for alarm in ALARMS}
+
+    def before(connection: Connection) -> list[tuple[Any, ...]]:
+        connection.exec_driver_sql("DELETE FROM event_mark")
+        for one in told:
+            if one.events or one.lost:
+                passages.store(connection, Delivery("c1", one.events, one.lost), codes, BEGIN)
+        found = sorted(passage_query.find(connection, passage_query.Wanted(), 10**6), key=lambda passage: passage.id)
+        steps = passage_query.steps(connection, [one.id for one in found])
+        return [
+            (one.product, one.boot, one.entered, one.entry, one.length, one.corrections, one.greatest, one.alarms, one.outcome, one.ended,
+             one.missed, one.duration, [(step.boot, step.sequence) for step in steps[one.id]])
+            for one in found
+        ]  # fmt: skip
+
+    now = [
+        (one.number, one.boot, one.begun, one.entry, one.fields.get("length"), one.fields["corrections"], one.fields.get("greatest"),
+         one.alarms, one.outcome, one.ended, one.missed, one.duration, sorted(events))
+        for one, events in whole(history, PASSAGE)
+    ]  # fmt: skip
+    assert now == history.run(before)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_runs_are_those_of_the_version_before(history: Database, seed: int) -> None:
+    told = list(stories.runs(seed, 30))
+    tell(history, "seq1", told)
+    book = RunBook({"seq1": runs.kept(definition())})
+
+    def before(connection: Connection) -> list[tuple[Any, ...]]:
+        connection.exec_driver_sql("DELETE FROM event_mark")
+        for one in told:
+            if one.events or one.lost:
+                event_history.store(connection, Delivery("seq1", one.events, one.lost), book, BEGIN)
+        found = sorted(run_query.find(connection, run_query.Wanted(), 10**6), key=lambda run: run.id)
+        steps, events = (ask(connection, [one.id for one in found]) for ask in (run_query.steps, run_query.events))
+        return [
+            (one.boot, one.definition, one.started, one.seen, one.outcome, one.ended, one.seconds, one.step, one.suspensions, one.suspended,
+             one.stalls, one.losses, one.forces, one.first_out, one.first_step, one.first_bit, one.first_time, one.first_value,
+             one.first_together, one.acknowledged, one.missed, one.cause,
+             [(step.step, step.key, step.state, step.entered, step.ended, step.seconds, step.suspended) for step in steps[one.id]],
+             [(event.boot, event.sequence) for event in events[one.id]])
+            for one in found
+        ]  # fmt: skip
+
+    causes = ("", *RUN.fields["cause"].words)
+    now = []
+    for one, events in whole(history, RUN):
+        said = one.fields.get
+        now.append(
+            (one.boot, one.definition, one.begun, one.entry > 0, one.outcome, one.ended, one.seconds, said("step"), said("suspensions"),
+             one.paused, said("stalls"), said("losses"), said("forces"), said("first_out") or "", said("first_step"), said("first_bit"),
+             said("first_time"), said("first_value"), said("first_together"), said("acknowledged"), one.missed,
+             causes.index(said("cause") or ""),
+             [(part.number, part.key, part.state, part.begun, part.ended, part.seconds, part.paused) for part in one.parts.values()],
+             sorted(events))
+        )  # fmt: skip
+    assert now == history.run(before)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_store_says_what_the_fold_says(history: Database, seed: int) -> None:
+    for equipment, portions in (("c1", stories.products(seed, 90)), ("seq1", stories.runs(seed, 20))):
+        told = [replace(portion, lost=0) for portion in portions if portion.events]
+        tell(history, equipment, told)
+        machine, source = item(equipment), records.source_of(item(equipment))
+        assert source is not None
+        shelf, mark = MemoryShelf(), None
+        for event in (event for portion in told for event in portion.events):
+            if mark is not None and keeping.begins_again(event, mark):
+                fold.begin_again(source.machine, shelf, reading(machine.type, event))
+            mark = keeping.mark_of(event)
+            fold.take(source.machine, shelf, reading(machine.type, event))
+        for kind in machine.type.records.values():
+            own = [
+                (replace(one, id=0, equipment=equipment, parts=dict(sorted(one.parts.items()))), shelf.events[one.id])
+                for one in shelf.records
+                if one.kind == kind.name
+            ]
+            assert whole(history, kind) == [
+                (one, [(event.boot, event.sequence) for event in told]) for one, told in own
+            ]
+
+
+@pytest.mark.parametrize("equipment", ["c1", "seq1"])
+def test_redelivery_after_a_crash_changes_nothing(history: Database, equipment: str) -> None:
+    """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere: as if nothing had happened."""
+    source = random.Random(7)
+    portions = stories.products(2, 60) if equipment == "c1" else stories.runs(2, 8)
+    told = [event for portion in portions for event in portion.events]
+    told = told[: next((n for n in range(1, len(told)) if told[n].sequence <= told[n - 1].sequence), len(told))]
+    tell(history, equipment, [Portion(tuple(told))])
+    kinds = list(item(equipment).type.records.values())
+    wanted = [whole(history, kind) for kind in kinds]
+    for number in range(6):
+        database = Database(history.path.with_name(f"again-{number}.db"), "history", inline)
+        database.migrate()
+        at = 0
+        while at < len(told):
+            size, back = source.randrange(1, 12), source.randrange(0, 6)
+            tell(database, equipment, [Portion(tuple(told[max(0, at - back) : at + size]))])
+            at += size
+        assert [whole(database, kind) for kind in kinds] == wanted
+        database.close()
+
+
+# ---- what a person asks -------------------------------------------------------------------------------------
+
+
+def fill(history: Database) -> None:
+    for seed, equipment in enumerate(("c1", "c2", "seq1", "seq2")):
+        begin = BEGIN + seed * 17
+        portions = stories.runs(seed, 60, begin) if equipment.startswith("seq") else stories.products(seed, 200, begin)
+        tell(history, equipment, portions)
+
+
+def fits(kind: Any, one: Record, name: str, asked: float | str) -> bool:
+    of, how = kind.filters[name].of, kind.filters[name].how
+    value = {"number": one.number, "seconds": one.seconds, "alarms": one.alarms}.get(of, one.fields.get(of))
+    match how:
+        case "above":
+            return value is not None and value > asked
+        case "alarm":
+            return bool(value) if asked == ANY else asked in map(str, value)
+        case "any":
+            return bool(value)
+    return value not in (None, "") if asked == ANY else value == asked
+
+
+@pytest.mark.parametrize("kind", [PASSAGE, RUN, FORCE], ids=lambda kind: kind.name)
+def test_filters_and_pages_are_those_of_brute_force(history: Database, kind: Any) -> None:
+    fill(history)
+    source = random.Random(11)
+    rows = sorted(ask(history, kind, 10**6), key=lambda one: (-one.begun, -one.id))
+    assert ask(history, kind, 10**6) == rows
+    assert len(rows) > 15
+    keys = sorted({str(one.fields.get(kind.key)) for one in rows if one.fields.get(kind.key)})
+    choices = {
+        "product": (1, 2, 40_003, 70_002), "correction": (0.5, 2.0, 5.0), "alarm": (ANY, "10", "1"), "longer": (1.0, 2.5),
+        "first_out": (ANY, "no.such", *keys), "forced": (ANY,),
+    }  # fmt: skip
+    for _ in range(150):
+        given = {name: source.choice(choices[name]) for name in kind.filters if source.random() < 0.3}
+        wanted = Wanted(
+            equipment=source.choice(["", "c1", "seq2", "c9"]),
+            begin=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
+            end=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
+            outcome=source.choice(["", "", *kind.outcomes]),
+            given=given,
+        )
+        fitting = [
+            one
+            for one in rows
+            if wanted.equipment in ("", one.equipment)
+            and (wanted.begin is None or one.begun >= wanted.begin)
+            and (wanted.end is None or one.begun < wanted.end)
+            and wanted.outcome in ("", one.outcome)
+            and all(fits(kind, one, name, asked) for name, asked in given.items())
+        ]
+        paged: list[Record] = []
+        page = wanted
+        while found := history.run(lambda c, page=page: record_query.find(c, kind, page, 23)):  # type: ignore[misc]
+            paged += found
+            page = replace(page, before=(found[-1].begun, found[-1].id))
+        assert paged == fitting, wanted
+        assert history.run(lambda c, wanted=wanted: record_query.count(c, kind, wanted, 10_000)) == len(fitting)  # type: ignore[misc]
+        check_times(history, kind, wanted, fitting)
+
+
+def check_times(history: Database, kind: Any, wanted: Wanted, fitting: Sequence[Record]) -> None:
+    parts = history.run(lambda c: record_query.parts(c, [one.id for one in fitting]))
+    taken: dict[str, list[float]] = {}
+    for one in fitting:  # the newest first
+        for part in parts[one.id].values():
+            if part.state == "done" and part.seconds is not None:
+                taken.setdefault(part.key, []).append(part.seconds)
+    found = history.run(lambda c: record_query.part_times(c, kind, wanted))
+    assert sorted(one.key for one in found) == sorted(taken)
+    for row in found:
+        values = taken[row.key]
+        assert (row.spread.count, row.spread.least, row.spread.most) == (len(values), min(values), max(values))
+        assert row.spread.mean == pytest.approx(sum(values) / len(values))
+        assert row.spread.last == values[0]
+    outcomes, spread = history.run(lambda c: record_query.times(c, kind, wanted, "done"))
+    assert outcomes == {o: n for o in kind.outcomes if (n := sum(one.outcome == o for one in fitting))}
+    done = [one.seconds for one in fitting if one.outcome == "done" and one.seconds is not None]
+    assert (spread.least, spread.most, spread.last) == ((min(done), max(done), done[0]) if done else (None, None, None))
+
+
+def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
+    fill(history)
+    for equipment in ("seq1", "seq2"):
+        rows = [one for one in ask(history, RUN, equipment=equipment) if one.fields.get("first_out")]
+        found = history.run(lambda c, equipment=equipment: record_query.choices(c, RUN, equipment))  # type: ignore[misc]
+        assert sorted(str(one.fields["first_out"]) for one in found) == sorted(
+            {str(one.fields["first_out"]) for one in rows}
+        )
+        assert len(found) > 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "wanted", "index"),
+    [
+        (PASSAGE, {}, "ix_record_begun"),
+        (PASSAGE, {"equipment": "c1"}, "ix_record_machine"),
+        (PASSAGE, {"begin": 5, "end": 9}, "ix_record_begun"),
+        (RUN, {"equipment": "s", "begin": 5}, "ix_record_machine"),
+        (RUN, {"before": (5, 1)}, "ix_record_begun"),
+    ],
+)
+def test_a_page_is_read_by_an_index_and_sorts_nothing(
+    history: Database, kind: Any, wanted: dict[str, Any], index: str
+) -> None:
+    where, given = record_query._where(kind, Wanted(**wanted))
+
+    def plan(connection: Connection) -> str:
+        rows = connection.exec_driver_sql(
+            f"EXPLAIN QUERY PLAN SELECT * FROM {record_query.ROWS} {where} ORDER BY r.begun DESC, r.id DESC LIMIT 50",
+            tuple(given),
+        )
+        return " ".join(str(row[3]) for row in rows)
+
+    found = history.run(plan)
+    assert index in found
+    assert "TEMP B-TREE" not in found
+
+
+def test_records_are_cut_with_the_rest_of_the_history(history: Database) -> None:
+    ring = Ring(time=BEGIN - BEGIN % store.HOUR)
+    border = ring.time + 2 * store.HOUR
+    for product in range(1, 41):
+        ring.tell(1, product, after=360)
+        ring.tell(5, product, after=1)
+    tell(history, "c1", [Portion(tuple(ring.drain()))])
+    device = Device(time=border - 30 * SECOND, dt=0.1)
+    device.run()
+    tell(history, "seq1", [Portion(tuple(device.drain()))])
+    before = ask(history, PASSAGE)
+    assert history.run(lambda connection: store.size(connection, history.path, ring.time)).oldest == before[-1].begun
+    removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
+    assert (removed, done) == (8, False)
+    while not done:
+        removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
+    assert ask(history, PASSAGE) == [one for one in before if one.begun >= border]
+    assert ask(history, RUN) == []
+    for table in ("record_part", "record_event"):
+        left = history.run(
+            lambda c, table=table: c.exec_driver_sql(  # type: ignore[misc]
+                f"SELECT count(*) FROM {table} WHERE record NOT IN (SELECT id FROM record)"
+            ).scalar_one()
+        )
+        assert left == 0
+
+
+async def test_a_definition_that_changes_does_not_change_what_happened(history: Database) -> None:
+    device = Device()
+    device.start()
+    device.lose(1)
+    device.scan()
+    tell(history, "seq1", [Portion(tuple(device.drain()))])
+    device.give()
+    other = replace(item("seq1"), sequence=definition("other", ("lower", "turn", "drive")))
+    device.run()
+    changed = RecordFold([other])
+    history.run(lambda c: keeping.store(c, changed, "seq1", device.drain()))
+    new, old = ask(history, RUN)
+    known = history.run(lambda c: record_query.definitions(c, [new.definition, old.definition, "none"]))
+    assert known[old.definition].part(2)["de"] == "Lift de"
+    assert known[new.definition].part(2)["de"] == "Turn de"
+    assert known[old.definition].labels[str(old.fields["first_out"])]["hr"] == "Pressure hr"
+    assert known[old.definition].value(2, 3) == "pressure"
+    assert known["none"].part(1) == {}
+    assert kept(definition()) != kept(definition(steps=("lower", "lift")))
+
+
+def test_what_is_no_machine_s_makes_no_record(history: Database) -> None:
+    tell(
+        history, "c1", [Portion((rings.Event(1, BEGIN, 30), rings.Event(2, BEGIN + 1, 1, snapshot=rings.snapshot(0))))]
+    )
+    assert ask(history, PASSAGE) == []
