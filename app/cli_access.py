@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from app.access.access import Access
     from app.access.people import Account
 
-user_cli = typer.Typer(no_args_is_help=True, help="People: add, passwd, role, list. Works beside a running server.")
+user_cli = typer.Typer(
+    no_args_is_help=True, help="People: add, passwd, role, factor-reset, list. Works beside a running server."
+)
 audit_cli = typer.Typer(no_args_is_help=True, help="The audit: verify. Works beside a running server.")
 
 COLUMNS = ("name", "display", "roles")
@@ -113,6 +115,17 @@ def role_(
         typer.echo(f"{account.name}: {', '.join(sorted(account.roles))}")
 
 
+@user_cli.command("factor-reset")
+def factor_reset(
+    name: Annotated[str, typer.Argument(help="Whose second factor.")],
+    data: Data = None,
+) -> None:
+    """Take the second factor away from somebody who lost it; all sessions of the person end."""
+    with opened(data) as access:
+        access.factors.reset_now(terminal(), name)
+        typer.echo(f"{name}: the second factor is reset, all sessions have ended")
+
+
 @user_cli.command("list")
 def list_(data: Data = None) -> None:
     """Print all accounts."""
@@ -121,7 +134,8 @@ def list_(data: Data = None) -> None:
         width = max((len(account.name) for account in accounts), default=4)
         for account in accounts:
             typer.echo(
-                f"{account.name:<{width}}  {_state(account):<17}  {', '.join(sorted(account.roles)):<35}  {account.display}"
+                f"{account.name:<{width}}  {_state(account):<17}  {', '.join(sorted(account.roles)):<35}  "
+                f"{'2nd factor' if account.factor else '':<10}  {account.display}"
             )
         if not accounts:
             typer.echo("no account yet: start the server and type the code that it prints")

@@ -113,7 +113,10 @@ def backup(
     file: Annotated[Path, typer.Argument(metavar="FILE.tar", help="New file; .tar.gz is compressed.")],
     with_keys: Annotated[
         bool,
-        typer.Option("--with-keys", help="Also audit.key and secret.key: whoever has them can write the audit anew."),
+        typer.Option(
+            "--with-keys",
+            help="Also audit.key, secret.key and factor.identity: whoever has them can write the audit anew and make codes.",
+        ),
     ] = False,
     history: Annotated[bool, typer.Option("--history/--no-history", help="With or without history.db.")] = True,
     key_file: KeyFile = None,

@@ -226,7 +226,14 @@ class Runtime:
         self.db.migrate()
         self.history = Database(self.settings.data / "history.db", "history", self._threads)
         elsewhere = [to_file(self.settings.audit_anchors)] if self.settings.audit_anchors else []
-        self.access = Access(self.db, self.clock, self.settings.data, anchors=elsewhere, threads=self._threads)
+        self.access = Access(
+            self.db,
+            self.clock,
+            self.settings.data,
+            anchors=elsewhere,
+            threads=self._threads,
+            factor_roles=self.settings.factor_roles,
+        )
         self._retained = RetainedStates(self.db)
 
     async def _start_plant(self, plant: Plant) -> None:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from app.access.factors import IDENTITY, Seal
 from app.access.keys import PRIVATE, check_files, lock
 from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
@@ -110,6 +111,10 @@ def _keys(data: Path) -> Finding:
             good = False
         if not good:
             return Finding("keys", "failed", "wrong", {"path": data / name})
+    if (data / IDENTITY).exists():
+        if not Seal(data / IDENTITY).usable:
+            return Finding("keys", "failed", "identity", {"path": data / IDENTITY})
+        there.append(IDENTITY)
     if "audit.key" not in there and (data / "audit.head").exists():
         return Finding("keys", "failed", "lost", {"path": data / "audit.key"})
     return Finding("keys", "ok", "good" if there else "none", {"names": ", ".join(there)})

@@ -15,6 +15,8 @@ from app.errors import ConfigurationError
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+ROLES = frozenset({"viewer", "operator", "engineer", "admin"})
+"""Those of people, which are known only further up (access/roles.py)."""
 OTHERS = frozenset({"POGON_CHROMIUM", "POGON_SOAK_SECONDS"})
 """Variables of ours that are no settings of the server."""
 
@@ -54,6 +56,10 @@ class Settings(BaseSettings):
     notice: str = Field(
         "", max_length=1000, description="What everybody reads before signing in; empty: the product's own notice."
     )
+    second_factor: str = Field(
+        "",
+        description="Roles that need a second factor (TOTP), comma separated, such as admin,engineer; empty: nobody must.",
+    )
     audit_anchors: Path | None = Field(
         None, description="File on another disk or machine to which the anchors of the audit are added as well."
     )
@@ -81,6 +87,13 @@ class Settings(BaseSettings):
                 host_and_port(text)
             except ConfigurationError as error:
                 raise ValueError("expected a path such as /dev/log, or HOST:PORT such as 192.0.2.7:514") from error
+        return text
+
+    @field_validator("second_factor")
+    @classmethod
+    def _are_roles(cls, text: str) -> str:
+        if unknown := sorted(_listed(text) - ROLES):
+            raise ValueError(f"expected roles of {', '.join(sorted(ROLES))}, not {', '.join(unknown)}")
         return text
 
     @field_validator("behind_proxy")
@@ -111,11 +124,20 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def factor_roles(self) -> frozenset[str]:
+        """Roles that need a second factor."""
+        return _listed(self.second_factor)
+
+    @property
     def hosts(self) -> frozenset[str]:
         """Host names that a request may name, lower case, without port."""
         named = {name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip()}
         own = set() if self.host in ("0.0.0.0", "::") else {self.host.lower()}
         return frozenset(named | own | {"localhost", "127.0.0.1", "[::1]", "::1"})
+
+
+def _listed(text: str) -> frozenset[str]:
+    return frozenset(part.strip().lower() for part in text.split(",") if part.strip())
 
 
 def read_settings(**given: str) -> Settings:

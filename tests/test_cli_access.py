@@ -76,6 +76,25 @@ def test_a_person_is_added_and_listed(pogon: Pogon) -> None:
     assert made.stderr.startswith("pogon: nobody is an administrator"), "the engineer cannot make one"
 
 
+def test_a_second_factor_is_listed_and_reset(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    assert pogon("user", "factor-reset", "ana").stderr == "pogon: There is no second factor.\n"
+    assert pogon("user", "factor-reset", "nobody").exit_code == 2
+    with sqlite3.connect(tmp_path / "data" / "pogon.db") as connection:
+        connection.execute("INSERT INTO factor VALUES (1, '', 0, 0)")
+        connection.execute("INSERT INTO recovery_code VALUES (1, 'x')")
+    connection.close()
+    assert "2nd factor" in pogon("user", "list").output
+    reset = pogon("user", "factor-reset", " ANA")
+    assert (reset.exit_code, "is reset" in reset.output) == (0, True)
+    assert "2nd factor" not in pogon("user", "list").output
+    with sqlite3.connect(tmp_path / "data" / "pogon.db") as connection:
+        assert connection.execute("SELECT count(*) FROM recovery_code").fetchone() == (0,)
+        line = connection.execute("SELECT person, object FROM audit WHERE kind = 'factor.reset'").fetchone()
+    connection.close()
+    assert line[0].startswith("terminal:") and line[1] == "ana"
+
+
 def test_a_class_is_added_from_a_file_all_or_none(pogon: Pogon, tmp_path: Path) -> None:
     file = tmp_path / "class.csv"
     file.write_text("name;display;roles\nivo;Ivo Ivić;operator\nmaja;Maja;engineer operator\n", "utf-8")

@@ -95,6 +95,12 @@ def no_key(data: Path, _tmp: Path) -> dict[str, object]:
     return {}
 
 
+def no_identity(data: Path, _tmp: Path) -> dict[str, object]:
+    (data / "factor.identity").write_text("none")
+    (data / "factor.identity").chmod(0o600)
+    return {}
+
+
 def piped_key(data: Path, _tmp: Path) -> dict[str, object]:
     os.mkfifo(data / "secret.key", 0o600)
     return {}
@@ -161,6 +167,7 @@ def no_device(_data: Path, tmp: Path) -> dict[str, object]:
         (others_read, "selftest.data.wrong"),
         (others_write, "selftest.data.wrong"),
         (no_key, "selftest.keys.wrong"),
+        (no_identity, "selftest.keys.identity"),
         (piped_key, "selftest.keys.wrong"),
         (lost_key, "selftest.keys.lost"),
         (no_database, "selftest.database.broken"),

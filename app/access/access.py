@@ -2,13 +2,14 @@
 
 import asyncio
 import hmac
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
 from app import chance
 from app.access.audit import Audit
+from app.access.factors import Factors
 from app.access.first_code import FirstCode
 from app.access.former import check_former
 from app.access.keys import check_files, lock, read_key
@@ -51,8 +52,11 @@ class Access:
         cost: Cost | None = None,
         anchors: Sequence[Callable[[str], None]] = (),
         threads: Threads = threads,
+        factor_roles: Iterable[str] = (),
     ) -> None:
         """Reads or makes the keys in `data`; `anchors` are told every anchor of the audit (`app/access/anchors.py`).
+
+        Who has one of `factor_roles` needs a second factor.
 
         Raises:
             ConfigurationError: a key, the database or the folder may be read or written by others, or a key is broken.
@@ -63,16 +67,27 @@ class Access:
         self.passwords = Passwords(cost, threads)
         self.throttle = Throttle(clock)
         self.first_code = FirstCode(data)
-        self.sessions = Sessions(db, clock, self.audit)
+        self.sessions = Sessions(db, clock, self.audit, factor_roles)
         self.tokens = Tokens(db, clock, self.audit)
+        self.factors = Factors(db, clock, self.audit, self.sessions, self.throttle, data)
         self.people = People(
-            db, clock, self.audit, self.sessions, self.passwords, self.throttle, self.first_code, self.tokens
+            db,
+            clock,
+            self.audit,
+            self.sessions,
+            self.passwords,
+            self.throttle,
+            self.first_code,
+            self.tokens,
+            self.factors,
         )
+        self.factors.tell = lambda alarm, name: self.people.tell(alarm, name)
 
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""
         await self.sessions.load()
         await self.audit.begin()
+        await self.factors.check()
         await self.audit.record("server.started", None, version=version, install=self.audit.install)
         if await self.people.count():
             self.first_code.used()

@@ -18,6 +18,7 @@ PRIVATE = (
     "secret.key",
     "audit.key",
     "backup.key",
+    "factor.identity",
     "first-code",
     "pogon.db",
     "pogon.db-wal",

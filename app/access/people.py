@@ -2,20 +2,23 @@
 
 import re
 import unicodedata
+from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
+from app import chance
 from app.access.audit import Audit, Entry, printable, refused_without_audit
+from app.access.factors import GOOD, Factors, factor_of, recovery_used
 from app.access.first_code import FirstCode
 from app.access.passwords import Passwords, check_policy, initial_password, normal
 from app.access.roles import FIRST_ROLES, Person, known_roles
-from app.access.sessions import Sessions, hash_of, roles_of
-from app.access.tables import person_table, role_table, session_table
+from app.access.sessions import ID_BYTES, Sessions, end_all, family, hash_of, roles_of
+from app.access.tables import person_table, role_table
 from app.access.throttle import FIRST_DELAY, Throttle
 from app.access.tokens import Tokens, revoke_all
 from app.clock import Clock
@@ -25,6 +28,9 @@ from app.errors import Refused
 INITIAL_LIFE = 24 * 3600.0
 """An initial password is good for one sign-in within so long [s]."""
 RESERVED = frozenset({"system", "guest"})
+HALF_LIFE = 300.0
+"""Between the right password and the code may be so long [s]."""
+MOST_HALF = 1000
 FIRST = "first sign-in"
 """Under this name wrong codes of the first sign-in are counted."""
 
@@ -46,6 +52,28 @@ class Account:
     """Last sign-in [µs UTC]."""
     language: str = ""
     theme: str = ""
+    factor: bool = False
+    """Whether a code is asked for after the password."""
+
+
+@dataclass(frozen=True, slots=True)
+class HalfIn:
+    """The password was right, and a code is still to come: no session, and no right."""
+
+    ticket: str
+    """The id for a cookie; kept nowhere else, good for `HALF_LIFE`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Half:
+    person: int
+    name: str
+    password: str
+    """The hash: with another password the sign-in begins anew."""
+    until: float
+    """On the monotonic clock [s]."""
+    agent: str
+    old_sid: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +100,7 @@ class People:
         throttle: Throttle,
         first_code: FirstCode,
         tokens: Tokens,
+        factors: Factors,
     ) -> None:
         self._db = db
         self._clock = clock
@@ -81,6 +110,8 @@ class People:
         self._throttle = throttle
         self._first_code = first_code
         self._tokens = tokens
+        self._factors = factors
+        self._halves: OrderedDict[str, _Half] = OrderedDict()
         self.tell: Callable[[str, str], None] = lambda alarm, name: None
         """Told what people who look after the plant should know at once: `account_locked` or `admin_added`, and whose account."""
         self._admins: frozenset[str] | None = None
@@ -89,8 +120,8 @@ class People:
 
     # ---- signing in -----------------------------------------------------------------------------------
 
-    async def sign_in(self, name: str, password: str, address: str, agent: str, old_sid: str = "") -> SignedIn:
-        """Open a session, in place of `old_sid`.
+    async def sign_in(self, name: str, password: str, address: str, agent: str, old_sid: str = "") -> SignedIn | HalfIn:
+        """Open a session, in place of `old_sid`; for who has a second factor, only after `give_code`.
 
         Raises:
             Refused: 401 `access.failed`, the same for every cause; 429 `access.too_many`.
@@ -117,35 +148,77 @@ class People:
         assert row is not None
         fresh = await self._passwords.hash(password) if self._passwords.outdated(row.password) else None
 
-        def work(connection: Connection) -> tuple[tuple[SignedIn, list[str]] | None, Sequence[Entry]]:
+        def work(connection: Connection) -> tuple[tuple[SignedIn, list[str]] | str, Sequence[Entry]]:
             again = _row(connection, person_table.c.id == row.id)
             spent = again is not None and again.initial_until != row.initial_until
             if again is None or again.disabled or again.password != row.password or spent:
-                return None, ()
-            account = _account(connection, again)
-            changed: dict[str, object] = {"last_seen": now}
+                return "", ()
             if fresh:
-                changed["password"] = fresh
-            if account.must_change:
-                changed["initial_until"] = now  # good for this one sign-in
-            connection.execute(update(person_table).where(person_table.c.id == row.id).values(**changed))
-            replaces = hash_of(old_sid) if old_sid else None
-            sid, ended = self._sessions.open(connection, account.id, account.roles, address, agent, replaces)
-            who = _as_person(account, hash_of(sid), address)
-            lines = [self._audit.entry("signin.ok", who, key, agent=printable(agent, 200))]
-            over = [old for old in ended if old != replaces]
-            lines += [self._audit.entry("session.limit", who, key, ended=old[:12]) for old in over]
-            return (SignedIn(sid, account, row.last_seen), ended), lines
+                change = update(person_table).where(person_table.c.id == row.id)
+                connection.execute(change.values(password=fresh))
+            if factor_of(connection, row.id) is not None:
+                who = _as_person(_account(connection, again), "", address)
+                return fresh or row.password, [self._audit.entry("signin.password", who, key)]
+            return self._opened(connection, again, address, agent, old_sid)
 
         done = await self._audit.with_entries(work)
-        if done is None:
+        if not done:
             await self._failed(key, address, "changed", delay)
-        assert done is not None
         self._throttle.clear(key)
-        signed_in, ended = done
-        self._sessions.note_over((one for one in ended if not old_sid or one != hash_of(old_sid)), "limit")
-        self._sessions.announce(ended)
-        return signed_in
+        if isinstance(done, str):
+            return self._half_in(_Half(row.id, key, done, self._clock.monotonic() + HALF_LIFE, family(agent), old_sid))
+        return self._entered(*done, old_sid)
+
+    async def give_code(self, ticket: str, code: str, address: str, agent: str) -> SignedIn:
+        """Open the session for which the password was right, with a code or a recovery code.
+
+        Raises:
+            Refused: 401 `access.factor.wrong`; 401 `access.factor.over` when the sign-in has to begin anew; 429 after too many attempts.
+            StorageError: the database did not take it.
+        """
+        await self._take(address)
+        half = self.half(ticket, agent)
+        if half is None:
+            raise Refused("access.factor.over", 401)
+        delay = self._factors.trying(half.name, code)
+
+        def work(connection: Connection) -> tuple[tuple[SignedIn, list[str]] | str, Sequence[Entry]]:
+            row = _row(connection, person_table.c.id == half.person)
+            late = row is not None and row.must_change and (row.initial_until or 0) <= self._clock.micros()
+            if row is None or row.disabled or late or row.password != half.password:
+                return "changed", ()
+            if factor_of(connection, half.person) is None:
+                return "changed", ()
+            taken = self._factors.take(connection, half.person, code)
+            if taken not in GOOD:
+                return taken, ()
+            done, lines = self._opened(connection, row, address, agent, half.old_sid)
+            if taken == "recovery":
+                who = _as_person(done[0].account, hash_of(done[0].sid), address)
+                lines = [*lines, *recovery_used(self._audit, connection, who)]
+            return done, lines
+
+        done = await self._audit.with_entries(work)
+        if done == "changed":
+            self.forget_half(ticket)
+            await self._failed(half.name, address, "changed", 0.0, "access.factor.over")
+        elif isinstance(done, str):
+            await self._failed(half.name, address, f"code_{done}", delay, "access.factor.wrong")
+        assert not isinstance(done, str)
+        self.forget_half(ticket)
+        self._factors.right(half.name)
+        return self._entered(*done, half.old_sid)
+
+    def half(self, ticket: str, agent: str) -> _Half | None:
+        """Whose code is awaited in the browser with this ticket; None when nobody's is, or no more."""
+        found = self._halves.get(hash_of(ticket)) if ticket else None
+        if found is None or found.until <= self._clock.monotonic() or found.agent != family(agent):
+            return None
+        return found
+
+    def forget_half(self, ticket: str) -> None:
+        """No code is awaited any more."""
+        self._halves.pop(hash_of(ticket), None)
 
     async def first(
         self, code: str, name: str, display: str, password: str, address: str, agent: str, old_sid: str = ""
@@ -293,7 +366,7 @@ class People:
             with _keeping_an_admin(connection):
                 connection.execute(update(person_table).where(person_table.c.id == person_id).values(disabled=disabled))
             kind = "person.disabled" if disabled else "person.enabled"
-            ended = _end_sessions(connection, person_id) if disabled else []
+            ended = end_all(connection, person_id) if disabled else []
             return ended, [self._audit.entry(kind, by, account.name)]
 
         self._sessions.announce(await self._audit.with_entries(work))
@@ -311,7 +384,7 @@ class People:
             account = _known(connection, person_id)
             if account.id == by.id:
                 raise Refused("access.not_yourself", 409)
-            ended = _end_sessions(connection, person_id)
+            ended = end_all(connection, person_id)
             with _keeping_an_admin(connection):
                 connection.execute(delete(person_table).where(person_table.c.id == person_id))
             return ended, [self._audit.entry("person.deleted", by, account.name, old=account.roles, id=account.id)]
@@ -375,18 +448,19 @@ class People:
         return chosen
 
     async def unlock(self, by: Person, person_id: int) -> None:
-        """Let a person try again at once after wrong passwords.
+        """Let a person try again at once after wrong passwords or codes.
 
         Raises:
             Refused: nobody of this id (404).
         """
         account = await self.get(person_id)
         self._throttle.clear(account.name)
+        self._factors.unlock(account.name)
         await self._audit.record("person.unlocked", by, account.name)
 
     def locked(self, name: str) -> float:
-        """Seconds that an account still has to wait after wrong passwords."""
-        return self._throttle.wait(account_name(name))
+        """Seconds that an account still has to wait after wrong passwords or codes."""
+        return max(self._throttle.wait(account_name(name)), self._factors.locked(account_name(name)))
 
     # ---- one's own account ----------------------------------------------------------------------------
 
@@ -457,6 +531,39 @@ class People:
 
     # ---- details --------------------------------------------------------------------------------------
 
+    def _half_in(self, half: _Half) -> HalfIn:
+        now = self._clock.monotonic()
+        for over in [key for key, one in self._halves.items() if one.until <= now]:
+            del self._halves[over]
+        while len(self._halves) >= MOST_HALF:
+            self._halves.popitem(last=False)
+        ticket = chance.token_urlsafe(ID_BYTES)
+        self._halves[hash_of(ticket)] = half
+        return HalfIn(ticket)
+
+    def _opened(
+        self, connection: Connection, row: Any, address: str, agent: str, old_sid: str
+    ) -> tuple[tuple[SignedIn, list[str]], list[Entry]]:
+        """A session for the person of `row` in this transaction, the sessions that it ended, and the lines of it."""
+        account, now = _account(connection, row), self._clock.micros()
+        changed: dict[str, object] = {"last_seen": now}
+        if account.must_change:
+            changed["initial_until"] = now  # good for this one sign-in
+        connection.execute(update(person_table).where(person_table.c.id == row.id).values(**changed))
+        replaces = hash_of(old_sid) if old_sid else None
+        sid, ended = self._sessions.open(connection, account.id, account.roles, address, agent, replaces)
+        who = _as_person(account, hash_of(sid), address)
+        lines = [self._audit.entry("signin.ok", who, account.name, agent=printable(agent, 200))]
+        over = [old for old in ended if old != replaces]
+        lines += [self._audit.entry("session.limit", who, account.name, ended=old[:12]) for old in over]
+        return (SignedIn(sid, account, row.last_seen), ended), lines
+
+    def _entered(self, signed_in: SignedIn, ended: list[str], old_sid: str) -> SignedIn:
+        """Tell of the sessions that a new one ended."""
+        self._sessions.note_over((one for one in ended if not old_sid or one != hash_of(old_sid)), "limit")
+        self._sessions.announce(ended)
+        return signed_in
+
     async def _follow(self) -> None:
         """Accounts have changed: whoever loses a right by it loses it now, also where no request is made."""
         await self._sessions.people_changed()
@@ -466,7 +573,7 @@ class People:
         if not self._throttle.take(address):
             raise Refused("access.too_many", 429)
 
-    async def _failed(self, key: str, address: str, cause: str, delay: float) -> None:
+    async def _failed(self, key: str, address: str, cause: str, delay: float, said: str = "access.failed") -> NoReturn:
         """Write down why, tell only that.
 
         Raises:
@@ -481,7 +588,7 @@ class People:
             address=address,
             delay=round(delay),
         )
-        raise Refused("access.failed", 401)
+        raise Refused(said, 401)
 
     def _prepared(self, name: str, display: str, roles: Iterable[str]) -> tuple[str, str, frozenset[str]]:
         key = usable_name(name)
@@ -532,7 +639,7 @@ class People:
         until = self._clock.micros() + round(INITIAL_LIFE * 1e6) if initial else None
         change = update(person_table).where(person_table.c.id == person_id)
         connection.execute(change.values(password=kept, must_change=initial, initial_until=until))
-        ended = _end_sessions(connection, person_id)
+        ended = end_all(connection, person_id)
         kind = "password.initial" if initial else "password.set"
         lines = [self._audit.entry(kind, by, account.name)]
         if by.id != person_id:  # reset by somebody else: what was given out under the old one ends, too
@@ -602,6 +709,7 @@ def _account(connection: Connection, row: Any) -> Account:
         last_seen=row.last_seen,
         language=row.language,
         theme=row.theme,
+        factor=factor_of(connection, row.id) is not None,
     )
 
 
@@ -622,13 +730,6 @@ def _id_of(connection: Connection, name: str) -> int:
     if row is None:
         raise Refused("access.no_person", 404, id=printable(name, 40))
     return int(row.id)
-
-
-def _end_sessions(connection: Connection, person_id: int) -> list[str]:
-    mine = session_table.c.person == person_id
-    ended = list(connection.execute(select(session_table.c.id_hash).where(mine)).scalars())
-    connection.execute(delete(session_table).where(mine))
-    return ended
 
 
 def _admin_names(connection: Connection) -> frozenset[str]:

@@ -18,6 +18,7 @@ OPERATING = frozenset({"operator", "engineer"})
 PERMISSIONS: Mapping[str, frozenset[str]] = {
     "view": ALL,  # levels 1-3: plant, machines, alarms, trends, live values
     "account": ALL,  # one's own password, sessions, language
+    "factor": ALL,  # one's own second factor
     "export": ALL,
     "stop": OPERATING,  # Stop and release; also after idling
     "acknowledge": OPERATING,  # acknowledge, silence, comment
@@ -41,6 +42,8 @@ IDLE = frozenset({"view", "account", "stop"})
 """What is left of somebody's permissions after idling: watching goes on, and Stop is never hindered."""
 FORCED = frozenset({"account"})
 """What is left while an initial password still has to be changed."""
+ENROLLING = frozenset({"factor", "stop"})
+"""What is left while somebody whose role asks for a second factor has none."""
 ACTING = OPERATING | {"admin"}
 """Roles whose idle session is downgraded; a viewer just goes on watching."""
 ROLE_PERMISSION: Mapping[str, str] = {
@@ -92,6 +95,8 @@ class Person:
     """True after 15 min without a deed: the session watches until the password is given again."""
     must_change: bool = False
     """True while an initial password still has to be changed."""
+    must_enrol: bool = False
+    """True while a role asks for a second factor and there is none."""
     idle_in: float = 0.0
     """Seconds until this session is downgraded; 0 when it never is, or is already."""
 

@@ -19,8 +19,8 @@ from sqlalchemy import Connection, Select, delete, insert, literal_column, selec
 
 from app import chance
 from app.access.audit import Audit, printable
-from app.access.roles import ACTING, FORCED, IDLE, Person, permissions_of
-from app.access.tables import person_table, role_table, session_table
+from app.access.roles import ACTING, ENROLLING, FORCED, IDLE, Person, permissions_of
+from app.access.tables import factor_table, person_table, role_table, session_table
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
@@ -71,7 +71,7 @@ class _Known:
 
     def rights(self) -> tuple[object, ...]:
         """What its person may do hangs on these."""
-        return self.roles, self.row.must_change, self.row.name, self.row.display
+        return self.roles, self.row.must_change, self.row.factor_since, self.row.name, self.row.display
 
 
 @dataclass(slots=True)
@@ -85,10 +85,12 @@ class _Times:
 class Sessions:
     """Opens, finds and ends sessions."""
 
-    def __init__(self, db: Database, clock: Clock, audit: Audit) -> None:
+    def __init__(self, db: Database, clock: Clock, audit: Audit, factor_roles: Iterable[str] = ()) -> None:
+        """Who has one of `factor_roles` does nothing but stop until they have a second factor."""
         self._db = db
         self._clock = clock
         self._audit = audit
+        self._factor_roles = frozenset(factor_roles)
         self._ended: list[Callable[[Collection[str]], None]] = []
         self._changed: list[Callable[[Collection[str]], None]] = []
         self._touched: dict[str, float] = {}
@@ -344,8 +346,11 @@ class Sessions:
         allowed = permissions_of(roles)
         if idle:
             allowed &= IDLE
+        must_enrol = bool(roles & self._factor_roles) and row.factor_since is None and not row.must_change
         if row.must_change:
             allowed &= FORCED
+        elif must_enrol:
+            allowed &= ENROLLING
         return Person(
             id=row.id,
             name=row.name,
@@ -358,6 +363,7 @@ class Sessions:
             address=address,
             idle=idle,
             must_change=bool(row.must_change),
+            must_enrol=must_enrol,
             idle_in=max(0.0, IDLE_AFTER - quiet) if acting and not idle else 0.0,
         )
 
@@ -398,7 +404,11 @@ def _rows(connection: Connection, hashes: Collection[str]) -> dict[str, tuple[An
 
 
 def _joined() -> Select[Any]:
-    return select(session_table, person_table).join(person_table, session_table.c.person == person_table.c.id)
+    return (
+        select(session_table, person_table, factor_table.c.since.label("factor_since"))
+        .join(person_table, session_table.c.person == person_table.c.id)
+        .outerjoin(factor_table, factor_table.c.person == person_table.c.id)
+    )
 
 
 def hash_of(sid: str) -> str:
@@ -412,6 +422,14 @@ def lifetime(roles: Iterable[str]) -> float:
     if held & {"engineer", "admin"}:
         return SHIFT_WITH_POWER
     return SHIFT if "operator" in held else WATCHING
+
+
+def end_all(connection: Connection, person_id: int) -> list[str]:
+    """End all sessions of a person in this transaction; returns their hashes, to be announced after it."""
+    mine = session_table.c.person == person_id
+    ended = list(connection.execute(select(session_table.c.id_hash).where(mine)).scalars())
+    connection.execute(delete(session_table).where(mine))
+    return ended
 
 
 def roles_of(connection: Connection, person_id: int) -> frozenset[str]:

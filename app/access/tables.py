@@ -55,6 +55,22 @@ token_table = Table(
     sqlite_autoincrement=True,
 )
 
+factor_table = Table(
+    "factor",
+    pogon_tables,
+    Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
+    Column("sealed", Text, nullable=False),
+    Column("since", BigInteger, nullable=False),
+    Column("last_step", BigInteger, nullable=False),
+)
+
+recovery_table = Table(
+    "recovery_code",
+    pogon_tables,
+    Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
+    Column("hash", String(64), primary_key=True),
+)
+
 audit_table = Table(
     "audit",
     pogon_tables,

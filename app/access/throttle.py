@@ -48,8 +48,8 @@ class Throttle:
         kept = self._accounts.get(account)
         return max(0.0, kept.until - self._clock.monotonic()) if kept else 0.0
 
-    def failed(self, account: str) -> float:
-        """Count a failure; returns the delay that it brings [s]."""
+    def failed(self, account: str, longest: float = LONGEST_DELAY) -> float:
+        """Count a failure; returns the delay that it brings, at most `longest` [s]."""
         now = self._clock.monotonic()
         kept = self._accounts.setdefault(account, _Account())
         self._accounts.move_to_end(account)
@@ -58,7 +58,7 @@ class Throttle:
         kept.failures += 1
         kept.last = now
         over = kept.failures - FREE_FAILURES
-        delay = min(LONGEST_DELAY, 2.0 ** min(over, 10)) if over >= 0 else 0.0
+        delay = min(longest, 2.0 ** min(over, 10)) if over >= 0 else 0.0
         kept.until = now + delay
         while len(self._accounts) > MOST_KEPT:
             self._accounts.popitem(last=False)

@@ -28,7 +28,7 @@ SIGNATURE = "manifest.hmac"
 DATABASES = ("pogon.db", "history.db")
 MARKS = ("audit.head", "audit.anchors")
 """What the audit keeps outside the database; no secret, but without `audit.key` nobody can tell whether they are true."""
-KEYS = ("audit.key", "secret.key")
+KEYS = ("audit.key", "secret.key", "factor.identity")
 PLANT = "plant"
 MOST_FILES = 10_000
 MOST_BYTES = 256 * 2**30

@@ -26,6 +26,7 @@ from starlette.websockets import WebSocket
 from app import chance
 from app.access.access import Access
 from app.access.audit import printable
+from app.access.people import HALF_LIFE
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
 from app.errors import ConfigurationError, Refused, StorageError
@@ -42,8 +43,8 @@ log = logging.getLogger(__name__)
 PERMISSIONS: frozenset[str] = frozenset({PUBLIC, *OF_ROLES})
 """What a route may ask for: nothing (`open`: health, static files, signing in) or a permission of app/access/roles.py."""
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
-SID, PRE = "sid", "pre"
-"""Cookies of the session and, before there is one, of the browser; under TLS with the prefix `__Host-`."""
+SID, PRE, HALF = "sid", "pre", "half"
+"""Cookies of the session, of the browser before there is one, and between password and code; under TLS with the prefix `__Host-`."""
 UNTOUCHED = ("/static/", "/healthz", "/readyz", "/favicon.ico")
 """Nobody is looked up for these."""
 POLICY_VIOLATION = 1008
@@ -64,6 +65,10 @@ class SignInFirst(Exception):
 
 class MustChange(Exception):
     """An initial password has to be changed before anything else."""
+
+
+class MustEnrol(Exception):
+    """A role of somebody asks for a second factor, which comes before anything else."""
 
 
 class Gatekeeper:
@@ -146,6 +151,7 @@ class Allow:
         Raises:
             SignInFirst: nobody is signed in, or somebody who idled.
             MustChange: an initial password comes first.
+            MustEnrol: a second factor comes first.
             Refused: 403 for a missing right, a foreign origin or token; 415 for an API body that is no JSON; 503 without audit.
             WebSocketException: any of these, on a socket.
         """
@@ -170,6 +176,8 @@ class Allow:
             raise SignInFirst("error.sign_in")
         if person.must_change:
             raise MustChange
+        if person.must_enrol and self.permission != "factor":
+            raise MustEnrol
         if person.idle and self.permission in permissions_of(person.roles):
             raise SignInFirst("access.idle")
         await _note_denied(connection, person, self.permission)
@@ -190,9 +198,10 @@ require = allow
 
 
 def install(app: FastAPI) -> None:
-    """Answer those who have to sign in first, and those who have to change their password first."""
+    """Answer those who have to sign in first, to change their password first, or to enrol a second factor first."""
     app.add_exception_handler(SignInFirst, _to_sign_in)
     app.add_exception_handler(MustChange, _to_account)
+    app.add_exception_handler(MustEnrol, _to_factor)
 
 
 # ---- what routes ask --------------------------------------------------------------------------------------
@@ -390,10 +399,22 @@ def session_id(request: Request) -> str:
     return request.cookies.get(cookie_name(SID, is_secure(request.scope)), "")
 
 
+def half_cookie(response: Response, request: Request, ticket: str) -> None:
+    """Hand the browser what stands for a right password until the code comes; empty takes it away."""
+    secure = is_secure(request.scope)
+    name, life = cookie_name(HALF, secure), round(HALF_LIFE) if ticket else 0
+    response.set_cookie(name, ticket, max_age=life, httponly=True, samesite="strict", secure=secure, path="/")
+
+
+def half_ticket(request: Request) -> str:
+    """What is in that cookie; empty without one."""
+    return request.cookies.get(cookie_name(HALF, is_secure(request.scope)), "")
+
+
 def forget_cookies(response: Response, request: Request) -> None:
     """Take session and pre-session cookies away."""
     secure = is_secure(request.scope)
-    for name in (SID, PRE):
+    for name in (SID, PRE, HALF):
         response.delete_cookie(cookie_name(name, secure), path="/", secure=secure, httponly=True, samesite="strict")
 
 
@@ -500,6 +521,12 @@ async def _to_account(request: Request, error: Exception) -> Response:
     if wants_page(request):
         return RedirectResponse("/account", 303)
     return answer(request, 403, "access.must_change")
+
+
+async def _to_factor(request: Request, error: Exception) -> Response:
+    if wants_page(request):
+        return RedirectResponse("/account/factor", 303)
+    return answer(request, 403, "access.must_enrol")
 
 
 async def _note_denied(connection: HTTPConnection, person: Person, permission: str) -> None:

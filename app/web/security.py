@@ -30,7 +30,7 @@ CONTENT = re.compile(
     re.IGNORECASE,
 )
 """What a body may be: nobody uploads files here, and no other character set is decoded (decoding some of them takes minutes)."""
-COOKIE = re.compile(rb"(?:__Host-)?(?:sid|pre)|pogon_[a-z]{1,20}")
+COOKIE = re.compile(rb"(?:__Host-)?(?:sid|pre|half)|pogon_[a-z]{1,20}")
 """Our own cookies. Those of others, which a browser sends to every port of a host, go no further."""
 HOST = re.compile(r"(?P<host>\[[0-9a-f:.]{2,45}\]|[a-z0-9._-]{1,253})(?::[0-9]{1,5})?")
 PLAIN = re.compile(rb"[\w.-]{1,100}")

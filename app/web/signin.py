@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.access.people import Account, SignedIn
+from app.access.people import Account, HalfIn, SignedIn
 from app.access.roles import Person
 from app.access.sessions import Session
 from app.errors import Refused
@@ -23,6 +23,8 @@ from app.web.guard import (
     fields,
     forget_cookies,
     guests_allowed,
+    half_cookie,
+    half_ticket,
     people_access,
     person_of,
     session_cookie,
@@ -54,7 +56,36 @@ async def sign_in(request: Request) -> Response:
         )
     except Refused as refused:
         return sign_in_sheet(request, given["next"], refused, given["name"])
+    if isinstance(signed_in, HalfIn):
+        response = RedirectResponse(f"/signin/code?next={quote(language.local_path(given['next']), safe='/')}", 303)
+        half_cookie(response, request, signed_in.ticket)
+        return response
     return welcomed(request, signed_in, "/account" if signed_in.account.must_change else given["next"])
+
+
+@router.get("/signin/code", dependencies=[allow("open")])
+async def code_page(request: Request, next: str = "/") -> Response:
+    """The sheet for the code, once the password was right."""
+    if people_access(request).people.half(half_ticket(request), agent_of(request)) is None:
+        return RedirectResponse(f"/signin?next={quote(language.local_path(next), safe='/')}", 303)
+    return code_sheet(request, next)
+
+
+@router.post("/signin/code", dependencies=[allow("open")])
+async def give_code(request: Request) -> Response:
+    """Take the code, give a session."""
+    access, given, ticket = people_access(request), await fields(request, ["code"]), half_ticket(request)
+    try:
+        signed_in = await access.people.give_code(ticket, given["code"], address_of(request.scope), agent_of(request))
+    except Refused as refused:
+        if access.people.half(ticket, agent_of(request)) is None:
+            response = sign_in_sheet(request, given["next"], refused)
+            half_cookie(response, request, "")
+            return response
+        return code_sheet(request, given["next"], refused)
+    response = welcomed(request, signed_in, "/account" if signed_in.account.must_change else given["next"])
+    half_cookie(response, request, "")
+    return response
 
 
 @router.post("/signout", dependencies=[allow("open")])
@@ -63,6 +94,8 @@ async def sign_out(request: Request) -> Response:
     person: Person | None = request.state.person
     if person is not None:
         await people_access(request).sessions.end(person, person.session, "signout")
+    if ticket := half_ticket(request):
+        people_access(request).people.forget_half(ticket)
     response = RedirectResponse("/" if guests_allowed(request.app) else "/signin", 303)
     forget_cookies(response, request)
     response.headers["Clear-Site-Data"] = '"cache", "storage"'
@@ -160,6 +193,13 @@ def sign_in_sheet(request: Request, next: str, refused: Refused | None = None, n
     )
 
 
+def code_sheet(request: Request, next: str, refused: Refused | None = None) -> Response:
+    """The sheet for the code, with what was wrong with the one before; the code does not come back."""
+    return _over_the_plant(
+        request, "pages/signin_code.html", refused, title_key="access.sign_in", next=language.local_path(next)
+    )
+
+
 def first_sheet(request: Request, refused: Refused | None = None, given: dict[str, str] | None = None) -> Response:
     """The sheet of the first account, with what was wrong; neither code nor passwords come back."""
     typed = given or {}
@@ -191,6 +231,7 @@ async def account_sheet(request: Request, refused: Refused | None = None) -> Res
         error=explained(request, refused),
         done=view.text(request, f"access.done.{done}") if done in ("password", "session") and not refused else "",
         last_seen=moment(request, known.last_seen),
+        factor_visible=person.may("factor"),
         least=15 if {"admin", "engineer"} & known.roles else 12,
     )
 

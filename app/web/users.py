@@ -29,7 +29,7 @@ LIVES = (7, 30, 90, 365)
 UNUSED_DAYS = 90
 """An account that nobody signed in with for more than so many days is marked."""
 UTC = ZoneInfo("UTC")
-DONE = ("roles", "disabled", "enabled", "deleted", "unlocked", "renamed", "session", "revoked")
+DONE = ("roles", "disabled", "enabled", "deleted", "unlocked", "factor", "renamed", "session", "revoked")
 
 
 @router.get("/users", dependencies=[allow("administer")])
@@ -50,6 +50,7 @@ async def review(request: Request) -> Response:
             "last_seen": moment(request, account.last_seen),
             "created": moment(request, account.created),
             "unused": _is_unused(account, now),
+            "lacks_factor": _lacks_factor(request, account),
         }
         for account in await access.people.all()
     ]
@@ -82,6 +83,8 @@ async def review_csv(request: Request) -> Response:
             "unused",
             "sessions",
             "tokens",
+            "second_factor",
+            "second_factor_missing",
         ]
     )
     accounts = await access.people.all()
@@ -98,6 +101,8 @@ async def review_csv(request: Request) -> Response:
                 int(_is_unused(one, now)),
                 sum(session.person == one.id for session in sessions),
                 sum(token.person == one.id and not token.revoked and token.until > now for token in tokens),
+                int(one.factor),
+                int(_lacks_factor(request, one)),
             ]
         )
     await access.audit.record("person.reviewed", person_of(request), accounts=len(accounts))
@@ -111,6 +116,12 @@ async def review_csv(request: Request) -> Response:
 def _is_unused(account: Account, now: int) -> bool:
     """Whether nobody has signed in with it for so long that it should be asked about."""
     return now - (account.last_seen or account.created) > UNUSED_DAYS * 86_400e6
+
+
+def _lacks_factor(request: Request, account: Account) -> bool:
+    """Whether a role of the account asks for a second factor and it has none."""
+    asked = view_of(request).runtime(request).settings.factor_roles
+    return bool(account.roles & asked) and not account.factor
 
 
 @router.post("/users", dependencies=[allow("administer")])
@@ -177,9 +188,16 @@ async def new_password(request: Request, key: Id) -> Response:
     return await users_page(request, initial=(await access.people.get(key), initial))
 
 
+@router.post("/users/{key}/factor", dependencies=[allow("administer")])
+async def reset_factor(request: Request, key: Id) -> Response:
+    """Take the second factor of somebody away who lost it."""
+    factors = people_access(request).factors
+    return await _changed(request, "factor", [], lambda by, _: factors.reset(by, key))
+
+
 @router.post("/users/{key}/unlock", dependencies=[allow("administer")])
 async def unlock(request: Request, key: Id) -> Response:
-    """Let a person try again at once after wrong passwords."""
+    """Let a person try again at once after wrong passwords or codes."""
     await fields(request, [])
     await people_access(request).people.unlock(person_of(request), key)
     return RedirectResponse("/users?done=unlocked", 303)
@@ -242,6 +260,7 @@ async def users_page(
             "account": account,
             "roles": role_names(request, account),
             "me": account.id == me.id,
+            "lacks_factor": _lacks_factor(request, account),
             "locked": round(access.people.locked(account.name)),
             "last_seen": moment(request, account.last_seen),
             "created": moment(request, account.created),

@@ -19,6 +19,7 @@ TABLE = {
     #                viewer operator engineer admin
     "view": (True, True, True, True),
     "account": (True, True, True, True),
+    "factor": (True, True, True, True),
     "export": (True, True, True, True),
     "stop": (False, True, True, False),
     "acknowledge": (False, True, True, False),

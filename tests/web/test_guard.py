@@ -7,12 +7,15 @@ from functools import cache
 
 import pytest
 from fastapi import APIRouter, FastAPI
+from sqlalchemy import Connection, delete, insert
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocketDisconnect
 
 from app.access.audit import Filter
+from app.access.people import HalfIn
 from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
 from app.access.sessions import IDLE_AFTER
+from app.access.tables import factor_table
 from app.clock import ManualClock
 from app.errors import ConfigurationError
 from app.main import create_app
@@ -35,6 +38,8 @@ OPEN = {
     "POST /language",
     "POST /session/active",
     "POST /signin",
+    "GET /signin/code",  # asks for the ticket that the password gave
+    "POST /signin/code",
     "POST /signout",
     "POST /theme",
 }
@@ -50,6 +55,12 @@ EXPECTED = {
     "POST /users": "administer",
     "POST /users/{key}/roles": "administer",
     "POST /users/{key}/password": "administer",
+    "POST /users/{key}/factor": "administer",
+    "GET /account/factor": "factor",
+    "POST /account/factor/begin": "factor",
+    "POST /account/factor/confirm": "factor",
+    "POST /account/factor/codes": "factor",
+    "POST /account/factor/remove": "factor",
     "GET /tokens": "tokens",
     "POST /tokens": "tokens",
     "GET /audit": "audit.own",
@@ -67,6 +78,12 @@ KINDS = [
     "idle operator",
     "idle engineer",
     "initial",
+    "between password and code",
+    "between password and code, guests allowed",
+    "between password and code, idle before",
+    "enrolling operator",
+    "enrolling engineer",
+    "enrolling admin",
 ]
 
 
@@ -142,6 +159,14 @@ def rights(kind: str) -> frozenset[str]:
     match kind.split():
         case ["nobody" | "disabled"]:
             return frozenset()
+        case ["between", *_, "allowed"]:
+            return GUEST
+        case ["between", *_, "before"]:
+            return permissions_of(["operator"]) & {"view", "account", "stop"}
+        case ["between", *_]:
+            return frozenset()
+        case ["enrolling", role]:
+            return permissions_of([role]) & {"factor", "stop"}
         case ["guest"]:
             return GUEST
         case ["idle", role]:
@@ -154,7 +179,7 @@ def rights(kind: str) -> frozenset[str]:
 
 def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    if kind not in ("guest",):
+    if not kind.endswith(("guest", "guests allowed")):
         monkeypatch.setattr(type(staff.client.app.state.runtime), "simulated", property(lambda _: False))  # type: ignore[attr-defined]
     if kind in ("nobody", "guest"):
         staff.have()
@@ -170,12 +195,35 @@ def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
         assert isinstance(clock, ManualClock)
         clock.advance(IDLE_AFTER + 1)
         monkeypatch.setattr(access.sessions, "_clock", clock)
+    elif kind.startswith("enrolling"):
+        staff.enter(f"new-{kind[10:]}", kind[10:])
+        monkeypatch.setattr(staff.access.sessions, "_factor_roles", frozenset({kind[10:]}))
+    elif kind.startswith("between"):
+        key, old = staff.add("careful", "operator"), ""
+        if kind.endswith("before"):
+            staff.access.people._db.run(lambda connection: connection.execute(delete(factor_table)) and None)
+            old = staff.enter("careful")
+            clock = deepcopy(staff.access.sessions._clock)
+            assert isinstance(clock, ManualClock)
+            clock.advance(IDLE_AFTER + 1)
+            monkeypatch.setattr(staff.access.sessions, "_clock", clock)
+        staff.access.people._db.run(lambda connection: put_factor(connection, key))
+        half = staff.wait(staff.access.people.sign_in, "careful", PASSWORD, "127.0.0.1", "testclient", old)
+        assert isinstance(half, HalfIn)
+        staff.have(old)
+        staff.client.cookies.set("half", half.ticket)
     elif kind == "initial":
         name = f"new{staff.wait(staff.access.people.count)}"
         _, initial = staff.wait(staff.access.people.add, BOSS, name, "", ["engineer"])
         staff.have(staff.wait(staff.access.people.sign_in, name, initial, "127.0.0.1", "testclient").sid)
     else:
         staff.enter(f"the-{kind}", kind)
+
+
+def put_factor(connection: Connection, person: int) -> None:
+    """A second factor, were it not there."""
+    values = {"person": person, "sealed": "", "since": 0, "last_step": 0}
+    connection.execute(insert(factor_table).prefix_with("OR IGNORE").values(**values))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -191,6 +239,8 @@ def test_every_route_lets_in_exactly_whom_the_table_names(
         address = re.sub(r"\{[^}]*\}", "987654", path)  # nothing that another test may have made
         if method in ("GET", "HEAD"):
             answer = staff.client.request(method, address)
+            if path == "/signin/code" and kind.startswith("between"):
+                assert answer.status_code == 200
         else:
             bound = staff.client.cookies.get("sid") or "a" * 22
             if kind == "disabled" or not staff.client.cookies.get("sid"):
@@ -200,8 +250,8 @@ def test_every_route_lets_in_exactly_whom_the_table_names(
             answer = staff.client.request(method, address, headers=headers)
         turned_away = answer.status_code in (401, 403) or (
             answer.status_code == 303
-            and re.match(r"/signin\?next=|/account$", answer.headers["location"]) is not None
-            and path not in ("/signin", "/signout")
+            and re.match(r"/signin\?next=|/account(/factor)?$", answer.headers["location"]) is not None
+            and path not in ("/signin", "/signin/code", "/signout")
         )
         allowed = permission == "open" or permission in rights(kind)
         if turned_away == allowed:
@@ -366,6 +416,17 @@ def test_a_socket_gives_each_person_the_pages_that_the_person_may_see(staff: Sta
     assert hello(staff, "parameters/m1") == "not_allowed"
     staff.enter("the-engineer", "engineer")
     assert hello(staff, "parameters/m1") is True
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in KINDS if kind.startswith(("between password and code", "enrolling"))]
+)
+def test_who_has_given_no_code_yet_has_no_more_on_a_socket(
+    staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    come_as(staff, kind, monkeypatch)
+    for page, needs in (("overview", "view"), ("parameters/m1", "diagnose"), ("storage", "diagnose")):
+        assert hello(staff, page) == (True if needs in rights(kind) else "not_allowed")
 
 
 def test_a_guest_has_a_socket_only_while_all_is_simulated(staff: Staff) -> None:
