@@ -181,8 +181,11 @@ def _state(account: "Account") -> str:
 
 
 @contextmanager
-def opened(data: Path | None, *, existing: bool = False) -> Iterator["Access"]:
-    """People and audit of a data folder; every error of ours is one line and exit code 2."""
+def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) -> Iterator["Access"]:
+    """People and audit of a data folder; every error of ours is one line and exit code 2.
+
+    `existing`: the database has to be there. `as_is`: and at the revision of this program; no other is touched.
+    """
     from app.access.access import Access, prepare
     from app.clock import SystemClock
     from app.db import Database
@@ -200,6 +203,8 @@ def opened(data: Path | None, *, existing: bool = False) -> Iterator["Access"]:
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
         prepare(folder)
         db = Database(folder / "pogon.db", "pogon")
+        if as_is and not db.is_newest():
+            raise ConfigurationError(f"{db.path} is of another version, or broken")
         db.migrate()
         access = Access(db, SystemClock(), folder)
         yield access

@@ -184,6 +184,7 @@ def restore(
     from app import backup as archive
     from app.settings import read_settings
 
+    begun = False
     try:
         folder = data or read_settings().data
         if not file.is_file():
@@ -199,11 +200,15 @@ def restore(
             return
         if (folder / "pogon.db").exists() and not yes:
             typer.confirm(f"{folder} has data; it is moved aside. Restore {file}?", abort=True)
+        _note(folder, "backup.restoring", file, "sent")
+        begun = True
         manifest, place = archive.restore(
             file, folder, plant, opening=opening, tell=lambda text: typer.echo(text, err=True)
         )
         _warn_unsigned(file, manifest)
     except ConfigurationError as error:
+        if begun:
+            _note(folder, "backup.restored", file, "failed", str(error))
         fail(str(error))
     verifiable = manifest.keys or (folder / "audit.key").exists()
     with opened(folder, existing=True) as access:
@@ -236,6 +241,18 @@ def backup_key(
         fail(str(error))
     typer.echo(f"private key: {file}; move it to where backups are restored from")
     typer.echo(f"pogon backup --encrypt-to {public} …")
+
+
+def _note(folder: Path, kind: str, file: Path, result: str, reason: str = "") -> None:
+    """Write a line into the audit of what is there before it is moved aside, and to syslog; one that takes none hinders no restore."""
+    if not (folder / "pogon.db").is_file():
+        return
+    try:
+        with opened(folder, existing=True, as_is=True) as access:
+            entry = access.audit.entry(kind, terminal(), file.name, result=result, reason=reason)
+            access.audit.run(lambda _connection: (None, [entry]))
+    except typer.Exit:
+        typer.echo("pogon: the audit of what is there takes no line of this restore", err=True)
 
 
 def _warn_unsigned(file: Path, manifest: "Manifest") -> None:

@@ -93,6 +93,13 @@ class Database:
             said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
             raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
 
+    def is_newest(self) -> bool:
+        """Whether the file can be read and is at the newest revision; makes none."""
+        try:
+            return self._is_newest()
+        except (DatabaseError, OSError):
+            return False
+
     def _is_newest(self) -> bool:
         """Whether the file is there and at the newest revision."""
         if not self.path.exists():

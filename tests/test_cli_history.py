@@ -113,6 +113,62 @@ def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., 
     pogon_server(data=data)
 
 
+def lines_of(database: Path) -> list[tuple[str, str, str]]:
+    """(kind, object, result) of the backups and restores in an audit."""
+    with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as found:
+        query = "SELECT kind, object, result FROM audit WHERE kind LIKE 'backup.%' ORDER BY seq"
+        return found.execute(query).fetchall()
+
+
+def test_a_restore_is_written_down_before_it_begins_and_after(tmp_path: Path) -> None:
+    data, archive = tmp_path / "data", tmp_path / "b.tar"
+    assert pogon(data, "user", "add", "ana").returncode == 0
+    assert pogon(data, "backup", str(archive)).returncode == 0
+    done = pogon(data, "restore", str(archive), "--yes")
+    assert done.returncode == 0, done.stderr
+    (aside,) = data.glob("before-restore-*")
+    made = ("backup.made", "b.tar", "ok")
+    assert lines_of(aside / "pogon.db") == [made, ("backup.restoring", "b.tar", "sent")]
+    assert lines_of(data / "pogon.db")[-1] == ("backup.restored", "b.tar", "ok")
+
+    broken = tmp_path / "broken.tar"
+    broken.write_bytes(archive.read_bytes()[:-9000])
+    assert pogon(data, "restore", str(broken), "--yes").returncode == 2
+    begun = [line for line in lines_of(data / "pogon.db") if line[1] == "broken.tar"]
+    assert begun == [("backup.restoring", "broken.tar", "sent"), ("backup.restored", "broken.tar", "failed")]
+    assert pogon(data, "audit", "verify").returncode == 0
+
+
+def seen(database: Path) -> object:
+    """Version and audit of a database, or what there is instead of one."""
+    with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as found:
+        try:
+            version = found.execute("SELECT version_num FROM alembic_version").fetchall()
+        except sqlite3.DatabaseError:
+            return database.read_bytes()
+        return version, found.execute("SELECT * FROM audit").fetchall()
+
+
+@pytest.mark.parametrize("state", ["newer", "older", "torn"])
+def test_what_takes_no_line_is_moved_aside_as_it_is(tmp_path: Path, state: str) -> None:
+    data, archive = tmp_path / "data", tmp_path / "b.tar"
+    assert pogon(data, "user", "add", "ana").returncode == 0
+    assert pogon(data, "backup", str(archive)).returncode == 0
+    if state == "torn":
+        (data / "pogon.db").write_bytes(b"SQLite format 3\0" + b"x" * 5000)
+    else:
+        with closing(sqlite3.connect(data / "pogon.db")) as database:
+            database.execute("UPDATE alembic_version SET version_num = ?", ("9999" if state == "newer" else "0003",))
+            database.commit()
+    before = seen(data / "pogon.db")
+    done = pogon(data, "restore", str(archive), "--yes")
+    assert done.returncode == 0, done.stderr
+    assert "takes no line of this restore" in done.stderr
+    (aside,) = data.glob("before-restore-*")
+    assert seen(aside / "pogon.db") == before
+    assert lines_of(data / "pogon.db")[-1] == ("backup.restored", "b.tar", "ok")
+
+
 def test_without_history_there_is_one_clear_line(tmp_path: Path) -> None:
     done = pogon(tmp_path / "data", "export", "--tags", "m1.speed")
     assert done.returncode == 2

@@ -48,10 +48,14 @@ from app.threads import Threads, threads
 log = logging.getLogger(__name__)
 
 SECURITY_KINDS = (
-    "signin.", "session.", "person.", "password.", "token.", "access.", "audit.", "backup.", "clock.", "server.", "plant.reloaded",
+    "signin.", "session.", "person.", "password.", "token.", "factor.", "access.", "audit.", "backup.", "clock.", "server.",
+    "plant.reloaded",
 )  # fmt: skip
 """Beginnings of the kinds of lines that the log tells as security events, too."""
-GRAVE_KINDS = ("person.", "token.created", "audit.lost", "audit.foreign", "backup.restored", "clock.")
+GRAVE_KINDS = (
+    "person.", "token.created", "factor.removed", "factor.reset", "factor.recovery", "audit.lost", "audit.foreign",
+    "backup.restor", "clock.",
+)  # fmt: skip
 """Of these, told as warnings whatever their result."""
 
 T = TypeVar("T")

@@ -27,7 +27,7 @@ from app.web import format as fmt
 from app.web import language
 from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
 from app.web.audit import defused, read_time
-from app.web.guard import allow, field_list, fields, person_of, shown_name
+from app.web.guard import allow, field_list, fields, person_of, shown_name, shown_words
 from app.web.view import View, area_label
 
 router = APIRouter()
@@ -412,7 +412,7 @@ def _line(request: Request, draw: Drawing, record: Record) -> dict[str, Any]:
         "after": text(request, f"alarm.state.{names[record.after]}"),
         "value": draw.value(record.equipment, alarm.value if alarm else "", record.value, record.limit),
         "person": shown_name(request, record.person),
-        "comment": record.comment,
+        "comment": shown_words(request, record.comment),
         "silent": record.silent,
     }
 

@@ -29,7 +29,7 @@ from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
 from app.web.event_list import in_order
-from app.web.guard import address_of, allow, check_points, may_read, person_of, shown_name
+from app.web.guard import address_of, allow, check_points, may_read, person_of, shown_name, shown_words
 from app.web.history import read
 from app.web.language import language_of
 
@@ -896,7 +896,7 @@ def _product(request: Request, runtime: "Runtime", one: Passage, steps: Sequence
                 second=step.second,
                 second_value=step.second_value,
                 person=shown_name(request, step.person),
-                reason=step.reason,
+                reason=shown_words(request, step.reason),
             )
             for step in steps
         ],
@@ -972,7 +972,7 @@ def _run(
                 signal=event.signal,
                 together=event.together,
                 person=shown_name(request, event.person),
-                reason=event.reason,
+                reason=shown_words(request, event.reason),
             )
             for event in events
         ],
@@ -985,7 +985,7 @@ def _run(
                 until=to_datetime(force.until),
                 ending=force.ending,
                 person=shown_name(request, force.person),
-                reason=force.reason,
+                reason=shown_words(request, force.reason),
             )
             for force in forces
         ],

@@ -297,6 +297,11 @@ def shown_name(request: Request, name: str) -> str:
     return str(request.app.state.view.text(request, "access.role.operator"))
 
 
+def shown_words(request: Request, words: str) -> str:
+    """What a person wrote (a reason, a comment) for whoever asks: it may name somebody, so visitors without sign-in read nothing of it."""
+    return words if request.state.person is not None else ""
+
+
 async def check_origin_and_token(request: Request) -> None:
     """Refuse a change that another site's page asks for: fetch metadata or origin, then the signed token of this session.
 

@@ -19,7 +19,7 @@ from app.historian.passages import Code, Outcome
 from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
-from app.web.guard import address_of, allow, person_of, shown_name
+from app.web.guard import address_of, allow, person_of, shown_name, shown_words
 from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
@@ -357,7 +357,7 @@ class _Words:
             "other": f"#{step.second}" if step.second else "",
             "priority": alarms.get(step.code, 0),
             "person": shown_name(self.request, step.person),
-            "reason": step.reason,
+            "reason": shown_words(self.request, step.reason),
         }
 
     def _value(self, step: Step) -> str:

@@ -34,7 +34,7 @@ from app.historian.runs import Outcome
 from app.plant.definitions import Equipment
 from app.web import format as fmt
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
-from app.web.guard import address_of, allow, person_of, shown_name
+from app.web.guard import address_of, allow, person_of, shown_name, shown_words
 from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
@@ -442,7 +442,7 @@ class _Words:
             "cause": self.text(f"cause.{Cause(one.cause).name.lower()}") if one.cause else "",
             "told_by": next(
                 (
-                    {"person": self.named(event.person), "reason": event.reason}
+                    {"person": self.named(event.person), "reason": shown_words(self.request, event.reason)}
                     for event in events
                     if event.code == Code.ABORTED and event.person
                 ),
@@ -536,7 +536,7 @@ class _Words:
                         "time": fmt.clock_time(event.time, self.zone, milliseconds=True, lang=self.lang),
                         "iso": fmt.iso(event.time, self.zone),
                         "person": self.named(event.person),
-                        "reason": event.reason,
+                        "reason": shown_words(self.request, event.reason),
                         "length": "",
                     }
                 )
@@ -555,7 +555,7 @@ class _Words:
             "until": self.moment(force.until),
             "ending": self.text("force.stands") if stands else self.text(f"force.{force.ending or 'over'}"),
             "person": self.named(force.person),
-            "reason": force.reason,
+            "reason": shown_words(self.request, force.reason),
         }
 
     def _value(self, definition: Definition, item: Equipment | None, step: int, bit: int, value: float | None) -> str:

@@ -249,6 +249,9 @@ def test_acknowledging_says_so_and_the_second_one_by_whom(hall: Hall) -> None:
     assert [line.person for line in ours] == ["ana"]
     journal = hall.page("/alarms?tab=journal&event=ACK")
     assert "I see it" in journal
+    hall.staff.have()
+    journal = hall.page("/alarms?tab=journal&event=ACK")
+    assert "I see it" not in journal and "ana<" not in journal
 
 
 def test_exactly_what_was_on_the_screen_is_acknowledged(hall: Hall) -> None:

@@ -202,6 +202,22 @@ def test_programs_read_the_same(staff: Staff) -> None:
     get(staff, "/api/v1/products", 422, outcome="eaten")
 
 
+def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: Staff) -> None:
+    span = "from=2026-03-09T00:00:00Z&to=2026-03-10T00:00:00Z"
+    words = ("Ana", "fell", "HYPERLINK")
+    road = f"/api/v1/products?product=99&{span}"
+    staff.enter("ana", "viewer")
+    assert [word for word in words if word not in staff.client.get(road).text] == []
+    rows = re.findall(
+        r'<tr data-row="(\d+)"', get(staff, "/products", since="2026-03-09T00:00", until="2026-03-10T00:00").text
+    )
+    roads = [road, *(f"/products/detail/{row}" for row in rows)]
+    staff.have()
+    for road in roads:
+        answer = staff.client.get(road)
+        assert (answer.status_code, [word for word in words if word in answer.text]) == (200, []), road
+
+
 def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     staff.enter("ana", "viewer")
 

@@ -140,6 +140,19 @@ def test_one_is_told_in_every_language(staff: Staff, lang: str) -> None:
     staff.client.cookies.delete("pogon_lang")
 
 
+def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: Staff) -> None:
+    span = "from=2026-03-09T00:00:00Z&to=2026-03-10T00:00:00Z&events=true"
+    roads = [f"/runs/detail/{one.id}" for one in found(staff)] + [f"/api/v1/runs?{span}&limit=100"]
+    words = ("Ana", "Ivo Ban", "coil not round", "HYPERLINK", "wet")
+    staff.enter("ana", "viewer")
+    told = "".join(staff.client.get(road).text for road in roads)
+    assert [word for word in words if word not in told] == []
+    staff.have()
+    for road in roads:
+        answer = staff.client.get(road)
+        assert (answer.status_code, [word for word in words if word in answer.text]) == (200, []), road
+
+
 def test_every_kind_of_run_has_a_detail(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     for one in found(staff)[:8]:
