@@ -51,6 +51,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("browser")
             if not item.path.is_relative_to(ROOT / "tests" / "browser") and not item.get_closest_marker("soak"):
                 raise pytest.UsageError(f"{item.nodeid} drives a browser: expected below tests/browser")
+        if item.get_closest_marker("real_time") and "mark.real_time" not in item.path.read_text("utf-8"):
+            raise pytest.UsageError(f"{item.nodeid} lives in real time: expected mark.real_time in its file")
     items.sort(key=_order)
 
 

@@ -1,11 +1,14 @@
 """`make test` runs all its stages and closes with a line that tells the truth, whatever becomes of the tests."""
 
+import os
 import re
+from functools import partial
+from itertools import pairwise, product
 from pathlib import Path
 
 import pytest
 
-from tools.run_tests import ROOT, Result, Stage, main, report, run, stages, total, within
+from tools.run_tests import ROOT, Result, Stage, main, report, run, side_by_side, stages, total, within
 
 PASSES, FAILS = "def test_a(): pass\n", "def test_b(): assert False\n"
 SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_c(): pass\n"
@@ -98,10 +101,70 @@ def test_the_closing_line_counts_all_stages_and_stands_alone() -> None:
     assert total([Result("a", 3)]) == "3 passed, 0 failed"
 
 
+ALL = [stage for lane in stages(2, 2) for stage in lane]
+
+
 def test_every_test_is_in_exactly_one_stage() -> None:
-    for marks in [{"soak": soak, "browser": browser} for soak in (0, 1) for browser in (0, 1)]:
-        homes = [stage.name for stage in stages(2, 2) if eval(stage.marks, {}, marks)]
-        assert len(homes) == (0 if marks["soak"] else 1), (marks, homes)
+    for soak, browser, real in product((False, True), repeat=3):
+        marks = {"soak": soak, "browser": browser, "real_time": real}
+        homes = [stage.name for stage in ALL if eval(stage.marks, {}, marks)]
+        assert len(homes) == (0 if soak else 1), (marks, homes)
+
+
+def test_every_stage_has_tests() -> None:
+    assert [stage.name for stage in ALL if not within(stage, ["tests"])] == []
+
+
+def test_a_stage_is_asked_only_for_files_that_speak_of_it() -> None:
+    real, _, behind = ALL
+    asked = ["tests/links/test_tcp.py::test_a", "tests/links/test_planner.py", "tests/sim"]
+    assert within(real, asked) == [
+        "tests/links/test_tcp.py::test_a",
+        *(f"tests/sim/test_{name}.py" for name in ("plant", "server", "simulate_process")),
+    ]
+    assert within(behind, asked) == asked
+
+
+def test_what_several_lanes_tell_comes_one_after_the_other(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stage behind says all it has to say at once when it is done, also who failed, while the others go on."""
+    monkeypatch.setattr("tools.run_tests.PATIENCE", 60)
+    options = ("-p", "pytest_timeout", "-p", "no:cacheprovider", "-s")
+    lanes = []
+    for name, nice in (("ahead", 0), ("behind", 5)):
+        root = tmp_path / name
+        root.mkdir()
+        (root / "pytest.ini").write_text("[pytest]\n")
+        (root / "test_x.py").write_text(f"def test_a():\n  for _ in range(99): print('{name} talks')\n" + FAILS)
+        stage = Stage(name, "not other", options, nice=nice)
+        lanes.append([partial(run, stage, ["test_x.py"], [], False, root)])
+    lanes[0].insert(0, lambda aloud: Result("first", 2))
+    results = side_by_side(lanes)
+    assert [(result.stage, result.counts) for result in results] == [
+        ("first", (2, 0, 0)),
+        ("ahead", (1, 1, 0)),
+        ("behind", (1, 1, 0)),
+    ]
+    talk = [line.split()[-2] for line in capfd.readouterr().out.splitlines() if line.endswith("talks")]
+    assert len(talk) == 2 * 99
+    assert len([0 for one, following in pairwise(talk) if one != following]) == 1
+
+
+def test_a_lane_alone_is_told_as_it_goes() -> None:
+    heard: list[bool] = []
+    side_by_side([[lambda aloud: heard.append(aloud) or Result("a")]])
+    side_by_side([[lambda aloud: heard.append(aloud) or Result("a")]] * 2)
+    assert heard == [True, False, False]
+
+
+def test_who_is_behind_steps_back(tmp_path: Path) -> None:
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
+    mine = os.nice(0)
+    text = f"import os\ndef test_a(): assert os.nice(0) == {min(mine + 5, 19)}\n"
+    (tmp_path / "test_x.py").write_text(text)
+    stage = Stage("behind", "not other", ("-p", "pytest_timeout", "-p", "no:cacheprovider"), nice=5)
+    assert run(stage, ["test_x.py"], [], False, tmp_path, aloud=False).counts == (1, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +181,7 @@ def test_every_test_is_in_exactly_one_stage() -> None:
     ],
 )
 def test_a_part_without_browser_tests_starts_no_browser(chosen: str, found: list[str]) -> None:
-    assert within(stages(2, 2)[-1], [chosen]) == found
+    assert within(ALL[1], [chosen]) == found
 
 
 @pytest.mark.parametrize(
@@ -133,8 +196,8 @@ def test_a_part_that_matches_no_test_fails(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], asked: list[str], complaint: str
 ) -> None:
     monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
-    monkeypatch.setattr("tools.run_tests._check", lambda: Result("check"))
-    monkeypatch.setattr("tools.run_tests.stages", lambda jobs, browsers: [Stage("some", "not soak")])
+    monkeypatch.setattr("tools.run_tests._check", lambda aloud: Result("check"))
+    monkeypatch.setattr("tools.run_tests.stages", lambda jobs, browsers: [[Stage("some", "not soak")]])
     assert main(asked) == 1
     told = capfd.readouterr().out.splitlines()
     assert told[-1] == "0 passed, 1 failed"

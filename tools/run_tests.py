@@ -2,24 +2,35 @@
 
     tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [T ...] [-- arguments for pytest]
 
-A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept as JUnit XML
-in build/tests.
+Two lanes run side by side: in front what lives in real time, and waits a lot; behind, with less right to the processor, what lives in
+virtual time and does not mind. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What
+ran is kept in build/tests, as JUnit XML and as it was told.
 """
 
 import argparse
 import os
 import random
+import shutil
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
 from pathlib import Path
+from typing import IO
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMIT = 3600.0
 """A stage has ended by then, or it is ended [s]."""
+BEHIND = 5
+"""How nice the lane behind is: in front the processor is there when something happens, and beside busy neighbours both get on."""
+PATIENCE = 1500
+"""A test that steps back for others has ended by then, or it hangs [s]."""
 FAILED, INTERRUPTED, NOTHING = 1, 2, 5
 """What pytest ends with when tests failed, when it stopped before its end, and when no test was chosen."""
 
@@ -33,8 +44,12 @@ class Stage:
     options: tuple[str, ...] = ()
     folder: str = "tests"
     """Its tests are below this one."""
+    says: str = ""
+    """Its tests are in files with this text."""
     needs: tuple[str, ...] = ()
     """What has to succeed before it."""
+    nice: int = 0
+    """How far it steps back for others, 0 to 19."""
 
 
 @dataclass
@@ -58,49 +73,89 @@ class Result:
         self.complaints.append(why)
 
 
-def stages(jobs: int, browsers: int) -> list[Stage]:
-    """What `make test` runs after the check, in this order."""
+def stages(jobs: int, browsers: int) -> list[list[Stage]]:
+    """What `make test` runs: the lane in front and the one behind, each one stage after the other."""
     make = os.environ.get("MAKE", "make")
-    return [
-        Stage("in process", "not soak and not browser", ("-n", str(jobs), "--dist", "worksteal")),
+    front = [
+        Stage(
+            "real time",
+            "not soak and not browser and real_time",
+            ("-n", str(jobs), "--dist", "worksteal"),
+            says="mark.real_time",
+        ),
         Stage(
             "browser",
             "not soak and browser",
             ("-n", str(browsers), "--dist", "loadfile", "--no-loadscope-reorder", "--randomly-dont-reorganize"),
             "tests/browser",
-            (make, "-s", ".browser"),
+            needs=(make, "-s", ".browser"),
         ),
     ]
+    behind = Stage(
+        "in process",
+        "not soak and not browser and not real_time",
+        ("-n", str(jobs), "--dist", "worksteal"),
+        nice=BEHIND,
+    )
+    return [front, [behind]]
 
 
 def main(arguments: Sequence[str]) -> int:
     options = _options(arguments)
     seed = options.seed if options.seed is not None else random.SystemRandom().getrandbits(32)
     print(f"The order of the tests: make test SEED={seed}", flush=True)
-    results = [_check()]
-    if absent := [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]:
-        results[-1].went_wrong(f"there is no {' '.join(absent)}")
+    began, extra = time.monotonic(), [f"--randomly-seed={seed}", f"--hypothesis-seed={seed}", *options.pytest]
+    absent = [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]
     part = bool(options.tests) or any(text.startswith(("-k", "-m")) for text in options.pytest)
-    for stage in stages(options.jobs, options.browsers) if not absent else ():
-        if chosen := within(stage, options.tests or ["tests"]):
-            extra = [f"--randomly-seed={seed}", f"--hypothesis-seed={seed}", *options.pytest]
-            results.append(run(stage, chosen, extra, may_be_empty=part))
+    lanes: list[list[Callable[..., Result]]] = [
+        [
+            partial(run, stage, chosen, extra, part)
+            for stage in lane
+            if (chosen := within(stage, options.tests or ["tests"]))
+        ]
+        for lane in (stages(options.jobs, options.browsers) if not absent else ())
+    ]
+    several = len([*filter(None, lanes)]) > 1
+    results = side_by_side([[_check], *lanes] if several else [[_check, *chain(*lanes)]])
+    if absent:
+        results[0].went_wrong(f"there is no {' '.join(absent)}")
     if not any(any(result.counts) for result in results):
-        results[-1].went_wrong(f"no test matches {' '.join([*options.tests, *options.pytest])}")
+        results[0].went_wrong(f"no test matches {' '.join([*options.tests, *options.pytest])}")
+    print(f"\nall: done in {time.monotonic() - began:.0f} s")
     print(*report(results, seed), sep="\n", flush=True)
     return 1 if any(result.failed for result in results) else 0
 
 
+def side_by_side(lanes: Sequence[Sequence[Callable[..., Result]]]) -> list[Result]:
+    """Run all lanes at once. One alone is told as it goes; of several each stage when it is done, as `aloud=False` says."""
+
+    def follow(lane: Sequence[Callable[..., Result]]) -> list[Result]:
+        return [stage(aloud=len(lanes) == 1) for stage in lane]
+
+    with ThreadPoolExecutor(len(lanes)) as threads:
+        return [*chain(*threads.map(follow, lanes))]
+
+
 def within(stage: Stage, chosen: Sequence[str]) -> list[str]:
-    """Which of the `chosen` files, folders and tests may hold tests of this stage, narrowed to its folder."""
-    found = []
+    """Which of the `chosen` files, folders and tests may hold tests of this stage, narrowed to its folder and files."""
+    found: list[str] = []
     for text in chosen:
         path = os.path.relpath(ROOT / text.split("::")[0], ROOT)
         if Path(path).is_relative_to(stage.folder):
-            found.append(text)
+            found += _saying(stage.says, text, ROOT / path)
         elif Path(stage.folder).is_relative_to(path):
-            found.append(stage.folder)
+            found += _saying(stage.says, stage.folder, ROOT / stage.folder)
     return found
+
+
+def _saying(what: str, text: str, path: Path) -> list[str]:
+    """`text`, or the test files below its `path` in which `what` is written."""
+    if not what:
+        return [text]
+    if path.is_file():
+        return [text] if what in path.read_text("utf-8") else []
+    files = sorted(file for file in path.rglob("test_*.py") if what in file.read_text("utf-8"))
+    return [str(file.relative_to(ROOT)) for file in files]
 
 
 def run(
@@ -110,21 +165,33 @@ def run(
     may_be_empty: bool,
     root: Path = ROOT,
     limit: float = LIMIT,
+    aloud: bool = True,
 ) -> Result:
-    """Run a stage to its end, or for `limit` seconds, and count what its tests did."""
-    print(f"\n{stage.name}: {' '.join(chosen)}", flush=True)
+    """Run a stage to its end, or for `limit` seconds, and count what its tests did.
+
+    What it tells is shown as it comes, or when it is done if others tell something meanwhile.
+    """
     result, began = Result(stage.name), time.monotonic()
+    head = f"\n{stage.name}: {' '.join(chosen)}\n"
     if stage.needs and subprocess.run(stage.needs, cwd=root).returncode:
         result.went_wrong(f"{' '.join(stage.needs)} failed, so no test ran")
         return result
     sheet = root / "build" / "tests" / f"{stage.name.replace(' ', '-')}.xml"
+    sheet.parent.mkdir(parents=True, exist_ok=True)
     sheet.unlink(missing_ok=True)
     kept = ["-o", "junit_family=xunit1", f"--junit-xml={sheet}"]
     command = [sys.executable, "-m", "pytest", "-m", stage.marks, *stage.options, *kept, *chosen, *extra]
-    try:
-        code = subprocess.run(command, cwd=root, timeout=limit).returncode
-    except subprocess.TimeoutExpired:
-        code = None
+    if stage.nice and not aloud and shutil.which("nice"):
+        command = ["nice", "-n", str(stage.nice), *command, "--timeout", str(PATIENCE)]
+    if aloud:
+        tell(head, end="")
+        code = _ended(command, root, limit)
+    else:
+        story = sheet.with_suffix(".log")
+        tell(f"{stage.name}: begins, and is told when it is done; meanwhile in {story.relative_to(root)}")
+        with story.open("wb") as told:
+            code = _ended(command, root, limit, told)
+        head += story.read_text("utf-8", errors="replace")
     trouble = count(sheet, result)
     if code is None:
         result.went_wrong(f"not done in {limit:.0f} s")
@@ -137,8 +204,25 @@ def run(
         result.went_wrong(f"ended with code {code}")
     elif not any(result.counts):
         result.went_wrong("no test ran")
-    print(f"{stage.name}: done in {time.monotonic() - began:.0f} s", flush=True)
+    tell(f"{'' if aloud else head}{stage.name}: done in {time.monotonic() - began:.0f} s")
     return result
+
+
+def tell(text: str, end: str = "\n") -> None:
+    """Say something in one piece."""
+    with _telling:
+        print(text, end=end, flush=True)
+
+
+_telling = threading.Lock()
+
+
+def _ended(command: Sequence[str], root: Path, limit: float, told: IO[bytes] | None = None) -> int | None:
+    """With which code a command ended; none if it had to be ended."""
+    try:
+        return subprocess.run(command, cwd=root, timeout=limit, stdout=told, stderr=told).returncode
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def count(sheet: Path, result: Result) -> str:
@@ -175,11 +259,16 @@ def total(results: Sequence[Result]) -> str:
     return f"{passed} passed, {failed} failed" + (f", {skipped} skipped" if skipped else "")
 
 
-def _check() -> Result:
-    result = Result("check")
-    print("check", flush=True)
-    if code := subprocess.run([os.environ.get("MAKE", "make"), "-s", "check"], cwd=ROOT).returncode:
-        result.went_wrong(f"make check ended with code {code}")
+def _check(aloud: bool = True) -> Result:
+    """`make check`; beside others it says something only if something is wrong."""
+    result, pipe = Result("check"), None if aloud else subprocess.PIPE
+    tell("check")
+    done = subprocess.run(
+        [os.environ.get("MAKE", "make"), "-s", "check"], cwd=ROOT, stdout=pipe, stderr=subprocess.STDOUT, text=True
+    )
+    if done.returncode:
+        tell(done.stdout or "", end="")
+        result.went_wrong(f"make check ended with code {done.returncode}")
     return result
 
 
