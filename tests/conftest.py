@@ -28,6 +28,8 @@ from app.access.passwords import Cost
 from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
+from app.plant import types
+from app.plant.definitions import Problem
 from tests.virtual import VirtualLoop, inline
 
 settings.register_profile("house", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -40,6 +42,8 @@ CHEAP = Cost(passes=1, memory=64, lanes=1)
 """A thousandth of what a hash of the product costs: for tests that are not about the cost."""
 NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
 """The databases."""
+EQUIPMENT = types.EQUIPMENT
+"""Where the product's own types are, whatever a test puts in its place."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -109,7 +113,7 @@ def _migrated(_light: None, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         templates[name] = database.path.read_bytes()
 
     def copy(database: Database) -> None:
-        if not database.path.exists() and database.path.parent.is_dir():
+        if database.path.parent.is_dir() and (not database.path.exists() or not database.path.stat().st_size):
             file = bytearray(templates[database.name])
             file[68:72] = db._new_id().to_bytes(4, "big")  # application_id: sqlite.org/fileformat.html, 1.3
             with suppress(OSError):
@@ -118,6 +122,28 @@ def _migrated(_light: None, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Database, "migrate", copy)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _read_once() -> Iterator[None]:
+    """The product's own equipment types are read once per process; types in folders of tests each time."""
+    read = types.read_type
+    known: dict[tuple[object, ...], tuple[types.TypeData, list[Problem]]] = {}
+
+    def once(
+        name: str, languages: Sequence[str], folder: Path = types.EQUIPMENT, *, spoken: Sequence[str] | None = None
+    ) -> tuple[types.TypeData, list[Problem]]:
+        if folder != EQUIPMENT:
+            return read(name, languages, folder, spoken=spoken)
+        asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken))
+        if asked not in known:
+            known[asked] = read(name, languages, folder, spoken=spoken)
+        data, problems = known[asked]
+        return data, [*problems]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(types, "read_type", once)
         yield
 
 
