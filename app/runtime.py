@@ -540,11 +540,7 @@ class Runtime:
             return None, Reading(tuple(problems))
         if self.plant is None:
             return plant, Reading(digest=digest([]), first=True)
-        changes = compare(self.plant, plant)
-        told = compare(
-            self.plant, plant, self._running_sequences(), self._moving()
-        )  # they come and go: what is confirmed is the change
-        return plant, Reading((), tuple(told), digest(changes))
+        return plant, await asyncio.to_thread(_compared, self.plant, plant, self._running_sequences(), self._moving())
 
     def _running_sequences(self) -> list[str]:
         """Equipment whose sequence runs, suspended or not."""
@@ -582,7 +578,7 @@ class Runtime:
         if old is None:
             await self._start_first(plant)
             return
-        texts, derivation = Texts.read(plant), Derivation(plant)
+        texts, derivation = await asyncio.to_thread(lambda: (Texts.read(plant), Derivation(plant)))
         sim, taken = self._next_simulation(old, plant)
         links = self._next_links(plant, sim, taken)
         numbers = await self.recorder.register(self._points_of(plant, links))
@@ -879,6 +875,12 @@ def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | Non
     if bus is None:
         return None
     return lambda unit, pdu: exchange(bus, unit, pdu)
+
+
+def _compared(old: Plant, new: Plant, running: Collection[str], moving: Collection[str]) -> Reading:
+    """What changes; with some thousand machines this takes a while."""
+    told = compare(old, new, running, moving)  # they come and go: what is confirmed is the change
+    return Reading((), tuple(told), digest(compare(old, new)))
 
 
 def _has_value(point: Point) -> bool:

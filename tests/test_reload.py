@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from app import bundled
+from app import bundled, runtime
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
@@ -162,6 +162,34 @@ async def test_only_the_changes_that_were_read_are_taken(tmp_path: Path) -> None
         answer = await plant.runtime.reload(None, seen.digest)
         assert not answer.done and answer.refused == "plant.refused.other"
         assert "m3.frequency" not in plant.runtime.tags
+
+
+async def test_reading_and_comparing_never_hold_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loop, aside, on_loop = asyncio.get_running_loop(), [0], list[str]()
+    in_executor = loop.run_in_executor
+
+    def put_aside(executor: Any, func: Any, *args: Any) -> Any:
+        aside[0] += 1
+        try:
+            return in_executor(executor, func, *args)
+        finally:
+            aside[0] -= 1
+
+    def watched(name: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        def do(*args: Any) -> Any:
+            if not aside[0]:
+                on_loop.append(name)
+            return work(*args)
+
+        return do
+
+    async with running(tmp_path) as plant:
+        monkeypatch.setattr(loop, "run_in_executor", put_aside)
+        for name in ("read_simulated", "compare", "digest", "Derivation"):
+            monkeypatch.setattr(runtime, name, watched(name, getattr(runtime, name)))
+        monkeypatch.setattr(runtime.Texts, "read", watched("Texts.read", runtime.Texts.read))
+        assert (await plant.take(DEMO + M3)).done
+        assert not on_loop
 
 
 async def test_an_error_while_taking_them_brings_the_former_plant_back(
