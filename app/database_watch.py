@@ -62,8 +62,9 @@ class DatabaseWatch:
         self._noted = 0.0
 
     async def load(self) -> None:
-        """Read what is remembered of the history, and compare it when it can be opened."""
+        """Read what is remembered of the history, and compare it when it can be opened; one that is rubbish is put aside."""
         self._known = (await self._retained.read()).get(KNOWN)
+        await self._look_at(self._history)
         await self.recognise()
 
     async def run(self) -> None:
@@ -88,8 +89,7 @@ class DatabaseWatch:
             alive = await self._history.read(query.alive)
         except StorageError:
             return
-        known = self._known if isinstance(self._known, dict) else {}
-        last = int(known.get("last", 0))
+        known, last = self._remembered()
         if known and known.get("id") != self._history.id:
             self._tell_loss(Loss.REPLACED if alive else Loss.REMOVED, last)
         elif known and alive < last - OLDER:
@@ -120,10 +120,17 @@ class DatabaseWatch:
         elif incident.mended is Mended.RESTORED:
             self._alarms.raise_system("database_restored", params=_params(incident.loss, incident.database))
         if database is self._history and incident.mended in (Mended.FRESH, Mended.ADOPTED):
-            self._tell_loss(incident.loss, self._clock.micros())
+            last = 0 if self._recognised else self._remembered()[1]
+            self._tell_loss(incident.loss, last or self._clock.micros())
+            self._recognised = True
             for book in self._books:
                 await book.load()
             await self._note()
+
+    def _remembered(self) -> tuple[dict[str, Any], int]:
+        """What is remembered of the history, and until when it was recorded [µs UTC]; 0: nothing is."""
+        known = self._known if isinstance(self._known, dict) else {}
+        return known, int(known.get("last", 0))
 
     def _tell_loss(self, loss: Loss, until: int) -> None:
         """What was recorded until then [µs UTC] is not there any more, or a part of it."""

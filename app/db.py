@@ -22,7 +22,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import QueuePool
 
 from app import bundled, chance
-from app.db_file import Incident, Loss, Mended, OpenFile
+from app.db_file import Incident, Loss, Mended, OpenFile, starts_well
 from app.errors import StorageError
 from app.threads import Threads, threads
 
@@ -90,6 +90,8 @@ class Database:
                 command.upgrade(alembic_config(self.name, f"sqlite:///{self.path}"), "head")
             self._hold()
         except Exception as error:
+            if self.name == "history" and self._file is None and _is_rubbish(error):
+                self._lost = Loss.TRUNCATED if starts_well(self.path) else Loss.OVERWRITTEN
             said = getattr(error, "orig", None) or error  # without SQLAlchemy's link to its manual
             raise StorageError(f"{self.path} cannot be used as the {self.name} database: {said}") from error
 
@@ -184,6 +186,8 @@ class Database:
 
     def _mended(self, loss: Loss) -> tuple[Mended, str]:
         mine = self.name == "pogon"
+        if self._file is None and not mine and loss in (Loss.OVERWRITTEN, Loss.TRUNCATED):
+            return self._taken_over()  # found so when it was to be opened
         if self._file is None:  # an attempt before came no further
             self.migrate()
             return (Mended.RESTORED if mine else Mended.FRESH), ""
@@ -259,18 +263,22 @@ class Database:
         return Mended.FRESH, aside
 
     def _put_aside(self, why: str) -> str:
-        """Give the file under our name another one; returns it."""
+        """Give the file under our name another one, and its own journal too; returns it."""
         number = 1
         while (aside := self.path.with_name(f"{self.path.name}.{why}-{number}")).exists():
             number += 1
-        for journal in self._file.journals(foreign=True) if self._file else ():
+        for journal in self._file.journals(foreign=True) if self._file else self._journals():
             journal.replace(aside.with_name(journal.name.replace(self.path.name, aside.name)))
         self.path.replace(aside)
         return aside.name
 
     def _remove_journals(self) -> None:
-        for tail in ("-wal", "-shm"):
-            self.path.with_name(self.path.name + tail).unlink(missing_ok=True)
+        for journal in self._journals():
+            journal.unlink()
+
+    def _journals(self) -> list[Path]:
+        names = (self.path.with_name(self.path.name + tail) for tail in ("-wal", "-shm"))
+        return [name for name in names if name.exists()]
 
     def _create(self) -> None:
         """Make the file when there is none, with pages of our size and an id."""
@@ -330,6 +338,13 @@ class Database:
             with self._turn:
                 self._mender = None
                 self._turn.notify_all()
+
+
+def _is_rubbish(error: BaseException) -> bool:
+    """Whether SQLite says of a file that it is none of its own, or damaged; a full disk or another program is no such thing."""
+    said = getattr(error, "orig", None) or error
+    code = getattr(said, "sqlite_errorcode", 0) & 0xFF
+    return code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 def _new_id() -> int:

@@ -151,6 +151,12 @@ class OpenFile:
         )
 
 
+def starts_well(path: Path) -> bool:
+    """Whether the first bytes are those of a database."""
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
 def _inode(path: Path) -> tuple[int, int] | None:
     try:
         found = path.stat()

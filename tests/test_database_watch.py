@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from app import db
 from app.access.access import prepare
 from app.access.roles import SYSTEM
 from app.clock import ManualClock
@@ -192,6 +193,84 @@ async def test_a_history_lost_while_the_server_was_stopped_is_an_alarm_with_the_
         assert [one["loss"] for one in told] == [f"@alarm.loss.{loss}" for _ in range(bool(loss))]
         for one in told:
             assert abs((last - datetime.fromisoformat(f"{one['time']}+00:00")).total_seconds()) <= 120
+
+
+def contents(data: Path) -> dict[str, bytes]:
+    """Every file of the history."""
+    return {path.name: path.read_bytes() for path in data.glob("history.db*")}
+
+
+def rubbish_beside_a_journal(data: Path) -> None:
+    garbage(data)
+    (data / "history.db-wal").write_bytes(b"journal" * 100)
+
+
+def a_line_of_text(data: Path) -> None:
+    (data / "history.db").write_text("history\n")
+
+
+def damaged_inside(data: Path) -> None:
+    """The header and its size are good; the first table is not."""
+    with (data / "history.db").open("r+b") as file:
+        file.seek(100)
+        file.write(b"\xff" * 800)
+
+
+@pytest.mark.parametrize(
+    ("fault", "loss"),
+    [
+        (garbage, "overwritten"),
+        (rubbish_beside_a_journal, "overwritten"),
+        (a_line_of_text, "overwritten"),
+        (cut_short, "truncated"),
+        (damaged_inside, "truncated"),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+async def test_a_history_that_is_rubbish_at_the_start_is_put_aside_and_recorded_anew(
+    data: Path, clock: ManualClock, fault: Callable[[Path], None], loss: str, known: bool
+) -> None:
+    if known:
+        async with running(data, clock) as runtime:
+            await record(runtime, clock, 100)
+            await runtime.files.look()
+            last = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+    fault(data)
+    found = contents(data)
+    clock.advance(7200)
+    async with running(data, clock) as runtime:
+        (params,) = alarms(runtime, "history_lost")
+        assert (params["file"], params["loss"]) == ("history.db", f"@alarm.loss.{loss}")
+        told = datetime.fromisoformat(f"{params['time']}+00:00")
+        begun = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+        assert abs(((last if known else begun) - told).total_seconds()) <= 120
+        await runtime.files.look()
+        await record(runtime, clock, 200)
+        assert not runtime.recorder.full
+        assert stored(data) == [200, 250]
+        assert len(alarms(runtime, "history_lost")) == 1
+    for name, content in found.items():  # nothing that lay there is gone
+        assert contents(data)[name.replace("history.db", "history.db.damaged-1")] == content
+    async with running(data, clock) as runtime:
+        await runtime.files.look()
+        assert len(alarms(runtime, "history_lost")) == 1
+
+
+@pytest.mark.parametrize("message", ["unable to open database file", "database is locked", "disk I/O error"])
+async def test_a_history_that_cannot_be_opened_now_is_not_put_aside(
+    data: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch, message: str
+) -> None:
+    def refuse(_path: Path) -> sqlite3.Connection:
+        raise sqlite3.OperationalError(message)
+
+    connect = db._connect
+    with monkeypatch.context() as patch:
+        patch.setattr(db, "_connect", lambda path: refuse(path) if path.name == "history.db" else connect(path))
+        async with running(data, clock) as runtime:
+            await runtime.files.look()
+            assert runtime.recorder.full
+            assert not alarms(runtime, "history_lost")
+    assert not [name for name in contents(data) if name.startswith("history.db.")]
 
 
 @pytest.mark.parametrize("tails", [("",), ("", "-wal", "-shm"), ("-wal",), ("-shm",)])
