@@ -1,5 +1,7 @@
 """History for pages: decimated series as JSON, CSV as a stream."""
 
+import asyncio
+import logging
 import re
 from collections.abc import Callable
 from contextlib import suppress
@@ -11,7 +13,7 @@ import orjson
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import Response, StreamingResponse
 from sqlalchemy import Connection
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
@@ -24,6 +26,8 @@ from app.web.language import language_of
 if TYPE_CHECKING:
     from app.runtime import Runtime
 
+log = logging.getLogger(__name__)
+
 router = APIRouter(prefix="/history")
 
 T = TypeVar("T")
@@ -32,6 +36,10 @@ MOST_SERIES = 8
 """Series in one answer."""
 MOST_EXPORTS = 2
 """Exports at a time; a third is asked to come later."""
+SLOWEST_PORTION = 30.0
+"""An export ends when its reader does not take a thousand lines within this [s]."""
+LONGEST_EXPORT = 1800.0
+"""And when it has not taken all of it within this [s]: a million rows are written in a minute."""
 DEFAULT_WIDTH = 1000
 HOUR = "-1h"
 
@@ -174,7 +182,10 @@ def attachment(name: str) -> str:
 
 
 class Download(StreamingResponse):
-    """A sheet as a stream. It holds one of the places for exports while it is sent, and no longer, whatever ends it."""
+    """A sheet as a stream. It holds one of the places for exports while it is sent, and no longer, whatever ends it.
+
+    A reader who is too slow for it gets no whole file: the connection is closed, its last line with the checksum is missing.
+    """
 
     def __init__(self, request: Request, made: Sheet) -> None:
         super().__init__(
@@ -196,10 +207,31 @@ class Download(StreamingResponse):
             await busy(scope, receive, send)
             return
         places[self._made] = person_of(self._request).id
+
+        async def send_in_time(message: Message) -> None:
+            async with asyncio.timeout(SLOWEST_PORTION):
+                await send(message)
+
         try:
-            await super().__call__(scope, receive, send)
+            async with asyncio.timeout(LONGEST_EXPORT):
+                await super().__call__(scope, receive, send_in_time)
+        except TimeoutError:
+            places.pop(self._made, None)
+            await self._broken_off()
         finally:
             places.pop(self._made, None)
+
+    async def _broken_off(self) -> None:
+        request, name = self._request, self._made.file_name
+        log.warning("export ended: read too slowly file=%s rows=%d", name, self._made.rows)
+        await runtime_of(request).access.audit.record(
+            "history.export_ended",
+            person_of(request),
+            name,
+            result="failed",
+            address=address_of(request.scope),
+            rows=self._made.rows,
+        )
 
 
 def _series(

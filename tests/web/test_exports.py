@@ -228,3 +228,53 @@ def test_two_that_come_at_once_do_not_take_a_third_place(staff: Staff, headers: 
     assert set(found) <= {200, 503}
     assert 200 in found
     assert not places(staff)
+
+
+@pytest.mark.parametrize("address", EXPORTS)
+@pytest.mark.parametrize(("pause", "at_most"), [(3600.0, 5.0), (4.0, 15.0)])
+def test_an_export_that_is_read_too_slowly_is_ended_and_told(
+    staff: Staff,
+    headers: list[tuple[str, str]],
+    monkeypatch: pytest.MonkeyPatch,
+    address: str,
+    pause: float,
+    at_most: float,
+) -> None:
+    path, _, query = address.partition("?")
+    scope: dict[str, Any] = {
+        "type": "http", "asgi": {"version": "3.0", "spec_version": "2.3"}, "http_version": "1.1", "method": "GET", "scheme": "http",
+        "path": path, "raw_path": path.encode(), "query_string": query.encode(), "root_path": "", "client": ("127.0.0.1", 1),
+        "server": ("127.0.0.1", 8000), "state": {},
+        "headers": [(b"host", b"127.0.0.1:8000"), *((name.lower().encode(), value.encode()) for name, value in headers)],
+    }  # fmt: skip
+    sent: list[dict[str, Any]] = []
+
+    asked = iter([{"type": "http.request", "body": b"", "more_body": False}])
+
+    async def receive() -> dict[str, Any]:
+        for message in asked:
+            return message
+        await asyncio.Event().wait()
+        return {}
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+        if message["type"] == "http.response.body":
+            await asyncio.sleep(pause)
+
+    async def whole() -> float:
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        await staff.client.app(scope, receive, send)
+        return loop.time() - began
+
+    monkeypatch.setattr(history, "SLOWEST_PORTION", 5.0)
+    monkeypatch.setattr(history, "LONGEST_EXPORT", 15.0)
+    monkeypatch.setattr(Sheet, "done", property(lambda _: False, lambda *_: None), raising=False)
+    monkeypatch.setattr(Sheet, "read", lambda *_: b"a line\r\n")
+    assert staff.client.portal is not None
+    assert staff.client.portal.call(whole) == pytest.approx(at_most, abs=1)
+    assert not places(staff)
+    assert not any(message["type"] == "http.response.body" and not message.get("more_body") for message in sent)
+    page = knock(staff.client, "GET", "/audit", headers, query="kind=history.export_ended")
+    assert "čitan je presporo" in page.body.decode()
