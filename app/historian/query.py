@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 from sqlalchemy import Connection
 
-from app.historian.store import GAP_AFTER, HOUR, MINUTE
+from app.historian.store import GAP_AFTER, HOUR, MINUTE, RAMP
+from app.plant.definitions import Kind
 
 MAX_WIDTH = 4000
 
@@ -120,7 +121,9 @@ def columns(connection: Connection, number: int, begin: int, end: int, width: in
     step, table = _grid(end - begin, width)
     cells = _cells(connection, number, begin, end, step, table)
     before, known_to = _before(connection, number, begin), min(end, alive(connection))
-    return _drawn(before, cells, begin, known_to, Columns(source=table, step=step))
+    ramp = _ramp(connection, number)
+    after = _after(connection, number, end, ramp)
+    return _drawn(before, cells, after, begin, known_to, ramp, Columns(source=table, step=step))
 
 
 def raw(
@@ -208,11 +211,12 @@ class _Cell:
 def _grid(length: int, width: int) -> tuple[int, str]:
     """Width of a column [µs], and the coarsest table whose rows fill at least every second column asked for.
 
-    A column of roll-ups is a whole number of them, so that each belongs to one column.
+    A column of roll-ups is a whole number of them, so that each belongs to one column. Hours are taken from every third column on: a
+    month of minutes is ten times as long to read as a year of hours, and shows no more.
     """
     step = max(1, -(-length // width))
-    for table, unit in (("hour", HOUR), ("minute", MINUTE)):
-        if step >= unit // 2:
+    for table, unit, least in (("hour", HOUR, HOUR // 3), ("minute", MINUTE, MINUTE // 2)):
+        if step >= least:
             return -(-step // unit) * unit, table
     return step, "sample"
 
@@ -282,17 +286,41 @@ def _before(connection: Connection, number: int, begin: int) -> tuple[int, float
     return None if row is None else (row[0], row[1], row[2] & 3)
 
 
+def _ramp(connection: Connection, number: int) -> int:
+    """How far apart two samples of the point may be that a line joins [µs]; 0: it holds its values."""
+    kind = connection.exec_driver_sql("SELECT kind FROM point WHERE id = ?", (number,)).scalar()
+    return RAMP if kind == Kind.ANALOG else 0
+
+
+def _after(connection: Connection, number: int, end: int, ramp: int) -> tuple[int, float | None] | None:
+    """The sample at or behind `end` to which a line may lead."""
+    row = connection.exec_driver_sql(
+        "SELECT t, v FROM sample WHERE point = ? AND t >= ? AND t < ? ORDER BY t LIMIT 1", (number, end, end + ramp)
+    ).first()
+    return None if row is None else (row[0], row[1])
+
+
 def _drawn(
     before: tuple[int, float | None, int] | None,
     cells: Sequence[_Cell],
+    after: tuple[int, float | None] | None,
     begin: int,
     known_to: int,
+    ramp: int,
     out: Columns,
 ) -> Columns:
     """Columns in order, with what holds at the edges and a break wherever nothing was recorded or a sample was bad."""
+
+    def at(moment: int, since: int, value: float, then: tuple[int, float | None] | None) -> float:
+        """Between two samples: on a ramp the line tells, else the first one holds."""
+        if then is None or then[1] is None or not 0 < then[0] - since <= ramp:
+            return value
+        return value + (then[1] - value) * (moment - since) / (then[0] - since)
+
     held_time, held, level = before if before is not None else (begin - GAP_AFTER - 1, None, 2)
     if held is not None:
-        out.hold(begin, held, level)
+        following = (cells[0].first_time, cells[0].first) if cells else after
+        out.hold(begin, at(begin, held_time, held, following), level)
     for cell in cells:
         if held is not None:
             _end_of_hold(out, held_time, held, level, cell.first_time, cell.first)
@@ -303,7 +331,7 @@ def _drawn(
     if held is not None and known_to > held_time:
         _end_of_hold(out, held_time, held, level, known_to, held)
         if known_to - held_time <= GAP_AFTER:
-            out.hold(known_to, held, level)
+            out.hold(known_to, at(known_to, held_time, held, after), level)
     return out
 
 

@@ -1,8 +1,8 @@
 """The recorder: decides which values become history and hands them to the writer.
 
 A sample is stored when it leaves the dead-band, together with the last one suppressed (so that the line has its true corner), on every
-change of quality, and at least every 10 minutes. What is stored, drawn as a line or held from sample to sample, is nowhere further from
-what was seen than the dead-band.
+change of quality, and at least every 10 minutes; of a ramp one a second is enough. What is stored, drawn as a line, is nowhere further
+from what was seen than the dead-band; held from sample to sample it is neither, but for the last second of a ramp.
 """
 
 import asyncio
@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeGuard
 
 from sqlalchemy import Connection
 
@@ -18,7 +19,7 @@ from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import store
-from app.historian.store import DAY, HEARTBEAT, HOUR, Row
+from app.historian.store import DAY, HEARTBEAT, HOUR, RAMP, Row
 from app.plant.definitions import Kind, Point
 from app.tags.batch import Batch, Value
 from app.tags.database import Standstill, TagDatabase
@@ -27,7 +28,7 @@ from app.tags.quality import BAD, NO_DATA, Reason
 log = logging.getLogger(__name__)
 
 FLUSH_PERIOD = 0.5
-"""Longest time a sample waits in memory [s]; a killed server loses no more than this and the commit under way."""
+"""Longest time a sample waits in memory [s]; a killed server loses no more than this, the end of a ramp and the commit under way."""
 PORTION = 20_000
 """Rows per transaction."""
 PROBE = 1_000
@@ -79,7 +80,9 @@ class Track:
         self._put(time, value, quality, rows)
 
     def beat(self, now: int, rows: list[Row]) -> None:
-        """Add the value as it stands when the last sample is 10 minutes old."""
+        """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it."""
+        if self.held_time and now - self.time >= RAMP and _is_number(self.held) and not self._within(self.held):
+            self.end(rows)
         if self.quality >= 0 and now - self.time >= HEARTBEAT:
             self._put(now, self.held if self.held_time else self.value, self.quality, rows)
 
@@ -98,28 +101,33 @@ class Track:
         self._anchor(time, value, quality)
 
     def _suppressed(self, time: int, value: Value, rows: list[Row]) -> bool:
-        if value != self.value:
-            if not self.dead_band or not isinstance(value, int | float) or not isinstance(self.value, int | float):
+        if not self.linear or not self.dead_band or not _is_number(value) or not _is_number(self.value):
+            if value != self.value:
                 return False
-            if not abs(value - self.value) <= self.dead_band * SLACK:
+            if self.linear:
+                self.held, self.held_time = value, time
+            return True
+        if not self._fits(time, value):
+            # the sample before becomes a corner, from which it may go on
+            if not self.held_time or self.held_time >= time:
                 return False
-            if self.linear and not self._in_corridor(time, value, rows):
+            self.end(rows)
+            if not self._fits(time, value):
                 return False
-        if self.linear:
-            self.held, self.held_time = value, time
+        slope, reach = (value - self.value) / (time - self.time), self.dead_band * SLACK / (time - self.time)
+        self.least, self.most = max(self.least, slope - reach), min(self.most, slope + reach)
+        self.held, self.held_time = value, time
         return True
 
-    def _in_corridor(self, time: int, value: float, rows: list[Row]) -> bool:
-        """Narrow the corridor by (time, value); when it lies outside, the sample before becomes a corner, from which it goes on."""
-        slope = (value - self.value) / (time - self.time)  # type: ignore[operator]
-        if self.held_time and not self.least <= slope <= self.most:
-            self.end(rows)
-            if time <= self.time or not abs(value - self.value) <= self.dead_band * SLACK:  # type: ignore[operator]
-                return False
-            slope = (value - self.value) / (time - self.time)  # type: ignore[operator]
-        reach = self.dead_band / (time - self.time)
-        self.least, self.most = max(self.least, slope - reach), min(self.most, slope + reach)
-        return True
+    def _fits(self, time: int, value: float) -> bool:
+        """Whether (time, value) may be told by the line from the stored sample on."""
+        if time - self.time > RAMP and not self._within(value):
+            return False
+        change: float = value - self.value  # type: ignore[operator]
+        return math.isfinite(change) and (not self.held_time or self.least <= change / (time - self.time) <= self.most)
+
+    def _within(self, value: Value) -> bool:
+        return bool(abs(value - self.value) <= self.dead_band * SLACK)  # type: ignore[operator]
 
     def _anchor(self, time: int, value: Value, quality: int) -> None:
         self.time, self.value, self.quality = time, value, quality
@@ -136,6 +144,10 @@ class Track:
         if not math.isfinite(value):
             return (self.number, time, None, None, quality & 0xF00 | Reason.OUT_OF_RANGE << 2 | BAD)
         return (self.number, time, float(value), None, quality)
+
+
+def _is_number(value: Value) -> TypeGuard[float]:
+    return isinstance(value, int | float)
 
 
 class Recorder:

@@ -24,6 +24,8 @@ DAY = 86_400_000_000
 """[µs]"""
 HEARTBEAT = 600_000_000
 """A sample at least this often while the recorder runs [µs]."""
+RAMP = 1_000_000
+"""A value that moves on a straight line is stored at least so often [µs]; between, only the line tells where it was."""
 GAP_AFTER = HEARTBEAT + 30_000_000
 """A value holds until the next sample, but no longer than this: after it nothing was recorded [µs]."""
 ROLL_UP_AT_ONCE = 6 * HOUR

@@ -107,6 +107,25 @@ def test_a_value_that_held_is_drawn_wherever_it_held(question: tuple[list[RawRow
             )
 
 
+@pytest.mark.parametrize("kind", [Kind.ANALOG, Kind.STEP])
+@pytest.mark.parametrize("gap", [100_000, store.RAMP, store.RAMP + 1])
+@pytest.mark.parametrize(("begin", "end"), [(0.25, 0.75), (0.25, 1.5), (-0.5, 0.75)])
+def test_a_range_that_begins_or_ends_on_a_ramp_shows_the_line(kind: Kind, gap: int, begin: float, end: float) -> None:
+    """Samples 0 and 80; between them a line leads, if they are near each other and the point is drawn as lines."""
+    with fresh() as connection:
+        fill(
+            connection,
+            [(1, BEGIN, 0.0, None, GOOD), (1, BEGIN + gap, 80.0, None, GOOD)],
+            point(kind=kind),
+            alive=BEGIN + HOUR,
+        )
+        got = query.columns(connection, 1, BEGIN + round(begin * gap), BEGIN + round(end * gap), 10)
+    on_ramp = kind is Kind.ANALOG and gap <= store.RAMP
+    for at, shown in ((begin, got.first[0]), (end, got.last[-1])):
+        if 0 < at < 1:
+            assert shown == pytest.approx(80 * at if on_ramp else 0, abs=0.01)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2999), widths, st.booleans())
 def test_one_spike_is_seen_at_every_width(place: int, width: int, rolled: bool) -> None:

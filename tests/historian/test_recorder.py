@@ -20,7 +20,7 @@ from sqlalchemy import Connection, event
 from app.db import Database
 from app.historian import query, recorder, store
 from app.historian.recorder import Recorder, Track
-from app.historian.store import DAY, HEARTBEAT, Row
+from app.historian.store import DAY, HEARTBEAT, RAMP, Row
 from app.plant.definitions import Kind, Point
 from app.tags.database import Tag
 from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
@@ -80,9 +80,9 @@ def test_line_and_hold_through_what_is_stored_are_within_the_dead_band(
     reach = dead_band * (1 + 1e-6) + 1e-9
     for moment, value in samples:
         assert abs(on_line(rows, moment) - value) <= reach
-        held = [row[2] for row in rows if row[1] <= moment][-1]
+        since, held = [(row[1], row[2]) for row in rows if row[1] <= moment][-1]
         assert held is not None
-        assert abs(held - value) <= reach
+        assert abs(held - value) <= reach or moment - since < RAMP
 
 
 @settings(max_examples=200, deadline=None)
@@ -106,6 +106,28 @@ def test_a_last_digit_that_flickers_by_the_dead_band_is_not_stored(band: float, 
 def test_a_slow_value_costs_few_rows() -> None:
     samples = [(BEGIN + i * 100_000, i / 1000) for i in range(1, 10_001)]
     assert len(kept(samples, 0.5)) <= 45
+
+
+@pytest.mark.parametrize("speed", [-300.0, -1.0, 0.5, 7.0, 1e4])
+@pytest.mark.parametrize("band", [0.1, 1.0, 20.0])
+def test_a_ramp_costs_two_rows_a_second_at_most(speed: float, band: float) -> None:
+    samples = [(BEGIN, 0.0)] + [(BEGIN + i * 100_000, speed * i / 10) for i in range(1, 601)]
+    rows = kept(samples, band)
+    assert len(rows) <= 2 + 60 * 1.2
+    assert rows[-1][1:3] == samples[-1]
+
+
+async def test_the_end_of_a_ramp_is_stored_within_a_second_and_a_half(history: Database) -> None:
+    source, made = await recording(history, point(dead_band=1))
+    for i in range(25):
+        source.publish(m1_speed=10.0 * i)
+        source.clock.advance(0.1)
+    end = source.clock.micros() - 100_000
+    for _ in range(3):
+        source.clock.advance(0.5)
+        source.publish(m1_speed=240.0)
+        await made.flush()
+    assert rows_of(history)[-1][:2] == (end, 240)
 
 
 def test_the_last_suppressed_sample_is_the_corner_before_a_jump() -> None:
