@@ -11,6 +11,7 @@
     │   ├── DeviceException  the device answered with a Modbus exception code
     │   ├── Overtaken        a write that was never sent, because a Stop came before it
     │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more
+    │   ├── NotTaken         a set of values of which the device has taken nothing: it was not told to
     │   └── Rejected         the device understood and did not take it, with its own reason
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
@@ -104,6 +105,12 @@ class Withdrawn(LinkError):
     """A write that was never sent, because whoever asked for it may no more."""
 
     kind = "withdrawn"
+
+
+class NotTaken(LinkError):
+    """A set of values that was never made valid: what was lost came before the word that does. The cause says what was lost."""
+
+    kind = "failed"
 
 
 class Rejected(LinkError):

@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 from app import __version__
 from app.access.access import Access, prepare
 from app.access.anchors import to_file
+from app.access.audit import Filter
 from app.access.keys import read_key
 from app.access.roles import Person
 from app.addresses import host_and_port
@@ -23,6 +24,9 @@ from app.commands.gate import Gate
 from app.commands.interlocks import met, stopped
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
+from app.commands.open_sets import NEWEST, OBJECT, open_sets
+from app.commands.sets import FOUND_NEW, FOUND_OLD
+from app.commands.value_set import spelt
 from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
@@ -251,6 +255,7 @@ class Runtime:
             self.links[name] = self._link(link, self.on_link(name), bus)
         self._configure()
         self.gate = self._make_gate(plant)
+        await self._tell_open_sets(self.gate, plant)
         self.keeper.keep("commands", self.gate.run)
         for name, register_link in self.links.items():
             self.keeper.keep(f"link.{name}", register_link.run)
@@ -279,12 +284,30 @@ class Runtime:
     def _command_ended(self, progress: Progress) -> None:
         """A command that was sent and not seen to work is an alarm; a Stop has its own."""
         self.commands_ended[progress.state.value] += 1
-        if progress.state in (Progressed.UNCONFIRMED, Progressed.UNKNOWN) and self.plant:
+        if progress.changes:
+            self._set_ended(progress)
+        elif progress.state in (Progressed.UNCONFIRMED, Progressed.UNKNOWN) and self.plant:
             command = self.plant.equipment[progress.equipment].type.commands.get(progress.command)
             if command is None or not command.stop:
                 self.alarms.raise_system(
                     "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
                 )
+
+    def _set_ended(self, progress: Progress) -> None:
+        """Values that nobody chose together are an alarm, until all are found to be new or all former ones."""
+        mixed = progress.state is Progressed.UNCONFIRMED
+        if mixed or progress.reason in (FOUND_NEW, FOUND_OLD):
+            params = {"values": spelt(progress.changes)} if mixed else None
+            self.alarms.raise_system("set_mixed", progress.equipment, mixed, params=params)
+
+    async def _tell_open_sets(self, gate: Gate, plant: Plant) -> None:
+        """Sets of setpoints that a former run of this server has not brought to an end."""
+        try:
+            lines = await self.access.audit.find(Filter(object=OBJECT, kind="command"), NEWEST)
+        except StorageError as error:
+            log.error("open sets not looked for reason=%s", error)
+            return
+        gate.take_open_sets(open_sets(lines, plant.equipment))
 
     async def _audited(
         self,

@@ -70,6 +70,8 @@ FOREIGN = "audit.foreign"
 """In POGON_DATA, what the server found in the buffer at its start and did not put there; the chain counts as broken while it lies there."""
 LONGEST_TEXT = 500
 """Characters of a field; what is longer is cut and ends with …."""
+LONGEST_PARAMS = 40 * LONGEST_TEXT
+"""Of all parameters of a line together, when it is read."""
 WATCH_PERIOD = 1.0
 RETRY_PERIOD = 5.0
 VERIFY_FIRST, VERIFY_PERIOD = 60.0, 86_400.0
@@ -830,7 +832,8 @@ def _record(row: Any) -> Record:
         if column.name in numbers:
             found[column.name] = value if isinstance(value, int) and abs(value) < 1 << 60 else 0
         else:
-            found[column.name] = printable(value if isinstance(value, str) else repr(value), 4 * LONGEST_TEXT)
+            most = LONGEST_PARAMS if column.name == "params" else 4 * LONGEST_TEXT
+            found[column.name] = printable(value if isinstance(value, str) else repr(value), most)
     del found["mac"]
     return Record(**found)
 

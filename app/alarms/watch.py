@@ -295,8 +295,11 @@ def written(watch: Watch) -> dict[str, object]:
 
 
 def spoken(texts: Texts, lang: str, type: str, params: Mapping[str, object]) -> dict[str, object]:
-    """Parameters in `lang`: one that begins with @ is the key of a text."""
-    return {
-        name: texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
-        for name, value in params.items()
-    }
+    """Parameters in `lang`: one that begins with @ is the key of a text, a list is its parts in one."""
+
+    def word(value: object) -> object:
+        if isinstance(value, list | tuple):
+            return "".join(str(word(part)) for part in value)
+        return texts.of_type(lang, type, value[1:]) if isinstance(value, str) and value.startswith("@") else value
+
+    return {name: word(value) for name, value in params.items()}

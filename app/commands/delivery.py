@@ -13,7 +13,17 @@ from app.clock import Clock
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import State
 from app.commands.orders import Job, Machine, MapWriter, Order, Writer
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused, Rejected, Withdrawn
+from app.errors import (
+    BadAnswer,
+    DeviceException,
+    LinkError,
+    NoAnswer,
+    NotTaken,
+    Overtaken,
+    Refused,
+    Rejected,
+    Withdrawn,
+)
 from app.links.schedule import PERMIT
 from app.plant.definitions import Equipment, EquipmentType
 from app.registers.plc_map import Answer, AnswerState
@@ -139,6 +149,8 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
             return RIGHT_ENDED
         case Refused():  # the link knows better than we that its device is live
             return State.FAILED, "why.writes_off", error.params
+        case NotTaken():
+            return State.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case Rejected():
             return rejection(item.type, error.reason, error.detail, error.state)
         case LinkError() if told and not isinstance(error, NoAnswer | BadAnswer):

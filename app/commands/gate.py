@@ -16,7 +16,7 @@ sent first. Nothing here knows an equipment type.
 """
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from app import chance
@@ -205,6 +205,11 @@ class Gate:
             language, self._desk.clock.micros(), dict(values), dict(seen),
         )  # fmt: skip
         return await self._admit(order, lambda machine: _parts(machine, values))
+
+    def take_open_sets(self, sets: Iterable[Progress]) -> None:
+        """Tell that these sets of a former run may be half written, and what is found of them as soon as it can be read."""
+        for progress in sets:
+            self._sets.take_open(progress)
 
     def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[Reason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.

@@ -26,6 +26,7 @@ from app.commands.lifecycle import Progress, State, advance
 from app.commands.orders import Machine, Order, SetJob, Task
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
+from app.links.contract import StillOwed
 from app.links.schedule import PERMIT
 from app.tags.quality import is_good
 
@@ -87,6 +88,13 @@ class Sets:
         """Write no further new value: put back what was changed (`why`: text key)."""
         if machine.set is not None and not machine.set.stop:
             machine.set.stop = why
+
+    def take_open(self, progress: Progress) -> None:
+        """A set of a former run whose end is not known: told as such, and followed up."""
+        machine = self._desk.machines.get(progress.equipment)
+        if machine is not None:
+            self._close(machine, replace(progress, ended=self._desk.clock.micros()))
+            self._desk.spawn(self.follow_up(progress.equipment, progress), f"set of {progress.equipment}")
 
     async def follow_up(self, equipment: str, progress: Progress) -> None:
         """Wait until the values of a set that nobody knows can be read, and tell once what stands where. Nothing is written."""
@@ -153,7 +161,7 @@ class Sets:
                 return failure
             job.touched.append(step)
             since = self._desk.clock.monotonic()
-            broke = await self._send(machine, job, {key: values[key] for key in step}, new=True)
+            broke = await self._send(machine, job, {key: values[key] for key in step}, since + job.plan.limit, new=True)
             if broke is not None and broke[0] is not State.UNKNOWN:
                 job.touched.remove(step)
                 return broke[1], broke[2]
@@ -178,12 +186,18 @@ class Sets:
         first = reasons[0][0]
         return first.key, {**first.params, "label": first.label} if first.label else first.params
 
-    async def _send(self, machine: Machine, job: SetJob, values: Mapping[str, float], *, new: bool) -> Outcome | None:
-        """One step; None = the device has taken it. New values go only while the person may, former ones always."""
+    async def _send(
+        self, machine: Machine, job: SetJob, values: Mapping[str, float], until: float, *, new: bool
+    ) -> Outcome | None:
+        """One step; None = the device has taken it. New values go only while the person may, former ones always.
+
+        A line that still owes an answer and has sent nothing is waited for, at most `until` [s].
+        """
         permit = partial(self._may_go_on, machine, job) if new else None
         before = PERMIT.set(permit)
         try:
-            await self._desk.writers[machine.item.link].write_set(machine.item.id, values)
+            while not await self._sent(machine, values, until):
+                pass
         except (LinkError, Refused, KeyError) as error:
             outcome = outcome_of(error, machine.item, told=False)
             if outcome[0] is State.UNKNOWN:
@@ -193,6 +207,18 @@ class Sets:
             PERMIT.reset(before)
         job.unsettled.difference_update(values)
         return None
+
+    async def _sent(self, machine: Machine, values: Mapping[str, float], until: float) -> bool:
+        """Whether the step is written; False when it was not sent and the line is free for it now."""
+        try:
+            await self._desk.writers[machine.item.link].write_set(machine.item.id, values)
+        except LinkError as error:
+            owed = error if isinstance(error, StillOwed) else error.__cause__
+            if not isinstance(owed, StillOwed) or self._desk.clock.monotonic() + owed.wait > until:
+                raise
+            await asyncio.sleep(owed.wait)
+            return False
+        return True
 
     def _may_go_on(self, machine: Machine, job: SetJob) -> bool:
         return not job.stop and self._desk.may_go_on(job.order, job.prepared)
@@ -239,7 +265,7 @@ class Sets:
                 job.unsettled |= set(step)
                 continue
             since = self._desk.clock.monotonic()
-            broke = await self._send(machine, job, {key: former[key] for key in step}, new=False)
+            broke = await self._send(machine, job, {key: former[key] for key in step}, until, new=False)
             if broke is not None:
                 log.warning("former values not taken equipment=%s reason=%s", machine.item.id, broke[1])
         keys = [key for step in job.touched for key in step]

@@ -170,5 +170,15 @@ def standing(changes: Sequence[Change]) -> str:
     )
 
 
+def spelt(changes: Sequence[Change]) -> list[str]:
+    """As `standing`, in the parts that an alarm says in its reader's language: what begins with @ is the key of a text."""
+    parts: list[str] = []
+    for change in changes:
+        name = f"@{change.label}" if change.code == change.key else change.code
+        value = "?" if change.found is None else f"{change.found:.{change.decimals}f} {change.unit}".rstrip()
+        parts += [", "] * bool(parts) + [name, f" = {value} (", f"@set.{change.stands}", ")"]
+    return parts
+
+
 def _once(conditions: Iterable[Condition]) -> tuple[Condition, ...]:
     return tuple({condition.key: condition for condition in conditions}.values())

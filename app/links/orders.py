@@ -13,7 +13,7 @@ from struct import pack
 from zlib import crc32
 
 from app import chance
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Rejected
+from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, NotTaken, Overtaken, Rejected
 from app.links.contract import Block, StillOwed
 from app.links.events import DeviceClock
 from app.links.road import Road
@@ -110,13 +110,17 @@ class Orders:
 
         Raises:
             Rejected: the device takes none of it, with its reason; nothing has changed.
-            LinkError: it did not arrive, or nobody knows (NoAnswer).
+            NotTaken: it did not arrive, nothing has changed.
+            LinkError: as `order`; nobody knows (NoAnswer).
         """
         image, name = map.settings, ", ".join(name for name, _, _ in writes)
         assert image is not None
         stops = self._station.stops
         async with self._setting:
-            actual = await self._image(image)
+            try:
+                actual = await self._image(image)
+            except (NoAnswer, NotConnected, BadAnswer) as error:
+                raise NotTaken(f"{name}: the values in effect cannot be read ({error})") from error
             count = 2 * actual[1]
             values = actual[2 : 2 + count]
             for each, register, words in writes:
@@ -125,11 +129,21 @@ class Orders:
                     raise LinkError(f"{each}: the device has {actual[1]} setpoints, this one is not among them")
                 values[offset : offset + len(words)] = merged(register, values[offset : offset + len(words)], words)
             limit = min(max(2, self._station.device.max_write), MAX_WRITE)
-            for first in range(0, count, limit):
-                self._check_stops(stops)
-                await self._write(map.staging + first, values[first : first + limit])
+            try:
+                for first in range(0, count, limit):
+                    self._check_stops(stops)
+                    await self._write(map.staging + first, values[first : first + limit])
+            except (NoAnswer, NotConnected, BadAnswer) as error:
+                raise NotTaken(f"{name}: not staged ({error})") from error
             check = crc32(pack(f">{count}H", *values))
-            answer = await self.order(Request(plc_map.COMMIT_SETTINGS, arguments=(count, check)), stops=stops)
+            try:
+                answer = await self.order(Request(plc_map.COMMIT_SETTINGS, arguments=(count, check)), stops=stops)
+            except StillOwed as error:
+                raise NotTaken(f"{name}: not sent ({error})") from error
+            except LinkError as error:
+                if type(error) is not LinkError:
+                    raise
+                raise NotTaken(f"{name}: {error}") from error  # proven: the answers of the device do not name it
             answer = await self._until_done(answer, name)
         if answer.state is not AnswerState.DONE:
             raise Rejected(name, answer.reason, answer.detail, answer.state.name.lower())

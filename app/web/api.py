@@ -22,6 +22,7 @@ from app.clock import to_datetime, to_micros
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress
 from app.commands.orders import LONGEST_REASON
+from app.commands.value_set import MOST
 from app.errors import Refused
 from app.historian import passage_query, query, run_query
 from app.historian.passage_query import Passage, Step
@@ -310,6 +311,33 @@ class CommandIn(BaseModel):
     reason: str = Field("", description="why, for the audit trail", max_length=LONGEST_REASON)
 
 
+class SetIn(BaseModel):
+    """Several setpoints as asked: all are written, or none."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    id: str = Field(description="made once per press: the same id is not executed again", min_length=8, max_length=64)
+    nonce: str = Field("", description="from POST /nonce, lives 10 s, single use", max_length=128)
+    values: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        description="by setpoint, in the unit of its point", min_length=1, max_length=MOST
+    )
+    expected: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        {}, description="what the setpoints were seen at; 409 when one is not", max_length=MOST
+    )
+    confirmed: bool = Field(False, description="true: what asks for it (409 `why.confirm`) is meant so")
+    reason: str = Field("", description="why, for the audit trail", max_length=LONGEST_REASON)
+
+
+class ChangeOut(BaseModel):
+    """One value of a set of setpoints."""
+
+    setpoint: str
+    old: float
+    new: float
+    found: float | None = Field(description="what the device holds; null: not read yet, or not to be read")
+    stands: str = Field(description="new, old, other or unknown; unknown also while the set is being written")
+
+
 class CommandOut(BaseModel):
     """Where a command stands. `accepted` is not done: `confirmed` is, and only that."""
 
@@ -326,6 +354,7 @@ class CommandOut(BaseModel):
     value: float | None
     arguments: dict[str, float]
     reason: str = Field(description="key of the text")
+    changes: list[ChangeOut] = Field([], description="of a set of setpoints, each with what the device holds of it")
 
 
 class NonceOut(BaseModel):
@@ -641,6 +670,26 @@ async def setpoint(request: Request, key: str, setpoint: str, order: CommandIn) 
         raise HTTPException(422)
     progress = await gate_of(request).set_value(
         person_of(request), item.id, setpoint, order.value, **_given(request, order)
+    )
+    return _progress(progress)
+
+
+@router.post("/equipment/{key}/setpoints", dependencies=[allow("operate")])
+async def setpoints(request: Request, key: str, order: SetIn) -> CommandOut:
+    """Write several setpoints and parameters as one: all, or none. Answered when it is over, with what the device holds of each."""
+    item = item_of(request, key)
+    if not order.values.keys() <= item.type.setpoints.keys():
+        raise HTTPException(404)
+    progress = await gate_of(request).set_values(
+        person_of(request),
+        item.id,
+        order.values,
+        seen=order.expected,
+        id=order.id,
+        nonce=order.nonce,
+        confirmed=order.confirmed,
+        reason=order.reason,
+        address=address_of(request.scope),
     )
     return _progress(progress)
 
@@ -1009,6 +1058,10 @@ def _progress(progress: Progress) -> CommandOut:
         value=progress.argument,
         arguments=dict(progress.arguments),
         reason=progress.reason,
+        changes=[
+            ChangeOut(setpoint=one.key, old=one.old, new=one.new, found=one.found, stands=one.stands.value)
+            for one in progress.changes
+        ],
     )
 
 

@@ -15,6 +15,7 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from app.access.audit import Filter, Record
 from app.access.roles import Person
 from app.clock import to_datetime, to_micros
+from app.commands.open_sets import values_of
 from app.errors import Refused
 from app.web import format as fmt
 from app.web import language
@@ -185,6 +186,13 @@ def _reason(request: Request, line: Record) -> str:
     item = runtime.plant.equipment.get(line.object.partition(".")[0]) if runtime.plant else None
     if item is not None and params.get("label"):
         params["label"] = runtime.texts.of_type(language.language_of(request), item.type, params["label"])
+    if values := values_of(line.parameters):
+        params["values"] = ", ".join(
+            f"{key} = {'?' if now is None else f'{now:g}'} ({_known(request, f'set.{stands}', stands)})"
+            for key, _, _, now, stands in values
+        )
+        cause = params.get("cause", "")
+        params["because"] = _known(request, cause, cause, **params).rstrip(".")
     told = _known(request, line.reason, line.reason, **params) if line.reason else ""
     return f"{told} (×{params['count']})" if told and line.kind == "command" and "count" in params else told
 

@@ -15,6 +15,7 @@ from starlette.requests import HTTPConnection
 from app.commands.gate import Gate
 from app.commands.interlocks import Reason
 from app.commands.lifecycle import Progress, State
+from app.commands.value_set import Change
 from app.errors import Refused
 from app.links.plc import PlcUnit
 from app.plant.definitions import Argument, Condition, Equipment
@@ -35,6 +36,10 @@ DRAWN: Mapping[State, str] = {
 """`data-state` of a button; every other state is drawn as failed."""
 RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
 """What a browser may say of why it let go."""
+
+
+TOLD = 4
+"""So many values of a set are told in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +265,29 @@ class Operation:
 
     def because(self, progress: Progress) -> str:
         """Why a command came to another end than it should; empty when it did not."""
-        return self.words(progress.reason, progress.params) if progress.reason else ""
+        if not progress.reason:
+            return ""
+        params = dict(progress.params)
+        if progress.changes:
+            params["values"] = self.standing(progress.changes)
+            cause = str(params.get("cause", ""))
+            deeper = {**progress.params, "cause": params.get("deeper", "")}
+            params["because"] = self.words(cause, deeper).rstrip(".") if cause else ""
+        return self.words(progress.reason, params)
+
+    def standing(self, changes: Sequence[Change]) -> str:
+        """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
+        text = self.equipment.text
+        return ", ".join(f"{self._named(one)} {self._held(one)} ({text(f'set.{one.stands}')})" for one in changes)
+
+    def _named(self, change: Change) -> str:
+        return self.equipment.t(change.label) if change.code == change.key else change.code
+
+    def _held(self, change: Change) -> str:
+        if change.found is None:
+            return "?"
+        unit = fmt.unit_symbol(change.unit, self.equipment.text)
+        return fmt.quantity(change.found, change.decimals, unit, self.equipment.lang)
 
     def refusal(self, error: Refused) -> str:
         """`error` in words; a missing condition by its name, with how many more are missing."""
@@ -276,6 +303,9 @@ class Operation:
 
     def told(self, progress: Progress) -> str:
         """The arguments of a command in words: Product 5, Head 100.5 mm; a permissive by its name."""
+        if progress.changes:
+            told = [f"{self._named(one)} {self._held(replace(one, found=one.new))}" for one in progress.changes]
+            return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
         command = self.equipment.equipment.type.commands.get(progress.command)
         given = progress.arguments
         parts = []

@@ -1,7 +1,7 @@
 """The parameters of a drive: read by operators, changed by engineers; the faceplate of a machine as a page and as a dialog.
 
-Parameters are edited locally, reviewed as a list of old and new, and written by one request: one after the other through the gate, each
-read back before the next, with a result per row. What fails does not stop the others.
+Parameters are edited locally, reviewed as a list of old and new, and written by one request as one set through the gate: all or none
+(commands/sets.py), with a result per row.
 """
 
 import asyncio
@@ -16,9 +16,9 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
-from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import State
 from app.commands.orders import LONGEST_REASON
+from app.commands.value_set import MOST, Change, Stands
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Setpoint
@@ -35,12 +35,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 router = APIRouter()
 
-MOST = 40
-"""Parameters written by one request."""
-SLACK = 3.0
-"""Beyond a parameter's own time limit, after which its result is not waited for any more [s]."""
-PAUSE = 0.22
-"""Between two rows: the gate takes five commands a second of one person [s]."""
 OLD = 30.0
 """Age of the oldest parameter from which an opened page has them read again [s]."""
 CONFIRMED = frozenset("MTCX")
@@ -65,6 +59,8 @@ class Parameter:
     marks: str
     warning: str
     stopped_only: bool
+    depends: Sequence[str]
+    """Other setpoints that its limits come from: with a new value of one of them they are others than drawn."""
     reason: str
     """Why this person cannot write it at all; empty = they can."""
 
@@ -127,6 +123,7 @@ def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
     look = look_of(operation)
     marks = setpoint.certainty
     low, high = expression.number(setpoint.low, look), expression.number(setpoint.high, look)
+    item_setpoints = machine.equipment.type.setpoints.keys()
     reason = ""
     if person is None or not person.may("configure") or setpoint.role not in person.roles:
         reason = machine.text("par.engineers_write")
@@ -142,8 +139,13 @@ def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
         marks,
         machine.t(setpoint.warning) if setpoint.warning else "",
         setpoint.stopped_only,
+        sorted(_names(setpoint) & item_setpoints),
         reason,
     )
+
+
+def _names(setpoint: Setpoint) -> frozenset[str]:
+    return expression.parse(setpoint.low).names | expression.parse(setpoint.high).names
 
 
 def _default(t: "object", setpoint: Setpoint, point: PointView) -> str:
@@ -231,7 +233,7 @@ async def read_again(request: Request, key: str) -> Response:
 
 @router.post("/equipment/{key}/parameters", dependencies=[allow("configure")])
 async def write(request: Request, key: str) -> Response:
-    """Write the reviewed changes one after the other and say for each what the drive holds now."""
+    """Write the reviewed changes as one set and say for each what the drive holds now."""
     operation = operation_of(request, key)
     form = await fields(request, (), ("id", "nonce", "reason"), lists=("key", "value", "expected"))
     keys, values, expected = [await field_list(request, name) for name in ("key", "value", "expected")]
@@ -239,36 +241,33 @@ async def write(request: Request, key: str) -> Response:
         raise Refused("par.form", 422)
     if len(form["reason"]) > LONGEST_REASON:
         raise Refused("why.reason_too_long", 422, length=len(form["reason"]), limit=LONGEST_REASON)
-    gate, person = gate_of(operation), person_of(request)
-    rows: list[Row] = []
-    ends = _Ends(gate)
     try:
-        for number, (name, value, seen) in enumerate(zip(keys, values, expected, strict=True)):
-            if number:
-                await asyncio.sleep(PAUSE)
-            nonce = form["nonce"] if number == 0 else gate.nonces.issue(person.session)
-            try:
-                progress = await gate.set_value(
-                    person,
-                    operation.id,
-                    name,
-                    value,
-                    id=f"{form['id'][:60]}.{number}" if form["id"] else "",
-                    nonce=nonce,
-                    expected=number_or_none(seen),
-                    confirmed=True,
-                    reason=form["reason"],
-                    address=address_of(request.scope),
-                    language=language_of(request),
-                )
-                progress = await ends.wait(progress)
-                rows.append(_row(operation, name, progress))
-            except Refused as refusal:
-                rows.append(_refused_row(operation, name, refusal))
-    finally:
-        ends.close()
-    done = sum(row.done for row in rows)
-    text = operation.equipment.text("par.written", ok=done, total=len(rows))
+        progress = await gate_of(operation).set_values(
+            person_of(request),
+            operation.id,
+            dict(zip(keys, values, strict=True)),
+            seen={
+                key: number
+                for key, text in zip(keys, expected, strict=True)
+                if (number := number_or_none(text)) is not None
+            },
+            id=form["id"][:64],
+            nonce=form["nonce"],
+            confirmed=True,
+            reason=form["reason"],
+            address=address_of(request.scope),
+            language=language_of(request),
+        )
+    except Refused as refusal:
+        return _answered(request, operation, operation.refusal(refusal), "error", _refused_rows(operation, refusal))
+    done = progress.state in (State.CONFIRMED, State.DRY_RUN)
+    written = progress.state is State.CONFIRMED
+    text = operation.equipment.text("par.written", n=len(keys)) if written else operation.tell(progress).text
+    rows = [_row(operation, change, dry=progress.state is State.DRY_RUN) for change in progress.changes]
+    return _answered(request, operation, text, "done" if done else "error", rows)
+
+
+def _answered(request: Request, operation: Operation, text: str, kind: str, rows: Sequence[Row]) -> Response:
     view = view_of(request)
     return view.fragment(
         request,
@@ -277,60 +276,31 @@ async def write(request: Request, key: str) -> Response:
         equipment=operation.equipment,
         rows=rows,
         text=text,
-        kind="done" if done == len(rows) else "error",
+        kind=kind,
         at=operation.time(view.runtime(request).clock.micros()),
     )
 
 
-class _Ends:
-    """Waits for commands to come to their end."""
-
-    def __init__(self, gate: Gate) -> None:
-        self._over: dict[str, Progress] = {}
-        self._event = asyncio.Event()
-        self.close = gate.subscribe_ends(self._ended)
-
-    def _ended(self, progress: Progress) -> None:
-        self._over[progress.id] = progress
-        self._event.set()
-
-    async def wait(self, progress: Progress) -> Progress:
-        """`progress` when it is over, or as it stood when the time was up."""
-        if progress.over:
-            return progress
-        try:
-            async with asyncio.timeout(progress.limit + SLACK):
-                while progress.id not in self._over:
-                    self._event.clear()
-                    await self._event.wait()
-        except TimeoutError:
-            return progress
-        return self._over.pop(progress.id)
-
-
-def _row(operation: Operation, key: str, progress: Progress) -> Row:
+def _row(operation: Operation, change: Change, *, dry: bool) -> Row:
     machine = operation.equipment
-    setpoint = machine.equipment.type.setpoints[key]
-    point = operation.fresh().equipment.point(key)
-    done = progress.state in (State.CONFIRMED, State.DRY_RUN)
-    text = machine.text(progress.text)
-    because = operation.because(progress)
-    words = f"{text}: {because}" if because and progress.state is not State.CONFIRMED else text
-    value = (
-        machine.t(setpoint.options[int(point.value)])
-        if setpoint.options and isinstance(point.value, int | float) and int(point.value) in setpoint.options
-        else point.value_text
-    )
-    return Row(
-        setpoint.code or key, machine.t(progress.label), done and progress.state is State.CONFIRMED, words, value
-    )
+    setpoint = machine.equipment.type.setpoints[change.key]
+    point = operation.fresh().equipment.point(change.key)
+    value = "" if dry or change.found is None else f"{point.number(change.found)}\u00a0{point.unit}".rstrip("\u00a0")
+    if value and change.found is not None and int(change.found) in setpoint.options:
+        value = machine.t(setpoint.options[int(change.found)])
+    text = machine.text("fb.dry_run" if dry else f"set.is_{change.stands}")
+    return Row(change.code, machine.t(change.label), change.stands is Stands.NEW, text, value)
 
 
-def _refused_row(operation: Operation, key: str, refusal: Refused) -> Row:
-    machine = operation.equipment
+def _refused_rows(operation: Operation, refusal: Refused) -> list[Row]:
+    """The value that was refused, when it was one of them."""
+    machine, key = operation.equipment, str(refusal.params.get("argument", ""))
     setpoint = machine.equipment.type.setpoints.get(key)
-    label = machine.point(key).label if setpoint and machine.has(key) else ""
-    return Row((setpoint.code or key) if setpoint else key[:20], label, False, operation.refusal(refusal), "")
+    if setpoint is None or not machine.has(key):
+        return []
+    return [
+        Row(setpoint.code or key, machine.point(key).label, False, operation.words(refusal.reason, refusal.params), "")
+    ]
 
 
 async def _read(runtime: "Runtime", operation: Operation) -> int:

@@ -20,13 +20,16 @@ const raw = (row) => {
 };
 
 function changes() {
-  return rows.map((row) => ({ row, field: row.querySelector("[data-new]") }))
-    .filter(({ field }) => field && field.value.trim() !== "")
-    .map(({ row, field }) => {
-      const choice = field.tagName === "SELECT", value = choice ? Number(field.value) : typed(field.value);
-      const low = Number(row.dataset.low ?? -Infinity), high = Number(row.dataset.high ?? Infinity);
-      return { row, field, value, choice, out: !choice && !(value >= low && value <= high) };
-    });
+  const edited = rows.map((row) => ({ row, field: row.querySelector("[data-new]") }))
+    .filter(({ field }) => field && field.value.trim() !== "");
+  const keys = new Set(edited.map(({ row }) => row.dataset.key));
+  return edited.map(({ row, field }) => {
+    const choice = field.tagName === "SELECT", value = choice ? Number(field.value) : typed(field.value);
+    // limits that come from another value of this set are for the server to judge
+    const moved = row.dataset.depends.split(" ").some((key) => keys.has(key));
+    const low = moved ? -Infinity : Number(row.dataset.low ?? -Infinity), high = moved ? Infinity : Number(row.dataset.high ?? Infinity);
+    return { row, field, value, choice, out: !choice && !(value >= low && value <= high) };
+  });
 }
 
 function element(name, look, text) {

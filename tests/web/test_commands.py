@@ -443,33 +443,6 @@ def test_unconfirmed_parameters_and_choices_are_marked_in_every_language(ivo: Op
         ivo.language = "en"
 
 
-def test_reviewed_changes_are_written_one_by_one_with_what_was_read_back(staff: Staff, ivo: Operator) -> None:
-    ivo.take("m2")
-    ivo.sit()
-    token = staff.access.form_token(ivo.sid)
-    body = [("csrf", token), ("nonce", ivo.nonce()), ("id", "batch"), ("reason", "softer start")]
-    for key, new, old in (("f114", "7.5", "5"), ("f115", "0.01", "5"), ("f118", "60", "")):
-        body += [("key", key), ("value", new), ("expected", old)]
-    ivo.sit()
-    answer = staff.client.post(
-        "/equipment/m2/parameters",
-        content="&".join(f"{name}={text.replace(' ', '+')}" for name, text in body),
-        headers={
-            "Origin": "http://127.0.0.1:8000",
-            "HX-Request": "true",
-            "Content-Type": "application/x-www-form-urlencoded",
-        },
-    )
-    assert answer.status_code == 200, answer.text
-    rows = dict(re.findall(r'data-row="(\w+)" data-done="(\w+)"', answer.text))
-    assert rows == {"F114": "yes", "F115": "no", "F118": "yes"}, words(answer.text)
-    assert line_of(answer) == "2 of 3 written and read back"
-    assert "7.5 s" in words(answer.text)
-    assert "Permitted: 0.1 to 3 000 s" in words(answer.text)
-    assert value(staff, "m2.f114") == 7.5
-    assert until(lambda: lines_of(staff, "m2.f114") == 1)
-
-
 def test_parameters_are_read_again_on_demand(ana: Operator) -> None:
     answer = ana.post("/equipment/m1/parameters/read")
     assert answer.status_code == 200
