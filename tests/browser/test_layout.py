@@ -19,6 +19,11 @@ LONGEST = """() => { // every state as its longest text, until the next value of
     if (longest) element.textContent = (pattern || '{}').replace('{}', longest);
   }
 }"""
+LONG = """() => { // every list with thirty rows more
+  const lists = [...document.querySelectorAll('main tbody, aside tbody')].filter((body) => body.rows.length);
+  for (const body of lists) for (let n = 0; n < 30; n++) body.append(body.rows[0].cloneNode(true));
+  return lists.length;
+}"""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
@@ -78,6 +83,30 @@ def test_nothing_is_cut_at_any_size(abnormal: Sit, server: PogonServer, lang: st
             found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
     page.context.close()
     assert found == [], "\n".join(["", *found])
+
+
+def test_a_long_list_does_not_make_the_page_higher(abnormal: Sit, server: PogonServer) -> None:
+    page = abnormal()
+    found: list[str] = []
+    for path in (
+        "/",
+        "/alarms",
+        "/alarms?tab=journal",
+        "/communication",
+        "/users",
+        "/audit",
+        "/equipment/m1/parameters",
+    ):
+        page.goto(server.url + path, wait_until="load")
+        for size in ("panel", "small"):
+            width, height, profile = SIZES[size]
+            lay_out(page, width, height, profile)
+            assert page.evaluate(LONG), path
+            lay_out(page, width, height, profile)
+            if page.evaluate("document.documentElement.scrollHeight") > height:
+                found.append(f"{path} {size}")
+    page.context.close()
+    assert found == []
 
 
 def lay_out(page: Page, width: int, height: int, profile: str) -> None:
