@@ -93,15 +93,17 @@ def test_a_double_click_is_one_command(server: PogonServer, sit: Sit) -> None:
     before = audit(server, clerk, "m1.coast")
     take(page)
     page.dblclick("[data-command='m1.coast']")
-    expect(page.locator("#message")).to_contain_text("Coast stop: Accepted")
+    expect(page.locator("#message")).to_contain_text(re.compile("Coast stop: Accepted .* Done"), timeout=30_000)
     page.wait_for_timeout(1500)
-    page.keyboard.down("Enter")
-    for _ in range(10):
+    # a command has two lines: as sent, and with its outcome
+    assert audit(server, clerk, "m1.coast") - before == 2
+    expect(page.locator("[data-command='m1.coast']")).to_be_focused()
+    expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
+    for _ in range(11):
         page.keyboard.down("Enter")
     page.keyboard.up("Enter")
     page.wait_for_timeout(1500)
-    # the key held down is one more press, not ten; a command has two lines: as sent, and with its outcome
-    assert audit(server, clerk, "m1.coast") - before in (2, 4)
+    assert audit(server, clerk, "m1.coast") - before == 4, "the key held down is one more press, not ten"
     page.click("[data-command='m1.forward']")
     wait_speed(page, lambda now: now > 900)
 
