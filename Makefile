@@ -47,8 +47,9 @@ bench: setup $(VENV)/.test ## measure the numbers the design must not lose
 	@[ -f tools/bench.py ] || { echo "tools/bench.py is not there yet: nothing to measure"; exit 1; }
 	$(BIN)/python tools/bench.py $(ARGS)
 
-soak: setup $(VENV)/.test .browser ## the tests that run for minutes
-	$(BIN)/python -m pytest -m soak --timeout 0 $(or $(T),tests) $(ARGS) || [ $$? = 5 ]  # 5: none there yet
+soak: setup $(VENV)/.test .browser ## the tests that run for minutes, then HOURS=2 of use: memory, threads, files, sizes with slopes
+	$(BIN)/python -m pytest -m soak --timeout 0 $(or $(T),tests) $(ARGS)
+	$(BIN)/python tools/soak.py --hours "$(or $(HOURS),2)"
 
 storm: setup $(VENV)/.test ## the whole house under people and faults in virtual time: SEEDS=1000, or SEED=7 MINUTES=60, PLANT=m1,c1
 	$(BIN)/python -m tools.storm --seeds "$(or $(SEEDS),100)" --seed "$(SEED)" --minutes "$(or $(MINUTES),1)" --jobs "$(JOBS)" --plant "$(PLANT)" $(ARGS)
