@@ -28,7 +28,7 @@ LEFT_BEHIND = 20
 BLOCKS = 1000
 """Blocks of memory that a round may leave: those of its commands, of caches with a limit, of rows that wait."""
 KEPT = ("app.commands.nonce._Entry", "app.commands.lifecycle.Progress")
-"""Of commands that may come a second time: some thousand at most (app/commands/nonce.py)."""
+"""Of commands that may come a second time: 10 000 at most (app/commands/nonce.py)."""
 
 
 def plant(folder: Path) -> Path:

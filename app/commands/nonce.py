@@ -22,7 +22,7 @@ REPLACED_LIFE = 4.0
 """How long a nonce is good after a newer one of its session was issued [s]."""
 MEMORY = 86_400.0
 """How long identities are remembered [s]."""
-MOST = 100_000
+MOST = 10_000
 """Most identities remembered."""
 RATE, BURST = 5.0, 10.0
 """Commands of one person per second, and at once (security.md section 7)."""
