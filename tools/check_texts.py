@@ -50,7 +50,7 @@ def main() -> int:
             problems.append(
                 f'app/locale: text "{key}" is that of a type, expected in app/equipment/{key.split(".")[0]}'
             )
-    wanted = [*in_templates(problems), *in_code()]
+    wanted = [*in_templates(problems), *of_pages(), *in_code()]
     lacking = {}
     for where, key in wanted:
         if key not in of_types | set(own["en"]):
@@ -155,6 +155,12 @@ def in_templates(problems: list[str]) -> Iterator[tuple[str, str]]:
                 key = call.args[0]
                 if isinstance(key, nodes.Const) and isinstance(key.value, str):
                     yield f"{short(file)}:{call.lineno}", key.value
+
+
+def of_pages() -> Iterator[tuple[str, str]]:
+    """A page that a type has by name stands under that name on its tab."""
+    for file in sorted((ROOT / "templates" / "screens").glob("*/page_*.html")):
+        yield short(file), f"{file.parent.name}.page.{file.stem.removeprefix('page_')}"
 
 
 def in_code() -> Iterator[tuple[str, str]]:

@@ -387,6 +387,8 @@ class EquipmentType:
     records: Mapping[str, RecordKind] = field(default_factory=dict)
     """What it keeps of its history, by name, in the order of records.toml."""
     training: Training = field(default_factory=Training)
+    symbol: str = "e-machine"
+    """What its machines are drawn as, in static/symbols.svg."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -161,6 +161,9 @@ class _TypeReader:
         head = self._file("device.toml")
         device = self._device(head.table("device"))
         label, area = head.text("label", "type"), head.text("area", "")
+        symbol = head.text(
+            "symbol", "e-machine", pattern=r"[ei]-[a-z0-9-]+", expected="a symbol of static/symbols.svg: e-…"
+        )
         choices, parameters = self._options(head)
         presets = self._presets(head)
         sequence = head.flag("sequence")
@@ -240,6 +243,7 @@ class _TypeReader:
             simulation_presets=simulation_presets,
             records=kinds,
             training=training,
+            symbol=symbol,
         )
         return TypeData(
             kind,

@@ -3,6 +3,8 @@
 `url("css/frame.css")` is `/static/css/frame.3f2a….css`, answered with `immutable`. The plain name works too (scripts import each other by
 it) and is asked for again with its ETag. What a style sheet or a script names by the way from its own folder (`url("../vendor/a.woff2")`,
 `from "./format.js"`) gets its lasting name when it is read; scripts must not import each other in a circle.
+
+An equipment type brings `screens/<type>.css` and `.js` for its screens, and `screens/<type>.tile.css` for its tile on the overview.
 """
 
 import gzip
@@ -90,11 +92,16 @@ class Assets:
         stem, _, suffix = name.rpartition(".")
         return f"/static/{stem}.{asset.hash}.{suffix}"
 
+    def of_screen(self, kind: str, *endings: str) -> list[str]:
+        """Addresses of what an equipment type brings for its screens, found by name: `screens/<kind><ending>` for those that are there."""
+        names = [f"screens/{kind}{ending}" for ending in endings]
+        return [self.url(name) for name in names if self._find(name) is not None]
+
     @property
     def build(self) -> str:
         """Short name of this version of program and pages: other when a page that is open should be loaded anew."""
         digest = hashlib.sha256(__version__.encode())
-        for folder in ("css", "js"):
+        for folder in ("css", "js", "screens"):
             for path in sorted((self._folder / folder).rglob("*.*")):
                 if asset := self._find(path.relative_to(self._folder).as_posix()):
                     digest.update(asset.hash.encode())

@@ -14,9 +14,12 @@ from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
 from app.web.operation import Operation
 from app.web.tables import tables_of
-from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, View, address_of_area, area_label, areas
+from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, Tab, View, address_of_area, area_label, areas
 
 router = APIRouter()
+
+MAIN = ""
+"""Name of the page of a type that has no name."""
 
 
 def view_of(request: Request) -> View:
@@ -61,9 +64,27 @@ async def area(request: Request, key: str) -> HTMLResponse:
 @router.get("/equipment/{key}", dependencies=[allow("view")])
 async def equipment(request: Request, key: str) -> HTMLResponse:
     """The screen of one machine."""
+    return _screen(request, key, MAIN)
+
+
+@router.get("/equipment/{key}/page/{name}", dependencies=[allow("view")])
+async def equipment_page(request: Request, key: str, name: str) -> HTMLResponse:
+    """A further page of one machine: `page_<name>.html` of its type."""
+    return _screen(request, key, name)
+
+
+def pages_of(kind: str) -> list[str]:
+    """The pages of an equipment type by name: `page.html` first, then every `page_<name>.html`."""
+    folder = bundled("templates") / "screens" / kind
+    first = [MAIN] if (folder / "page.html").is_file() else []
+    return first + sorted(path.stem.removeprefix("page_") for path in folder.glob("page_*.html"))
+
+
+def _screen(request: Request, key: str, name: str) -> HTMLResponse:
     plant, view = plant_of(request), view_of(request)
     machine = plant.equipment.get(key)
-    if machine is None or not (bundled("templates") / "screens" / machine.type.name / "page.html").is_file():
+    pages = pages_of(machine.type.name) if machine else []
+    if machine is None or name not in pages:
         raise HTTPException(404)
     operation = Operation(request, machine)
     drawn = operation.equipment
@@ -71,7 +92,7 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
     up = "/" if len(members) == 1 else address_of_area(machine.area, members)
     return view.page(
         request,
-        f"screens/{machine.type.name}/page.html",
+        f"screens/{machine.type.name}/{f'page_{name}' if name else 'page'}.html",
         title=drawn.label,
         kind=f"equipment/{machine.id}",
         area=machine.area,
@@ -79,6 +100,14 @@ async def equipment(request: Request, key: str) -> HTMLResponse:
         up=up,
         equipment=drawn,
         operation=operation,
+        pages=[
+            Tab(
+                view.text(request, f"{machine.type.name}.page.{page}" if page else "screen.main"),
+                f"{operation.url}/page/{page}" if page else operation.url,
+                page == name,
+            )
+            for page in pages
+        ],
         tables=tables_of(drawn),
         query=request.query_params,
         message=operation.story,

@@ -214,6 +214,11 @@ class EquipmentView:
         return self.equipment.type.name
 
     @property
+    def symbol(self) -> str:
+        """Name of what it is drawn as in symbols.svg."""
+        return self.equipment.type.symbol
+
+    @property
     def area(self) -> str:
         """Key of its area."""
         return self.equipment.area

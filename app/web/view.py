@@ -1,8 +1,8 @@
 """Templates and what all of them need: language, theme, person, areas, clock, the addresses of static files.
 
 A language has an environment of its own, so that macros say `_("nav.home")` whether or not they are imported with context. Templates get
-`_`, `lang`, `asset`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py), `sequence_of` and `sequences_for`
-(app/web/sequences.py) everywhere, and the names of `_surroundings` on a page.
+`_`, `lang`, `asset`, `screen_assets`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py), `sequence_of` and
+`sequences_for` (app/web/sequences.py) everywhere, and the names of `_surroundings` on a page.
 """
 
 import json
@@ -177,6 +177,7 @@ class View:
             "_": partial(texts.text, lang),
             "lang": lang,
             "asset": self.assets.url,
+            "screen_assets": self.assets.of_screen,
             "label": partial(texts.label, lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
@@ -209,6 +210,7 @@ class View:
         return {
             "kind": "frame",
             "chip": "",
+            "pages": [],
             "up": "" if path == "/" else "/",
             "crumbs": self._crumbs(texts, plant, lang, path, area),
             "message": self._over(request, fmt.clock_time(now, zone)),

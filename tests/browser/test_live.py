@@ -53,7 +53,10 @@ CONTENT = """
 {% include "screens/eura_e800/values.html" %}
 </main>
 """
-SHEETS = ("tokens", "base", "panel", "value", "indicators", "tables", "plot", "offline", "screens/motor")
+SHEETS = (
+    *(f"css/{name}" for name in ("tokens", "base", "panel", "value", "indicators", "tables", "plot", "offline")),
+    "screens/eura_e800",
+)
 
 
 class Hall:
@@ -84,7 +87,7 @@ class Hall:
         text = partial(self.texts.text, lang)
         machine = EquipmentView(self.machine, self, lang, text)
         content = self.view._environment(self.texts, lang).from_string(CONTENT).render(equipment=machine)
-        links = "".join(f'<link rel="stylesheet" href="/static/css/{name}.css">' for name in SHEETS)
+        links = "".join(f'<link rel="stylesheet" href="/static/{name}.css">' for name in SHEETS)
         texts = json.dumps(live_texts(text)).replace("&", "&amp;").replace('"', "&quot;")
         return (
             f'<!doctype html><html lang="{lang}" data-theme="light"><head><meta charset="utf-8">{links}</head><body data-live="delayed">'

@@ -7,7 +7,7 @@ import pytest
 
 from app import bundled
 
-CSS = sorted(bundled("static").glob("css/**/*.css"))
+CSS = sorted(path for folder in ("css", "screens") for path in (bundled("static") / folder).glob("**/*.css"))
 TEMPLATES = sorted(bundled("templates").glob("**/*.html"))
 TOKENS = (bundled("static") / "css" / "tokens.css").read_text("utf-8")
 

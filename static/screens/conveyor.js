@@ -1,7 +1,7 @@
 // The products of a line, to scale. Every slot of the table has its group. What it draws hangs on its head, and only the head is moved: the
 // box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
 // tail changed about) nothing glides.
-import { number } from "./format.js";
+import { number } from "../js/format.js";
 
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
 const STATE = { LOST: 5 };
