@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import import_circles
+from tools.check_house import STORIES, import_circles, named_machines
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -39,3 +39,68 @@ def test_a_longer_circle_is_found_and_a_straight_road_is_not_one(tmp_path: Path)
 
 def test_the_house_has_none() -> None:
     assert not list(import_circles(Path(__file__).resolve().parent.parent))
+
+
+MACHINE = {
+    "app/equipment/press/device.toml": 'label = "type"',
+    "app/equipment/press/tables.toml": "[die]\n",
+    "app/equipment/press/records.toml": "[stroke]\n[run]\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "word"),
+    [
+        ("app/web/page.py", "x = 'press'", "press"),
+        ("app/web/deep/page.py", "x = _('press.state')", "press"),
+        ("app/alarms/engine.py", "x = f'screens/press/{name}.html'", "press"),
+        ("app/runtime.py", "from app.sim.press.program import Press", "press"),
+        ("app/cli_probe.py", "from app.sim import press", "press"),
+        ("app/historian/keep.py", "TABLE = 'die'", "die"),
+        ("app/links/one.py", "KIND = 'stroke'", "stroke"),
+        ("app/live/one.py", "text = 'run.outcome'", "run"),
+        ("templates/pages/list.html", "{% if equipment.type == 'press' %}", "press"),
+        ("templates/macros/list.html", '<use href="#e-press"/>', "press"),
+        ("static/js/list.js", 'fetch(`/x/die`); const a = ["die"];', "die"),
+        ("static/css/list.css", '@import "../screens/press.css";', "press"),
+    ],
+)
+def test_a_machine_that_is_named_in_a_general_room_is_found(tmp_path: Path, file: str, text: str, word: str) -> None:
+    root = tree(tmp_path, {**MACHINE, file: text})
+    assert [line.split(": ") for line in named_machines(root, {})] == [
+        [f"{file}:1", f"names the machine word {word!r}"]
+    ]
+    assert not list(named_machines(root, {file: "a story"}))
+    assert len(list(named_machines(root, {file: "a story", "app/web/gone.py": "another"}))) == 1
+    (root / file).write_text("")
+    assert list(named_machines(root, {file: "a story"})) == [
+        f"{file}: names no machine any more, so tools/check_house.py need not excuse it"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("app/web/page.py", '"""The pages of a press."""\npressed = "pressure"'),
+        ("app/web/page.py", "outcome = 'run'"),
+        ("app/web/screens/press.py", "x = 'press'"),
+        ("app/sim/press/program.py", "type = 'press'"),
+        ("templates/screens/press/page.html", "{{ _('press.state') }}"),
+        ("templates/pages/list.html", "{# of a 'press' #}"),
+        ("static/screens/press.js", "'press'"),
+    ],
+)
+def test_what_is_of_the_machine_or_only_explains_is_not(tmp_path: Path, file: str, text: str) -> None:
+    assert not list(named_machines(tree(tmp_path, {**MACHINE, file: text}), {}))
+
+
+def test_the_general_rooms_of_the_house_name_none() -> None:
+    assert STORIES
+    assert not list(named_machines(Path(__file__).resolve().parent.parent))
+
+
+def tree(root: Path, files: dict[str, str]) -> Path:
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    return root

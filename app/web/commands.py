@@ -26,7 +26,7 @@ from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of, local_path
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.pages import plant_of, view_of
-from app.web.sequences import check_asked, sequence_of
+from app.web.screens import check_asked
 from app.web.tables import tables_of
 
 router = APIRouter()
@@ -113,11 +113,10 @@ async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
     view = view_of(request)
     own = f"screens/{operation.equipment.type}/ask_{command}.html"
     reason, status = operation.buttons[command].reason, 409
-    if sequence := sequence_of(operation.equipment):
-        try:
-            check_asked(sequence, kind, request.query_params)
-        except Refused as error:
-            reason, status = operation.refusal(error), error.status
+    try:
+        check_asked(operation.equipment, kind, request.query_params)
+    except Refused as error:
+        reason, status = operation.refusal(error), error.status
     if reason:
         at = operation.time(operation.runtime.clock.micros())
         return view.fragment(request, "fragments/line.html", status=status, text=reason, kind="error", at=at)

@@ -15,7 +15,7 @@ from app.plant.definitions import Equipment, Plant
 from app.web.guard import access_of, allow
 from app.web.operation import Operation
 from app.web.pages import view_of
-from app.web.sequences import BitView, SequenceView, sequence_of
+from app.web.screens.sequence import BitView, SequenceView, sequence_of
 from app.web.tables import RowView
 
 router = APIRouter()

@@ -21,6 +21,7 @@ from app.links.plc import PlcUnit
 from app.plant.definitions import Argument, Condition, Equipment
 from app.web import format as fmt
 from app.web.points import CommandView, EquipmentView, PointView
+from app.web.screens import in_words
 
 if TYPE_CHECKING:
     from app.access.roles import Person
@@ -302,32 +303,19 @@ class Operation:
         return text if named in text else f"{named}: {text}"
 
     def told(self, progress: Progress) -> str:
-        """The arguments of a command in words: Product 5, Head 100.5 mm; a permissive by its name."""
+        """The arguments of a command in words: Product 5, Head 100.5 mm; what some mean together, by its name."""
         if progress.changes:
             told = [f"{self._named(one)} {self._held(replace(one, found=one.new))}" for one in progress.changes]
             return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
         command = self.equipment.equipment.type.commands.get(progress.command)
         given = progress.arguments
-        parts = []
-        bit = self._permissive(given)
-        if bit:
-            parts.append(bit)
+        text, together = in_words(self.equipment, given)
+        parts = [text] if text else []
         for argument in command.arguments if command else ():
-            if argument.name in given and not (bit and argument.name in ("step", "bit")):
+            if argument.name in given and argument.name not in together:
                 value = self._amount(float(given[argument.name]), argument)
                 parts.append(f"{self.equipment.t(argument.label)} {value}")
         return ", ".join(parts)
-
-    def _permissive(self, given: Mapping[str, float]) -> str:
-        """The permissive of a sequence that `step` and `bit` mean, by its name; empty when they mean none."""
-        definition = self.equipment.equipment.sequence
-        if definition is None or not {"step", "bit"} <= given.keys():
-            return ""
-        step, bit = int(given["step"]), int(given["bit"])
-        named = definition.permissive(step, bit)
-        text = self.equipment.text
-        label = self.equipment.words(named.label) if named else text("sequence.screen.bit", n=bit)
-        return f"{text('sequence.screen.in_step', n=step) if step else text('sequence.screen.abort')} · {label}"
 
     def _amount(self, value: float, argument: Argument) -> str:
         """An argument with its unit; whole minutes as minutes and hours."""

@@ -1,8 +1,8 @@
 """Templates and what all of them need: language, theme, person, areas, clock, the addresses of static files.
 
 A language has an environment of its own, so that macros say `_("nav.home")` whether or not they are imported with context. Templates get
-`_`, `lang`, `asset`, `screen_assets`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py), `sequence_of` and
-`sequences_for` (app/web/sequences.py) everywhere, and the names of `_surroundings` on a page.
+`_`, `lang`, `asset`, `screen_assets`, `label`, `type_text`, `fmt` (app/web/format.py), `Scale` (app/web/drawing.py) and what types
+bring (app/web/screens) everywhere, and the names of `_surroundings` on a page.
 """
 
 import json
@@ -32,7 +32,7 @@ from app.web.assets import Assets
 from app.web.drawing import Scale
 from app.web.language import HTML, NAMES, language_of
 from app.web.points import EquipmentView, live_texts
-from app.web.sequences import sequence_of, sequences_for
+from app.web.screens import template_names
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -183,8 +183,7 @@ class View:
             "fmt": fmt,
             "Scale": Scale,
             "marks_json": marks_json,
-            "sequence_of": sequence_of,
-            "sequences_for": sequences_for,
+            **template_names(),
         }
         self._environments[lang] = (texts, environment)
         return environment

@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 
 from app import chance
 from app.web.points import EquipmentView, plant_text
-from app.web.sequences import sequence_of
+from app.web.screens.sequence import sequence_of
 from tests import coil_plant
 from tests.web.conftest import _running
 from tests.web.operating import Operator, line_of, runtime_of, until, words

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.web.points import EquipmentView
-from app.web.sequences import SequenceView, sequence_of, sequences_for
+from app.web.screens.sequence import SequenceView, sequence_of, sequences_for
 from tests import coil_plant
 from tests.web.conftest import _running
 from tests.web.operating import Operator, line_of, runtime_of, until, words

@@ -401,20 +401,25 @@ class SequenceView:
         return line
 
 
+TOGETHER = ("step", "bit")
+"""Arguments that name a permissive."""
 STATES = StepState
 """For templates that compare."""
 
 
-def check_asked(sequence: SequenceView, command: Command, given: Mapping[str, str]) -> None:
+def check_asked(machine: EquipmentView, command: Command, given: Mapping[str, str]) -> None:
     """Whether there is what `command` is asked for: the permissive that `step` and `bit` of `given` name, or the step.
 
     Raises:
         Refused: 422 one of them is missing or no whole number; 404 there is none of that number, or the definition does not name it;
             409 it may not be forced, or is not forced.
     """
+    sequence = sequence_of(machine)
+    if sequence is None:
+        return
     numbers: dict[str, int] = {}
     for argument in command.arguments:
-        if argument.name not in ("step", "bit"):
+        if argument.name not in TOGETHER:
             continue
         text, named = given.get(argument.name, ""), {"argument": argument.name, "label": argument.label}
         if not text:
@@ -438,6 +443,17 @@ def check_asked(sequence: SequenceView, command: Command, given: Mapping[str, st
         raise Refused("reason.not_forced", 409)
 
 
+def in_words(machine: EquipmentView, arguments: Mapping[str, float]) -> str:
+    """The permissive that `step` and `bit` mean, by its name; empty when they mean none."""
+    definition = machine.equipment.sequence
+    if definition is None or not {*TOGETHER} <= arguments.keys():
+        return ""
+    step, bit = int(arguments["step"]), int(arguments["bit"])
+    named, text = definition.permissive(step, bit), machine.text
+    label = machine.words(named.label) if named else text("sequence.screen.bit", n=bit)
+    return f"{text('sequence.screen.in_step', n=step) if step else text('sequence.screen.abort')} · {label}"
+
+
 def sequence_of(equipment: EquipmentView) -> SequenceView | None:
     """The sequence that a machine runs; None when it runs none."""
     definition = equipment.equipment.sequence
@@ -450,6 +466,10 @@ def sequences_for(equipment: EquipmentView) -> list[EquipmentView]:
     items = plant.equipment.values() if plant else ()
     found = [equipment.other(item.id) for item in items if item.sequence and item.machine == equipment.id]
     return [one for one in found if one]
+
+
+NAMES = {"sequence_of": sequence_of, "sequences_for": sequences_for}
+"""For templates."""
 
 
 def number_of(point: PointView | None) -> float | None:
