@@ -146,15 +146,22 @@ def test_lines_of_the_audit_are_told_by_their_kind(caplog: pytest.LogCaptureFixt
     access = Access(database, ManualClock(), tmp_path, Cost(1, 64, 1))
     lines = [
         access.audit.entry(kind, SYSTEM, "m1", result=result)
-        for kind, result in (("signin.failed", "refused"), ("m1.forward", "confirmed"), ("token.revoked", "ok"))
-    ]
+        for kind, result in (("signin.failed", "refused"), ("m1.forward", "confirmed"), ("token.revoked", "ok"),
+                             ("factor.enrolled", "ok"), ("factor.reset", "ok"), ("backup.restoring", "sent"))
+    ]  # fmt: skip
     with caplog.at_level("INFO", logs.SECURITY):
         access.audit.run(lambda _: (None, lines))
         access.close()
     database.close()
     told = {record.event: record.levelname for record in caplog.records if record.name == logs.SECURITY}  # type: ignore[attr-defined]
     assert told.pop("audit.anchor", "INFO") == "INFO"
-    assert told == {"signin.failed": "WARNING", "token.revoked": "INFO"}
+    assert told == {
+        "signin.failed": "WARNING",
+        "token.revoked": "INFO",
+        "factor.enrolled": "INFO",
+        "factor.reset": "WARNING",
+        "backup.restoring": "WARNING",
+    }
 
 
 @pytest.mark.parametrize("address", ["/none/log", "127.0.0.1:9", "name.invalid:514"])
