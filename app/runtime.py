@@ -25,6 +25,7 @@ from app.commands.interlocks import met, stopped
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
 from app.commands.open_sets import NEWEST, OBJECT, open_sets
+from app.commands.orders import AuditLine
 from app.commands.sets import FOUND_NEW, FOUND_OLD
 from app.commands.value_set import spelt
 from app.database_watch import DatabaseWatch
@@ -309,38 +310,15 @@ class Runtime:
             return
         gate.take_open_sets(open_sets(lines, plant.equipment))
 
-    async def _audited(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str,
-        old: Any,
-        new: Any,
-        result: str,
-        reason: str,
-        address: str = "",
-        **params: Any,
-    ) -> None:
+    async def _audited(self, line: AuditLine) -> None:
         """One line of the audit; a command whose event is kept is also told to the history of events."""
-        if kind == "command" and person is not None:
-            self._tell_books(person, object, result, params.get("arguments") or {}, params)
-        await self.access.audit.record(kind, person, object, old, new, result, reason, address, **params)
+        if line.kind == "command" and line.person is not None:
+            self._tell_books(line.person, line.object, line.result, line.params.get("arguments") or {}, line.params)
+        await self.access.audit.record(*_written(line), **line.params)
 
-    async def _foretold(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str,
-        old: Any,
-        new: Any,
-        result: str,
-        reason: str,
-        address: str = "",
-        **params: Any,
-    ) -> bool:
+    async def _foretold(self, line: AuditLine) -> bool:
         """One line of the audit that is on the disk when this returns true."""
-        entry = self.access.audit.entry(kind, person, object, old, new, result, reason, address, **params)
-        return await self.access.audit.foretell(entry)
+        return await self.access.audit.foretell(self.access.audit.entry(*_written(line), **line.params))
 
     def _tell_books(
         self, person: Person, what: str, result: str, arguments: Mapping[str, Any], params: Mapping[str, Any]
@@ -891,6 +869,11 @@ class Runtime:
             self.alarms.raise_system("task_down", active=not kept.alive, params={"task": kept.name})
         if not kept.alive:
             log.warning("task down task=%s error=%s", kept.name, kept.error)
+
+
+def _written(line: AuditLine) -> tuple[str, Person | None, str, Value, Value, str, str, str]:
+    """`line` as the audit takes it, but for its parameters."""
+    return line.kind, line.person, line.object, line.old, line.new, line.result, line.reason, line.address
 
 
 def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:

@@ -1,7 +1,7 @@
 """What the gate handles: an order as it came, the task it becomes when every check is passed, the job at work, the machine it is for."""
 
 from collections import deque
-from collections.abc import Awaitable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -103,45 +103,32 @@ class MapWriter(Writer, Protocol):
         ...
 
 
-class Audit(Protocol):
-    """Takes one line of the audit trail."""
+@dataclass(frozen=True, slots=True)
+class AuditLine:
+    """One line of the audit trail."""
 
-    def __call__(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str,
-        old: Value,
-        new: Value,
-        result: str,
-        reason: str,
-        address: str = "",
-        **params: Any,
-    ) -> Any:
-        """Called without waiting; a coroutine is run. `object` is `equipment.command`, `result` a state, `reason` a text key."""
-        ...
-
-
-class Foretell(Protocol):
-    """Writes one line of the audit trail before what it tells is done."""
-
-    def __call__(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str,
-        old: Value,
-        new: Value,
-        result: str,
-        reason: str,
-        address: str = "",
-        **params: Any,
-    ) -> Awaitable[bool]:
-        """True when the line is on the disk; False when it can be written nowhere."""
-        ...
+    kind: str
+    person: Person | None
+    """None: the server itself."""
+    object: str
+    """`equipment.command`, or a machine."""
+    old: Value
+    new: Value
+    result: str
+    """A state of a command, or what became of the control of a machine."""
+    reason: str = ""
+    """A text key."""
+    params: Mapping[str, Any] = field(default_factory=dict)
+    address: str = ""
 
 
-async def foretell_nothing(*_: object, **__: object) -> bool:
+Audit = Callable[[AuditLine], Any]
+"""Takes one line; called without waiting, a coroutine is run."""
+Foretell = Callable[[AuditLine], Awaitable[bool]]
+"""Takes one line before what it tells is done: true when it is on the disk, false when it can be written nowhere."""
+
+
+async def foretell_nothing(line: AuditLine) -> bool:
     """For a gate whose commands are only written down with their outcome."""
     return True
 

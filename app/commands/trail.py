@@ -9,7 +9,7 @@ from typing import Any
 from app.access.roles import Person
 from app.commands import value_set
 from app.commands.lifecycle import Progress
-from app.commands.orders import Audit, Foretell, Order
+from app.commands.orders import Audit, AuditLine, Foretell, Order
 from app.tags.batch import Value
 
 log = logging.getLogger(__name__)
@@ -35,8 +35,10 @@ class Trail:
         params |= _what_was_sent(progress)
         try:
             return await self._foretell(
-                "command.sent", order.person, f"{order.equipment}.{order.key}", progress.old, new, "sent", "",
-                order.address, **params,
+                AuditLine(
+                    "command.sent", order.person, f"{order.equipment}.{order.key}", progress.old, new, "sent",
+                    params=params, address=order.address,
+                )
             )  # fmt: skip
         except Exception:
             log.exception("audit failed object=%s", f"{order.equipment}.{order.key}")
@@ -51,11 +53,19 @@ class Trail:
             or (order.argument if refused else progress.argument)
         )
         self.line(
-            order.person, f"{order.equipment}.{order.key}", progress.old, new, progress,
-            address=order.address, why=order.reason,
-        )  # fmt: skip
+            order.person, f"{order.equipment}.{order.key}", progress.old, new, progress, order.address, why=order.reason
+        )
 
-    def line(self, person: Person | None, what: str, old: Value, new: Value, progress: Progress, **more: str) -> None:
+    def line(
+        self,
+        person: Person | None,
+        what: str,
+        old: Value,
+        new: Value,
+        progress: Progress,
+        address: str = "",
+        **more: str,
+    ) -> None:
         """One line about `what` (`equipment.command`)."""
         params: dict[str, Any] = {f"reason_{key}": value for key, value in progress.params.items()}
         params |= {key: value for key, value in more.items() if value}
@@ -66,29 +76,19 @@ class Trail:
             "ended": progress.ended,
         }
         params |= _what_was_sent(progress)
-        self._write("command", person, what, old, new, str(progress.state), progress.reason, params)
+        self._write(AuditLine("command", person, what, old, new, str(progress.state), progress.reason, params, address))
 
     def control(self, person: Person | None, equipment: str, what: str, former: str) -> None:
         """Control of a machine was taken, released, handed over, refused or lost."""
-        self._write("control", person, equipment, former or None, None, what, f"control.{what}", {})
+        self._write(AuditLine("control", person, equipment, former or None, None, what, f"control.{what}"))
 
-    def _write(
-        self,
-        kind: str,
-        person: Person | None,
-        what: str,
-        old: Value,
-        new: Value,
-        result: str,
-        reason: str,
-        params: Mapping[str, Any],
-    ) -> None:
+    def _write(self, line: AuditLine) -> None:
         try:
-            found = self._audit(kind, person, what, old, new, result, reason, **params)
+            found = self._audit(line)
             if asyncio.iscoroutine(found):
                 self._spawn(found, "audit")
         except Exception:
-            log.exception("audit failed object=%s", what)
+            log.exception("audit failed object=%s", line.object)
 
 
 def _what_was_sent(progress: Progress) -> dict[str, Any]:

@@ -10,12 +10,13 @@ from app.access.roles import IDLE, Person, permissions_of
 from app.clock import ManualClock
 from app.commands.gate import TICK, Gate
 from app.commands.lifecycle import Progress
+from app.commands.orders import AuditLine
 from app.errors import LinkError, Withdrawn
 from app.links.schedule import PERMIT
 from app.plant.definitions import Plant, Scan
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
-from app.tags.batch import Batch, Value
+from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
 from app.tags.quality import COMM_FAILURE, GOOD, Origin
 
@@ -136,10 +137,10 @@ class FakeLink:
 class Line:
     """One line of the audit trail."""
 
-    def __init__(self, kind: str, who: Person | None, what: str, old: Value, new: Value, result: str, reason: str):
-        self.kind, self.person, self.object = kind, who.name if who else "", what
-        self.old, self.new, self.result, self.reason = old, new, result, reason
-        self.params: dict[str, object] = {}
+    def __init__(self, line: AuditLine) -> None:
+        self.kind, self.person, self.object = line.kind, line.person.name if line.person else "", line.object
+        self.old, self.new, self.result, self.reason = line.old, line.new, line.result, line.reason
+        self.params = line.params
 
     def __repr__(self) -> str:
         return f"{self.person} {self.object} {self.old}→{self.new} {self.result} {self.reason}"
@@ -191,13 +192,8 @@ class Stand:
             self.publish(name, Scan.FAST, Scan.SLOW, Scan.ONCE)
         self._derive()
 
-    def _audit(
-        self, kind: str, who: Person | None, what: str, old: Value, new: Value, result: str, reason: str,
-        address: str = "", **params: object,
-    ) -> None:  # fmt: skip
-        line = Line(kind, who, what, old, new, result, reason)
-        line.params = params
-        self.lines.append(line)
+    def _audit(self, line: AuditLine) -> None:
+        self.lines.append(Line(line))
 
     @property
     def commands(self) -> list[Line]:
@@ -245,10 +241,10 @@ class Stand:
             if self.sleeps:
                 await asyncio.sleep(TICK)
 
-    async def _foretell(self, kind: str, who: Person | None, object: str, *_: object, **__: object) -> bool:
-        assert kind == "command.sent"
+    async def _foretell(self, line: AuditLine) -> bool:
+        assert line.kind == "command.sent"
         await self.disk.wait()
-        self.sent.append((object, len(self.link.writes)))
+        self.sent.append((line.object, len(self.link.writes)))
         return self.room
 
     async def ask(self, who: Person, command: str, equipment: str = "m1", **asked: object) -> Progress:

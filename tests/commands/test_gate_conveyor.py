@@ -11,6 +11,7 @@ import pytest
 from app.access.roles import Person
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
+from app.commands.orders import AuditLine
 from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.derive import Derivation
@@ -102,9 +103,9 @@ class Line:
         handles, values = [self.tags.handle(name) for name, _, _ in found], [value for _, value, _ in found]
         self.tags.publish(Batch("derived", 0, now, now, handles, values, qualities=[word for _, _, word in found]))
 
-    def _audit(self, kind: str, who: Person | None, what: str, *rest: object, **params: object) -> None:
-        if kind == "command":
-            self.results.append((what, str(rest[2]), str(rest[3])))
+    def _audit(self, line: AuditLine) -> None:
+        if line.kind == "command":
+            self.results.append((line.object, line.result, line.reason))
 
     def value(self, key: str) -> float:
         value = self.tags.sample(f"c1.{key}").value

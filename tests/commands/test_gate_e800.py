@@ -9,6 +9,7 @@ import pytest
 from app.access.roles import Person
 from app.commands.gate import Gate, Question
 from app.commands.lifecycle import Progress, State
+from app.commands.orders import AuditLine
 from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.derive import Derivation
@@ -64,9 +65,9 @@ class Hall:
         )
         self.gate.configure(self.plant)
 
-    async def _audit(self, kind: str, who: Person | None, what: str, *rest: object, **params: object) -> None:
-        if kind == "command":
-            self.lines.append((what, str(rest[2])))
+    async def _audit(self, line: AuditLine) -> None:
+        if line.kind == "command":
+            self.lines.append((line.object, line.result))
 
     def _derive(self, batch: Batch) -> None:
         if batch.source != "link.hall":

@@ -17,6 +17,7 @@ from app.access.roles import Person
 from app.commands.admission import BURST
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
+from app.commands.orders import AuditLine
 from app.errors import LinkError, Refused
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.definitions import Command, Equipment, EquipmentType, Link, Plant, Register, Scan, Write
@@ -164,13 +165,13 @@ class Hall:
 
         stack.push_async_callback(end)
 
-    def _audit(self, kind: str, who: Person | None, what: str, *rest: object, **params: Any) -> None:
-        if kind != "command":
+    def _audit(self, line: AuditLine) -> None:
+        if line.kind != "command":
             return
-        if State.REFUSED in rest:  # those of a second are one line with their number
-            self.tally.audited_refusals += int(params.get("reason_count", 1))
+        if line.result == State.REFUSED:  # those of a second are one line with their number
+            self.tally.audited_refusals += int(line.params.get("reason_count", 1))
         else:
-            self.tally.audited[params["id"]] += 1
+            self.tally.audited[line.params["id"]] += 1
 
     def _ended(self, progress: Progress) -> None:
         """A command is over, this very moment: is what the gate says of it true?"""

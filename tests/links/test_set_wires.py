@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from app.access.roles import Person
 from app.commands import sets
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
+from app.commands.orders import AuditLine
 from app.commands.value_set import Stands
 from app.plant.definitions import Command, Plant, Setpoint, Write
 from app.registers import plc_map
@@ -65,13 +65,11 @@ async def bench(kind: str = "memory") -> AsyncIterator[Bench]:
         await until(lambda: line.value("p.c") == 3.0 and line.value("p.state") == 1)
         lines: list[tuple[str, str]] = []
 
-        def audit(
-            what: str, person: Person | None, object: str, old: Any, new: Any, result: str, *_: Any, **__: Any
-        ) -> None:
-            lines.append((what, result))
+        def audit(one: AuditLine) -> None:
+            lines.append((one.kind, one.result))
 
-        async def foretell(what: str, *_: Any, **__: Any) -> bool:
-            lines.append((what, "sent"))
+        async def foretell(one: AuditLine) -> bool:
+            lines.append((one.kind, one.result))
             return True
 
         gate = Gate(line.tags, loop_clock(), writers={"hall": line.link}, audit=audit, foretell=foretell)
