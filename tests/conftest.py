@@ -36,8 +36,8 @@ settings.register_profile("house", deadline=None, suppress_health_check=[HealthC
 settings.load_profile("house")  # how long an example takes is the machine's affair
 
 ROOT = Path(__file__).resolve().parent.parent
-LONGEST = ("test_commands", "test_sequence", "test_sequence_tcp", "test_live", "test_conveyor")
-"""Files of browser tests that take a minute and more."""
+LONGEST = ("test_layout", "test_live", "test_commands", "test_sequence", "test_conveyor", "test_conveyor_by_hand")
+"""Files of browser tests that take a minute and more, the longest first, so that none of them begins when the other browser ends."""
 CHEAP = Cost(passes=1, memory=64, lanes=1)
 """A thousandth of what a hash of the product costs: for tests that are not about the cost."""
 NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")

@@ -1,4 +1,4 @@
-"""Who sits where: one Pogon for all that only look, one for all stories of a module, and signed-in browsers at it."""
+"""Who sits where: a Pogon for all stories of a module, which ends with them, and signed-in browsers at it."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,9 @@ from tests.conftest import PogonServer, find_port
 expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon with the drives of the demo plant for all that only look at them."""
+    """One Pogon with the drives of the demo plant for all that only look at them. Idle it would cost more than another start."""
     with serving(small(tmp_path_factory.mktemp("demo"), "m1", "m2"), people={}) as running:
         yield running
 
@@ -38,7 +38,7 @@ def sit(
     assert not seat.complaints
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     """One Pogon with the drives of the demo plant, which may be broken over Modbus, with somebody who may do everything."""
     people = {"ana": ("admin", "engineer", "operator")}
@@ -47,15 +47,10 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
         yield running
 
 
-@pytest.fixture(scope="session")
-def signed_in() -> dict[str, StorageState]:
-    return {}
-
-
 @pytest.fixture
-def operator(browser: Browser, broken: PogonServer, signed_in: dict[str, StorageState]) -> Iterator[Operator]:
+def operator(browser: Browser, broken: PogonServer, sessions: dict[str, StorageState]) -> Iterator[Operator]:
     """Somebody before a plant as it was built, with no alarm, whatever went on before."""
-    seat = Sit(browser, broken, signed_in, "ana", "/")
+    seat = Sit(browser, broken, sessions, "ana", "/")
     who = Operator(seat(), broken)
     who.rebuild("m1", "m2")
     yield who
