@@ -8,7 +8,8 @@ from app.commands import interlocks, value_set
 from app.commands.control_token import ControlToken
 from app.commands.entry import parse_number
 from app.commands.interlocks import Age, Prepared, Reason
-from app.commands.orders import Machine, Order, Question, Task, Writer
+from app.commands.machine import Machine
+from app.commands.orders import Order, Question, Task, Writer
 from app.commands.value_set import Change
 from app.errors import LinkError, Refused
 from app.plant import expression

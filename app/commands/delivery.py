@@ -11,8 +11,10 @@ from typing import cast
 
 from app.clock import Clock
 from app.commands.interlocks import Prepared
+from app.commands.job import Job
 from app.commands.lifecycle import State
-from app.commands.orders import Job, Machine, MapWriter, Order, Writer
+from app.commands.machine import Machine
+from app.commands.orders import MapWriter, Order, Writer
 from app.errors import (
     BadAnswer,
     DeviceException,
@@ -70,7 +72,7 @@ class Delivery:
                 answer = await self._mapped(machine).order(
                     machine.item.id, command.code, job.words, expected=job.expected, owner=owner_of(job)
                 )
-                job.answer = answer
+                job.answered(answer)
                 return refusal_of(machine.item.type, answer)
             if command.hold_bits:
                 if not job.progress.over and job.ending is None:
@@ -107,7 +109,7 @@ class Delivery:
         finally:
             if job.clears:
                 await self._bits(machine, job, 0, urgent=True)
-        job.answer = answer
+        job.answered(answer)
         if answer.state not in TAKEN:
             log.warning("stop not taken equipment=%s state=%s reason=%s", item.id, answer.state.name, answer.reason)
         return answer.state in TAKEN
@@ -115,22 +117,19 @@ class Delivery:
     async def ask(self, machine: Machine, job: Job) -> None:
         """Read again what the device says about a code that it has taken."""
         assert job.answer is not None
-        job.asking = True
-        job.last_ask = self._clock.monotonic()
-        try:
-            found = await self._mapped(machine).answer(machine.item.id, job.answer.id)
-            job.answer = found or job.answer
-        except (LinkError, KeyError) as error:
-            log.info("answer not read equipment=%s error=%s", machine.item.id, error)
-        finally:
-            job.asking = False
+        with job.asked_again(self._clock.monotonic()):
+            try:
+                found = await self._mapped(machine).answer(machine.item.id, job.answer.id)
+                job.answered(found or job.answer)
+            except (LinkError, KeyError) as error:
+                log.info("answer not read equipment=%s error=%s", machine.item.id, error)
 
     async def _bits(self, machine: Machine, job: Job, bits: int, *, urgent: bool = False) -> None:
         """Request bits with a counter that no telegram before had."""
-        job.last_hold = self._clock.monotonic()
+        job.bits_sent(self._clock.monotonic())
         machine.counter = machine.counter % LARGEST_COUNTER + 1
         await self._mapped(machine).hold(machine.item.id, bits, machine.counter, urgent=urgent)
-        job.held = self._clock.monotonic()
+        job.bits_echoed(self._clock.monotonic())
 
     def _mapped(self, machine: Machine) -> MapWriter:
         return cast(MapWriter, self._writers[machine.item.link])

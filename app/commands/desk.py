@@ -12,8 +12,10 @@ from app.commands.control_token import ControlToken
 from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Audit, Foretell, Job, Machine, Order, Writer
+from app.commands.job import Job
+from app.commands.lifecycle import Progress, State
+from app.commands.machine import Machine
+from app.commands.orders import Audit, Foretell, Order, Writer
 from app.commands.trail import Trail
 from app.errors import Refused
 from app.tags.database import TagDatabase
@@ -80,7 +82,7 @@ class Desk:
         """The command of `job` is over."""
         if job.progress.over:
             return
-        job.progress = advance(job.progress, state, self.clock.micros(), end=True, reason=reason, params=params or {})
+        job.end(state, self.clock.micros(), reason, params or {})
         if machine.job is job:
             machine.job = None
         machine.last = job.progress

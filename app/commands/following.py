@@ -6,9 +6,10 @@ from app.commands import interlocks
 from app.commands.checks import holds
 from app.commands.delivery import refusal_of
 from app.commands.desk import Desk
+from app.commands.job import Job
 from app.commands.lifecycle import Facts, State, judge
+from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
-from app.commands.orders import Job, Machine
 from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
 from app.registers.plc_map import HOLD_TIMEOUT, AnswerState
 from app.tags.quality import is_good
@@ -30,9 +31,7 @@ class Following:
     def follow(self, machine: Machine, job: Job, now: float) -> None:
         """One look at a job at `now` [s]."""
         if job.other is not None and not job.other.writing:
-            job.other = None
-            if job.prepared.command.stop or job.ending is not None:
-                job.since, job.last_write = None, float("-inf")
+            job.other_is_through()
         if job.lease is not None and job.ending is None and job.lease.last - job.held > HOLD_TIMEOUT:
             self._desk.hold.end(
                 job.lease, "write"
@@ -105,8 +104,7 @@ class Following:
             self._desk.alarm_stop(machine.item.id)
         elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:
             if job.other is None and job.since is None and job.last_write > float("-inf"):
-                # the echo is lost, but what is read from here on comes after a telegram that may have arrived
-                job.since = now
+                job.stop_perhaps_heard(now)
             self._desk.spawn(
                 self._sending.write_stop(machine, job, job.progress.telegrams, job.prepared), f"stop {machine.item.id}"
             )

@@ -28,9 +28,10 @@ from app.commands.desk import Desk
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Progress, State
+from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
 from app.commands.nonce import Once
-from app.commands.orders import LONGEST_REASON, Audit, Foretell, Machine, Order, Writer, foretell_nothing
+from app.commands.orders import LONGEST_REASON, Audit, Foretell, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
 from app.commands.sets import Sets

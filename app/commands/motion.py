@@ -12,8 +12,10 @@ from app.commands.admission import Admission
 from app.commands.desk import Desk
 from app.commands.hold import HoldToRun, Lease
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Job, Machine, Order, Question
+from app.commands.job import Job
+from app.commands.lifecycle import Progress, State
+from app.commands.machine import Machine
+from app.commands.orders import Order, Question
 from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
 from app.errors import LinkError, Refused
 from app.tags.batch import Value
@@ -92,9 +94,7 @@ class HeldMotion:
             raise
         previous = self._desk.checks.previous(machine, prepared)
         job = self._sending.begin(order, machine, prepared, plan)
-        job.lease = lease
-        if prepared.command.hold_bits:
-            job.held = self._desk.clock.monotonic()
+        job.lend(lease, self._desk.clock.monotonic())
         for point, value in previous.items():
             machine.restore.setdefault(point, value)
         self._desk.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
@@ -106,19 +106,15 @@ class HeldMotion:
         if machine is None or job is None or job.lease is not lease or not job.prepared.command.hold_bits:
             return
         if not job.writing and self._desk.clock.monotonic() - job.last_hold >= HOLD_EVERY:
-            job.last_hold = self._desk.clock.monotonic()
+            job.bits_sent(self._desk.clock.monotonic())
             self._desk.spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
 
     async def _hold_on(self, machine: Machine, job: Job) -> None:
         """One more telegram with the bits. One that is lost is made up for by the next, as long as the device itself goes on."""
-        job.writing += 1
-        try:
+        with job.telegrams():
             broke = await self._desk.delivery.send(machine, job, ())
-        finally:
-            job.writing -= 1
         if job.ending is not None:
-            # it may have moved the machine after the first stop
-            job.since, job.last_write = None, float("-inf")
+            job.stop_anew()
         elif broke is not None and broke[0] is State.FAILED and job.lease is not None:
             self._desk.hold.end(job.lease, "write")
 
@@ -128,9 +124,7 @@ class HeldMotion:
         job = machine.job if machine else None
         if machine is None or job is None or job.lease is not lease:
             return
-        job.ending = self._desk.clock.monotonic()
-        job.since, job.echoed = None, False
-        job.other = None
+        job.let_go(self._desk.clock.monotonic())
         self._desk.mark(lease.equipment)
         self._desk.spawn(
             self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
@@ -142,8 +136,7 @@ class HeldMotion:
         assert job.lease is not None
         if verdict is State.CONFIRMED:
             if not job.moved:
-                job.moved = True
-                job.progress = advance(job.progress, State.CONFIRMED, self._desk.clock.micros(), end=False)
+                job.seen_moving(self._desk.clock.micros())
                 self._desk.mark(machine.item.id)
             return
         self._desk.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")

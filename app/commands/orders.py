@@ -1,24 +1,14 @@
-"""What the gate handles: an order as it came, the task it becomes when every check is passed, the job at work, the machine it is for."""
+"""What the gate handles: an order as it came, the task it becomes when every check is passed, what it needs of links and the audit."""
 
-from collections import deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Protocol
 
-from app import chance
 from app.access.roles import Person
-from app.commands.hold import Lease
-from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress
 from app.commands.value_set import Change
 from app.errors import Refused
-from app.plant.definitions import Alarm, Condition, Equipment, Link
 from app.registers.plc_map import Answer
 from app.tags.batch import Value
-
-HISTORY = 50
-"""Commands remembered per machine."""
 
 
 class Writer(Protocol):
@@ -184,98 +174,3 @@ class Task:
     """Of a set of setpoints."""
     steps: tuple[tuple[str, ...], ...] = ()
     """Of a set of setpoints: what the device takes at once, in the order in which it is written."""
-
-
-@dataclass(slots=True)
-class SetJob:
-    """A set of setpoints at work; `sets.Sets` alone changes it."""
-
-    order: Order
-    prepared: Prepared
-    plan: Task
-    progress: Progress
-    touched: list[tuple[str, ...]] = field(default_factory=list)
-    """Steps of which a telegram may have reached the device."""
-    unsettled: set[str] = field(default_factory=set)
-    """Points whose last write may still take effect: what is read of them now proves nothing."""
-    stop: str = ""
-    """Why no further new value is written (a text key); empty while nothing keeps it from going on."""
-
-
-@dataclass(slots=True)
-class Job:
-    """A command at work."""
-
-    order: Order
-    prepared: Prepared
-    progress: Progress
-    before: bool | None
-    """The feedback before the write."""
-    guarded: tuple[Condition, ...]
-    """Interlocks that were met."""
-    quiet: tuple[Alarm, ...]
-    """Drive faults that were not there."""
-    asked: float
-    """Monotonic [s]; of a Stop that follows an unconfirmed Stop, the first one's."""
-    since: float | None = None
-    """From when on values count as feedback: accepted, or unknown; monotonic [s]."""
-    writing: int = 0
-    """Whether its telegrams are on their way."""
-    stopping: int = 0
-    """Stop telegrams on their way."""
-    last_write: float = float("-inf")
-    last_read: float = float("-inf")
-    other: "Job | None" = None
-    """The superseded command whose telegram may still be on its way."""
-    lease: Lease | None = None
-    ending: float | None = None
-    """When a hold-to-run began to stop, monotonic [s]."""
-    moved: bool = False
-    echoed: bool = False
-    words: tuple[int, ...] = ()
-    expected: int = 0
-    answer: Answer | None = None
-    """What the device last said about a code."""
-    asking: bool = False
-    """Whether its answer is being read."""
-    last_ask: float = float("-inf")
-    clears: bool = False
-    """A Stop over a hold-to-run by request bits: it clears them, too."""
-    last_hold: float = float("-inf")
-    """When request bits were last sent, monotonic [s]."""
-    held: float = float("inf")
-    """When they were last echoed; until the first echo, when they were first sent."""
-
-
-@dataclass(slots=True)
-class Machine:
-    """What the gate keeps of one machine."""
-
-    item: Equipment
-    link: Link
-    commands: Mapping[str, Prepared]
-    setpoints: Mapping[str, Prepared]
-    stop: Prepared | None
-    job: Job | None = None
-    set: SetJob | None = None
-    """Nothing but a Stop is taken beside it."""
-    last: Progress | None = None
-    history: deque[Progress] = field(default_factory=lambda: deque(maxlen=HISTORY))
-    met: dict[str, tuple[bool | None, int]] = field(default_factory=dict)
-    """Condition → met, since [µs UTC]."""
-    pulses: dict[str, float] = field(default_factory=dict)
-    restore: dict[str, float] = field(default_factory=dict)
-    """Point → what it held before a hold-to-run wrote it."""
-    restoring: bool = False
-    counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
-    """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
-    signature: object = None
-    used: Sequence[str] = field(init=False)
-    """Points read from the device that anything about its commands uses."""
-    handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))
-    """Revision of the tags, and the handles of the points in it."""
-    dirty: bool = True
-    told: float = float("-inf")
-
-    def __post_init__(self) -> None:
-        self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))

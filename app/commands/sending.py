@@ -11,8 +11,10 @@ from app.commands import interlocks
 from app.commands.checks import holds, is_pulse
 from app.commands.desk import Desk
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Job, Machine, Order, Task
+from app.commands.job import Job
+from app.commands.lifecycle import Progress, State
+from app.commands.machine import Machine
+from app.commands.orders import Order, Task
 from app.errors import LinkError, Refused
 from app.plant.definitions import Scan
 from app.registers.plc_map import AnswerState
@@ -91,7 +93,7 @@ class Sending:
         if self._desk.dry_run:
             return job
         if machine.set is not None:
-            machine.set.stop = machine.set.stop or "why.set_stopped"
+            machine.set.interrupt("why.set_stopped")
         self._supersede(machine, job)
         machine.job = job
         if is_pulse(machine, prepared):
@@ -103,12 +105,9 @@ class Sending:
         old = machine.job
         if old is None:
             return
-        new.other = old if old.writing else old.other
-        if old.prepared.command.stop and new.prepared.command.stop:
-            new.asked = old.asked
+        new.supersede(old)
         if old.lease is not None:
             self._desk.hold.drop(old.lease, "stop")
-        new.clears = old.clears or bool(old.prepared.command.hold_bits)
         key = "why.superseded"
         self._desk.end(
             machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person}
@@ -117,25 +116,19 @@ class Sending:
     async def write(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> None:
         """Send the telegrams in order; a Stop or a newer command in between ends it."""
         item = machine.item
-        job.writing += 1
-        try:
+        with job.telegrams():
             if await self._desk.trail.sent(job.order, job.progress):
                 broke = await self._desk.delivery.send(machine, job, telegrams)
             else:
                 broke = State.FAILED, NO_AUDIT, {}
-        finally:
-            job.writing -= 1
         if job.ending is not None:
-            # it may have moved the machine after the first stop
-            job.since, job.last_write = None, float("-inf")
+            job.stop_anew()
         elif job.progress.over:
             return
         elif broke is not None:
             self._broke(machine, job, *broke)
         else:
-            job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
-            job.since = self._desk.clock.monotonic()
-            job.echoed = True
+            job.accepted(self._desk.clock.monotonic(), self._desk.clock.micros())
             self._desk.mark(item.id)
             self.read_back(machine, job)
             if job.prepared.feedback is None and (job.answer is None or job.answer.state is AnswerState.DONE):
@@ -144,11 +137,10 @@ class Sending:
     def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
-            job.progress = advance(job.progress, State.UNKNOWN, self._desk.clock.micros(), reason=reason, params=params)
+            job.in_doubt(self._desk.clock.monotonic(), self._desk.clock.micros(), reason, params)
             self._desk.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
         elif state is State.UNKNOWN:
-            job.progress = advance(job.progress, state, self._desk.clock.micros(), reason=reason, params=params)
-            job.since = self._desk.clock.monotonic()
+            job.in_doubt(self._desk.clock.monotonic(), self._desk.clock.micros(), reason, params)
             self._desk.mark(machine.item.id)
             self.read_back(machine, job)
         else:
@@ -157,7 +149,7 @@ class Sending:
     def read_back(self, machine: Machine, job: Job) -> None:
         """Have the feedback read now where no scan brings it."""
         item = machine.item
-        job.last_read = self._desk.clock.monotonic()
+        job.read_back(self._desk.clock.monotonic())
         unknown = job.progress.state is State.UNKNOWN
         keys = [k for k in job.prepared.watched if unknown or item.points[k].scan in (Scan.PAGE, Scan.ONCE, Scan.SLOW)]
         if keys:
@@ -174,23 +166,16 @@ class Sending:
     ) -> None:
         """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `following`."""
         item, now = machine.item, self._desk.clock.monotonic()
-        job.stopping += 1
-        job.last_write = now
-        try:
-            if not await self._desk.delivery.stop(machine, job, telegrams):
+        with job.stop_telegrams(now):
+            try:
+                if not await self._desk.delivery.stop(machine, job, telegrams):
+                    return
+            except (LinkError, Refused, KeyError) as error:
+                log.info("stop not answered equipment=%s error=%s", item.id, error)
                 return
-        except (LinkError, Refused, KeyError) as error:
-            log.info("stop not answered equipment=%s error=%s", item.id, error)
-            return
-        finally:
-            job.stopping -= 1
         if job.progress.over:
             return
-        job.echoed = True
-        if job.since is None and job.other is None:
-            job.since = self._desk.clock.monotonic()
-        if job.progress.state is State.REQUESTED and job.lease is None:
-            job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
+        if job.stop_echoed(self._desk.clock.monotonic(), self._desk.clock.micros()):
             self._desk.mark(item.id)
         watched = stop.watched if stop else ()
         slow = [key for key in watched if item.points[key].scan is not Scan.FAST]

@@ -23,7 +23,8 @@ from app.commands.delivery import Outcome, outcome_of
 from app.commands.desk import Desk
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, State, advance
-from app.commands.orders import Machine, Order, SetJob, Task
+from app.commands.machine import Machine, SetJob
+from app.commands.orders import Order, Task
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
 from app.links.contract import StillOwed
@@ -86,8 +87,8 @@ class Sets:
 
     def stop(self, machine: Machine, why: str) -> None:
         """Write no further new value: put back what was changed (`why`: text key)."""
-        if machine.set is not None and not machine.set.stop:
-            machine.set.stop = why
+        if machine.set is not None:
+            machine.set.interrupt(why)
 
     def take_open(self, progress: Progress) -> None:
         """A set of a former run whose end is not known: told as such, and followed up."""

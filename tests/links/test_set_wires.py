@@ -218,7 +218,7 @@ async def test_a_stop_in_the_middle_puts_it_back_and_what_stands_is_told() -> No
     async with bench("rtu") as it:
         asked = it.ask(NEW)
         await asyncio.sleep(0.01)
-        it.gate._desk.machines["p"].set.stop = "why.set_stopped"  # type: ignore[union-attr]
+        it.gate._desk.machines["p"].set.interrupt("why.set_stopped")  # type: ignore[union-attr]
         done = await asyncio.wait_for(asked, 60)
         it.is_true(done)
         assert STATUS and done.state in (State.FAILED, State.CONFIRMED)

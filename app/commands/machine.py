@@ -1,0 +1,70 @@
+"""What the gate keeps of one machine: what is at work on it, and what was."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from app import chance
+from app.commands.interlocks import Prepared
+from app.commands.job import Job
+from app.commands.lifecycle import Progress
+from app.commands.orders import Order, Task
+from app.plant.definitions import Equipment, Link
+
+HISTORY = 50
+"""Commands remembered per machine."""
+
+
+@dataclass(slots=True)
+class SetJob:
+    """A set of setpoints at work; `sets.Sets` alone writes it, `interrupt` whoever has to."""
+
+    order: Order
+    prepared: Prepared
+    plan: Task
+    progress: Progress
+    touched: list[tuple[str, ...]] = field(default_factory=list)
+    """Steps of which a telegram may have reached the device."""
+    unsettled: set[str] = field(default_factory=set)
+    """Points whose last write may still take effect: what is read of them now proves nothing."""
+    stop: str = ""
+    """Why no further new value is written (a text key); empty while nothing keeps it from going on."""
+
+    def interrupt(self, why: str) -> None:
+        """Write no further new value, and put back what was changed; the first reason counts."""
+        self.stop = self.stop or why
+
+
+@dataclass(slots=True)
+class Machine:
+    """What the gate keeps of one machine."""
+
+    item: Equipment
+    link: Link
+    commands: Mapping[str, Prepared]
+    setpoints: Mapping[str, Prepared]
+    stop: Prepared | None
+    job: Job | None = None
+    set: SetJob | None = None
+    """Nothing but a Stop is taken beside it."""
+    last: Progress | None = None
+    history: deque[Progress] = field(default_factory=lambda: deque(maxlen=HISTORY))
+    met: dict[str, tuple[bool | None, int]] = field(default_factory=dict)
+    """Condition → met, since [µs UTC]."""
+    pulses: dict[str, float] = field(default_factory=dict)
+    restore: dict[str, float] = field(default_factory=dict)
+    """Point → what it held before a hold-to-run wrote it."""
+    restoring: bool = False
+    counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
+    """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
+    signature: object = None
+    used: Sequence[str] = field(init=False)
+    """Points read from the device that anything about its commands uses."""
+    handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))
+    """Revision of the tags, and the handles of the points in it."""
+    dirty: bool = True
+    told: float = float("-inf")
+
+    def __post_init__(self) -> None:
+        self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))
