@@ -1,4 +1,4 @@
-"""docs/registers/<type>.md for every equipment type with a map of ours, from its data and from app/registers/plc_map.py.
+"""docs/registers/<type>.md for every equipment type that is a Pogon PLC, from its data and from app/registers/plc_map.py.
 
 The same data give the same file, byte for byte; `--check` writes nothing and fails when a file is stale. Remarks come from comments in the
 data: the block above a table of device.toml or commands.toml, and what stands behind an address, an offset or a code.
@@ -112,7 +112,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def pages() -> dict[Path, str]:
-    """File → its text, for every type with a map of ours."""
+    """File → its text, for every type that is a Pogon PLC."""
     found: dict[Path, str] = {}
     for name in types.names():
         data, problems = types.read_type(name, [LANGUAGE])

@@ -53,7 +53,7 @@ class Writer(Protocol):
 
 
 class MapWriter(Writer, Protocol):
-    """What the gate needs besides of a link to a machine with a map of ours (registers/plc_map.py)."""
+    """What the gate needs besides of a link to a Pogon PLC (registers/plc_map.py)."""
 
     async def order(
         self,

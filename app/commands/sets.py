@@ -27,7 +27,7 @@ from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order, Task
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
-from app.links.contract import StillOwed
+from app.links.contract import LateAnswerDue
 from app.links.schedule import PERMIT
 from app.tags.quality import is_good
 
@@ -214,10 +214,10 @@ class Sets:
         try:
             await self._desk.writers[machine.item.link].write_set(machine.item.id, values)
         except LinkError as error:
-            owed = error if isinstance(error, StillOwed) else error.__cause__
-            if not isinstance(owed, StillOwed) or self._desk.clock.monotonic() + owed.wait > until:
+            late = error if isinstance(error, LateAnswerDue) else error.__cause__
+            if not isinstance(late, LateAnswerDue) or self._desk.clock.monotonic() + late.wait > until:
                 raise
-            await asyncio.sleep(owed.wait)
+            await asyncio.sleep(late.wait)
             return False
         return True
 

@@ -49,7 +49,7 @@ class Counts:
     """Answers to requests that had been given up."""
 
 
-class StillOwed(NoAnswer):
+class LateAnswerDue(NoAnswer):
     """Not sent: the device may still answer an earlier request, and that answer could be taken for this one's.
 
     `wait`: until then [s].
@@ -86,7 +86,7 @@ class Transport(Protocol):
 
         Raises:
             NoAnswer: silence until the time-out.
-            StillOwed: nothing was sent, for the sake of an earlier answer.
+            LateAnswerDue: nothing was sent, for the sake of an earlier answer.
             NotConnected: the connection is not there, or went while waiting.
             BadAnswer: an answer came that is not one to this request.
             DeviceException: the device refused.

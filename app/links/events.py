@@ -1,4 +1,4 @@
-"""The event ring of a machine with a map of ours: what happened between two scans, in its order and with the device's own time.
+"""The event ring of a Pogon PLC: what happened between two scans, in its order and with the device's own time.
 
 Rows are handed over in order; what nobody took comes again. To the device only those are acknowledged that are stored: until then the ring
 is where they are found again after a crash of this program. What the ring overwrote before it was read is counted and told with the next
@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.errors import DeviceException, LinkError
+from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.host_event import HostEvent
-from app.links.road import Road
 from app.links.schedule import Priority
 from app.links.station import Station
 from app.plant.definitions import Equipment, Scan
@@ -107,12 +107,12 @@ def head_of(words: Sequence[int]) -> Head | None:
 class EventReader:
     """Follows the ring of one unit."""
 
-    def __init__(self, road: Road, station: Station, clock: DeviceClock) -> None:
+    def __init__(self, bus: BusAccess, station: Station, clock: DeviceClock) -> None:
         self.position: int | None = None
         """Sequence of the last event that was taken; None until somebody was asked where to begin."""
         self.lost = 0
         """Overwritten before they were read, not told yet."""
-        self._road = road
+        self._bus = bus
         self._station = station
         self._clock = clock
         self._last: DeviceEvent | None = None
@@ -162,7 +162,7 @@ class EventReader:
 
     def seen(self, head: Head) -> None:
         """The head was read: fetch and acknowledge what is new."""
-        if self._road.on_events is None or self._busy is not None:
+        if self._bus.on_events is None or self._busy is not None:
             return
         if not head.capacity or not plc_map.LEAST_EVENT_WORDS <= head.words <= MAX_READ:
             if not self._told:
@@ -180,7 +180,7 @@ class EventReader:
         if self._suspect or head.newest != self.position or self._to_acknowledge(head) is not None:
             self._head = head
             self._busy = token = object()
-            self._road.attend(self._station, self._follow(token))
+            self._bus.attend(self._station, self._follow(token))
 
     async def _follow(self, token: object) -> None:
         try:
@@ -203,7 +203,7 @@ class EventReader:
         if not self._suspect and head.newest == self.position:
             return False
         if head.newest < self.position:  # is it, or is this head older than what was read since?
-            head = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS))) or head
+            head = head_of(await self._bus.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS))) or head
             self._head = head
         await self._read_clock()
         if head.newest < self.position:
@@ -220,7 +220,7 @@ class EventReader:
         if self.position >= head.newest:
             self._absent = 0
             return False
-        again = head_of(await self._road.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS, again=True)))
+        again = head_of(await self._bus.read(self._station, Block(plc_map.EVENTS, plc_map.EVENTS_WORDS, again=True)))
         if again is None:
             return False
         self._head = again
@@ -234,9 +234,9 @@ class EventReader:
 
     async def _start(self, head: Head) -> int:
         """Sequence of the last event that needs not be taken."""
-        if self._road.last_seen is not None:
+        if self._bus.last_seen is not None:
             try:
-                known = self._road.last_seen(self.equipment)
+                known = self._bus.last_seen(self.equipment)
                 if inspect.isawaitable(known):
                     known = await known
             except Exception:
@@ -285,7 +285,7 @@ class EventReader:
         )
         count = max(1, min(count, limit // size, head.capacity - slot))
         cuts = tuple(range(size, count * size, size))
-        words = await self._road.read(
+        words = await self._bus.read(
             self._station, Block(plc_map.EVENT_ROWS + slot * size, count * size, cuts=cuts, again=True)
         )
         return [plc_map.event_of(words[at : at + size]) for at in range(0, count * size, size)]
@@ -293,9 +293,9 @@ class EventReader:
     async def _read_clock(self) -> None:
         """The device's time and start as they are now: the header may be a second old."""
         first, last = plc_map.AT_BOOTS, plc_map.AT_TIME_QUALITY
-        asked = self._road.clock.micros()
-        words = await self._road.read(self._station, Block(plc_map.HEADER + first, last - first + 1))
-        if self._clock.header(words, first, asked, self._road.clock.micros()):
+        asked = self._bus.clock.micros()
+        words = await self._bus.read(self._station, Block(plc_map.HEADER + first, last - first + 1))
+        if self._clock.header(words, first, asked, self._bus.clock.micros()):
             self._suspect = True
 
     def _skip(self, to: int) -> None:
@@ -307,7 +307,7 @@ class EventReader:
 
     async def _deliver(self, found: Sequence[DeviceEvent]) -> None:
         """Hand over until they are taken."""
-        seen = self._road.clock.micros()
+        seen = self._bus.clock.micros()
         events = [
             HostEvent(
                 event.sequence,
@@ -330,8 +330,8 @@ class EventReader:
             await asyncio.sleep(AGAIN)
 
     async def _hand_over(self, equipment: Equipment, events: Sequence[HostEvent], lost: int) -> None:
-        if self._road.on_events is not None:
-            await self._road.on_events(equipment, events, lost)
+        if self._bus.on_events is not None:
+            await self._bus.on_events(equipment, events, lost)
 
     async def _finish_delivery(self) -> bool:
         """Wait for whoever takes the events. A lost connection ends the waiting, not his work; the next reader waits on."""
@@ -358,13 +358,13 @@ class EventReader:
 
     def _note_stored(self) -> int | None:
         """Sequence of the last event that is stored, as far as this reader handed it over; None when it knows of none."""
-        if self._road.stored_up_to is None:
+        if self._bus.stored_up_to is None:
             self._kept.clear()
             self._storable = self.position
             return self.position
         kept = self._kept
         if kept:
-            mark = self._road.stored_up_to(self.equipment)
+            mark = self._bus.stored_up_to(self.equipment)
             while kept and mark is not None and not is_new(kept[0], mark):
                 self._storable = kept.popleft().sequence
         return self._storable
@@ -380,11 +380,11 @@ class EventReader:
         sequence = None if self._head is None else self._to_acknowledge(self._head)
         if sequence is None:
             return
-        job = self._road.job(self._station.number)
+        job = self._bus.job(self._station.number)
         job.address, job.function = plc_map.EVENTS + plc_map.AT_ACKNOWLEDGED, WRITE_MULTIPLE
         job.words = plc_map.long_words(sequence)
         try:
-            await self._road.ask(job, Priority.WRITE)
+            await self._bus.ask(job, Priority.WRITE)
         except DeviceException as error:
             self._tell("acknowledgement refused link=%s unit=%d sequence=%d: %s", sequence, error)
         self._acknowledged = sequence

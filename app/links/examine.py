@@ -7,8 +7,8 @@ import asyncio
 import logging
 
 from app.errors import DeviceException, LinkError
+from app.links.bus_access import BusAccess
 from app.links.contract import Block
-from app.links.road import Road
 from app.links.scan_block import ScanBlock
 from app.links.station import Finding, Station, spans_of
 
@@ -25,8 +25,8 @@ BUSY_PAUSE = 0.05
 class Examiner:
     """Looks at units of one link."""
 
-    def __init__(self, road: Road) -> None:
-        self._road = road
+    def __init__(self, bus: BusAccess) -> None:
+        self._bus = bus
 
     async def try_smaller(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         """Silence at a size that the device never answered: is it the size, or is nobody there?"""
@@ -36,17 +36,17 @@ class Examiner:
     async def _try_smaller_alone(self, station: Station, block: ScanBlock, error: LinkError) -> None:
         if not block.alive:
             return
-        self._road.drop(block)
+        self._bus.drop(block)
         try:
-            await self._road.read(station, Block(block.block.address, 1, block.block.function))
+            await self._bus.read(station, Block(block.block.address, 1, block.block.function))
         except DeviceException:
             pass
         except LinkError:
-            self._road.later(station, error)
+            self._bus.later(station, error)
             return
         station.learned.limit = station.device.fallback_read
         self._tell_limit(station, error)
-        self._road.replan(station)
+        self._bus.replan(station)
 
     async def examine(self, station: Station, block: ScanBlock) -> None:
         """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
@@ -56,15 +56,15 @@ class Examiner:
     async def _examine_alone(self, station: Station, block: ScanBlock) -> None:
         if not block.alive:
             return
-        self._road.drop(block)
+        self._bus.drop(block)
         finding, function = Finding(), block.block.function
         try:
             await self._halve(station, function, spans_of(block.points), finding)
         except DeviceException:
-            self._road.schedule(block, _now() + 1.0)
+            self._bus.schedule(block, _now() + 1.0)
             return
         except LinkError as error:
-            self._road.later(station, error)
+            self._bus.later(station, error)
             return
         learned = station.learned
         if finding.limit is not None:
@@ -84,15 +84,15 @@ class Examiner:
                 last,
             )
         if finding.limit is None and not finding.gaps and not finding.bad:
-            self._road.schedule(block, _now() + BUSY_PAUSE)  # it takes the block now
-        self._road.replan(station)
+            self._bus.schedule(block, _now() + BUSY_PAUSE)  # it takes the block now
+        self._bus.replan(station)
         self.start_recheck(station)
 
     async def _halve(self, station: Station, function: int, spans: list[tuple[int, int]], finding: Finding) -> bool:
         """Whether the device answers the registers from the first to the last of `spans` in one read."""
         first, last = spans[0][0], max(end for _, end in spans)
         try:
-            await self._road.read(station, Block(first, last - first + 1, function))
+            await self._bus.read(station, Block(first, last - first + 1, function))
             return True
         except DeviceException as error:
             if error.code not in NO_REGISTER:
@@ -116,7 +116,7 @@ class Examiner:
     def start_recheck(self, station: Station) -> None:
         """Look now and then whether what it refuses is there after all."""
         if station.learned.bad and station.recheck is None:
-            station.recheck = self._road.attend(station, self._recheck(station))
+            station.recheck = self._bus.attend(station, self._recheck(station))
 
     async def _recheck(self, station: Station) -> None:
         """Look now and then at a refused register; when it is there after all, everything is tried again."""
@@ -126,12 +126,12 @@ class Examiner:
             pause = min(2 * pause, LAST_LOOK)
             function, first, last = min(station.learned.bad)
             try:
-                await self._road.read(station, Block(first, last - first + 1, function))
+                await self._bus.read(station, Block(first, last - first + 1, function))
             except LinkError:
                 continue
             station.learned.bad.clear()
             station.learned.gaps.clear()
-            self._road.replan(station)
+            self._bus.replan(station)
         station.recheck = None
 
     def _tell_limit(self, station: Station, error: LinkError) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from app.clock import Clock
 from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
-from app.links.contract import Block, StillOwed
+from app.links.contract import Block, LateAnswerDue
 from app.links.host_event import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
@@ -98,7 +98,7 @@ class Line:
                 job = self.job(station.number, block, liveness=liveness)
                 job.quiet = quiet
                 return await self.ask(job, Priority.REFRESH)
-            except StillOwed as error:
+            except LateAnswerDue as error:
                 await asyncio.sleep(error.wait)
 
     def publish(self, station: Station, block: ScanBlock, words: list[int], started: float) -> None:

@@ -1,4 +1,4 @@
-"""The reads of a machine with a map of ours: header, images, ring and tables, each cut where the device swaps it and nowhere else.
+"""The reads of a Pogon PLC: header, images, ring and tables, each cut where the device swaps it and nowhere else.
 
 One image is one telegram even where two would cost less, and a row is never cut. What lies in none of them is planned as plain registers.
 """

@@ -1,4 +1,4 @@
-"""Commands, hold-to-run and sets of setpoints of a machine with a map of ours.
+"""Commands, hold-to-run and sets of setpoints of a Pogon PLC.
 
 A command is one telegram with an id, sent once and never again by itself. What became of it stands in the answers of the device: when the
 echo is lost they are read before anything is said. One command is on its way at a time, for the device has one place for it; an urgent one
@@ -14,9 +14,9 @@ from zlib import crc32
 
 from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, NotTaken, Overtaken, Rejected
-from app.links.contract import Block, StillOwed
+from app.links.bus_access import BusAccess
+from app.links.contract import Block, LateAnswerDue
 from app.links.events import DeviceClock
-from app.links.road import Road
 from app.links.schedule import Priority
 from app.links.services import SetWrite
 from app.links.station import Station
@@ -43,8 +43,8 @@ LARGEST_ID = 0xFFFF
 class Orders:
     """What is asked of one unit."""
 
-    def __init__(self, road: Road, station: Station, clock: DeviceClock) -> None:
-        self._road = road
+    def __init__(self, bus: BusAccess, station: Station, clock: DeviceClock) -> None:
+        self._bus = bus
         self._station = station
         self._clock = clock
         self._next = chance.randrange(1, LARGEST_ID)
@@ -138,7 +138,7 @@ class Orders:
             check = crc32(pack(f">{count}H", *values))
             try:
                 answer = await self.order(Request(plc_map.COMMIT_SETTINGS, arguments=(count, check)), stops=stops)
-            except StillOwed as error:
+            except LateAnswerDue as error:
                 raise NotTaken(f"{name}: not sent ({error})") from error
             except LinkError as error:
                 if type(error) is not LinkError:
@@ -156,11 +156,11 @@ class Orders:
             request = replace(request, id=self._next_id())
         boots = self._clock.boots
         unknown: LinkError | None = None
-        job = self._road.job(self._station.number)
+        job = self._bus.job(self._station.number)
         job.address, job.words, job.function = plc_map.COMMAND, plc_map.request_words(request), WRITE_MULTIPLE
         job.urgent = urgent
         try:
-            await self._road.ask(job, priority)
+            await self._bus.ask(job, priority)
         except DeviceException as error:
             if error.code not in UNTOLD:
                 raise
@@ -175,7 +175,7 @@ class Orders:
         now = asyncio.get_running_loop().time()
         for block in self._station.blocks:
             if block.part is not None and block.scan is Scan.FAST and block.reading.points:
-                self._road.schedule(block, now)
+                self._bus.schedule(block, now)
         return answer
 
     async def _first_word(
@@ -233,16 +233,16 @@ class Orders:
         """
         for missing in range(plc_map.ANSWERS_KEPT):
             count = plc_map.ANSWERS_WORDS - (1 + missing * plc_map.ANSWER_WORDS if missing else 0)
-            job = self._road.job(self._station.number, Block(plc_map.ANSWERS, count))
+            job = self._bus.job(self._station.number, Block(plc_map.ANSWERS, count))
             try:
-                words = await self._road.ask(job, priority)
-            except StillOwed:
+                words = await self._bus.ask(job, priority)
+            except LateAnswerDue:
                 continue
             if missing:
                 words = [*words, *(0,) * (plc_map.ANSWERS_WORDS - 1 - count), words[0]]
             answers = plc_map.answers_of(words)
             if answers is None:
-                self._road.statistics.torn += 1
+                self._bus.statistics.torn += 1
             elif not missing:
                 self._known = {answer.id for answer in answers}
             return answers
@@ -252,24 +252,24 @@ class Orders:
         """Whether the device is still in the start that it was asked in: after another one it may have forgotten."""
         block = Block(plc_map.HEADER, plc_map.AT_BOOTS + 1)
         try:
-            words = await self._road.ask(self._road.job(self._station.number, block), Priority.WRITE)
+            words = await self._bus.ask(self._bus.job(self._station.number, block), Priority.WRITE)
         except LinkError:
             return False
         return boots is None or words[plc_map.AT_BOOTS] == boots
 
     async def _image(self, image: Image) -> list[int]:
         for _ in range(1 + TORN_TRIES):
-            job = self._road.job(self._station.number, Block(image.address, image.words))
-            words = await self._road.ask(job, Priority.WRITE)
+            job = self._bus.job(self._station.number, Block(image.address, image.words))
+            words = await self._bus.ask(job, Priority.WRITE)
             if plc_map.is_whole(words):
                 return words
-            self._road.statistics.torn += 1
+            self._bus.statistics.torn += 1
         raise BadAnswer(f"unit {self._station.number}: {image.address:#06x} changes while it is read")
 
     async def _write(self, address: int, words: Sequence[int], *, urgent: bool = False) -> None:
-        job = self._road.job(self._station.number)
+        job = self._bus.job(self._station.number)
         job.address, job.words, job.function, job.urgent = address, tuple(words), WRITE_MULTIPLE, urgent
-        await self._road.ask(job, Priority.URGENT if urgent else Priority.WRITE)
+        await self._bus.ask(job, Priority.URGENT if urgent else Priority.WRITE)
 
     def _next_id(self) -> int:
         while True:

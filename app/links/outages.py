@@ -12,7 +12,7 @@ from dataclasses import replace
 from app import chance
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
-from app.links.contract import Block, StillOwed
+from app.links.contract import Block, LateAnswerDue
 from app.links.examine import NO_REGISTER, Examiner
 from app.links.line import Line
 from app.links.plc import PlcUnit
@@ -296,7 +296,7 @@ class Outages(Line):
                 job = self.job(station.number, block, liveness=False)
                 job.quiet = True
                 words = await self.ask(job, Priority.REFRESH)
-            except StillOwed:
+            except LateAnswerDue:
                 continue
             return words[:TRAINING_WORDS]
         return await self.read(station, Block(station.device.training, TRAINING_WORDS), liveness=False, quiet=True)

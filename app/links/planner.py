@@ -25,7 +25,7 @@ Span = tuple[int, int]
 
 
 class Part(Enum):
-    """What a block of a machine with a map of ours is, beyond values (links/plc.py)."""
+    """What a block of a Pogon PLC is, beyond values (links/plc.py)."""
 
     HEADER = "header"
     IMAGE = "image"

@@ -1,4 +1,4 @@
-"""What is looked at in the registers of a machine with a map of ours before anything of them is published, and what follows from it.
+"""What is looked at in the registers of a Pogon PLC before anything of them is published, and what follows from it.
 
 - Header: read at connecting and with every slow scan. Magic, major version and type must be those of the plant file, else the whole unit
   is bad (configuration) and takes no writes. Another boot count or check sum: everything that is read once is read again.
@@ -18,12 +18,12 @@ from math import inf
 
 from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer
+from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.events import DeviceClock, EventReader, head_of
 from app.links.orders import Orders
 from app.links.planner import Part
 from app.links.pulse import FIRST, LAST, Pulse
-from app.links.road import Road
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.services import Seen, Service, SetWrite
@@ -65,16 +65,16 @@ def header_fault(words: Sequence[int], map: PlcMap) -> str:
 
 
 class PlcUnit:
-    """One unit with a map of ours."""
+    """One unit that is a Pogon PLC."""
 
-    def __init__(self, road: Road, station: Station, map: PlcMap) -> None:
+    def __init__(self, bus: BusAccess, station: Station, map: PlcMap) -> None:
         self.map = map
         self.clock = DeviceClock()
-        self.events = EventReader(road, station, self.clock)
-        self.orders = Orders(road, station, self.clock)
+        self.events = EventReader(bus, station, self.clock)
+        self.orders = Orders(bus, station, self.clock)
         self.crc: int | None = None
         """Check sum of its configuration."""
-        self._road = road
+        self._bus = bus
         self._station = station
         self._told = ""
         self._heartbeat = chance.randrange(0, 0x10000)
@@ -102,9 +102,9 @@ class PlcUnit:
         station = self._station
         last: LinkError = NoAnswer(f"unit {station.number}: no header")
         for _ in range(TRIES):
-            asked = self._road.clock.micros()
+            asked = self._bus.clock.micros()
             try:
-                words = await self._road.read(station, Block(plc_map.HEADER, self._header_words))
+                words = await self._bus.read(station, Block(plc_map.HEADER, self._header_words))
             except DeviceException as error:
                 last = error
                 if error.code not in NO_HEADER:
@@ -131,10 +131,10 @@ class PlcUnit:
             if isinstance(block, TableBlock) and block.rows.first:
                 block.wanted, block.touched = False, 0.0
         self.events.begin()
-        self._road.attend(self._station, self.orders.begin())
+        self._bus.attend(self._station, self.orders.begin())
         if self._station.may_write:
-            self._road.attend(self._station, self._beat())
-        self._road.attend(self._station, self._watch())
+            self._bus.attend(self._station, self._beat())
+        self._bus.attend(self._station, self._watch())
 
     # sets of setpoints
 
@@ -148,7 +148,7 @@ class PlcUnit:
         await self.orders.set(self.map, writes)
         settings = self.map.settings
         assert settings is not None
-        self._road.written(self._station, settings.address, settings.words)
+        self._bus.written(self._station, settings.address, settings.words)
 
     # scans
 
@@ -173,10 +173,10 @@ class PlcUnit:
                 fault = header_fault(words, self.map)
                 if fault:
                     self._tell(fault)
-                    self._road.misconfigured(self._station, fault)
+                    self._bus.misconfigured(self._station, fault)
                     return Seen.NOTHING
                 now = asyncio.get_running_loop().time()
-                self._header(words, self._road.clock.micros() - round((now - started) * 1e6))
+                self._header(words, self._bus.clock.micros() - round((now - started) * 1e6))
                 if len(words) > LAST:
                     self._pulse.header(words[FIRST : LAST + 1], started, now)
                     self._judge()
@@ -194,7 +194,7 @@ class PlcUnit:
         return list(found.values())
 
     def _header(self, words: Sequence[int], asked: int) -> None:
-        restarted = self.clock.header(words, 0, asked, self._road.clock.micros())
+        restarted = self.clock.header(words, 0, asked, self._bus.clock.micros())
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
         changed, self.crc = self.crc is not None and crc != self.crc, crc
         station = self._station
@@ -203,12 +203,12 @@ class PlcUnit:
         if restarted:
             log.warning("device was restarted link=%s unit=%d boots=%d", *self._where, self.clock.boots)
             self.events.restarted()
-            self._road.attend(station, self.orders.begin())
+            self._bus.attend(station, self.orders.begin())
         if (restarted or changed) and station.state is State.UP:
             now = asyncio.get_running_loop().time()
             for block in station.blocks:
                 if block.period == inf:
-                    self._road.schedule(block, now)
+                    self._bus.schedule(block, now)
 
     def _rows_seen(self, block: TableBlock, words: list[int], started: float) -> Seen:
         if not block.wanted:
@@ -221,7 +221,7 @@ class PlcUnit:
             if size != table.row:
                 reason = f"a row of table {table.key} has {size} words, expected {table.row}"
                 for each in self._of_table(block):
-                    self._road.refuse(self._station, each, reason)
+                    self._bus.refuse(self._station, each, reason)
                 self._tell(reason)
                 return Seen.NOTHING
             if count > block.rows.slots:
@@ -242,13 +242,13 @@ class PlcUnit:
             wanted = block.used > 0
             if wanted and not block.wanted:
                 block.wanted = True
-                self._road.schedule(block, started)
+                self._bus.schedule(block, started)
             elif not wanted and (
                 block.wanted or block.words is None or started - block.touched >= max(TOUCH, head.period)
             ):
                 block.wanted, block.touched = False, started
-                self._road.schedule(block, started)  # takes its place away
-                self._road.publish(self._station, block, [0] * block.block.count, started)
+                self._bus.schedule(block, started)  # takes its place away
+                self._bus.publish(self._station, block, [0] * block.block.count, started)
 
     def _of_table(self, head: TableBlock) -> list[TableBlock]:
         rows = head.rows
@@ -303,7 +303,7 @@ class PlcUnit:
     async def _look_at_pulse(self) -> None:
         started = asyncio.get_running_loop().time()
         try:
-            words = await self._road.read(self._station, self._pulse_words)
+            words = await self._bus.read(self._station, self._pulse_words)
         except DeviceException:
             if self._pulse_words.address == plc_map.HEADER:
                 raise
@@ -317,7 +317,7 @@ class PlcUnit:
         station = self._station
         if station.state is not State.UP or self._pulse.standing == station.halted:
             return
-        self._road.halt(station, halted=self._pulse.standing)
+        self._bus.halt(station, halted=self._pulse.standing)
         self._say_halted()
 
     def _say_halted(self) -> None:
@@ -332,7 +332,7 @@ class PlcUnit:
         """Show the device that its host is there."""
         while True:
             self._heartbeat = self._heartbeat + 1 & 0xFFFF
-            job = self._road.job(self._station.number)
+            job = self._bus.job(self._station.number)
             job.address, job.words, job.function = (
                 plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT,
                 (self._heartbeat,),
@@ -340,7 +340,7 @@ class PlcUnit:
             )
             pause = HEARTBEAT
             try:
-                await self._road.ask(job, Priority.WRITE)
+                await self._bus.ask(job, Priority.WRITE)
             except DeviceException as error:
                 if error.code in NO_HEADER:
                     log.warning("host heartbeat refused link=%s unit=%d: %s", *self._where, error)

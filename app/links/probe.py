@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from app.errors import BadAnswer, DeviceException, NoAnswer
-from app.links.contract import Block, StillOwed, Transport
+from app.links.contract import Block, LateAnswerDue, Transport
 from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
@@ -89,7 +89,7 @@ async def _ask(transport: Transport, unit: int, patience: float) -> str:
         words = await transport.read(unit, Block(ADDRESS, 1), patience)
     except DeviceException as error:
         return str(error)
-    except (NoAnswer, StillOwed, BadAnswer):
+    except (NoAnswer, LateAnswerDue, BadAnswer):
         return ""
     return f"{ADDRESS:#06x} = {words[0]:#06x}"
 

@@ -90,7 +90,7 @@ class RegisterLink:
 
     @property
     def on_events(self) -> OnEvents | None:
-        """Takes the events of machines with a map of ours, in order, with the number that was lost before them.
+        """Takes the events of Pogon PLCs, in order, with the number that was lost before them.
 
         What it raises means that they are handed over again. They are acknowledged to the device when `stored_up_to` says so, without
         that as soon as it has returned. While it is None the rings are not read.
@@ -160,7 +160,7 @@ class RegisterLink:
         """Write `value` [EU] to the point with key `point`; returns when the device has echoed it (accepted, not confirmed).
 
         Never repeated here. `urgent` (Stop) goes before everything, is also tried on a silent unit, and takes writes to the same
-        unit that still wait out of the queue. A setpoint of a machine with a map of ours is put into the set that is in effect
+        unit that still wait out of the queue. A setpoint of a Pogon PLC is put into the set that is in effect
         there, and the device takes the set as a whole; this returns when it has.
 
         Raises:
@@ -229,7 +229,7 @@ class RegisterLink:
         request: int = 0,
         urgent: bool = False,
     ) -> Answer:
-        """Send command `code` of a machine with a map of ours, once; returns its first word about it, which may be REJECTED.
+        """Send command `code` of a Pogon PLC, once; returns its first word about it, which may be REJECTED.
 
         `arguments`: raw 32-bit words (`plc_map.real`); `expected`: state that the person saw, 0 = any; `request`: id, 0 = the next
         one. When the echo is lost the answers of the device tell whether it arrived. `urgent` as in `write`.
@@ -405,7 +405,7 @@ class RegisterLink:
         station = self._runner.stations[item.unit]
         plc = station.service(PlcUnit)
         if plc is None:
-            raise LinkError(f"{equipment} takes no commands by code: its type {item.type.name} has no map of ours")
+            raise LinkError(f"{equipment} takes no commands by code: its type {item.type.name} is no Pogon PLC")
         return station, plc
 
     def _is_training(self, unit: int, address: int) -> bool:

@@ -2,8 +2,8 @@
 
 pymodbus' serial client sends without the silence between frames, takes an answer that comes late for the answer to the next request, does
 not look at its length (reference/modbus.md section 5), and what it gave up it has forgotten: nothing could be put right around it. So the
-bytes go through the loop's own reader here, answers are cut by length and check sum (`registers.rtu.AnswerFramer`), and `owed.Owed`
-remembers what may still be answered.
+bytes go through the loop's own reader here, answers are cut by length and check sum (`registers.rtu.AnswerFramer`), and
+`late_answers.LateAnswers` remembers what may still be answered.
 
 One telegram at a time. Before each the line has been silent for 3.5 characters, and what was heard meanwhile is not an answer to anything.
 A repeater that says every answer twice is told by time: a former answer once more, sooner than the wire allows, is not believed unless it
@@ -26,8 +26,8 @@ from pathlib import Path
 import serial  # type: ignore[import-untyped]
 
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
-from app.links.contract import Block, Counts, Exchange, StillOwed
-from app.links.owed import Mark, Owed, Piece, mark_of_answer, mark_of_request
+from app.links.contract import Block, Counts, Exchange, LateAnswerDue
+from app.links.late_answers import LateAnswers, Mark, Piece, mark_of_answer, mark_of_request
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
 from app.registers.rtu import AnswerFramer, build_frame, character_time, silence
@@ -88,7 +88,7 @@ class RtuTransport:
         self._path = link.port
         self._character = character_time(link.baud)
         self._silence = silence(link.baud)
-        self._owed = Owed()
+        self._late_answers = LateAnswers()
         self._framer = AnswerFramer()
         self._port: serial.Serial | None = None
         self._telegram: _Telegram | None = None
@@ -128,16 +128,16 @@ class RtuTransport:
         """Exactly `block.count` words. While an earlier answer may still come, perhaps by another telegram or by two.
 
         Raises:
-            StillOwed: no telegram could be told apart from an earlier one.
+            LateAnswerDue: no telegram could be told apart from an earlier one.
         """
         self._check(unit)
         async with self._turn:
             now = asyncio.get_running_loop().time()
-            pieces, wait = self._owed.pieces(unit, block, now)
-            if not pieces and block.again and self._owed.only(unit, block, now):
+            pieces, wait = self._late_answers.pieces(unit, block, now)
+            if not pieces and block.again and self._late_answers.only(unit, block, now):
                 pieces = [Piece(block, 0, block.count)]
             if not pieces:
-                raise StillOwed(f"{self._path} unit {unit}", wait)
+                raise LateAnswerDue(f"{self._path} unit {unit}", wait)
             words: list[int] = []
             for piece in pieces:
                 words += await self._read(unit, piece, patience)
@@ -161,9 +161,9 @@ class RtuTransport:
             request = Request(block.function, block.address, block.count)
             words = await self._ask(unit, request, patience, again=block.again)
         except DeviceException:
-            self._owed.refused(unit, block)
+            self._late_answers.refused(unit, block)
             raise
-        self._owed.proven(unit, block)
+        self._late_answers.proven(unit, block)
         return words[piece.skip : piece.skip + piece.count]
 
     async def _ask(self, unit: int, request: Request, patience: float, *, again: bool = False) -> list[int]:
@@ -200,7 +200,7 @@ class RtuTransport:
             elif not telegram.answer.cancelled():
                 telegram.answer.exception()  # nobody waits for it when the task was ended at that moment
             if not answered:
-                self._owed.unanswered(telegram.mark, loop.time(), request.address)
+                self._late_answers.unanswered(telegram.mark, loop.time(), request.address)
 
     async def _wait_for_silence(self) -> None:
         """Until nothing has been heard for 3.5 characters, and for longer behind half a frame."""
@@ -250,7 +250,7 @@ class RtuTransport:
                 telegram.older
             )  # one answer came to two reads of the same registers: it stands, the other is still owed
             self.counts.late -= 1
-            self._owed.unanswered(telegram.mark, loop.time(), telegram.request.address, until=until)
+            self._late_answers.unanswered(telegram.mark, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)
         else:
             if telegram.held:
@@ -307,7 +307,7 @@ class RtuTransport:
             return
         function = telegram.request.function
         if pdu[0] == function | 0x80:
-            if self._owed.owes(unit, function, now) and (function not in READS or pdu[1] not in TEMPORARY):
+            if self._late_answers.owes(unit, function, now) and (function not in READS or pdu[1] not in TEMPORARY):
                 self._fail(
                     telegram,
                     BadAnswer(f"{self._path} unit {unit}: refused this request or an earlier one ({pdu[1]:02d})"),
@@ -317,7 +317,7 @@ class RtuTransport:
         elif mark_of_answer(unit, pdu) == telegram.mark:
             if self._is_doubtful(telegram, pdu, now):
                 telegram.held.append(pdu)
-            elif until := self._owed.settled(telegram.mark, now):
+            elif until := self._late_answers.settled(telegram.mark, now):
                 self.counts.late += 1  # one answer for each telegram like this one: ours is the last
                 if telegram.again:
                     telegram.older = pdu, until
@@ -325,7 +325,7 @@ class RtuTransport:
                 self._doubles = self._doubles or bool(telegram.held)
                 self._former.append((unit, pdu, now))
                 telegram.answer.set_result(pdu)
-        elif self._owed.settle(mark_of_answer(unit, pdu), now):
+        elif self._late_answers.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
         elif self._was_said(unit, pdu, now):
             self._doubles = True
@@ -339,11 +339,11 @@ class RtuTransport:
 
     def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
         """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
-        if telegram.request.function not in READS or self._owed.expects(telegram.mark, now):
+        if telegram.request.function not in READS or self._late_answers.expects(telegram.mark, now):
             return False
         soon = now < telegram.earliest
         if not self._was_said(telegram.unit, pdu, now):
-            if soon and not self._owed.owes(telegram.unit, telegram.request.function, now):
+            if soon and not self._late_answers.owes(telegram.unit, telegram.request.function, now):
                 self._paced = False
             return False
         return pdu not in telegram.held and (self._doubles or (soon and self._paced))
@@ -352,7 +352,7 @@ class RtuTransport:
         now = asyncio.get_running_loop().time()
         if pdu[0] & 0x80:
             return
-        if self._owed.settle(mark_of_answer(unit, pdu), now):
+        if self._late_answers.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
         elif self._was_said(unit, pdu, now):
             self._doubles = True

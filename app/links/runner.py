@@ -13,7 +13,7 @@ from math import inf
 from app import chance
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
-from app.links.contract import StillOwed, Transport
+from app.links.contract import LateAnswerDue, Transport
 from app.links.line import check_permit, fail, finish
 from app.links.outages import FIRST_PAUSE, GATEWAY, LAST_PAUSE, SETTLE, Outages
 from app.links.plc import TORN_TRIES
@@ -252,7 +252,7 @@ class LinkRunner(Outages):
             if isinstance(error, DeviceException):
                 lane.answers += 1
                 self._answered(station, started, job.liveness and error.code not in GATEWAY)
-            if not isinstance(error, StillOwed) and not (job.quiet and isinstance(error, DeviceException)):
+            if not isinstance(error, LateAnswerDue) and not (job.quiet and isinstance(error, DeviceException)):
                 self.statistics.failed(job.unit, error)
             fail(job, error)
             if isinstance(error, NotConnected):
@@ -284,7 +284,7 @@ class LinkRunner(Outages):
             if ticket == block.ticket:
                 self._schedule.at(block, block.due)  # another connection may do it
             raise
-        except StillOwed as error:
+        except LateAnswerDue as error:
             if ticket == block.ticket:
                 self._schedule.at(block, self._now() + error.wait)
             return

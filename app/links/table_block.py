@@ -1,4 +1,4 @@
-"""Rows of a table of a machine with a map of ours, as they are scanned: an empty row has id 0, state 0 and nothing else.
+"""Rows of a table of a Pogon PLC, as they are scanned: an empty row has id 0, state 0 and nothing else.
 
 A row is decoded only when it changed. What the head of the table does not count is empty, whatever stands there.
 """

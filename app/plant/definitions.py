@@ -156,7 +156,7 @@ class Command:
     """Point whose range, unit and decimals the argument has."""
     symbol: str = ""
     code: int = 0
-    """Of a machine with a map of ours: sent as one command telegram with this code (registers/plc_map.py) instead of `writes`."""
+    """Of a Pogon PLC: sent as one command telegram with this code (registers/plc_map.py) instead of `writes`."""
     arguments: Sequence[Argument] = ()
     """What goes with the code, in order; the person enters them."""
     hold_bits: int = 0
@@ -247,7 +247,7 @@ class UnitService:
 
 @dataclass(frozen=True, slots=True)
 class PlcMap(UnitService):
-    """What a machine with a map of ours has beyond registers/plc_map.py."""
+    """What a Pogon PLC has beyond registers/plc_map.py."""
 
     type_code: int
     """Word 3 of the header."""
@@ -312,7 +312,7 @@ class Device:
 
     @property
     def plc(self) -> PlcMap | None:
-        """Of a machine with a map of ours (reference/register-map.md)."""
+        """Of a Pogon PLC (reference/register-map.md)."""
         return next((service for service in self.services if isinstance(service, PlcMap)), None)
 
 

@@ -1,4 +1,4 @@
-"""What the type of a machine with a map of ours says beyond values: `[plc]` of device.toml, tables.toml, events.toml.
+"""What the type of a Pogon PLC says beyond values: `[plc]` of device.toml, tables.toml, events.toml.
 
     [plc]                                               device.toml
     type_code = 10                                      word 3 of the header

@@ -394,7 +394,7 @@ class _TypeReader:
         tables: dict[str, TableMap] = {}
         columns: dict[str, dict[str, PointData]] = {}
         if file.data and self.map is None:
-            file.note("", ", ".join(file.data), "[plc] in device.toml: only a machine with a map of ours has tables")
+            file.note("", ", ".join(file.data), "[plc] in device.toml: only a Pogon PLC has tables")
         for key, table in file.tables():
             if not _matches(KEY, key):
                 table.note("", key, "a key of small letters, digits and _")
@@ -674,7 +674,7 @@ class _TypeReader:
         """A command that is sent as a code or as request bits."""
         name = "code" if command.code else "hold_bits"
         if self.map is None:
-            table.note(name, getattr(command, name), "[plc] in device.toml: only a machine with a map of ours takes it")
+            table.note(name, getattr(command, name), "[plc] in device.toml: only a Pogon PLC takes it")
         if command.code and command.hold_bits:
             table.note("hold_bits", command.hold_bits, "either `code` or `hold_bits`")
         if bool(command.hold_bits) != command.hold:

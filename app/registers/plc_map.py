@@ -1,4 +1,4 @@
-"""The registers that every machine with a map of ours has in the same place, and their words (reference/register-map.md).
+"""The registers that every Pogon PLC has in the same place, and their words (reference/register-map.md).
 
 What a machine adds (status, setpoints, tables) stands in its type; `docs/registers/<type>.md` has the whole. Both ends use this file: the
 virtual PLC to answer, the link to ask. Big-endian words, high word first.

@@ -127,7 +127,7 @@ class Table:
 
 
 class VirtualPlc(ABC):
-    """A PLC with our map. A machine gives images, settings, commands and its program; it must call `_start_up` when it is built."""
+    """A Pogon PLC. A machine gives images, settings, commands and its program; it must call `_start_up` when it is built."""
 
     type: str
     dt: float = DT

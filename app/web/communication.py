@@ -15,7 +15,7 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from app.errors import EXCEPTION_NAMES, Refused
-from app.links import forecast
+from app.links import bus_load
 from app.links.register_link import RegisterLink
 from app.links.scan_block import ScanBlock, words_of
 from app.links.statistics import ERROR_KINDS, State
@@ -180,7 +180,7 @@ def _link_view(request: Request, link: Link, opened: str) -> LinkView:
     running = view.runtime(request).links.get(link.name)
     serial = link.transport == "rtu"
     machines = [item for item in plant.equipment.values() if item.link == link.name]
-    load = forecast.load(link, _reads(running)) if running else None
+    load = bus_load.load(link, _reads(running)) if running else None
     longest = max((n for reads in _reads(running) for n, _ in reads.fast), default=0) if running else 0
     return LinkView(
         link=link,
@@ -194,7 +194,7 @@ def _link_view(request: Request, link: Link, opened: str) -> LinkView:
             for heading, keys in GROUPS
         ],
         asked=_milliseconds(load.asked, lang) if load else "",
-        limit=fmt.number(forecast.arithmetic_limit(link, longest), 1, lang) if serial and longest else "",
+        limit=fmt.number(bus_load.arithmetic_limit(link, longest), 1, lang) if serial and longest else "",
         units=[
             _unit_view(request, link, unit, [item for item in machines if item.unit == unit], opened)
             for unit in sorted({item.unit for item in machines})
@@ -245,10 +245,10 @@ def _where(link: Link) -> str:
     return f"{link.host}:{link.tcp_port}" if link.transport == "tcp" else ""
 
 
-def _reads(link: RegisterLink | None) -> list[forecast.Reads]:
+def _reads(link: RegisterLink | None) -> list[bus_load.Reads]:
     if link is None:
         return []
-    return [forecast.reads_of(station, link.statistics.units[number]) for number, station in link.stations.items()]
+    return [bus_load.reads_of(station, link.statistics.units[number]) for number, station in link.stations.items()]
 
 
 def _milliseconds(seconds: float, lang: str) -> str:
@@ -258,7 +258,7 @@ def _milliseconds(seconds: float, lang: str) -> str:
 def _details(request: Request, link: RegisterLink) -> dict[str, Any]:
     """Warnings, the last error in words, exceptions by name."""
     view, lang = view_of(request), language_of(request)
-    load, statistics = forecast.load(link.link, _reads(link)), link.statistics
+    load, statistics = bus_load.load(link.link, _reads(link)), link.statistics
     numbers = {
         "asked": _milliseconds(load.asked, lang),
         "cycle": _milliseconds(load.cycle, lang),
@@ -306,8 +306,8 @@ def _forecast(request: Request, link: RegisterLink, unit: int, registers: int) -
     }
     if chosen is None:
         return found
-    more = forecast.cost(link.link, chosen, registers)
-    after = forecast.with_more(link.link, reads, chosen.unit, registers)
+    more = bus_load.cost(link.link, chosen, registers)
+    after = bus_load.with_more(link.link, reads, chosen.unit, registers)
     found["text"] = view.text(
         request,
         "communication.cost",

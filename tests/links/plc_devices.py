@@ -1,4 +1,4 @@
-"""A small virtual PLC with our map, a bus that loses chosen telegrams, and the three roads to it."""
+"""A small virtual Pogon PLC, a bus that loses chosen telegrams, and the three roads to it."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Header, images and tables of a machine with a map of ours: what is published is whole, and is of the right device."""
+"""Header, images and tables of a Pogon PLC: what is published is whole, and is of the right device."""
 
 import asyncio
 

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
-from app.links.contract import Block, StillOwed
+from app.links.contract import Block, LateAnswerDue
 from app.links.rtu import RtuTransport
 from app.plant.definitions import Device, Link, Scan
 from app.registers.pdu import build_answer, parse_request
@@ -133,7 +133,7 @@ async def test_thousands_of_telegrams_to_a_slave_that_answers_seconds_late_witho
                     continue
                 asked = block(100 * unit, slave.random.choice(sizes))
                 words = await t.read(unit, asked, 0.01)
-            except StillOwed:
+            except LateAnswerDue:
                 owed += 1
                 await asyncio.sleep(0.002)
                 continue
@@ -179,7 +179,7 @@ async def test_a_value_of_two_words_is_never_put_together_from_two_telegrams() -
             await t.read(1, Block(0, 2), 0.02)
         slave.dumb = 0.0
         sent = slave.number
-        with pytest.raises(StillOwed) as waits:
+        with pytest.raises(LateAnswerDue) as waits:
             await t.read(1, Block(8, 2), 0.1)
         assert 9 < waits.value.wait <= 10 and slave.number == sent, "nothing is sent"
 

@@ -1,4 +1,4 @@
-"""A small equipment type of a machine with a map of ours, written as its files, for the tests."""
+"""A small equipment type of a Pogon PLC, written as its files, for the tests."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A machine with a map of ours is data: its map, tables, codes, commands and presets; every wrong combination is told."""
+"""A Pogon PLC is data: its map, tables, codes, commands and presets; every wrong combination is told."""
 
 import tomllib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A PLC with our map and nothing behind it: a counter that a command sets, two settings, a table that a command fills."""
+"""A Pogon PLC and nothing behind it: a counter that a command sets, two settings, a table that a command fills."""
 
 from struct import pack
 

@@ -11,7 +11,7 @@ ARRIVED = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class Demand:
     """What is asked: a movement, and where an axis shall end."""
 
     movement: int
@@ -27,24 +27,24 @@ class Wish:
         return self.movement in (FORWARD, BACK)
 
 
-def jogged(car: InterlockedCar) -> Wish | None:
+def jogged(car: InterlockedCar) -> Demand | None:
     """Of hold-to-run; two bits at a time are none."""
     bits = car.hold & (1 << EXPAND + 2) - 1
     if not bits or bits & bits - 1:
         return None
     movement = bits.bit_length() - 1
-    return Wish(movement, car.values["manual_horizontal" if movement in (FORWARD, BACK) else "manual_vertical"])
+    return Demand(movement, car.values["manual_horizontal" if movement in (FORWARD, BACK) else "manual_vertical"])
 
 
-def wish_of(car: InterlockedCar, action: str) -> Wish:
+def demand_of(car: InterlockedCar, action: str) -> Demand:
     """Of an action (`ACTIONS`)."""
     machine, m = car.machine, car.geometry
     if action == "expand":
-        return Wish(EXPAND)
+        return Demand(EXPAND)
     if action == "collapse":
-        return Wish(COLLAPSE)
+        return Demand(COLLAPSE)
     if action == "lift_to_coil" and not (machine.coil or machine.load):
-        return Wish(UP, block=Block.COIL_THERE)
+        return Demand(UP, block=Block.COIL_THERE)
     target = {
         "lower": 0.0,
         "drive_to_mandrel": m.mandrel_position,
@@ -55,37 +55,37 @@ def wish_of(car: InterlockedCar, action: str) -> Wish:
         "lower_onto_saddle": m.saddle_height - m.clearance,
     }[action]
     if action.startswith("drive"):
-        return Wish(FORWARD if target >= machine.x else BACK, car.values["automatic_horizontal"], target)
-    return Wish(UP if target >= machine.v else DOWN, car.values["automatic_vertical"], target)
+        return Demand(FORWARD if target >= machine.x else BACK, car.values["automatic_horizontal"], target)
+    return Demand(UP if target >= machine.v else DOWN, car.values["automatic_vertical"], target)
 
 
-def block_of(car: InterlockedCar, wish: Wish) -> Block:
+def block_of(car: InterlockedCar, demand: Demand) -> Block:
     """Why it cannot be done; an axis that can go on for a part of its way, but not to the end, is blocked as well."""
-    if wish.block:
-        return wish.block
-    block = car.interlock.block(wish.movement)
-    if wish.movement >= EXPAND or isnan(wish.target) or _oversees(block):
+    if demand.block:
+        return demand.block
+    block = car.interlock.block(demand.movement)
+    if demand.movement >= EXPAND or isnan(demand.target) or _oversees(block):
         return block
-    here = car.machine.x if wish.horizontal else car.machine.v
-    if abs(wish.target - here) <= ARRIVED:
+    here = car.machine.x if demand.horizontal else car.machine.v
+    if abs(demand.target - here) <= ARRIVED:
         return Block.THERE
-    way = car.interlock.way(wish.horizontal)
-    if wish.target > way.high + ARRIVED:
+    way = car.interlock.way(demand.horizontal)
+    if demand.target > way.high + ARRIVED:
         return way.above
-    if wish.target < way.low - ARRIVED:
+    if demand.target < way.low - ARRIVED:
         return way.below
     return Block.FREE
 
 
-def is_there(car: InterlockedCar, wish: Wish) -> bool:
+def is_there(car: InterlockedCar, demand: Demand) -> bool:
     """It is done."""
     machine = car.machine
-    if wish.movement == EXPAND:
+    if demand.movement == EXPAND:
         return machine.expansion >= 1.0
-    if wish.movement == COLLAPSE:
+    if demand.movement == COLLAPSE:
         return machine.expansion <= 0.0
-    here, standing = (machine.x, car.standing_x) if wish.horizontal else (machine.v, car.standing_v)
-    return standing and abs(wish.target - here) <= ARRIVED
+    here, standing = (machine.x, car.standing_x) if demand.horizontal else (machine.v, car.standing_v)
+    return standing and abs(demand.target - here) <= ARRIVED
 
 
 def _oversees(block: Block) -> bool:

@@ -22,11 +22,11 @@ from app.registers.plc_map import AnswerState, Request
 from app.sim import training
 from app.sim.coil_car import presets, signals
 from app.sim.coil_car import training as own
-from app.sim.coil_car.actions import ARRIVED, Wish, block_of, is_there, jogged, wish_of
+from app.sim.coil_car.actions import ARRIVED, Demand, block_of, demand_of, is_there, jogged
 from app.sim.coil_car.axis import Axis
+from app.sim.coil_car.edges import Edges
 from app.sim.coil_car.interlock import Interlock, InterlockedCar
 from app.sim.coil_car.machine import FAULTS, HOST_OFF, CoilCar, Geometry, Hit
-from app.sim.coil_car.notices import Notices
 from app.sim.coil_car.recoiler import Recoiler
 from app.sim.coil_car.register_map import (
     ACTIONS,
@@ -69,10 +69,10 @@ class VirtualCoilCar(InterlockedCar):
     signals: Sequence[str] = SIGNALS
     actions: Sequence[str] = ACTIONS
 
-    notices: Notices
+    edges: Edges
     recoiler: Recoiler
     _asked: tuple[str, ...]
-    _wish: Wish | None
+    _demand: Demand | None
     _action_since: int
     _mandrel_age: float
     _told: tuple[int, int]
@@ -154,7 +154,7 @@ class VirtualCoilCar(InterlockedCar):
             ValueError: no such preset, a value out of its range, or values that would have the car touch something.
         """
         presets.put(self, values)
-        self.notices.take_stock()
+        self.edges.take_stock()
         self._cached.clear()
 
     # ---- one scan
@@ -176,7 +176,7 @@ class VirtualCoilCar(InterlockedCar):
             machine.winding, machine.finished = False, True
         self._crane_takes()
         self.interlock.renew()
-        self.notices.look()
+        self.edges.look()
         self._hold_when_unsafe()
         self._host()
         self.choose_target()
@@ -222,21 +222,21 @@ class VirtualCoilCar(InterlockedCar):
     def _move(self) -> None:
         self._judge_cut(self.horizontal, True)
         self._judge_cut(self.vertical, False)
-        wish = self._wished()
-        self._wish = wish
+        demand = self._demanded()
+        self._demand = demand
         self.held_back = Block.FREE
         mandrel = 0
         horizontal = vertical = False
-        if wish is not None:
-            block = block_of(self, wish)
+        if demand is not None:
+            block = block_of(self, demand)
             if block not in (Block.FREE, Block.THERE):
                 self.held_back = block
-            elif wish.horizontal:
-                horizontal = self._go(self.horizontal, wish)
-            elif wish.movement in (UP, DOWN):
-                vertical = self._go(self.vertical, wish)
+            elif demand.horizontal:
+                horizontal = self._go(self.horizontal, demand)
+            elif demand.movement in (UP, DOWN):
+                vertical = self._go(self.vertical, demand)
             elif block is Block.FREE:
-                mandrel = 1 if wish.movement == EXPAND else -1
+                mandrel = 1 if demand.movement == EXPAND else -1
         if not horizontal:
             self.horizontal.stop(self.dt)
             self.horizontal.target = nan
@@ -247,8 +247,8 @@ class VirtualCoilCar(InterlockedCar):
             mandrel = self.recoiler.step()
         self._watch_mandrel(mandrel)
         self.mandrel_drive = mandrel
-        self._tell_blocks(wish)
-        self._follow_action(wish)
+        self._tell_blocks(demand)
+        self._follow_action(demand)
         if self.stopping and not self.moving:
             self.stopping = False
 
@@ -270,22 +270,22 @@ class VirtualCoilCar(InterlockedCar):
             axis.cut = True
             axis.ramp.reset()
 
-    def _go(self, axis: Axis, wish: Wish) -> bool:
+    def _go(self, axis: Axis, demand: Demand) -> bool:
         """Move; False when there is nothing to move."""
         machine = self.machine
-        here = machine.x if wish.horizontal else machine.v
-        way, up = self.interlock.way(wish.horizontal), wish.movement in (FORWARD, UP)
+        here = machine.x if demand.horizontal else machine.v
+        way, up = self.interlock.way(demand.horizontal), demand.movement in (FORWARD, UP)
         end = way.high if up else way.low
-        if not isnan(wish.target):
-            end = min(max(wish.target, way.low), way.high)
+        if not isnan(demand.target):
+            end = min(max(demand.target, way.low), way.high)
         axis.target = end
-        standing = self.standing_x if wish.horizontal else self.standing_v
+        standing = self.standing_x if demand.horizontal else self.standing_v
         if axis.cut or (standing and abs(end - here) <= ARRIVED):
             return False
-        axis.go(1 if up else -1, wish.speed, (end - here) * (1 if up else -1), self.dt)
+        axis.go(1 if up else -1, demand.speed, (end - here) * (1 if up else -1), self.dt)
         return True
 
-    def _wished(self) -> Wish | None:
+    def _demanded(self) -> Demand | None:
         asked, self._asked = self._asked, ()
         self._acting = 0
         if self.mode is Mode.MANUAL and not self.stopping:
@@ -294,7 +294,7 @@ class VirtualCoilCar(InterlockedCar):
             for name in asked:
                 if name in ACTIONS:
                     self._acting = ACTIONS.index(name) + 1
-                    return wish_of(self, name)
+                    return demand_of(self, name)
         return None
 
     def _watch_mandrel(self, mandrel: int) -> None:
@@ -306,27 +306,27 @@ class VirtualCoilCar(InterlockedCar):
         else:
             self._mandrel_age = 0.0
 
-    def _tell_blocks(self, wish: Wish | None) -> None:
-        if wish is None:
+    def _tell_blocks(self, demand: Demand | None) -> None:
+        if demand is None:
             self._told = (-1, 0)
             return
-        told = (wish.movement, int(self.held_back))
+        told = (demand.movement, int(self.held_back))
         if told != self._told:
             self._told = told
             if self.held_back is not Block.FREE:
-                self.event(Event.INTERLOCK, wish.movement + 1, float(self.held_back))
+                self.event(Event.INTERLOCK, demand.movement + 1, float(self.held_back))
 
-    def _follow_action(self, wish: Wish | None) -> None:
+    def _follow_action(self, demand: Demand | None) -> None:
         if self._acting != self.action:
             self.action, self._action_since = self._acting, self.time
             self.action_state = ActionState.RUNNING if self.action else ActionState.NONE
             if self.action:
                 self.event(Event.ACTION_BEGUN, self.action)
-        if not self.action or wish is None:
+        if not self.action or demand is None:
             return
         if self.held_back is not Block.FREE:
             self.action_state = ActionState.BLOCKED
-        elif is_there(self, wish):
+        elif is_there(self, demand):
             if self.action_state is not ActionState.DONE:
                 self.action_state = ActionState.DONE
                 self.event(Event.ACTION_DONE, self.action, (self.time - self._action_since) / 1e6)
@@ -489,13 +489,13 @@ class VirtualCoilCar(InterlockedCar):
         self.action, self.action_state = 0, ActionState.NONE
         self._acting = self._action_since = self.target = self.mandrel_drive = 0
         self._asked = ()
-        self._wish = None
+        self._demand = None
         self.held_back = Block.FREE
         self._mandrel_age = self._silent = 0.0
         self.stopping = False
         self._told = (-1, 0)
-        self.interlock, self.notices, self.recoiler = Interlock(self), Notices(self), Recoiler(self)
-        self.notices.take_stock()
+        self.interlock, self.edges, self.recoiler = Interlock(self), Edges(self), Recoiler(self)
+        self.edges.take_stock()
         self.choose_target()
         self.event(Event.POWER_UP, value=self.boots)
 

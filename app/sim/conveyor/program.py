@@ -144,7 +144,7 @@ class VirtualConveyor(LineState):
         machine.step(self._setpoints, self._enabled, self._unload, self.dt)
         if self._unload:
             self._unload = False
-            self._look_at_the_grip()
+            self._look_at_the_gripper()
         self._emergency(machine.fault == EMERGENCY_STOP)
         self._host()
         self._measure()
@@ -187,7 +187,7 @@ class VirtualConveyor(LineState):
             belt, slip = found
             self.event(Event.SLIP, belt, slip, words_of(event.id))
 
-    def _look_at_the_grip(self) -> None:
+    def _look_at_the_gripper(self) -> None:
         if self.machine.unloaded == self._taken:
             self.event(Event.LOST, 0, self.geometry.length, words_of(self._unloading))
             self.tracking.lost += 1

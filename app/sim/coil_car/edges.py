@@ -6,7 +6,7 @@ from app.sim.coil_car.interlock import InterlockedCar
 from app.sim.coil_car.register_map import Event
 
 
-class Notices:
+class Edges:
     """What was seen of one line in the last scan."""
 
     def __init__(self, car: InterlockedCar) -> None:

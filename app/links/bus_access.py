@@ -14,7 +14,7 @@ from app.links.station import Station
 from app.links.statistics import LinkStatistics
 
 
-class Road(Protocol):
+class BusAccess(Protocol):
     """The loop around the link (links/runner.py)."""
 
     statistics: LinkStatistics

@@ -42,7 +42,7 @@ class Piece:
     count: int
 
 
-class Owed:
+class LateAnswers:
     """Memory of one line. It outlives a reconnection: what the device was asked before, it may answer after."""
 
     def __init__(self) -> None:
@@ -125,9 +125,9 @@ def _cut(block: Block, taken: dict[int, float]) -> list[Piece]:
     ends = (0, *block.cuts, block.count)
     best: dict[int, list[int]] = {0: []}
     for end in ends[1:]:
-        roads = [best[begin] for begin in ends if begin < end and begin in best and end - begin not in taken]
-        if roads:
-            best[end] = [*min(roads, key=len), end]
+        ways = [best[begin] for begin in ends if begin < end and begin in best and end - begin not in taken]
+        if ways:
+            best[end] = [*min(ways, key=len), end]
     parts, begin = [], 0
     for end in best.get(block.count, []):
         parts.append(Piece(Block(block.address + begin, end - begin, block.function), 0, end - begin))

@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from app.links.forecast import Reads, arithmetic_limit, cost, load, reads_of, with_more
+from app.links.bus_load import Reads, arithmetic_limit, cost, load, reads_of, with_more
 from app.plant.definitions import Device, Link, Scan
 from app.sim.bus import Bus
 from app.tags.quality import is_good

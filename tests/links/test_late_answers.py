@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.links.contract import Block
-from app.links.owed import LATEST, Owed, mark_of_answer, mark_of_request
+from app.links.late_answers import LATEST, LateAnswers, mark_of_answer, mark_of_request
 from app.registers.pdu import Request, build_answer
 
 SIZES = st.lists(st.integers(1, 125), max_size=30)
@@ -17,21 +17,21 @@ def blocks(draw: st.DrawFn) -> Block:
     return Block(draw(st.integers(0, 60_000)), count, cuts=tuple(sorted(cuts)))
 
 
-def owing(sizes: list[int], now: float) -> Owed:
-    owed = Owed()
+def owing(sizes: list[int], now: float) -> LateAnswers:
+    late = LateAnswers()
     for size in sizes:
-        owed.unanswered(mark_of_request(1, Request(3, 0, size)), now)
-    return owed
+        late.unanswered(mark_of_request(1, Request(3, 0, size)), now)
+    return late
 
 
 @given(blocks(), SIZES, st.lists(st.tuples(st.integers(0, 60_000), st.integers(1, 125)), max_size=4))
 def test_the_telegrams_bring_all_words_in_lengths_that_nobody_owes_and_tear_no_value(
     block: Block, sizes: list[int], spans: list[tuple[int, int]]
 ) -> None:
-    owed = owing(sizes, 0.0)
+    late = owing(sizes, 0.0)
     for address, count in spans:
-        owed.proven(1, Block(address, count))
-    pieces, wait = owed.pieces(1, block, 1.0)
+        late.proven(1, Block(address, count))
+    pieces, wait = late.pieces(1, block, 1.0)
     if not pieces:
         assert block.count in sizes and wait == LATEST - 1.0
         return
@@ -48,43 +48,43 @@ def test_the_telegrams_bring_all_words_in_lengths_that_nobody_owes_and_tear_no_v
 
 @given(blocks(), SIZES)
 def test_what_is_owed_is_forgotten_in_the_end_and_never_concerns_others(block: Block, sizes: list[int]) -> None:
-    owed = owing(sizes, 0.0)
+    late = owing(sizes, 0.0)
     whole = [block]
-    assert [p.block for p in owed.pieces(2, block, 1.0)[0]] == whole
+    assert [p.block for p in late.pieces(2, block, 1.0)[0]] == whole
     inputs = Block(block.address, block.count, 4)
-    assert [p.block for p in owed.pieces(1, inputs, 1.0)[0]] == [inputs]
-    assert [p.block for p in owed.pieces(1, block, LATEST + 0.1)[0]] == whole
+    assert [p.block for p in late.pieces(1, inputs, 1.0)[0]] == [inputs]
+    assert [p.block for p in late.pieces(1, block, LATEST + 0.1)[0]] == whole
 
 
 def test_an_answer_that_comes_after_all_pays_for_one_request() -> None:
-    owed = owing([25, 25], 0.0)
+    late = owing([25, 25], 0.0)
     mark = mark_of_answer(1, build_answer(Request(3, 0, 25), [0] * 25))
-    assert [owed.settle(mark, 1.0) for _ in range(3)] == [True, True, False]
+    assert [late.settle(mark, 1.0) for _ in range(3)] == [True, True, False]
 
 
 def test_echoes_of_writes_differ_by_register_and_value() -> None:
-    owed = Owed()
-    owed.unanswered(mark_of_request(1, Request(6, write_address=0x2000, words=(3,))), 0.0)
+    late = LateAnswers()
+    late.unanswered(mark_of_request(1, Request(6, write_address=0x2000, words=(3,))), 0.0)
     other = mark_of_request(1, Request(6, write_address=0x2000, words=(1,)))
-    assert not owed.settle(other, 1.0)
-    assert owed.owes(1, 6, 1.0) and not owed.owes(1, 3, 1.0)
+    assert not late.settle(other, 1.0)
+    assert late.owes(1, 6, 1.0) and not late.owes(1, 3, 1.0)
 
 
 def test_a_span_that_is_refused_later_is_not_grown_into_any_more() -> None:
-    owed = owing([1], 0.0)
-    owed.proven(1, Block(100, 10))
-    assert owed.pieces(1, Block(105, 1), 1.0)[0][0].block.count == 2
-    owed.refused(1, Block(108, 1))
-    assert owed.pieces(1, Block(105, 1), 1.0) == ([], LATEST - 1.0)
+    late = owing([1], 0.0)
+    late.proven(1, Block(100, 10))
+    assert late.pieces(1, Block(105, 1), 1.0)[0][0].block.count == 2
+    late.refused(1, Block(108, 1))
+    assert late.pieces(1, Block(105, 1), 1.0) == ([], LATEST - 1.0)
 
 
 def test_only_an_earlier_read_of_the_same_registers_may_stand_for_a_newer_one() -> None:
-    owed, block = Owed(), Block(0x100, 96)
+    late, block = LateAnswers(), Block(0x100, 96)
     mark = mark_of_request(1, Request(3, 0x100, 96))
-    owed.unanswered(mark, 0.0, 0x100)
-    assert owed.only(1, block, 1.0) and not owed.only(1, Block(0x200, 96), 1.0)
-    owed.unanswered(mark, 2.0, 0x200)
-    assert not owed.only(1, block, 3.0)
-    assert owed.settled(mark, 3.0) == LATEST and owed.settled(mark, 3.0) == LATEST + 2.0
-    owed.unanswered(mark, 5.0, 0x100, until=6.0)
-    assert owed.settled(mark, 7.0) == 0.0
+    late.unanswered(mark, 0.0, 0x100)
+    assert late.only(1, block, 1.0) and not late.only(1, Block(0x200, 96), 1.0)
+    late.unanswered(mark, 2.0, 0x200)
+    assert not late.only(1, block, 3.0)
+    assert late.settled(mark, 3.0) == LATEST and late.settled(mark, 3.0) == LATEST + 2.0
+    late.unanswered(mark, 5.0, 0x100, until=6.0)
+    assert late.settled(mark, 7.0) == 0.0
