@@ -12,7 +12,7 @@ A table of plural forms is written as its categories: `rows.one`, `rows.few`, `r
 import string
 import tomllib
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from babel import Locale, UnknownLocaleError
@@ -37,10 +37,14 @@ class Texts:
     def __init__(self, product: Catalogue, plant: Plant | None = None) -> None:
         self._product = product
         self._plant = plant
-        self._types = _by_type(plant) if plant else {}
         self.languages = tuple(plant.languages) if plant else tuple(product)
         """Languages that a person may choose; the first is the default."""
         self.default = self.languages[0] if self.languages else FALLBACK
+
+    @cached_property
+    def _types(self) -> Catalogue:
+        """Texts of equipment types; who asks for names of the plant only goes without."""
+        return _by_type(self._plant) if self._plant else {}
 
     @classmethod
     def read(cls, plant: Plant | None = None, folder: Path = LOCALE) -> "Texts":
@@ -49,7 +53,9 @@ class Texts:
         Raises:
             ConfigurationError: a file of texts cannot be read; names file and mistake.
         """
-        return cls(read_product(folder), plant)
+        texts = cls(read_product(folder), plant)
+        texts._types  # noqa: B018 - here and now: this may be a thread, where nobody waits for it
+        return texts
 
     def text(self, lang: str, key: str, /, **params: object) -> str:
         """The product's (or the plant file's) text `key` in `lang`, its placeholders filled; `<type>.<key>` is that of an equipment type.

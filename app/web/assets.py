@@ -135,18 +135,16 @@ class Assets:
     def _find(self, name: str) -> Asset | None:
         if name in JOINED:
             return self._joined(name)
-        if Path(name).suffix not in TYPES or any(
-            part in ("", "..") or part.startswith(".") for part in name.split("/")
-        ):
+        known = self._known.get(name)
+        if known is None and not _allowed(name):
             return None
         path = self._folder / name
         try:
             status = path.stat()
-            if not path.is_file() or not path.resolve().is_relative_to(self._folder):
-                return None
-            stamp = (status.st_mtime_ns, status.st_size)
-            known = self._known.get(name)
-            if known is None or known.stamp != stamp:
+            stamp = (status.st_mtime_ns, status.st_size, status.st_ino, status.st_dev)
+            if known is None or known.stamp != stamp:  # a page asks for forty files: what is known costs one look
+                if not path.is_file() or not path.resolve().is_relative_to(self._folder):
+                    return None
                 known = self._known[name] = _packed(name, stamp, self._lasting(name, path.read_bytes()))
         except (OSError, ValueError):
             return None
@@ -170,6 +168,13 @@ class Assets:
             return found["how"] + b'"' + url.encode() + b'"'
 
         return NAMED.sub(lasting, content)
+
+
+def _allowed(name: str) -> bool:
+    """Whether a file of this name may be served."""
+    return Path(name).suffix in TYPES and not any(
+        part in ("", "..") or part.startswith(".") for part in name.split("/")
+    )
 
 
 def _packed(name: str, stamp: tuple[object, ...], content: bytes) -> Asset:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.errors import ConfigurationError
+from app.plant import texts as texts_module
 from app.plant.loader import read_plant
 from app.plant.texts import Texts, fill, plural_category, read_product
 
@@ -100,3 +101,19 @@ def test_product_files_are_joined_and_a_key_that_is_there_twice_is_told(tmp_path
     (tmp_path / "en" / "more.toml").write_text("nav = \n")
     with pytest.raises(ConfigurationError, match=r"en/more\.toml"):
         read_product(tmp_path)
+
+
+def test_who_asks_for_names_of_the_plant_does_not_collect_the_texts_of_its_types(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plant, _ = read_plant(DEMO)
+    assert plant
+    gathered: list[object] = []
+    gather = texts_module._by_type
+    monkeypatch.setattr(texts_module, "_by_type", lambda plant: gathered.append(plant) or gather(plant))
+    texts = Texts({}, plant)
+    assert texts.label("en", plant.equipment["m1"].label) == "Fan 1"
+    assert gathered == []
+    key = next(iter(plant.types["eura_e800"].texts["en"]))
+    assert [texts.text("en", f"eura_e800.{key}") for _ in range(2)] == [plant.types["eura_e800"].texts["en"][key]] * 2
+    assert gathered == [plant]

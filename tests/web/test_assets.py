@@ -1,6 +1,7 @@
 """Static files: fetched once under a name that contains their content, never stale, nothing else of the disk."""
 
 import gzip
+import os
 import re
 from pathlib import Path
 
@@ -148,3 +149,31 @@ def test_a_cold_page_stays_below_its_weight(client: TestClient) -> None:
         with client.stream("GET", url, headers={"Accept-Encoding": "gzip"}) as answer:
             weight += len(b"".join(answer.iter_raw()))
     assert weight < 150_000
+
+
+def test_a_file_that_becomes_a_way_out_is_served_no_more(folder: Path) -> None:
+    """Also when the file outside is as long and as old as the one that was there."""
+    assets, file, outside = Assets(folder), folder / "css" / "seen.css", folder.parent / "outside.css"
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(b"x" * len(outside.read_bytes()))
+    then = outside.stat().st_mtime_ns
+    os.utime(file, ns=(then, then))
+    assert assets.url("css/seen.css") != "/static/css/seen.css"
+    file.unlink()
+    file.symlink_to(outside)
+    assert assets.url("css/seen.css") == "/static/css/seen.css"
+    file.unlink()
+    assert assets.url("css/seen.css") == "/static/css/seen.css"
+
+
+def test_a_file_that_is_known_costs_one_look_at_the_disk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assets = Assets(folder)
+    (folder / "css").mkdir(exist_ok=True)
+    (folder / "css" / "seen.css").write_text("a {}", "utf-8")
+    first = assets.url("css/seen.css")
+    looks: list[object] = []
+    look = Path.stat
+    monkeypatch.setattr(Path, "stat", lambda *given, **how: looks.append(given) or look(*given, **how))
+    monkeypatch.setattr(Path, "resolve", lambda *given: looks.append(given))
+    assert assets.url("css/seen.css") == first
+    assert len(looks) == 1
