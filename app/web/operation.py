@@ -279,12 +279,13 @@ class Operation:
     def standing(self, changes: Sequence[Change]) -> str:
         """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
         text = self.equipment.text
-        return ", ".join(f"{self._named(one)} {self._held(one)} ({text(f'set.{one.stands}')})" for one in changes)
+        return ", ".join(f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in changes)
 
     def _named(self, change: Change) -> str:
         return self.equipment.t(change.label) if change.code == change.key else change.code
 
-    def _held(self, change: Change) -> str:
+    def held(self, change: Change) -> str:
+        """What the device holds of a value, with its unit; ? when it is not known."""
         if change.found is None:
             return "?"
         unit = fmt.unit_symbol(change.unit, self.equipment.text)
@@ -305,7 +306,7 @@ class Operation:
     def told(self, progress: Progress) -> str:
         """The arguments of a command in words: Product 5, Head 100.5 mm; what some mean together, by its name."""
         if progress.changes:
-            told = [f"{self._named(one)} {self._held(replace(one, found=one.new))}" for one in progress.changes]
+            told = [f"{self._named(one)} {self.held(replace(one, found=one.new))}" for one in progress.changes]
             return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
         command = self.equipment.equipment.type.commands.get(progress.command)
         given = progress.arguments

@@ -284,8 +284,7 @@ def _answered(request: Request, operation: Operation, text: str, kind: str, rows
 def _row(operation: Operation, change: Change, *, dry: bool) -> Row:
     machine = operation.equipment
     setpoint = machine.equipment.type.setpoints[change.key]
-    point = operation.fresh().equipment.point(change.key)
-    value = "" if dry or change.found is None else f"{point.number(change.found)}\u00a0{point.unit}".rstrip("\u00a0")
+    value = "" if dry or change.found is None else operation.held(change)
     if value and change.found is not None and int(change.found) in setpoint.options:
         value = machine.t(setpoint.options[int(change.found)])
     text = machine.text("fb.dry_run" if dry else f"set.is_{change.stands}")

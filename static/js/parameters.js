@@ -70,6 +70,7 @@ function review() {
   const count = found.length;
   $("count").textContent = count;
   $("n").textContent = count || "";
+  $("together").hidden = count < 2;
   $("nothing").hidden = count > 0 || results.childElementCount > 0;
   $("submit").disabled = !count || found.some(({ out }) => out);
   $("discard").disabled = !count;
