@@ -6,7 +6,7 @@ exchanged while the server was stopped is told at the start.
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 from zoneinfo import ZoneInfo
@@ -17,7 +17,7 @@ from app.db import Database
 from app.db_file import Incident, Loss, Mended
 from app.errors import StorageError
 from app.historian import query
-from app.historian.event_history import EventHistory
+from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.plant.retained import RetainedStates
 
@@ -41,7 +41,7 @@ class DatabaseWatch:
         people: Database,
         history: Database,
         recorder: Recorder,
-        books: Sequence[EventHistory],
+        events: Events,
         alarms: AlarmEngine,
         retained: RetainedStates,
         clock: Clock,
@@ -51,7 +51,7 @@ class DatabaseWatch:
         self._people = people
         self._history = history
         self._recorder = recorder
-        self._books = books
+        self._events = events
         self._alarms = alarms
         self._retained = retained
         self._clock = clock
@@ -123,8 +123,7 @@ class DatabaseWatch:
             last = 0 if self._recognised else self._remembered()[1]
             self._tell_loss(incident.loss, last or self._clock.micros())
             self._recognised = True
-            for book in self._books:
-                await book.load()
+            await self._events.load()
             await self._note()
 
     def _remembered(self) -> tuple[dict[str, Any], int]:

@@ -55,6 +55,8 @@ class NoAnswer(LinkError):
     """Silence until the time-out."""
 
     kind = "no_answer"
+    request = 0
+    """Id of the command of which nobody knows what became; 0 = it was none."""
 
 
 class NotConnected(LinkError):

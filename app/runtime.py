@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 from zoneinfo import ZoneInfo
 
 from app import __version__
@@ -31,7 +29,7 @@ from app.commands.value_set import spelt
 from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
-from app.historian.event_history import EventHistory, Told
+from app.historian.events import Events, Told, has_ring
 from app.historian.passages import Passages, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
 from app.historian.runs import Runs, runs_sequence
@@ -69,6 +67,8 @@ SIMULATION_SLOW = 0.9
 """Slower than this, compared with real time: an alarm."""
 PLANT_TASKS = ("simulation", "retained", "commands")
 """Tasks that there are only while there is a plant; beside them one for each link."""
+EVENTS = "events"
+"""`sys.events.<equipment>` counts changes of what is kept of its events."""
 PRODUCTS = "products"
 """`sys.products.<equipment>` counts changes of the passages of its products."""
 RUNS = "runs"
@@ -116,10 +116,8 @@ class Runtime:
         """`history.db`, from `start` on; one that cannot be opened is told by the recorder and does not stop the plant."""
         self.recorder: Recorder
         """What writes it, from `start` on."""
-        self.passages: Passages
-        """What became of each product, from `start` on."""
-        self.runs: Runs
-        """What the sequences did, from `start` on."""
+        self.events: Events
+        """What machines tell, and what is made of it, from `start` on."""
         self.files: DatabaseWatch
         """Whether the files of both are still there, from `start` on."""
         self.access: Access
@@ -146,11 +144,6 @@ class Runtime:
         self._event_revisions: dict[str, int] = {}
         self._storing: set[asyncio.Task[None]] = set()
 
-    @property
-    def books(self) -> tuple[EventHistory, ...]:
-        """What keeps the events of machines."""
-        return self.passages, self.runs
-
     # ---- start and stop -------------------------------------------------------------------------------
 
     async def start(self) -> None:
@@ -173,15 +166,13 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
-        self.passages = Passages(self.history, self.clock, partial(self._history_changed, PRODUCTS))
-        self.runs = Runs(self.history, self.clock, partial(self._history_changed, RUNS))
+        self.events = Events(self.history, self.clock, self._history_changed, (Passages(), Runs()))
         await self.recorder.register(
             ()
         )  # brings the history to the newest schema, before a link asks for the last events
-        for book in self.books:
-            await book.load()
+        await self.events.load()
         self.files = DatabaseWatch(
-            self.db, self.history, self.recorder, self.books, self.alarms, self._retained, self.clock, self._zone
+            self.db, self.history, self.recorder, self.events, self.alarms, self._retained, self.clock, self._zone
         )
         await self.files.load()
         self.keeper.keep("databases", self.files.run)
@@ -204,8 +195,7 @@ class Runtime:
             self._configure()
         await self._record()
         self.keeper.keep("recorder", self.recorder.run)
-        for book in self.books:
-            self.keeper.keep(book.name, book.run)
+        self.keeper.keep("events", self.events.run)
 
     async def stop(self) -> None:
         """Stop what is held to run, end all tasks and close what is open."""
@@ -218,8 +208,7 @@ class Runtime:
         await self.alarms.close()
         with suppress(StorageError):
             await self._retain_now()
-        for book in self.books:
-            await book.close()
+        await self.events.close()
         await self.recorder.close()
         await asyncio.to_thread(self.history.close)
         await self.access.stop()
@@ -311,38 +300,27 @@ class Runtime:
         gate.take_open_sets(open_sets(lines, plant.equipment))
 
     async def _audited(self, line: AuditLine) -> None:
-        """One line of the audit; a command whose event is kept is also told to the history of events."""
-        if line.kind == "command" and line.person is not None:
-            self._tell_books(line.person, line.object, line.result, line.params.get("arguments") or {}, line.params)
-        await self.access.audit.record(*_written(line), **line.params)
+        """One line of the audit; who gave a command that a device knows by its id is also told to the history of events."""
+        person, params = line.person, line.params
+        if person is not None and params.get("requests"):
+            ended = int(params["ended"]) or self.clock.micros()
+            name, why = person.display or person.name, str(params.get("why", ""))
+            equipment = line.object.partition(".")[0]
+            self.events.told(Told(equipment, tuple(params["requests"]), name, why, int(params["requested"]), ended))
+        await self.access.audit.record(*_written(line), **params)
 
     async def _foretold(self, line: AuditLine) -> bool:
         """One line of the audit that is on the disk when this returns true."""
         return await self.access.audit.foretell(self.access.audit.entry(*_written(line), **line.params))
 
-    def _tell_books(
-        self, person: Person, what: str, result: str, arguments: Mapping[str, Any], params: Mapping[str, Any]
-    ) -> None:
-        equipment, _, key = what.partition(".")
-        item = self.plant.equipment.get(equipment) if self.plant else None
-        command = item.type.commands.get(key) if item is not None else None
-        if item is None or command is None or result in (Progressed.REFUSED, Progressed.DRY_RUN, Progressed.FAILED):
-            return
-        for book in self.books:
-            caused = book.caused_by(command.code, arguments) if book.keeps(item) else None
-            if caused is not None:
-                name, why = person.display or person.name, str(params.get("why", ""))
-                ended = int(params["ended"]) or self.clock.micros()
-                book.told(Told(equipment, *caused, name, why, int(params["requested"]), ended))
-
-    def _history_changed(self, kind: str, equipment: str) -> None:
-        """Passages or runs of a machine are other ones now: whoever looks at them fetches them again."""
-        name = f"{SYSTEM}.{kind}.{equipment}"
-        if name not in self.tags:
-            return
-        count = self._event_revisions[name] = self._event_revisions.get(name, 0) + 1
+    def _history_changed(self, equipment: str) -> None:
+        """Events of a machine, and what is made of them, are other ones now: whoever looks at them fetches them again."""
         now = self.clock.micros()
-        self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
+        for kind in (EVENTS, PRODUCTS, RUNS):
+            name = f"{SYSTEM}.{kind}.{equipment}"
+            if name in self.tags:
+                count = self._event_revisions[name] = self._event_revisions.get(name, 0) + 1
+                self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
 
     # ---- events of machines ---------------------------------------------------------------------------
 
@@ -368,9 +346,8 @@ class Runtime:
         await self.alarms.settle()
 
     async def _store_events(self, equipment: str, events: Sequence[RingEvent], lost: int) -> None:
-        for book in self.books:
-            with suppress(StorageError):  # told by the book, which tries again
-                await book.take(equipment, events, lost)
+        with suppress(StorageError):  # told by the history, which tries again
+            await self.events.take(equipment, events, lost)
 
     def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
         """Where the ring of a machine is to be read from: behind what both the alarms and the history have."""
@@ -382,9 +359,8 @@ class Runtime:
         return self._earliest(item, self.alarms.stored_event(item.id))
 
     def _earliest(self, item: Equipment, alarms: Mark | None) -> Mark | None:
-        marks = [alarms, *(book.last(item.id) for book in self.books if book.keeps(item))]
-        known = [mark for mark in marks if mark is not None]
-        return min(known, key=lambda mark: mark.time) if len(known) == len(marks) else None
+        stored = self.events.last(item.id)
+        return None if alarms is None or stored is None else min(alarms, stored, key=lambda mark: mark.time)
 
     @staticmethod
     def _log_events(item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
@@ -427,8 +403,7 @@ class Runtime:
         self.points = {point.name: point for point in points}
         self.tags.configure(self._tag(point) for point in points)
         self.alarms.configure(self.plant, self.texts, person)
-        for book in self.books:
-            book.configure(self.plant.equipment.values() if self.plant else ())
+        self.events.configure(self.plant.equipment.values() if self.plant else ())
         inputs = self._derivation.inputs if self._derivation else ()
         self._derivation_inputs = frozenset(self.tags.handle(name) for name in inputs)
         self.live.renew()
@@ -447,7 +422,10 @@ class Runtime:
             for name in statistic_names(link, {item.unit for item in machines if item.link == link})
         ]
         points = [point for item in machines for point in item.points.values() if _has_value(point)]
-        tracking = [system_point(f"{PRODUCTS}.{item.id}", label=PRODUCTS) for item in machines if tracks_products(item)]
+        tracking = [system_point(f"{EVENTS}.{item.id}", label=EVENTS) for item in machines if has_ring(item)]
+        tracking += [
+            system_point(f"{PRODUCTS}.{item.id}", label=PRODUCTS) for item in machines if tracks_products(item)
+        ]
         tracking += [system_point(f"{RUNS}.{item.id}", label=RUNS) for item in machines if runs_sequence(item)]
         return [
             *points,
@@ -758,7 +736,7 @@ class Runtime:
                 names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
-            case "products" | "runs":
+            case "events" | "products" | "runs":
                 names = [f"{SYSTEM}.{head}.{key}" for key in self.plant.equipment]
                 names = [name for name in names if name in self.points]
             case "storage":
@@ -860,7 +838,7 @@ class Runtime:
         tell("audit_waiting", active=not audit.healthy)
         tell("audit_broken", active=not audit.intact)
         recorder = self.recorder
-        tell("history_full", active=recorder.full or any(book.failed for book in self.books))
+        tell("history_full", active=recorder.full or self.events.failed)
         tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
         tell("disk_low", active=recorder.disk_low)
 

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 from app.backup import table_counts
 from app.cli import cli
 from app.db import Database
-from app.historian import passages
-from app.historian.event_history import Delivery
+from app.historian.events import Delivery
 from app.historian.export import verify_export
 from app.plant.loader import read_plant
 from tests.conftest import PogonServer
+from tests.historian.books import store_passages
 from tests.historian.rings import Ring
 from tests.web import runs_plant
 
@@ -182,7 +182,7 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     database.migrate()
     ring = Ring(time=time.time_ns() // 1000 - 60_000_000)
     ring.passage(7)
-    database.run(lambda connection: passages.store(connection, Delivery("c1", ring.drain()), (), 0))
+    database.run(lambda connection: store_passages(connection, Delivery("c1", ring.drain()), (), 0))
     database.close()
     done = pogon(tmp_path, "export", "--products", "c1", "--locale", "de")
     assert done.returncode == 0, done.stderr

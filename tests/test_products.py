@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from app.access.roles import Person, permissions_of
+from app.commands.trail import AuditLine
 from app.historian import passage_query as query
 from app.historian.passage_query import Wanted
 from app.links.events import head_of
@@ -106,6 +107,7 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
         data,
         "SELECT p.product, s.code, s.sequence, p.entry, p.id FROM passage p JOIN passage_step s ON s.passage = p.id",
     )
+    assert read(data, "SELECT count(*) FROM event_gap") == [(0,)], read(data, "SELECT * FROM event_gap")
     assert len({(product, sequence) for product, _, sequence, *_ in told}) == len(told), "no event twice"
     arrived = sorted(product for product, code, *_ in told if code == 1)
     assert arrived == list(range(arrived[0], arrived[0] + len(arrived))), "no product missing, none twice"
@@ -151,7 +153,7 @@ def _kill_while_nothing_is_taken(pogon_server: START, tmp_path: Path, modbus: in
             size = (data / "history.db-wal").stat().st_size
             resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (size, size))
         before = read(data, newest)[0][0]
-        wait(lambda: "passages are not written" in server.log(), limit=30)
+        wait(lambda: "events are not written" in server.log(), limit=30)
         wait(lambda: ring(modbus)[0] >= before + 10)
         _, told = ring(modbus)
         assert read(data, newest)[0][0] - before <= 3 and told <= read(data, newest)[0][0], "no more than is stored"
@@ -200,19 +202,20 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(1, 500, source=1, after=0)
         ring.tell(10, 500, source=2, value=3.25, after=0)
-        ring.tell(6, 500, after=0)
+        ring.tell(6, 500, after=0, request=41)
         await runtime._take_events(item, ring.drain(), 4)
         assert sorted(one.key for one in runtime.alarms.standing()) == ["events_lost", "tolerance_2"]
         assert runtime._last_seen(item) == (1, 10_003)
         assert runtime.tags.value(runtime.tags.handle("sys.products.c1")) > counted  # type: ignore[operator]
         now = runtime.clock.micros()
         ana = Person(7, "ana", "Ana Kos", frozenset({"engineer"}), permissions_of({"engineer"}), "")
-        for result, who in (("refused", "Ivo"), ("confirmed", "Ana Kos")):
+        for result, who, requests in (("refused", "Ivo", []), ("unknown", "Eva", [40]), ("confirmed", "Ana Kos", [41])):
+            params = {"why": "fell down", "requested": now, "ended": now, "id": "x", "requests": requests}
+            person = Person(**{**_fields(ana), "display": who})
             await runtime._audited(
-                "command", Person(**{**_fields(ana), "display": who}), "c1.delete_product", None, "product = 500", result, "",
-                arguments={"product": 500.0}, why="fell down", requested=now, ended=now, id="x",
-            )  # fmt: skip
-        await runtime.passages.close()
+                AuditLine("command", person, "c1.delete_product", None, "product = 500", result, "", params)
+            )
+        await runtime.events.close()
         (one,) = await runtime.history.read(lambda connection: query.find(connection, Wanted(product=500), 10))
         told = await runtime.history.read(lambda connection: query.steps(connection, [one.id]))
         assert (one.outcome, one.alarms) == ("deleted", (10,))
@@ -244,7 +247,7 @@ async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None
     await runtime.start()
     try:
         await until(lambda: arrivals(data, "belt")[: len(before)] == before, 10)
-        assert "sys.products.belt" in runtime.tags and runtime.passages.last("belt") is not None
+        assert "sys.products.belt" in runtime.tags and runtime.events.last("belt") is not None
     finally:
         await runtime.stop()
 
@@ -271,7 +274,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
             await runtime._take_events(item, ring.drain(), 0)
         runtime._tell_alarms()
         assert sorted(one.key for one in runtime.alarms.standing()) == ["history_full", "tolerance_2"]
-        assert runtime.passages.waiting >= 1
+        assert runtime.events.waiting >= 1
     finally:
         await runtime.stop()
 

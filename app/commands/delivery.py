@@ -87,6 +87,8 @@ class Delivery:
                 if job.lease is None:
                     machine.restore.pop(point, None)
         except (LinkError, Refused, KeyError) as error:
+            if isinstance(error, NoAnswer):
+                job.known_as(error.request)
             return outcome_of(error, machine.item, told=bool(command.code))
         return None
 

@@ -5,7 +5,7 @@ Who sends, follows and ends commands reads the fields and tells what happened; e
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
@@ -108,6 +108,12 @@ class Job:
     def answered(self, answer: Answer) -> None:
         """The device has said something about its code."""
         self.answer = answer
+        self.known_as(answer.id)
+
+    def known_as(self, request: int) -> None:
+        """The device knows it by this id."""
+        if request not in (0, *self.progress.requests):
+            self.progress = replace(self.progress, requests=(*self.progress.requests, request))
 
     @contextmanager
     def asked_again(self, now: float) -> Iterator[None]:

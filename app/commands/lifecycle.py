@@ -77,6 +77,8 @@ class Progress:
     """Name → value, of a command that takes several."""
     changes: tuple[Change, ...] = ()
     """Of a set of setpoints: each with what the device holds of it in the end."""
+    requests: tuple[int, ...] = ()
+    """Ids under which a device with a map of ours knows it; its events carry them."""
 
     @property
     def over(self) -> bool:

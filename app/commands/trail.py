@@ -76,6 +76,7 @@ class Trail:
             "ended": progress.ended,
         }
         params |= _what_was_sent(progress)
+        params |= {"requests": list(progress.requests)} if progress.requests else {}
         self._write(AuditLine("command", person, what, old, new, str(progress.state), progress.reason, params, address))
 
     def control(self, person: Person | None, equipment: str, what: str, former: str) -> None:

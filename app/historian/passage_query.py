@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection
 
-from app.historian.event_history import lost as lost
 from app.historian.event_query import belonging, counted, filtered
+from app.historian.events import lost as lost
 from app.historian.passages import Outcome
 
 ANY_ALARM = "any"

@@ -10,6 +10,7 @@ from typing import Any
 import orjson
 from sqlalchemy import Connection
 
+from app.historian.events import Fold
 from app.plant.definitions import Equipment
 from app.plant.kept import Kept, kept
 from app.records import fold
@@ -59,12 +60,18 @@ def source_of(item: Equipment) -> Source | None:
     return Source(machine, item.type.records, item.type.events, item.type.snapshot, names)
 
 
-class RecordFold:
+class RecordFold(Fold):
     """Makes records of the events of all machines, as they are stored."""
 
-    def __init__(self, machines: Iterable[Equipment]) -> None:
+    def __init__(self, machines: Iterable[Equipment] = ()) -> None:
+        self._sources: Mapping[str, Source] = {}
+        self.configure(machines)
+
+    def configure(self, machines: Iterable[Equipment]) -> None:
+        """Take the machines of a plant: those whose types declare kinds of records."""
         found = ((item.id, source_of(item)) for item in machines)
         self._sources = {id: source for id, source in found if source is not None}
+        self.machines = frozenset(self._sources)
 
     def lose(self, connection: Connection, equipment: str, lost: int) -> None:
         """So many events of a machine were lost before the next one."""

@@ -1,6 +1,6 @@
 """Runs of sequences: what each run did, step by step, made of the events of the device that runs it.
 
-How they are kept is told in event_history.py. Codes are those of a device that runs a sequence (app/sim/sequence/program.py):
+How events are kept is told in events.py. Codes are those of a device that runs a sequence (app/sim/sequence/program.py):
 
 | subject | rule |
 | --- | --- |
@@ -14,7 +14,7 @@ How they are kept is told in event_history.py. Codes are those of a device that 
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import sha256
@@ -25,11 +25,9 @@ from sqlalchemy import Connection
 
 from app.blocks.sequence import Cause
 from app.blocks.sequence import SequenceEvent as Code
-from app.clock import Clock
-from app.db import Database
-from app.historian.event_history import TOLD_AFTER, TOLD_BEFORE, Book, EventHistory, Told
+from app.historian.events import Fold
 from app.plant.definitions import Equipment, SequenceDefinition, SequencePermissive
-from app.plant.events import RingEvent
+from app.records.event import Event
 from app.registers.plc_map import real_of
 
 POWER_UP = 18
@@ -82,17 +80,6 @@ RUNNING = frozenset(
 """What only a sequence that runs tells: without a run, one is under way whose start was not seen."""
 FORCE_ENDS: Mapping[int, str] = {0: "released", 1: "over", 2: "restart"}
 """Value of RELEASED → why; `renewed` is one that was forced again meanwhile."""
-BY_COMMAND: Mapping[int, int] = {
-    1: Code.STARTED,
-    2: Code.SUSPENDED,
-    3: Code.RESUMED,
-    4: Code.ABORTED,
-    5: Code.ACKNOWLEDGED,
-    12: Code.FORCED,
-    13: Code.RELEASED,
-}
-"""Code of a command → code of the event that it causes."""
-OF_PERMISSIVE = (Code.FORCED, Code.RELEASED)
 
 
 def runs_sequence(item: Equipment) -> bool:
@@ -156,44 +143,19 @@ UNKNOWN = Kept("", "{}", (), {})
 """Of a machine whose definition nobody knows."""
 
 
-class Runs(EventHistory):
-    """Keeps the runs of all machines that run a sequence."""
+class Runs(Fold):
+    """What the events of machines that run a sequence mean."""
 
-    name = "runs"
-
-    def __init__(
-        self, database: Database, clock: Clock, changed: Callable[[str], None] = lambda equipment: None
-    ) -> None:
-        super().__init__(database, clock, changed)
+    def __init__(self) -> None:
         self._definitions: Mapping[str, Kept] = {}
-
-    def keeps(self, item: Equipment) -> bool:
-        return runs_sequence(item)
 
     def configure(self, machines: Iterable[Equipment]) -> None:
         """Take the machines of a plant: those that run a sequence, with its definition."""
         running = [item for item in machines if runs_sequence(item)]
-        super().configure(running)
         self._definitions = {item.id: kept(item.sequence) for item in running if item.sequence}
+        self.machines = frozenset(self._definitions)
 
-    def caused_by(self, command: int, arguments: Mapping[str, Any]) -> tuple[int, int | None] | None:
-        code = BY_COMMAND.get(command)
-        if code is None or code not in OF_PERMISSIVE:
-            return None if code is None else (code, None)
-        return code, int(arguments.get("step", 0)) * BITS + int(arguments.get("bit", 0))
-
-    def book(self) -> Book:
-        return RunBook(self._definitions)
-
-
-class RunBook(Book):
-    """What the events of machines that run a sequence mean."""
-
-    def __init__(self, definitions: Mapping[str, Kept]) -> None:
-        """`definitions`: machine → what it runs."""
-        self._definitions = definitions
-
-    def put(self, connection: Connection, equipment: str, event: RingEvent) -> None:
+    def put(self, connection: Connection, equipment: str, event: Event) -> None:
         _put(connection, equipment, event, self._definitions.get(equipment, UNKNOWN))
 
     def lose(self, connection: Connection, equipment: str, lost: int) -> None:
@@ -201,12 +163,30 @@ class RunBook(Book):
             "UPDATE sequence_run SET missed = missed + ? WHERE equipment = ? AND outcome = 'open'", (lost, equipment)
         )
 
-    def begin_again(self, connection: Connection, equipment: str, event: RingEvent) -> None:
-        if event.code != POWER_UP and (run := _latest(connection, equipment)) and run.open:
+    def begin_again(self, connection: Connection, equipment: str, event: Event) -> None:
+        if event.code != POWER_UP and (run := _latest(connection, event.equipment)) and run.open:
             _forget(connection, run, event.time)
 
-    def attribute(self, connection: Connection, told: Told) -> bool:
-        return attribute(connection, told)
+    def attributed(self, connection: Connection, equipment: str, event: Event) -> None:
+        who, key = (event.person, event.reason), (event.boot, event.sequence)
+        connection.exec_driver_sql(
+            "UPDATE sequence_force SET person = ?, reason = ? WHERE equipment = ? AND boot = ? AND sequence = ? AND since = ?",
+            (*who, event.equipment, *key, event.time),
+        )
+        row = connection.exec_driver_sql(
+            "SELECT e.run FROM sequence_event e JOIN sequence_run r ON r.id = e.run "
+            "WHERE r.equipment = ? AND e.boot = ? AND e.sequence = ? AND e.time = ? ORDER BY e.run DESC LIMIT 1",
+            (event.equipment, *key, event.time),
+        ).first()
+        if row is None:
+            return
+        connection.exec_driver_sql(
+            "UPDATE sequence_event SET person = ?, reason = ? WHERE run = ? AND boot = ? AND sequence = ?",
+            (*who, row[0], *key),
+        )
+        column = {Code.STARTED.value: "person", Code.ACKNOWLEDGED.value: "acknowledged_by"}.get(event.code)
+        if column:
+            connection.exec_driver_sql(f"UPDATE sequence_run SET {column} = ? WHERE id = ?", (event.person, row[0]))
 
 
 # ---- what is stored ---------------------------------------------------------------------------------------
@@ -239,8 +219,8 @@ class _Said:
     signal: float | None
 
 
-def _said(event: RingEvent) -> _Said:
-    words = [*event.snapshot, 0, 0, 0, 0, 0, 0]
+def _said(event: Event) -> _Said:
+    words = [*event.words, 0, 0, 0, 0, 0, 0]
     return _Said(
         words[0] if words[0] < BITS else None,
         words[1],
@@ -263,7 +243,7 @@ def _latest(connection: Connection, equipment: str) -> _Run | None:
     return None if row is None else _Run(*row)
 
 
-def _put(connection: Connection, equipment: str, event: RingEvent, definition: Kept) -> None:
+def _put(connection: Connection, equipment: str, event: Event, definition: Kept) -> None:
     said = _said(event)
     if event.code == Code.FORCED and said.bit is not None:
         _force(connection, equipment, event, said.bit, definition)
@@ -299,7 +279,7 @@ def _put(connection: Connection, equipment: str, event: RingEvent, definition: K
             _interrupt(connection, run, event.time)
 
 
-def _run(connection: Connection, equipment: str, event: RingEvent, definition: Kept) -> _Run | None:
+def _run(connection: Connection, equipment: str, event: Event, definition: Kept) -> _Run | None:
     """The run that an event belongs to, a new one where there is none; None: it is of no run."""
     run = _latest(connection, equipment)
     if event.code == Code.STARTED:
@@ -322,7 +302,7 @@ def _run(connection: Connection, equipment: str, event: RingEvent, definition: K
     return _begin(connection, equipment, event, definition, seen=False) if event.code in RUNNING else None
 
 
-def _begin(connection: Connection, equipment: str, event: RingEvent, definition: Kept, *, seen: bool) -> _Run:
+def _begin(connection: Connection, equipment: str, event: Event, definition: Kept, *, seen: bool) -> _Run:
     connection.exec_driver_sql(
         "INSERT OR IGNORE INTO sequence_definition (id, text) VALUES (?, ?)", (definition.id, definition.text)
     )
@@ -339,7 +319,7 @@ def _begin(connection: Connection, equipment: str, event: RingEvent, definition:
     return _Run(int(number), Outcome.OPEN, 0, event.time, 0, None, 0, None)
 
 
-def _note(connection: Connection, run: int, event: RingEvent, said: _Said) -> None:
+def _note(connection: Connection, run: int, event: Event, said: _Said) -> None:
     connection.exec_driver_sql(
         "INSERT OR IGNORE INTO sequence_event (run, boot, sequence, time, code, step, bit, value, signal, together, abort_word, step_word, "
         "person, reason) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, '', '')",
@@ -351,7 +331,7 @@ def _note(connection: Connection, run: int, event: RingEvent, said: _Said) -> No
             event.code,
             event.source,
             said.bit,
-            _finite(event.value),
+            event.value,
             said.signal,
             said.together,
             said.abort_word,
@@ -360,7 +340,7 @@ def _note(connection: Connection, run: int, event: RingEvent, said: _Said) -> No
     )
 
 
-def _enter(connection: Connection, run: _Run, event: RingEvent, definition: Kept) -> None:
+def _enter(connection: Connection, run: _Run, event: Event, definition: Kept) -> None:
     connection.exec_driver_sql(  # its end was among the lost events
         "UPDATE sequence_step SET state = 'unknown' WHERE run = ? AND state = 'active'", (run.id,)
     )
@@ -371,7 +351,7 @@ def _enter(connection: Connection, run: _Run, event: RingEvent, definition: Kept
     connection.exec_driver_sql("UPDATE sequence_run SET step = ? WHERE id = ?", (event.source, run.id))
 
 
-def _leave(connection: Connection, run: _Run, event: RingEvent, definition: Kept) -> None:
+def _leave(connection: Connection, run: _Run, event: Event, definition: Kept) -> None:
     _resume(connection, run, event.time)
     connection.exec_driver_sql(
         "UPDATE sequence_step SET state = 'unknown' WHERE run = ? AND state = 'active' AND step <> ?",
@@ -380,7 +360,7 @@ def _leave(connection: Connection, run: _Run, event: RingEvent, definition: Kept
     connection.exec_driver_sql(
         "INSERT INTO sequence_step (run, step, key, state, ended, seconds, suspended) VALUES (?, ?, ?, 'done', ?, ?, 0) "
         "ON CONFLICT (run, step) DO UPDATE SET state = 'done', ended = excluded.ended, seconds = excluded.seconds",
-        (run.id, event.source, definition.step(event.source), event.time, _finite(event.value)),
+        (run.id, event.source, definition.step(event.source), event.time, event.value),
     )
     connection.exec_driver_sql("UPDATE sequence_run SET step = max(step, ?) WHERE id = ?", (event.source, run.id))
 
@@ -398,7 +378,7 @@ def _resume(connection: Connection, run: _Run, time: int) -> None:
     )
 
 
-def _end(connection: Connection, run: _Run, event: RingEvent, said: _Said, definition: Kept) -> None:
+def _end(connection: Connection, run: _Run, event: Event, said: _Said, definition: Kept) -> None:
     _resume(connection, run, event.time)
     outcome = ENDS[event.code]
     cause = Cause.NONE if outcome is Outcome.DONE else _cause(event.value)
@@ -410,7 +390,7 @@ def _end(connection: Connection, run: _Run, event: RingEvent, said: _Said, defin
         "UPDATE sequence_step SET state = ?, ended = ?, seconds = (? - entered - suspended) / 1e6 WHERE run = ? AND state = 'active'",
         (state, event.time, event.time, run.id),
     )
-    seconds = _finite(event.value) if outcome is Outcome.DONE else (event.time - run.started) / 1e6
+    seconds = event.value if outcome is Outcome.DONE else (event.time - run.started) / 1e6
     connection.exec_driver_sql(
         "UPDATE sequence_run SET outcome = ?, ended = ?, seconds = ?, cause = ? WHERE id = ?",
         (outcome, event.time, seconds, cause, run.id),
@@ -419,8 +399,8 @@ def _end(connection: Connection, run: _Run, event: RingEvent, said: _Said, defin
         _first_out(connection, run, event.source, said, definition)
 
 
-def _cause(value: float) -> Cause:
-    return Cause(int(value)) if math.isfinite(value) and int(value) in {each.value for each in Cause} else Cause.NONE
+def _cause(value: float | None) -> Cause:
+    return Cause(int(value)) if value is not None and int(value) in {each.value for each in Cause} else Cause.NONE
 
 
 def _first_out(connection: Connection, run: _Run, step: int, said: _Said, definition: Kept) -> None:
@@ -459,8 +439,8 @@ def _forget(connection: Connection, run: _Run, time: int) -> None:
     )
 
 
-def _force(connection: Connection, equipment: str, event: RingEvent, bit: int, definition: Kept) -> None:
-    asked = max(0.0, _finite(event.value) or 0.0)
+def _force(connection: Connection, equipment: str, event: Event, bit: int, definition: Kept) -> None:
+    asked = max(0.0, event.value or 0.0)
     renewed = connection.exec_driver_sql(
         "UPDATE sequence_force SET until = ?, ending = 'renewed' WHERE equipment = ? AND step = ? AND bit = ? AND until > ?",
         (event.time, equipment, event.source, bit, event.time),
@@ -490,52 +470,12 @@ def _force(connection: Connection, equipment: str, event: RingEvent, bit: int, d
         )
 
 
-def _release(connection: Connection, equipment: str, event: RingEvent, bit: int) -> None:
-    end = FORCE_ENDS.get(int(event.value) if math.isfinite(event.value) else -1, "released")
+def _release(connection: Connection, equipment: str, event: Event, bit: int) -> None:
+    end = FORCE_ENDS.get(-1 if event.value is None else int(event.value), "released")
     connection.exec_driver_sql(
         "UPDATE sequence_force SET until = max(since, ?), ending = ? WHERE equipment = ? AND step = ? AND bit = ? AND ending = ''",
         (event.time, end, equipment, event.source, bit),
     )
-
-
-def attribute(connection: Connection, told: Told) -> bool:
-    """Write into the event that a command caused who had asked for it; False when there is no such event yet."""
-    begin, end = told.requested - TOLD_BEFORE, told.ended + TOLD_AFTER
-    found = False
-    if told.code == Code.FORCED:
-        found = _attribute_force(connection, told, begin, end)
-    row = connection.exec_driver_sql(
-        "SELECT e.run, e.boot, e.sequence FROM sequence_run r JOIN sequence_event e ON e.run = r.id "
-        "WHERE r.equipment = ? AND r.started <= ? AND (coalesce(r.ended, r.started) >= ? OR r.outcome = 'open' OR e.code = ?) "
-        "AND e.code = ? AND (? IS NULL OR e.step * 16 + e.bit = ?) AND e.time BETWEEN ? AND ? AND e.person = '' "
-        "ORDER BY r.started DESC, e.time DESC LIMIT 1",
-        (told.equipment, end, begin, Code.ACKNOWLEDGED, told.code, told.product, told.product, begin, end),
-    ).first()
-    if row is None:
-        return found
-    connection.exec_driver_sql(
-        "UPDATE sequence_event SET person = ?, reason = ? WHERE run = ? AND boot = ? AND sequence = ?",
-        (told.person, told.reason, *row),
-    )
-    column = {Code.STARTED.value: "person", Code.ACKNOWLEDGED.value: "acknowledged_by"}.get(told.code)
-    if column:
-        connection.exec_driver_sql(f"UPDATE sequence_run SET {column} = ? WHERE id = ?", (told.person, row[0]))
-    return True
-
-
-def _attribute_force(connection: Connection, told: Told, begin: int, end: int) -> bool:
-    row = connection.exec_driver_sql(
-        "SELECT boot, sequence FROM sequence_force WHERE equipment = ? AND until >= ? AND since BETWEEN ? AND ? "
-        "AND (? IS NULL OR step * 16 + bit = ?) AND person = '' ORDER BY since DESC LIMIT 1",
-        (told.equipment, begin, begin, end, told.product, told.product),
-    ).first()
-    if row is None:
-        return False
-    connection.exec_driver_sql(
-        "UPDATE sequence_force SET person = ?, reason = ? WHERE equipment = ? AND boot = ? AND sequence = ?",
-        (told.person, told.reason, told.equipment, *row),
-    )
-    return True
 
 
 def oldest(connection: Connection) -> int | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from app.historian import passages, records, runs
+from app.historian import events, passages, records, runs
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -45,7 +45,7 @@ class Size:
     free: int
     """Bytes left on the disk."""
     oldest: int | None
-    """Time of the oldest sample, passage of a product or run [µs UTC]."""
+    """Time of the oldest sample, event, passage of a product or run [µs UTC]."""
     rows_today: int
     """Rows stored in the last 24 h."""
     grown_today: int
@@ -274,9 +274,10 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
         removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
     passages_removed, passages_done = passages.cut(connection, before, at_once)
     runs_removed, runs_done = runs.cut(connection, before, at_once)
+    for part in (events, records):
+        part_removed, part_done = part.cut(connection, before, at_once)
+        removed, done = removed + part_removed, done and part_done
     removed, done = removed + passages_removed + runs_removed, done and passages_done and runs_done
-    records_removed, records_done = records.cut(connection, before, at_once)
-    removed, done = removed + records_removed, done and records_done
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
@@ -290,11 +291,15 @@ def _portions(connection: Connection) -> list[tuple[int, int]]:
 
 
 def _first(connection: Connection) -> int | None:
-    """Time of the oldest thing that is kept: a sample, a product that entered, a run."""
+    """Time of the oldest thing that is kept: a sample, an event, a product that entered, a run."""
     sample = _oldest(connection, "sample")
     entered: int | None = connection.exec_driver_sql("SELECT min(entered) FROM passage").scalar()
     return min(
-        (time for time in (sample, entered, runs.oldest(connection), records.oldest(connection)) if time is not None),
+        (
+            time
+            for time in (sample, entered, *(part.oldest(connection) for part in (events, records, runs)))
+            if time is not None
+        ),
         default=None,
     )
 

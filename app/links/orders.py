@@ -201,10 +201,12 @@ class Orders:
                 break
             await asyncio.sleep(pause)
             pause = min(2 * pause, LAST_PAUSE)
-        raise NoAnswer(
+        silence = NoAnswer(
             f"unit {self._station.number}: command {request.code} with id {request.id}: "
             f"nobody knows what became of it ({last or 'no word about it'})"
         )
+        silence.request = request.id
+        raise silence
 
     async def _until_done(self, answer: Answer, name: str) -> Answer:
         loop = asyncio.get_running_loop()

@@ -15,7 +15,7 @@ from app.blocks.sequence import Cause
 from app.blocks.sequence import SequenceEvent as Code
 from app.errors import Refused
 from app.historian import run_query as query
-from app.historian.event_history import lost as events_lost
+from app.historian.events import lost as events_lost
 from app.historian.export import FORMATS
 from app.historian.run_export import RunExport, RunWish, running, step_names, words
 from app.historian.run_query import (

@@ -50,12 +50,21 @@ class Ring:
         second: int = 0,
         other: float = float("nan"),
         after: float = 1.0,
+        request: int = 0,
     ) -> Event:
         self.time += round(after * SECOND)
         self.sequence += 1
         value = float(value)
         event = Event(
-            self.sequence, self.time, code, source, value, snapshot(product, second, other), self.boot, self.time
+            self.sequence,
+            self.time,
+            code,
+            source,
+            value,
+            snapshot(product, second, other),
+            self.boot,
+            self.time,
+            request,
         )
         self.events.append(event)
         return event

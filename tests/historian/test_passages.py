@@ -11,11 +11,11 @@ import pytest
 from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import event_history, passages, store
+from app.historian import events, store
 from app.historian import passage_query as query
-from app.historian.event_history import Told
+from app.historian.events import Told
 from app.historian.passage_query import Passage, Wanted
-from app.historian.passages import Passages
+from tests.historian.books import Passages, store_passages
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.test_recorder import limit_pages
 from tests.virtual import inline
@@ -316,10 +316,10 @@ async def test_who_deleted_it_and_why_stands_at_the_event(kept: Passages, histor
     ring.tell(7, 2)
     await kept.take("c1", ring.drain())
     deleted = ring.time + SECOND
-    kept.told(Told("c1", 6, 1, "Ana Kos", "fell down", deleted, deleted + 100_000))  # told before its event is there
+    kept.told(Told("c1", (41,), "Ana Kos", "fell down", deleted, deleted + 100_000))  # told before its event is there
     await kept.take("c2", [])
-    ring.tell(6, 1)
-    ring.tell(6, 2)
+    ring.tell(6, 1, request=41)
+    ring.tell(6, 2, request=42)
     await kept.take("c1", ring.drain())
     by = {
         one.product: [(s.code, s.person, s.reason) for s in steps(history, one) if s.code == 6] for one in ask(history)
@@ -329,7 +329,7 @@ async def test_who_deleted_it_and_why_stands_at_the_event(kept: Passages, histor
 
 async def test_a_command_that_never_had_an_event_is_forgotten(kept: Passages) -> None:
     now = kept._clock.micros()
-    kept.told(Told("c1", 6, 1, "Ana Kos", "", now, now))
+    kept.told(Told("c1", (41,), "Ana Kos", "", now, now))
     await kept.close()
     assert len(kept._told) == 1
     kept._clock.advance(120)  # type: ignore[attr-defined]
@@ -374,7 +374,7 @@ async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_p
 async def test_a_disk_that_takes_nothing_for_long_drops_the_oldest_and_counts_them(
     kept: Passages, history: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(event_history, "MOST_WAITING", 20)
+    monkeypatch.setattr(events, "MOST_WAITING", 20)
     original = history.write
 
     async def full(work: object) -> object:
@@ -420,7 +420,7 @@ async def test_passages_are_cut_with_the_rest_of_the_history(kept: Passages, his
     await kept.take("c1", ring.drain())
     before = ask(history)
     removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
-    assert (removed, done) == (7, False)
+    assert (removed, done) == (14, False), "seven passages and seven events"
     while not done:
         removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
     after = ask(history)
@@ -428,7 +428,7 @@ async def test_passages_are_cut_with_the_rest_of_the_history(kept: Passages, his
     left = history.run(lambda c: c.exec_driver_sql("SELECT count(DISTINCT passage) FROM passage_step").scalar_one())
     assert left == len(after)
     size = history.run(lambda connection: store.size(connection, history.path, ring.time))
-    assert size.oldest == after[-1].entered
+    assert size.oldest == history.run(events.oldest) == after[-1].entered
 
 
 async def test_filters_and_pages_are_those_of_brute_force(kept: Passages, history: Database) -> None:
@@ -507,6 +507,6 @@ def test_100_000_passages_are_asked_by_an_index(history: Database) -> None:
 def test_an_event_is_one_row_however_many_tell_it(history: Database) -> None:
     event = Event(5, BEGIN, 1, 1, 0.0, (0, 7, 0, 0, 0, 0))
     for _ in range(3):
-        history.run(lambda connection: passages.store(connection, event_history.Delivery("c1", [event]), (), BEGIN))
+        history.run(lambda connection: store_passages(connection, events.Delivery("c1", [event]), (), BEGIN))
     with sqlite3.connect(history.path) as connection:
         assert connection.execute("SELECT count(*) FROM passage_step").fetchone() == (1,)

@@ -9,17 +9,18 @@ import pytest
 from sqlalchemy import Connection
 
 from app.db import Database
-from app.historian import event_history, passage_query, passages, record_query, records, run_query, runs, store
-from app.historian.event_history import Delivery
+from app.historian import passage_query, record_query, records, run_query, runs, store
+from app.historian.events import Delivery
+from app.historian.events import store as store_events
 from app.historian.record_query import ANY, Wanted
 from app.historian.records import RecordFold
-from app.historian.runs import RunBook
 from app.plant import types
 from app.plant.definitions import Alarm, Equipment
 from app.plant.kept import kept
 from app.records import fold
 from app.records.record import Record
 from tests.historian import keeping, rings, stories
+from tests.historian.books import run_fold, store_passages
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.historian.sequence_rings import Device, definition
 from tests.historian.stories import Portion
@@ -82,7 +83,7 @@ def test_passages_are_those_of_the_version_before(history: Database, seed: int) 
         connection.exec_driver_sql("DELETE FROM event_mark")
         for one in told:
             if one.events or one.lost:
-                passages.store(connection, Delivery("c1", one.events, one.lost), codes, BEGIN)
+                store_passages(connection, Delivery("c1", one.events, one.lost), codes, BEGIN)
         found = sorted(passage_query.find(connection, passage_query.Wanted(), 10**6), key=lambda passage: passage.id)
         steps = passage_query.steps(connection, [one.id for one in found])
         return [
@@ -103,13 +104,13 @@ def test_passages_are_those_of_the_version_before(history: Database, seed: int) 
 def test_runs_are_those_of_the_version_before(history: Database, seed: int) -> None:
     told = list(stories.runs(seed, 30))
     tell(history, "seq1", told)
-    book = RunBook({"seq1": runs.kept(definition())})
+    book = run_fold(seq1=runs.kept(definition()))
 
     def before(connection: Connection) -> list[tuple[Any, ...]]:
         connection.exec_driver_sql("DELETE FROM event_mark")
         for one in told:
             if one.events or one.lost:
-                event_history.store(connection, Delivery("seq1", one.events, one.lost), book, BEGIN)
+                store_events(connection, Delivery("seq1", one.events, one.lost), (book,), BEGIN)
         found = sorted(run_query.find(connection, run_query.Wanted(), 10**6), key=lambda run: run.id)
         steps, events = (ask(connection, [one.id for one in found]) for ask in (run_query.steps, run_query.events))
         return [

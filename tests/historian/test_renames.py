@@ -11,11 +11,10 @@ from app.db import Database
 from app.errors import StorageError
 from app.historian import passage_query as query
 from app.historian import renames
-from app.historian.event_history import Told, marks
+from app.historian.events import Told, marks
 from app.historian.passage_query import Wanted
-from app.historian.passages import Passages
-from app.historian.runs import Runs
 from app.plant.definitions import Equipment
+from tests.historian.books import Passages, Runs
 from tests.historian.rings import BEGIN, Event, Ring, conveyor
 from tests.historian.sequence_rings import sequences
 
@@ -86,10 +85,10 @@ async def test_what_waits_and_who_asked_follow_too(history: Database) -> None:
 
     history.write = full  # type: ignore[method-assign, assignment]
     ring.tell(1, 7)
-    told = ring.tell(6, 7)
+    told = ring.tell(6, 7, request=300)
     with pytest.raises(StorageError):
         await book.take("c1", ring.drain())
-    book.told(Told("c1", 6, 7, "Ana Kos", "fell down", told.time, told.time))
+    book.told(Told("c1", (300,), "Ana Kos", "fell down", told.time, told.time))
     book.configure(named(conveyor("c1"), c1="line1"))
     history.write = write  # type: ignore[method-assign]
     await book.close()

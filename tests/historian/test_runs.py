@@ -10,11 +10,12 @@ from app.blocks.sequence import Cause
 from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import run_query, runs, store
-from app.historian.event_history import Told
-from app.historian.passages import Passages, tracks_products
+from app.historian import passages, run_query, runs, store
+from app.historian.events import Events, Told, oldest
+from app.historian.passages import tracks_products
 from app.historian.run_query import Run, Wanted
-from app.historian.runs import Runs, runs_sequence
+from app.historian.runs import runs_sequence
+from tests.historian.books import Runs, caused
 from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
 from tests.historian.sequence_rings import Device, definition, sequences
 from tests.sim.coil_car.line import TRANSPORT, Line
@@ -388,19 +389,16 @@ async def test_what_is_of_no_run_makes_none(kept: Runs, history: Database, devic
     assert kept.last("seq1") is not None
 
 
-async def test_each_machine_is_in_its_own_book(kept: Runs, history: Database, device: Device) -> None:
-    passages = Passages(history, ManualClock())
+async def test_each_machine_is_in_what_its_events_mean(history: Database, device: Device) -> None:
+    kept = Events(history, ManualClock(), folds=(passages.Passages(), runs.Runs()))
     machines = [*sequences("seq1"), *conveyor("c1")]
-    for book in (kept, passages):
-        book.configure(machines)
+    kept.configure(machines)
     assert [(runs_sequence(one), tracks_products(one)) for one in machines] == [(True, False), (False, True)]
     ring = Ring()
     ring.passage(1)
     device.run()
-    told = {"c1": ring.drain(), "seq1": device.drain()}
-    for book in (kept, passages):
-        for equipment, one in told.items():
-            await book.take(equipment, one)
+    for equipment, one in {"c1": ring.drain(), "seq1": device.drain()}.items():
+        await kept.take(equipment, one)
     assert [one.equipment for one in ask(history)] == ["seq1"]
     assert history.run(lambda c: c.exec_driver_sql("SELECT count(*) FROM passage").scalar_one()) == 1
 
@@ -414,10 +412,12 @@ async def test_who_started_forced_and_acknowledged_it(kept: Runs, history: Datab
     device.scan(abort_request=True)
     device.scan(10)
     device.scan(acknowledge=True)
-    for code, what, why in ((15, 35, "sensor broken"), (1, None, ""), (12, None, "wrong coil"), (14, None, "")):
-        kept.told(Told("seq1", code, what, "Ana Kos", why, began, began + SECOND))
-    kept.told(Told("seq1", 15, 36, "Ivo Ban", "another bit", began, began + SECOND))
-    await kept.take("seq1", device.drain())
+    told = device.drain()
+    for request, code, why in ((11, 15, "sensor broken"), (12, 1, ""), (13, 12, "wrong coil"), (14, 14, "")):
+        kept.told(Told("seq1", (request,), "Ana Kos", why, began, began + SECOND))
+        told = caused(told, code, request)
+    kept.told(Told("seq1", (15,), "Ivo Ban", "another command", began, began + SECOND))
+    await kept.take("seq1", told)
     (one,) = ask(history)
     assert (one.person, one.acknowledged_by) == ("Ana Kos", "Ana Kos")
     assert [(force.person, force.reason) for force in forces(history, one)] == [("Ana Kos", "sensor broken")]
@@ -459,9 +459,10 @@ async def test_runs_are_cut_with_the_rest_of_the_history(kept: Runs, history: Da
         device.run()
     await kept.take("seq1", device.drain())
     before = ask(history)
-    assert history.run(lambda c: store.size(c, history.path, device.time)).oldest == before[-1].started
+    assert history.run(lambda c: store.size(c, history.path, device.time)).oldest == history.run(oldest)
+    assert history.run(oldest) < before[-1].started, "what was forced before it"
     removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
-    assert (removed, done) == (7, False)
+    assert (removed, done) == (14, False), "seven runs and seven events"
     while not done:
         removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
     after = ask(history)

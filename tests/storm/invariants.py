@@ -296,15 +296,14 @@ async def events_are_stored(c: Checker) -> None:
     """Every event that a ring told is stored once, or told as a gap; what is kept ends with the newest."""
     world = c.world
     runtime = world.runtime
-    for book in runtime.books:
-        for item in runtime.plant.equipment.values() if runtime.plant else ():
-            device = world.devices.get(item.id)
-            if not book.keeps(item) or not isinstance(device, VirtualPlc):
-                continue
-            mark = book.last(item.id)
-            if device.newest and (mark is None or mark.sequence != device.newest):
-                raise Fell("events_are_stored", f"{item.id}: {mark} is stored, the newest is {device.newest}")
-    for table in (history.passage_step, history.sequence_event):
+    for item in runtime.plant.equipment.values() if runtime.plant else ():
+        device = world.devices.get(item.id)
+        if not isinstance(device, VirtualPlc):
+            continue
+        mark = runtime.events.last(item.id)
+        if device.newest and (mark is None or mark.sequence != device.newest):
+            raise Fell("events_are_stored", f"{item.id}: {mark} is stored, the newest is {device.newest}")
+    for table in (history.event, history.passage_step, history.sequence_event):
         rows = await runtime.history.read(lambda connection, table=table: connection.execute(select(table)).all())  # type: ignore[misc]
         for row in rows:
             world.trace(f"{table.name} {tuple(row)}")

@@ -1,13 +1,14 @@
 """A plant with a coil car, its transport sequence, and a short sequence without a machine; and what its ring would tell in March."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from sqlalchemy import Connection
 
-from app.historian import event_history, runs
-from app.historian.event_history import Delivery, Told
-from app.historian.runs import RunBook
+from app.historian import runs
+from app.historian.events import Delivery, Told, attribute, store
 from app.plant.definitions import Plant
+from tests.historian.books import run_fold
 from tests.historian.rings import BEGIN, SECOND
 from tests.historian.sequence_rings import Device
 
@@ -100,7 +101,7 @@ def fill(connection: Connection, plant: Plant, many: int = 64, begin: int = BEGI
     """Runs of `seq1` from `begin` on: many that went well, and of each kind that stops one; the newest is still under way."""
     definition = plant.equipment["seq1"].sequence
     assert definition is not None
-    book = RunBook({"seq1": runs.kept(definition)})
+    fold = run_fold(seq1=runs.kept(definition))
     device = Device(time=begin, dt=0.01)
     for number in range(many):
         device.time += 60 * SECOND
@@ -139,12 +140,17 @@ def fill(connection: Connection, plant: Plant, many: int = 64, begin: int = BEGI
     device.power_cycle()
     device.start()
     device.scan(20)
-    event_history.store(connection, Delivery("seq1", device.drain()), book, begin)
-    for code, what, person, why, at in (
-        (15, 51, "=Ana; Kos", 'sensor "B3" wet\n=HYPERLINK("x")', forced),
-        (1, None, "Ivo Ban", "", forced + 5 * SECOND),
-        (5, None, "Ivo Ban", "coil not round", forced + 5 * SECOND),
-        (14, None, "=Ana; Kos", "", aborted + 9 * SECOND),
-    ):
-        assert book.attribute(connection, Told("seq1", code, what, person, why, at, at + SECOND)), code
+    told = device.drain()
+    asked = (
+        (15, "=Ana; Kos", 'sensor "B3" wet\n=HYPERLINK("x")', forced),
+        (1, "Ivo Ban", "", forced + 5 * SECOND),
+        (5, "Ivo Ban", "coil not round", forced + 5 * SECOND),
+        (14, "=Ana; Kos", "", aborted + 9 * SECOND),
+    )
+    for request, (code, _, _, at) in enumerate(asked, 1):
+        first = next(event for event in told if event.code == code and event.time >= at)
+        told = [replace(event, request=request) if event is first else event for event in told]
+    store(connection, Delivery("seq1", told), (fold,), begin)
+    for request, (code, person, why, at) in enumerate(asked, 1):
+        assert attribute(connection, Told("seq1", (request,), person, why, at, at + SECOND), (fold,)), code
     connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'seq1'")

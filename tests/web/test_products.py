@@ -10,10 +10,10 @@ from fastapi.testclient import TestClient
 
 from app.access.audit import Filter
 from app.errors import StorageError
-from app.historian import passages
-from app.historian.event_history import Delivery, Told
+from app.historian.events import Delivery, Told, attribute
 from app.historian.export import verify_export
 from app.runtime import Runtime
+from tests.historian.books import passage_fold, store_passages
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff
 
@@ -38,10 +38,10 @@ def fill(connection: Any) -> None:
             ring.tell(3, 99, source=2, value=-2.75)
             ring.tell(10, 99, source=2, value=-2.75, after=0)
             ring.tell(20, 99, source=2, second=98, value=4.5, other=6.25)
-            ring.tell(6, 99)
-        passages.store(connection, Delivery(equipment, ring.drain()), {10, 11, 12, 20}, BEGIN)
-    told = Told("c1", 6, 99, "=Ana; Kos", 'fell "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time + 60 * SECOND)
-    assert passages.attribute(connection, told)
+            ring.tell(6, 99, request=77)
+        store_passages(connection, Delivery(equipment, ring.drain()), {10, 11, 12, 20}, BEGIN)
+    told = Told("c1", (77,), "=Ana; Kos", 'fell "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time + 60 * SECOND)
+    assert attribute(connection, told, (passage_fold("c1"),))
     connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'c1'")
 
 

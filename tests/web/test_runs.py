@@ -278,7 +278,7 @@ def test_a_sequence_that_runs_is_in_the_list_with_who_started_it(live: Staff) ->
     assert [step.key for step in _steps(staff, one)] == ["s1", "s2"]
     assert one.seconds == pytest.approx(0.4, abs=0.1)
     assert (runtime.tags.value(runtime.tags.handle("sys.runs.seq2")) or 0) >= 1  # type: ignore[operator]
-    assert runtime.runs.last("seq2") is not None
+    assert runtime.events.last("seq2") is not None
     page = ivo.get("/runs?equipment=seq2", fragment=False).text
     assert 'data-tag="sys.runs.seq2"' in page
     assert ids(page) == [one.id]

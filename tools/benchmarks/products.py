@@ -10,10 +10,10 @@ from zoneinfo import ZoneInfo
 
 from app.db import Database
 from app.historian import passage_query as query
-from app.historian.event_history import Delivery
+from app.historian.events import Delivery, store
 from app.historian.passage_export import PassageExport, PassageWish
 from app.historian.passage_query import Wanted
-from app.historian.passages import store
+from app.historian.passages import Passages
 from app.historian.store import DAY
 from benchmarks.common import Row, median, milliseconds, thousands
 
@@ -46,6 +46,7 @@ class _Event:
     value: float
     snapshot: Sequence[int]
     boot: int = 1
+    request: int = 0
 
 
 def _timed(work: Callable[[], object], times: int = 15) -> float:
@@ -70,10 +71,12 @@ def _stored(folder: Path) -> tuple[float, float]:
             for n, code in enumerate((1, 2, 3, 4, 3, 4, 3, 4, 5))
         ]
         deliveries.append(Delivery("c1", events))
+    fold = Passages()
+    fold.machines = frozenset({"c1"})
     began = time.perf_counter()
     for at in range(0, STORED, 4):
         database.run(
-            lambda connection, part=deliveries[at : at + 4]: [store(connection, one, {10}, BEGIN) for one in part]  # type: ignore[misc]
+            lambda connection, part=deliveries[at : at + 4]: [store(connection, one, (fold,), BEGIN) for one in part]  # type: ignore[misc]
         )
     ours = 9 * STORED / (time.perf_counter() - began)
     schema = database.run(

@@ -1,14 +1,15 @@
-"""What machines tell with their event rings, kept in the history: what every book of events has in common.
+"""What machines tell with their event rings, kept in the history: every event of every ring, once.
 
-Nothing here is polled: order and times are those of the event ring. Every event is stored once, by its boot and sequence, so that a ring
-delivered again after a crash changes nothing; the mark of a machine is written in the same transaction as what the event did. What the
-events mean is the book's (`passages`, `runs`): a machine is in one book only, as there is one mark.
+Nothing here is polled: order and times are those of the event ring. A mark per machine says up to which event of its ring is stored. It is
+written in the same transaction as the events, so that a ring delivered again after a crash changes nothing. What events mean is for the
+folds, which are handed each new event in that transaction, too. Who caused an event is known by the id of the command that it carries.
 """
 
 import asyncio
 import logging
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from app.errors import StorageError
 from app.historian import renames
 from app.plant.definitions import Equipment
 from app.plant.events import Mark, RingEvent, begins_again, is_new, mark_of
+from app.records.event import Event, packed, unpacked
 
 log = logging.getLogger(__name__)
 
@@ -28,9 +30,8 @@ RETRY_PAUSE = 5.0
 MOST_WAITING = 50_000
 """Events kept in memory while the database does not take them; then the oldest are dropped, and counted as lost."""
 LATE = 60_000_000
-"""An event this long after the end of something still belongs to it [µs]; later it is another thing with its number."""
-TOLD_BEFORE, TOLD_AFTER = 10_000_000, 3_000_000
-"""How long before a command ended, and after, its event may have happened [µs]."""
+"""The events of a command happen at most this long before it was asked and after it has ended [µs]: after 65 535 others another command
+has its id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +46,11 @@ class Delivery:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """A person's command that caused an event."""
+    """A person's command that has ended."""
 
     equipment: str
-    code: int
-    """Of the event that it caused."""
-    product: int | None
-    """Whatever the command named: a product, a permissive; None: not known when it was asked (inserted), or all."""
+    requests: tuple[int, ...]
+    """Ids under which the device knows it (a Stop is sent until it is read back, each time with another id)."""
     person: str
     reason: str
     requested: int
@@ -59,41 +58,58 @@ class Told:
     ended: int
 
 
-class Book(ABC):
-    """What the events of some machines mean."""
+class Fold(ABC):
+    """What is made of the events of some machines while they are stored; its methods run on the database's thread."""
+
+    machines: frozenset[str] = frozenset()
+    """Of whose events it is told."""
 
     @abstractmethod
-    def put(self, connection: Connection, equipment: str, event: RingEvent) -> None:
-        """Store a new event."""
+    def configure(self, machines: Iterable[Equipment]) -> None:
+        """Take the machines of a plant."""
+
+    @abstractmethod
+    def put(self, connection: Connection, equipment: str, event: Event) -> None:
+        """A new event is stored."""
 
     @abstractmethod
     def lose(self, connection: Connection, equipment: str, lost: int) -> None:
         """So many events were lost before the next one."""
 
     @abstractmethod
-    def begin_again(self, connection: Connection, equipment: str, event: RingEvent) -> None:
-        """The ring counts from 1 again with `event`: the device knows nothing any more of what was under way."""
+    def begin_again(self, connection: Connection, equipment: str, event: Event) -> None:
+        """The ring counts from 1 again with `event`, which is put next: the device knows nothing any more of what was under way."""
 
-    @abstractmethod
-    def attribute(self, connection: Connection, told: Told) -> bool:
-        """Write into the event that a command caused who had asked for it; False when there is no such event yet."""
+    def attributed(self, connection: Connection, equipment: str, event: Event) -> None:  # noqa: B027
+        """Who caused an event that was put is known now: its `person` and `reason`."""
+
+    def done(self, connection: Connection, equipment: str) -> None:  # noqa: B027
+        """What was delivered at once has been put."""
 
 
-class EventHistory(ABC):
-    """Keeps a book of machines. A history that is full or broken stops nothing: it is told, and tried again."""
+def has_ring(item: Equipment) -> bool:
+    """Whether a machine has an event ring."""
+    plc = item.type.device.plc
+    return plc is not None and plc.events
 
-    name = "events"
-    """In the log."""
+
+class Events:
+    """Keeps the events of all machines. A history that is full or broken stops nothing: it is told, and tried again."""
 
     def __init__(
-        self, database: Database, clock: Clock, changed: Callable[[str], None] = lambda equipment: None
+        self,
+        database: Database,
+        clock: Clock,
+        changed: Callable[[str], None] = lambda equipment: None,
+        folds: Sequence[Fold] = (),
     ) -> None:
-        """`changed` is called with a machine when there is something new of it."""
+        """`changed` is called with a machine when there is something new of it; `folds` are told of every event."""
         self.failed = False
         """True while the database does not take what happens."""
         self.dropped = 0
         """Events dropped because it did not take them for too long."""
         self.changed = changed
+        self.folds = folds
         self._database = database
         self._clock = clock
         self._machines: frozenset[str] = frozenset()
@@ -101,7 +117,7 @@ class EventHistory(ABC):
         self._names: dict[str, str] = {}
         """Lasting id → name under which the rows of a machine are, as far as is known."""
         self._now: dict[str, str] = {}
-        """Lasting id → name of the machines of this book."""
+        """Lasting id → name of the machines of the plant."""
         self._followed = True
         """Whether the rows have the names of the plant as it is now."""
         self._revision = 0
@@ -126,21 +142,11 @@ class EventHistory(ABC):
         for equipment in self._now.values():
             self.changed(equipment)
 
-    @abstractmethod
-    def keeps(self, item: Equipment) -> bool:
-        """Whether a machine is in this book."""
-
-    @abstractmethod
-    def caused_by(self, command: int, arguments: Mapping[str, Any]) -> tuple[int, int | None] | None:
-        """Code of the event that a command (its code) causes, and what it is about (`Told.product`); None: none that is kept."""
-
-    @abstractmethod
-    def book(self) -> Book:
-        """What the events mean as the plant is now; it is used on another thread."""
-
     def configure(self, machines: Iterable[Equipment]) -> None:
-        """Take the machines of a plant that are in this book; what is kept of one that was renamed gets its new name."""
-        kept = [item for item in machines if self.keeps(item)]
+        """Take the machines of a plant; what is kept of one that was renamed gets its new name."""
+        kept = [item for item in machines if has_ring(item)]
+        for fold in self.folds:
+            fold.configure(kept)
         self._machines = frozenset(item.id for item in kept)
         now = self._now = {item.lasting: item.id for item in kept}
         former = {self._names.get(id, id): name for id, name in now.items()}
@@ -202,23 +208,23 @@ class EventHistory(ABC):
             try:
                 await self._write()
             except StorageError as error:
-                log.error("%s lost events=%d reason=%s", self.name, self.waiting, error)
+                log.error("events lost count=%d reason=%s", self.waiting, error)
 
     async def _write(self) -> None:
         if self.failed and self._clock.monotonic() < self._retry_at:
             raise StorageError("history.db: not written at the moment")
         waiting, told, number = self._waiting[:], self._told, self._taken
-        now, book = self._clock.micros(), self.book()
+        now = self._clock.micros()
         names, revision = self._now, self._revision
 
         def work(connection: Connection) -> tuple[dict[str, Mark], list[Told], set[str]]:
             touched = renames.follow(connection, names)
             for one in waiting:
-                if store(connection, one, book, now):
+                if store(connection, one, self.folds, now):
                     touched.add(one.equipment)
             rest = []
             for command in told:
-                if book.attribute(connection, command):
+                if attribute(connection, command, self.folds):
                     touched.add(command.equipment)
                 elif now - command.ended <= LATE:
                     rest.append(command)
@@ -229,7 +235,7 @@ class EventHistory(ABC):
         except StorageError as error:
             self._retry_at = self._clock.monotonic() + RETRY_PAUSE
             if not self.failed:
-                log.error("%s are not written reason=%s", self.name, error)
+                log.error("events are not written reason=%s", error)
             self.failed = True
             raise
         self._stored = number
@@ -239,7 +245,7 @@ class EventHistory(ABC):
             self._marks, self._followed = found, True
         if self.failed:
             self.failed = False
-            log.info("%s are written again dropped=%d", self.name, self.dropped)
+            log.info("events are written again dropped=%d", self.dropped)
         for equipment in touched:
             self.changed(equipment)
 
@@ -250,7 +256,7 @@ class EventHistory(ABC):
             gone = self._waiting.pop(0)
             excess -= len(gone.events)
             self.dropped += len(gone.events)
-            log.error("%s dropped machine=%s events=%d", self.name, gone.equipment, len(gone.events))
+            log.error("events dropped machine=%s count=%d", gone.equipment, len(gone.events))
             missing = len(gone.events) + gone.lost
             for index, one in enumerate(self._waiting):
                 if one.equipment == gone.equipment:
@@ -267,7 +273,19 @@ def marks(connection: Connection) -> dict[str, Mark]:
     return {row[0]: Mark(row[1], row[2], row[3]) for row in rows}
 
 
-def store(connection: Connection, delivery: Delivery, book: Book, now: int) -> bool:
+def machine(connection: Connection, equipment: str) -> int:
+    """Number under which the events of a machine are."""
+    row = connection.exec_driver_sql("SELECT id FROM event_machine WHERE name = ?", (equipment,)).first()
+    if row is not None:
+        return int(row[0])
+    return int(
+        connection.exec_driver_sql(
+            "INSERT INTO event_machine (lasting_id, name) VALUES (?, ?) RETURNING id", (equipment, equipment)
+        ).scalar_one()
+    )
+
+
+def store(connection: Connection, delivery: Delivery, folds: Sequence[Fold], now: int) -> bool:
     """Store those events that are new, and that some were lost. True when anything was new."""
     equipment = delivery.equipment
     row = connection.exec_driver_sql(
@@ -284,6 +302,7 @@ def store(connection: Connection, delivery: Delivery, book: Book, now: int) -> b
             mark = mark_of(event)
     if delivery.events and not fresh:
         return False
+    told = [fold for fold in folds if equipment in fold.machines]
     # only before the first event of a delivery is anything missing: when that one is known, the loss is, too
     missing = delivery.lost if not fresh or fresh[0] is delivery.events[0] else 0
     if (
@@ -292,18 +311,105 @@ def store(connection: Connection, delivery: Delivery, book: Book, now: int) -> b
         missing = min(missing, fresh[0].sequence - known.sequence - 1)
     if missing > 0:
         _note_gap(connection, equipment, missing, fresh[0] if fresh else None, mark, now)
-        book.lose(connection, equipment, missing)
+        for fold in told:
+            fold.lose(connection, equipment, missing)
+    number = machine(connection, equipment)
     for event in fresh:
-        if event in again:
-            book.begin_again(connection, equipment, event)
-        book.put(connection, equipment, event)
+        kept = _insert(connection, number, equipment, event)
+        for fold in told:
+            if event in again:
+                fold.begin_again(connection, equipment, kept)
+            fold.put(connection, equipment, kept)
     if fresh and mark is not None:
         connection.exec_driver_sql(
             "INSERT INTO event_mark (equipment, boot, sequence, time) VALUES (?, ?, ?, ?) ON CONFLICT (equipment) DO UPDATE "
             "SET boot = excluded.boot, sequence = excluded.sequence, time = excluded.time",
             (equipment, mark.boot, mark.sequence, mark.time),
         )
+    for fold in told:
+        fold.done(connection, equipment)
     return True
+
+
+def _insert(connection: Connection, machine: int, equipment: str, event: RingEvent) -> Event:
+    value = event.value if math.isfinite(event.value) else None
+    number = connection.exec_driver_sql(
+        "INSERT INTO event (machine, boot, sequence, time, code, source, value, words, request, person, reason) "
+        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, '', '') RETURNING id",
+        (
+            machine,
+            event.boot,
+            event.sequence,
+            event.time,
+            event.code,
+            event.source,
+            value,
+            packed(event.snapshot),
+            event.request,
+        ),
+    ).scalar_one()
+    return Event(
+        int(number),
+        equipment,
+        event.boot,
+        event.sequence,
+        event.time,
+        event.code,
+        event.source,
+        value,
+        tuple(event.snapshot),
+        event.request,
+    )
+
+
+def attribute(connection: Connection, told: Told, folds: Sequence[Fold]) -> bool:
+    """Write into the events that a command caused who had asked for it, and why; False when there are none (yet)."""
+    marks = ", ".join("?" * len(told.requests))
+    rows = connection.exec_driver_sql(
+        f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine WHERE m.name = ? AND e.time BETWEEN ? AND ? "
+        f"AND e.request IN ({marks}) AND e.person = '' ORDER BY e.id",
+        (told.equipment, told.requested - LATE, told.ended + LATE, *told.requests),
+    ).all()
+    for row in rows:
+        event = replace(event_of(row), person=told.person, reason=told.reason)
+        connection.exec_driver_sql(
+            "UPDATE event SET person = ?, reason = ? WHERE id = ?", (event.person, event.reason, event.id)
+        )
+        for fold in folds:
+            if event.equipment in fold.machines:
+                fold.attributed(connection, event.equipment, event)
+    return bool(rows)
+
+
+COLUMNS = "e.id, m.name, e.boot, e.sequence, e.time, e.code, e.source, e.value, e.words, e.request, e.person, e.reason"
+"""Of `event e` and `event_machine m`, as `event_of` takes them."""
+
+
+def event_of(row: Sequence[Any]) -> Event:
+    """The event in a row of `COLUMNS`."""
+    id, equipment, boot, sequence, time, code, source, value, words, request, person, reason = row
+    return Event(id, equipment, boot, sequence, time, code, source, value, unpacked(words), request, person, reason)
+
+
+def cut(connection: Connection, before: int, at_once: int) -> tuple[int, bool]:
+    """Remove events that happened before `before` [µs UTC], at most `at_once` of a machine; how many, and whether all are removed."""
+    removed, done = 0, True
+    for (number,) in connection.exec_driver_sql("SELECT id FROM event_machine").all():
+        gone = connection.exec_driver_sql(
+            "DELETE FROM event WHERE id IN (SELECT id FROM event WHERE machine = ? AND time < ? ORDER BY time LIMIT ?)",
+            (number, before, at_once),
+        ).rowcount
+        removed, done = removed + gone, done and gone < at_once
+    connection.exec_driver_sql("DELETE FROM event_gap WHERE time < ?", (before,))
+    return removed, done
+
+
+def oldest(connection: Connection) -> int | None:
+    """When the oldest event happened [µs UTC]."""
+    time: int | None = connection.exec_driver_sql(
+        "SELECT min(t) FROM (SELECT (SELECT min(time) FROM event WHERE machine = m.id) AS t FROM event_machine m)"
+    ).scalar()
+    return time
 
 
 def _note_gap(
