@@ -37,6 +37,12 @@ def export(
         str, typer.Option(help="Instead of tags: what became of each product on this machine, or on all.")
     ] = "",
     runs: Annotated[str, typer.Option(help="Instead of tags: the runs of this sequence, or of all.")] = "",
+    records: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND[:MACHINE]", help="Instead of tags: records of this kind, of all machines or of one."
+        ),
+    ] = "",
     begin: Annotated[
         str, typer.Option("--from", help="2026-03-09T06:00 (time of the plant), with offset, or -8h")
     ] = "-1h",
@@ -76,8 +82,8 @@ def export(
             raise ConfigurationError(f"{out} exists already: an export replaces no file")
         found, _ = read_plant(plant or settings.plant)
         zone, now = _zone(timezone, found), SystemClock().micros()
-        if sum(map(bool, (tags, products, runs))) != 1 or (aggregate and not tags):
-            raise ConfigurationError("expected either --tags, or --products or --runs without --aggregate")
+        if sum(map(bool, (tags, products, runs, records))) != 1 or (aggregate and not tags):
+            raise ConfigurationError("expected either --tags, or --records without --aggregate")
         about: dict[str, Any] = {
             "zone": zone,
             "locale": locale,
@@ -89,7 +95,9 @@ def export(
             "simulated": found is not None and all(link.simulated for link in found.links.values()),
         }
         span = span_of(begin, end, zone, now)
-        if products:
+        if records:
+            made = _records(records, span, found, about)
+        elif products:
             made = _products(products, span, found, about)
         elif runs:
             made = _runs(runs, span, found, about)
@@ -305,6 +313,34 @@ def _runs(machine: str, span: tuple[int, int], plant: "Plant | None", about: dic
     said = words(Texts.read(plant), about["locale"])
     wish = RunWish(Wanted(equipment, *span), **said, **about)
     return RunExport(replace(wish, steps=step_names(plant, equipment, wish.label)))
+
+
+def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
+    """The export of the records of a kind: `run`, or `run:seq1` of one machine."""
+    from app.historian.export import FORMATS
+    from app.historian.record_export import RecordExport, RecordWish, keeping, kinds, names, words
+    from app.historian.record_query import Wanted
+    from app.plant.texts import Texts
+
+    if about["locale"] not in FORMATS:
+        raise ConfigurationError(f"locale: {about['locale']}, expected one of {', '.join(FORMATS)}")
+    known = kinds(plant)
+    name, _, machine = asked.partition(":")
+    kind = known.get(name)
+    if kind is None:
+        raise ConfigurationError(
+            f"--records {asked}: expected {', '.join(known) or 'a plant whose machines have records'}"
+        )
+    machines = [item.id for item in keeping(plant, name)]
+    if machine not in ("", ALL, *machines):
+        raise ConfigurationError(
+            f"--records {asked}: expected {name} or {', '.join(f'{name}:{one}' for one in machines)}"
+        )
+    equipment = "" if machine == ALL else machine
+    wish = RecordWish(
+        Wanted(equipment, *span), kind=kind, **words(Texts.read(plant), plant, kind, about["locale"]), **about
+    )
+    return RecordExport(replace(wish, names=names(plant, kind, equipment, wish.label)))
 
 
 def _write(made: "Sheet", database: "Database", out: Path | None) -> None:

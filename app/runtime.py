@@ -739,6 +739,9 @@ class Runtime:
             case "events" | "products" | "runs":
                 names = [f"{SYSTEM}.{head}.{key}" for key in self.plant.equipment]
                 names = [name for name in names if name in self.points]
+            case "records":
+                names = [f"{SYSTEM}.{EVENTS}.{key}" for key in self.plant.equipment]
+                names = [name for name in names if name in self.points]
             case "storage":
                 names = [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
             case _:

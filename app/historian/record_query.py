@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from app.historian.event_query import AT_ONCE, counted, filtered
+from app.historian.events import lost as lost
 from app.historian.records import RECORD, from_row
 from app.historian.records import parts as parts_of
 from app.plant.kept import Definition

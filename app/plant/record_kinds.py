@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from app.plant.tables import MISSING, REQUIRED, Table, one_of
+from app.plant.toml import parse
 from app.records.kind import (
     SOURCES,
     Column,
@@ -22,6 +23,7 @@ from app.records.kind import (
     Pause,
     Repeat,
     Rule,
+    Shown,
     Type,
     Verb,
     When,
@@ -36,6 +38,8 @@ SAID = ("value", "source", "time")
 SECONDS = ("elapsed", "value", "unknown")
 LISTED = ("begun", "ended", *(one for one in SOURCES if "." not in one))
 """What a column of the list may show beside the fields."""
+OR = " or "
+"""Between two fields of one column: the second where the first is empty."""
 DEFAULT = ("begun", "equipment", "outcome", "duration")
 COMMON = ("equipment", "outcome", "duration", "alarms", "person", "reason", "definition", "ended", "missed")
 """Columns that are called the same whatever the kind: `records.<column>`."""
@@ -71,14 +75,31 @@ def text_keys(kinds: Mapping[str, Kind]) -> Iterator[str]:
         of = f"record.{kind.name}"
         yield from (f"{of}.{key}" for key in ("title", "none", "choose", "hint", "unseen"))
         yield from (f"{of}.outcome.{one}" for one in kind.outcomes)
-        yield from (f"{of}.column.{one}" for one in {*kind.columns, *kind.details} - set(COMMON))
+        yield from (
+            f"{of}.column.{one}" for one in {_first(column) for column in (*kind.columns, *kind.details)} - set(COMMON)
+        )
         for one in kind.filters.values():
             yield f"{of}.filter.{one.name}"
             if one.how in OPEN_CHOICE:
                 yield f"{of}.any.{one.name}"
+        yield from (f"{of}.badge.{one.name}" for one in kind.fields.values() if one.badge)
         repeated = kind.repeat.columns if kind.repeat else ()
         yield from (f"{of}.csv.{header(column.name)}" for column in (*kind.csv, *repeated))
         yield from (f"{of}.{one.name}.{word}" for one in kind.fields.values() for word in one.words)
+
+
+def _first(column: str) -> str:
+    return column.partition(OR)[0]
+
+
+def former_addresses(folder: Path) -> dict[str, str]:
+    """Address before there were records → kind, of all types in `folder`."""
+    return {
+        table["former"]: kind
+        for file in sorted(folder.glob("*/records.toml"))
+        for kind, table in parse(file.read_text("utf-8")).items()
+        if "former" in table
+    }
 
 
 def header(column: str) -> str:
@@ -117,6 +138,7 @@ class _KindReader:
             shared=self._events(also, "events") or frozenset(),
             late=float(table.number("late", 0.0, 0, 86_400)),
             ends=ends,
+            oldest=self._events(table, "oldest") or frozenset(),
             restart=self._events(table, "restart") or frozenset(),
             displaced=table.text("displaced", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
             reopen={key: self._events(reopen, key) or frozenset() for key in reopen.data},
@@ -131,10 +153,14 @@ class _KindReader:
             key=self._field_name("key", fields),
             value=self._field_name("value", fields),
             columns=tuple(self._columns("columns", fields, DEFAULT)),
+            minor=frozenset(self._columns("minor", fields, ())),
+            shown=tuple(self._shown(row) for row in table.rows("shown")),
             details=tuple(self._columns("details", fields, DEFAULT)),
             filters={key: self._filter(key, row, fields) for key, row in table.tables("filters")},
             csv=tuple(self._csv(csv, fields)),
             repeat=self._repeat(csv),
+            complete=table.text("complete", ""),
+            former=table.text("former", ""),
             title=csv.text("title", self.name),
             file=csv.text("file", self.name),
             hooks=self.hooks,
@@ -240,6 +266,7 @@ class _KindReader:
             overlapping=table.text("overlapping", ""),
             people=people,
             words=tuple(map(str, table.items("words", []))),
+            badge=table.text("badge", ""),
         )
         if field.words and kind is not Type.WORD:
             table.note("words", list(field.words), "no words: the type of the field is not word")
@@ -268,8 +295,20 @@ class _KindReader:
         known = [*LISTED, *fields]
         found = [str(one) for one in self.table.items(key, default)]
         for index, one in enumerate(found):
-            if one not in known:
-                self.table.note(f"{key}.{index}", one, one_of(known, one))
+            for name in one.split(OR):
+                if name not in known:
+                    self.table.note(f"{key}.{index}", one, one_of(known, name))
+        return found
+
+    def _shown(self, row: Table) -> Shown:
+        found = Shown(
+            self._events(row, "events", required=True) or frozenset(),
+            row.text("unit", ""),
+            row.whole("decimals", 0, 0, 6),
+            row.flag("signed"),
+            row.text("source", ""),
+        )
+        row.done()
         return found
 
     def _filter(self, key: str, row: Table, fields: Mapping[str, Field]) -> Filter:

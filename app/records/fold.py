@@ -121,14 +121,15 @@ def _place(
     kind: Kind, machine: Machine, shelf: Shelf, event: Reading, number: int, *, second: bool = False
 ) -> Record | None:
     """Put an event into the record that it belongs to, a new one where it begins one; `second`: of what it says only an alarm is its."""
-    latest = shelf.latest(kind, number)
+    queued = event.code in kind.oldest
+    latest = next(iter(shelf.open(kind)), None) if queued else shelf.latest(kind, number)
     where = belongs(kind, latest, event)
     if where is Belongs.NOWHERE:
         return None
     if where is Belongs.HERE and latest is not None:
         record = latest
     else:
-        if latest is not None and latest.open:
+        if latest is not None and latest.open and not kind.oldest:
             shelf.put(displaced(kind, latest, event.time))
         record = shelf.add(_new(kind, machine, shelf, event, number, seen=where is Belongs.SEEN))
         for other in machine.kinds:

@@ -46,6 +46,8 @@ class Type(StrEnum):
     """A key whose text the type has: `record.<kind>.<field>.<key>`."""
     NAME = "name"
     """A key of the definition kept with the record, shown as its label."""
+    PART = "part"
+    """Number of a part, shown with its name."""
     PERSON = "person"
     """Who asked for the last of some of its events; it is read from these."""
 
@@ -97,6 +99,8 @@ class Field:
     """Of a person: the events that somebody asked for; None: any."""
     words: Sequence[str] = ()
     """All that a field of the type word can hold."""
+    badge: str = ""
+    """Sign beside the outcome when it is not 0: `record.<kind>.badge.<field>` says what it means."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +179,19 @@ class Filter:
 
 
 @dataclass(frozen=True, slots=True)
+class Shown:
+    """How some events are shown among those of a record."""
+
+    events: frozenset[int]
+    unit: str = ""
+    """Of the value; empty: it is not shown, s: as a duration."""
+    decimals: int = 0
+    signed: bool = False
+    source: str = ""
+    """What stands before the number of the source; empty: that is not shown."""
+
+
+@dataclass(frozen=True, slots=True)
 class Hooks:
     """What a type's own Python says of a kind."""
 
@@ -215,6 +232,8 @@ class Kind:
     late: float = 0.0
     """An event so long after the end still belongs to it [s]."""
     ends: Sequence[End] = ()
+    oldest: frozenset[int] = frozenset()
+    """These are about the oldest that is under way: things pass one after the other, and the next begins before the last has ended."""
     restart: frozenset[int] = frozenset()
     """With these a machine that was switched on says itself what became of it, even where its ring begins anew."""
     displaced: str = UNKNOWN
@@ -239,11 +258,18 @@ class Kind:
     """Field by which records are found fast (number)."""
     columns: Sequence[str] = ()
     """Of the list on the screen."""
+    minor: frozenset[str] = frozenset()
+    """Of these those that a small screen leaves out."""
+    shown: Sequence[Shown] = ()
     details: Sequence[str] = ()
     """What stands above the events of one."""
     filters: Mapping[str, Filter] = field(default_factory=dict)
     csv: Sequence[Column] = ()
     repeat: Repeat | None = None
+    complete: str = ""
+    """Outcome of those whose times are compared; empty: none are."""
+    former: str = ""
+    """Address under which it was before there were records."""
     title: str = ""
     """First line of a CSV file."""
     file: str = ""

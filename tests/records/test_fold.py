@@ -219,6 +219,19 @@ def test_lost_events_are_those_of_all_that_are_under_way_and_order_says_who_left
     assert [(one.missed, one.outcome) for one in shelf.records] == [(4, UNKNOWN), (4, UNKNOWN), (0, "gone")]
 
 
+def test_things_that_pass_one_after_the_other_end_in_their_order() -> None:
+    made = kind(
+        number="", oldest=frozenset({C}), fields={"it": Field("it", rules=(Rule(Verb.COUNT, When(frozenset({B}))),))}
+    )
+    found = told(
+        made, event(A, 1), event(B, 2), event(A, 3), event(B, 4), event(B, 5), event(C, 6), event(C, 7), event(C, 8)
+    )
+    assert [(one.begun, one.ended, one.outcome, one.fields["it"]) for one in found] == [
+        (1 * SECOND, 6 * SECOND, "gone", 1),
+        (3 * SECOND, 7 * SECOND, "gone", 2),
+    ]
+
+
 def test_a_ring_that_begins_again_ends_what_was_under_way_unless_the_machine_says_how() -> None:
     for restart, outcome in ((frozenset(), UNKNOWN), (frozenset({9}), OPEN)):
         made = kind(restart=restart)

@@ -9,6 +9,9 @@
 | first-out | the permissive that the end names; it fell when it was last told as lost in this run, else before it mattered: no time |
 """
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from app.records.kind import Belongs
 from app.records.record import Names, Reading, Record
 
@@ -76,3 +79,52 @@ def run_fold(record: Record, former: Record, event: Reading, names: Names) -> No
 
 def _cause(value: float | None) -> str:
     return CAUSES[int(value)] if value is not None and 0 <= value < len(CAUSES) else ""
+
+
+def run_detail(record: Record, events: Sequence[Reading]) -> Mapping[str, Any]:
+    """What fell, in the order of the device, and the suspensions of a run."""
+    return {"falls": _falls(record, events), "breaks": _breaks(record, events), "stopped": _stopped(events)}
+
+
+def _falls(record: Record, events: Sequence[Reading]) -> list[dict[str, Any]]:
+    first = tuple(record.fields.get(f"first_{name}") for name in ("step", "bit", "time"))
+    falls: list[dict[str, Any]] = []
+    missing: dict[tuple[int, object], dict[str, Any]] = {}
+    for event in events:
+        bit = event.words.get("bit")
+        if bit is None:
+            continue
+        if event.key == "permissive_lost":
+            fall = {
+                "order": len(falls) + 1,
+                "step": event.source,
+                "bit": bit,
+                "time": event.time,
+                "value": event.words.get("signal"),
+                "first": (event.source, bit, event.time) == first,
+                "together": (event.words.get("together") or 0) > 1,
+                "away": None,
+            }
+            missing[event.source, bit] = fall
+            falls.append(fall)
+        elif event.key == "permissive_back" and (back := missing.pop((event.source, bit), None)):
+            back["away"] = (event.time - back["time"]) / 1e6
+    return falls
+
+
+def _breaks(record: Record, events: Sequence[Reading]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    began: int | None = None
+    for event in events:
+        if event.key == "suspended":
+            began = event.time
+            found.append({"event": event.id, "time": event.time, "length": None})
+        elif began is not None and (event.key == "resumed" or event.time == record.ended):
+            found[-1]["length"] = (event.time - began) / 1e6
+            began = None
+    return found
+
+
+def _stopped(events: Sequence[Reading]) -> int | None:
+    """The event with which it was aborted."""
+    return next((event.id for event in events if event.key == "aborted"), None)

@@ -1,0 +1,245 @@
+"""Records for programs: one address for all kinds, with the filters that each declares."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from pydantic import BaseModel, Field
+from sqlalchemy import Connection
+from starlette.exceptions import HTTPException
+
+from app.clock import to_datetime, to_micros
+from app.historian import record_query as query
+from app.historian.record_export import kinds
+from app.historian.records import source_of
+from app.plant.kept import Definition
+from app.records.event import Event
+from app.records.kind import Kind, Type
+from app.records.record import Record
+from app.web.event_list import in_order
+from app.web.guard import allow, shown_name, shown_words
+from app.web.history import read, runtime_of
+from app.web.record_words import Words
+from app.web.records import kind_of, wanted_of
+
+if TYPE_CHECKING:
+    from app.runtime import Runtime
+
+router = APIRouter(prefix="/api/v1")
+
+OWN = frozenset({"equipment", "from", "to", "outcome", "before", "parts", "events", "limit"})
+"""Parameters of every kind; beside them the filters of the kind."""
+
+
+class KindOut(BaseModel):
+    """A kind of record."""
+
+    kind: str
+    title: str
+    equipment: list[str]
+    outcomes: list[str]
+    filters: dict[str, str] = Field(description="parameter → is, above, any, choice, alarm")
+    fields: dict[str, str] = Field(description="field → its unit or type")
+
+
+class PartOut(BaseModel):
+    """A part of a record: a step of a run."""
+
+    number: int
+    key: str
+    state: str
+    begun: datetime | None
+    ended: datetime | None
+    seconds: float | None = Field(description="how long it was active, pauses not counted [s]")
+    paused: float = Field(description="s")
+
+
+class EventOut(BaseModel):
+    """One event of a record."""
+
+    time: datetime
+    sequence: int
+    code: int
+    event: str = Field(description="key of the code", examples=["head"])
+    source: int
+    value: float | None
+    words: dict[str, float | int | None] = Field(description="what its snapshot says")
+    person: str = Field(description="who asked for it")
+    reason: str
+
+
+class RecordOut(BaseModel):
+    """What became of one thing on one machine."""
+
+    id: int
+    equipment: str
+    number: int = Field(description="as the machine counts; 0 of a kind of which there is one at a time")
+    boot: int
+    begun: datetime
+    begin_seen: bool
+    outcome: str
+    ended: datetime | None
+    seconds: float | None = Field(description="how long it took, as the machine says or as counted [s]")
+    paused: float = Field(description="s")
+    events_lost: int = Field(description="events lost while it was under way")
+    alarms: list[str] = Field(description="keys of its events that are alarms")
+    definition: str = Field(description="name of what the machine was configured to do")
+    fields: dict[str, Any] = Field(description="what its kind declares; times as ISO 8601")
+    labels: dict[str, str] = Field(description="of fields that are keys, in the language of the request")
+    parts: list[PartOut]
+    events: list[EventOut]
+
+
+class RecordsOut(BaseModel):
+    """A page of records, newest first; `next` is the `before` of the next page."""
+
+    records: list[RecordOut]
+    next: str | None
+
+
+@router.get("/records", dependencies=[allow("view")])
+async def of_plant(request: Request) -> list[KindOut]:
+    """The kinds of record that the machines of the plant have."""
+    plant = runtime_of(request).plant
+    machines = list(plant.equipment.values()) if plant else []
+    return [
+        KindOut(
+            kind=name,
+            title=Words(request, kind).text("title"),
+            equipment=[item.id for item in machines if name in item.type.records],
+            outcomes=list(kind.outcomes),
+            filters={key: one.how for key, one in kind.filters.items()},
+            fields={key: one.unit or one.type.value for key, one in kind.fields.items()},
+        )
+        for name, kind in kinds(plant).items()
+    ]
+
+
+@router.get("/records/{kind}", dependencies=[allow("view")])
+async def records(
+    request: Request,
+    kind: str,
+    equipment: Annotated[str, Query(description="machine; empty: all", max_length=64)] = "",
+    begin: Annotated[datetime | None, Query(alias="from", description="begun at or after")] = None,
+    end: Annotated[datetime | None, Query(alias="to", description="begun before")] = None,
+    outcome: Annotated[str, Query(description="one that the kind has", max_length=40)] = "",
+    before: Annotated[str, Query(description="`next` of the page before", pattern="^(|[0-9]{1,18}-[0-9]{1,18})$")] = "",
+    parts: Annotated[bool, Query(description="with the parts of each")] = True,
+    events: Annotated[bool, Query(description="with all events of each")] = False,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> RecordsOut:
+    """What became of things on machines, newest first; the filters of a kind are further parameters."""
+    runtime, of = runtime_of(request), kind_of(request, kind)
+    if any(one and one.tzinfo is None for one in (begin, end)):
+        raise HTTPException(422)
+    since, until = (to_micros(one) if one else None for one in (begin, end))
+    in_order(since, until)
+    given = request.query_params
+    if set(given) - OWN - set(of.filters) or len(given.multi_items()) != len(set(given)):
+        raise HTTPException(422)
+    typed = {name: given.get(name, "") for name in of.filters}
+    typed |= {"equipment": equipment, "outcome": outcome, "before": before, "since": "", "until": ""}
+    wanted = replace(wanted_of(request, of, typed), begin=since, end=until)
+
+    def work(connection: Connection) -> tuple[list[RecordOut], str | None]:
+        found = query.find(connection, of, wanted, limit + 1)
+        shown = found[:limit]
+        ids = [one.id for one in shown]
+        known = query.definitions(connection, [one.definition for one in shown if one.definition])
+        asked = query.people(connection, ids)
+        taken = query.parts(connection, ids if parts and of.parts else [])
+        told = query.events(connection, ids if events else [])
+        made = []
+        for one in shown:
+            one.parts = dict(taken.get(one.id, {}))
+            people = {
+                name: shown_name(request, last.person)
+                for name, field in of.fields.items()
+                if field.type is Type.PERSON and (last := query.person(field, asked[one.id]))
+            }
+            made.append(
+                _record(
+                    request, runtime, of, one, known.get(one.definition, Definition()), people, told.get(one.id, [])
+                )
+            )
+        return made, f"{shown[-1].begun}-{shown[-1].id}" if len(found) > limit else None
+
+    made, following = await read(runtime, work)
+    return RecordsOut(records=made, next=following)
+
+
+def _record(
+    request: Request,
+    runtime: "Runtime",
+    kind: Kind,
+    one: Record,
+    definition: Definition,
+    people: dict[str, str],
+    events: Sequence[Event],
+) -> RecordOut:
+    item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
+    keys = item.type.events if item else {}
+    draw = Words(request, kind)
+    fields: dict[str, Any] = {}
+    labels: dict[str, str] = {}
+    for name, field in kind.fields.items():
+        value = one.fields.get(name)
+        if field.type is Type.PERSON:
+            fields[name] = people.get(name, "")
+        else:
+            fields[name] = to_datetime(value) if field.type is Type.TIME and isinstance(value, int) else value
+        if field.type is Type.NAME and value:
+            labels[name] = draw.label(definition.labels.get(str(value), {})) or str(value)
+    return RecordOut(
+        id=one.id,
+        equipment=one.equipment,
+        number=one.number,
+        boot=one.boot,
+        begun=to_datetime(one.begun),
+        begin_seen=one.entry > 0,
+        outcome=one.outcome,
+        ended=_moment(one.ended),
+        seconds=one.seconds,
+        paused=one.paused / 1e6,
+        events_lost=one.missed,
+        alarms=[keys.get(code, str(code)) for code in one.alarms],
+        definition=definition.name,
+        fields=fields,
+        labels=labels,
+        parts=[
+            PartOut(
+                number=part.number,
+                key=part.key,
+                state=part.state,
+                begun=_moment(part.begun),
+                ended=_moment(part.ended),
+                seconds=part.seconds,
+                paused=part.paused / 1e6,
+            )
+            for _, part in sorted(one.parts.items())
+        ],
+        events=[_event(request, runtime, event) for event in events],
+    )
+
+
+def _event(request: Request, runtime: "Runtime", event: Event) -> EventOut:
+    item = runtime.plant.equipment.get(event.equipment) if runtime.plant else None
+    source = source_of(item) if item else None
+    reading = source.reading(event) if source else None
+    return EventOut(
+        time=to_datetime(event.time),
+        sequence=event.sequence,
+        code=event.code,
+        event=reading.key if reading else str(event.code),
+        source=event.source,
+        value=event.value,
+        words=dict(reading.words) if reading else {},
+        person=shown_name(request, event.person),
+        reason=shown_words(request, event.reason),
+    )
+
+
+def _moment(time: int | None) -> datetime | None:
+    return None if time is None else to_datetime(time)
