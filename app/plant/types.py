@@ -197,7 +197,8 @@ class _TypeReader:
         relations = self._file("checks.toml", optional=True)
         checked = [self._condition("check", key, table) for key, table in relations.tables()]
         for check in checked:
-            if not any(name in setpoints for name in self._names(check.expression)):
+            points = self._names(check.expression)
+            if points is not None and points.isdisjoint(setpoints):
                 relations.note(f"{check.key}.expression", check.expression, "a sentence over at least one setpoint")
             if check.commands:
                 relations.note(
@@ -739,11 +740,12 @@ class _TypeReader:
             yield Write(point, str(value))
 
     @staticmethod
-    def _names(text: str) -> frozenset[str]:
+    def _names(text: str) -> frozenset[str] | None:
+        """What a sentence reads; None when it is none, which is told elsewhere."""
         try:
-            return expression.parse(text).names if text else frozenset()
+            return expression.parse(text).names
         except ConfigurationError:
-            return frozenset()
+            return None
 
     def _condition(self, group: str, key: str, table: Table) -> Condition:
         condition = Condition(
