@@ -179,6 +179,7 @@ class Runtime:
         self.tags.subscribe(self._derive)
         self.tags.on_standstill(self._stood_still)
         self.access.subscribe(self._sessions_ended, self._rights_changed)
+        self.access.sessions.subscribe_deeds(self._people_acted)
         self.access.people.tell = lambda alarm, name: self.alarms.raise_system(alarm, params={"account": name})
         self.keeper.keep("people", self.access.watch)
         self.keeper.keep("audit", self.access.audit.watch)
@@ -187,12 +188,12 @@ class Runtime:
         self.plant, self.problems = read_simulated(self.settings.plant)
         for problem in self.problems:
             log.error("%s: %s", self.settings.plant, problem)
-        self.keeper.keep("sweep", self._sweep)
-        self.keeper.keep("live", self.live.beat)
         if self.plant:
             await self._start_plant(self.plant)
         else:
             self._configure()
+        self.keeper.keep("sweep", self._sweep)  # not before there are tags that it publishes
+        self.keeper.keep("live", self.live.beat)
         await self._record()
         self.keeper.keep("recorder", self.recorder.run)
         self.keeper.keep("events", self.events.run)
@@ -383,6 +384,11 @@ class Runtime:
         for session in sessions:
             if self.gate is not None:
                 self.gate.session_ended(session)
+
+    def _people_acted(self, sessions: Collection[str]) -> None:
+        if self.gate is not None:
+            for session in sessions:
+                self.gate.control.session_seen(session)
 
     def _rights_changed(self, sessions: Collection[str]) -> None:
         if self.gate is not None:

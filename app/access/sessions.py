@@ -93,6 +93,7 @@ class Sessions:
         self._factor_roles = frozenset(factor_roles)
         self._ended: list[Callable[[Collection[str]], None]] = []
         self._changed: list[Callable[[Collection[str]], None]] = []
+        self._acted: list[Callable[[Collection[str]], None]] = []
         self._touched: dict[str, float] = {}
         self._times: dict[str, _Times] = {}
         self._known: OrderedDict[str, _Known] = OrderedDict()
@@ -108,6 +109,10 @@ class Sessions:
     def subscribe_changes(self, changed: Callable[[Collection[str]], None]) -> None:
         """Have `changed` called with the hashes of sessions whose person has other rights or another name now."""
         self._changed.append(changed)
+
+    def subscribe_deeds(self, acted: Callable[[Collection[str]], None]) -> None:
+        """Have `acted` called with the hash of a session whose person has just done something."""
+        self._acted.append(acted)
 
     async def load(self) -> None:
         """Take the times of all sessions over from before the restart.
@@ -217,6 +222,7 @@ class Sessions:
         if times is None or person.idle or now - times.active >= IDLE_AFTER:
             return
         times.active = now
+        self._tell(self._acted, [person.session])
         if now - self._touched.get(person.session, float("-inf")) < TOUCH_PERIOD:
             return
         self._touched[person.session] = now

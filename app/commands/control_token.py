@@ -1,6 +1,6 @@
 """The control token: who may command a machine. One session at a time; Stop and acknowledge need none.
 
-It is taken, handed over, released, or lost: 10 s after the last socket of its session, or after 15 min without a command or other sign
+It is taken, handed over, released, or lost: 10 s after the last socket of its session, or after 15 min without a command or another deed
 of the person. Whoever wants it from the holder asks; the holder has 10 s to refuse, silence yields. Nothing changes hands while a
 hold-to-run moves the machine.
 """

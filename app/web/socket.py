@@ -193,6 +193,10 @@ class _Refuse(Exception):
         self.code = code
 
 
+class _TooSlow(Exception):
+    """A browser did not take what was sent to it in time."""
+
+
 class Allowance:
     """How many messages a browser may still send: some at once, then so many a second."""
 
@@ -247,6 +251,8 @@ class _Conversation:
             await self.refuse(refusal)
         except TimeoutError:
             await self.refuse(_Refuse("bad_message"))
+        except _TooSlow:
+            await self.give_up()
         except (WebSocketDisconnect, RuntimeError):
             pass
         finally:
@@ -373,10 +379,8 @@ class _Conversation:
                 await self.send(frame)
         except (WebSocketDisconnect, RuntimeError, OSError):
             return
-        except TimeoutError:
-            log.info("socket too slow kind=%s", self.kind)
-            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
-                await self.websocket.close(TRY_LATER)
+        except _TooSlow:
+            await self.give_up()
 
     async def fall_silent(self) -> None:
         """End the speaking task and wait until it has ended."""
@@ -387,11 +391,25 @@ class _Conversation:
             self.speaker = None
 
     async def send(self, data: bytes) -> None:
-        async with asyncio.timeout(SLOWEST_SEND):
-            await self.websocket.send({"type": "websocket.send", "text": data.decode()})
+        """Send one message.
+
+        Raises:
+            _TooSlow: the browser took it too slowly, whoever waits for a word of it meanwhile.
+        """
+        try:
+            async with asyncio.timeout(SLOWEST_SEND):
+                await self.websocket.send({"type": "websocket.send", "text": data.decode()})
+        except TimeoutError as error:
+            raise _TooSlow from error
+
+    async def give_up(self) -> None:
+        """Close to a browser that reads too slowly: it may come again."""
+        log.info("socket too slow kind=%s", self.kind)
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+            await self.websocket.close(TRY_LATER)
 
     async def refuse(self, refusal: _Refuse) -> None:
         """Say why and close."""
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError, TimeoutError):
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError, _TooSlow):
             await self.send(orjson.dumps({"error": refusal.error}))
             await self.websocket.close(refusal.code)

@@ -11,6 +11,7 @@ import orjson
 import pytest
 import uvicorn
 from fastapi import FastAPI
+from starlette.websockets import WebSocket
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -293,6 +294,25 @@ async def test_nobody_keeps_a_socket_open_without_a_word(served: Served, monkeyp
     monkeypatch.setattr("app.web.socket.FIRST_WORD", 0.1)
     async with served.open() as socket:
         assert await hear(socket) == {"error": "bad_message"}
+
+
+async def test_a_browser_that_takes_too_long_is_not_told_that_it_said_nonsense(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = WebSocket.send
+
+    async def slow(self: WebSocket, message: Any) -> None:
+        if '"hello"' in message.get("text", ""):
+            await asyncio.Event().wait()
+        await send(self, message)
+
+    monkeypatch.setattr(WebSocket, "send", slow)
+    monkeypatch.setattr("app.web.socket.SLOWEST_SEND", 0.1)
+    async with served.open() as socket:
+        await say(socket, {"subscribe": "equipment/m1", "rev": 1})
+        with pytest.raises(ConnectionClosed) as closed:
+            await hear(socket)
+    assert closed.value.rcvd is not None and closed.value.rcvd.code == 1013
 
 
 async def test_a_guard_of_ones_own_decides(served: Served) -> None:
