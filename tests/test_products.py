@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from app.access.roles import Person, permissions_of
-from app.commands.trail import AuditLine
+from app.commands.audit_lines import AuditLine
 from app.historian import passage_query as query
 from app.historian.passage_query import Wanted
 from app.links.events import head_of

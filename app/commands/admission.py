@@ -73,7 +73,7 @@ class Admission:
         machine = self._desk.machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
-        self._desk.trail.command(order, progress, refused=True)
+        self._desk.audit_lines.command(order, progress, refused=True)
 
     def tick(self, now: float) -> None:
         """Write down what was counted, a line a second; the rest when the burst is over."""
@@ -97,7 +97,7 @@ class Admission:
             return
         order, progress = burst.last
         counted = replace(progress, params={**progress.params, "count": burst.count}) if burst.count > 1 else progress
-        self._desk.trail.command(order, counted, refused=True)
+        self._desk.audit_lines.command(order, counted, refused=True)
 
 
 @dataclass(slots=True)

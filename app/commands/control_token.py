@@ -50,7 +50,7 @@ class TakeOver:
 
 
 @dataclass(slots=True)
-class _Grip:
+class _Tenure:
     holder: Holder
     who: Person
     sign: float
@@ -83,29 +83,29 @@ class ControlToken:
         self._moving = moving
         self._changed = changed
         self._journal = journal
-        self._grips: dict[str, _Grip] = {}
+        self._tenures: dict[str, _Tenure] = {}
         self._sockets: dict[str, int] = {}
         self._closed: dict[str, float] = {}
         self._refusals: dict[tuple[str, str], float] = {}
 
     def holder(self, equipment: str) -> Holder | None:
         """Who holds the machine; None = nobody."""
-        grip = self._grips.get(equipment)
-        return grip.holder if grip else None
+        tenure = self._tenures.get(equipment)
+        return tenure.holder if tenure else None
 
     def request_for(self, equipment: str) -> TakeOver | None:
         """The take-over that waits for the holder's answer."""
-        grip = self._grips.get(equipment)
-        return grip.request if grip else None
+        tenure = self._tenures.get(equipment)
+        return tenure.request if tenure else None
 
     def held_by(self, session: str) -> list[str]:
         """Machines that this session holds."""
-        return [equipment for equipment, grip in self._grips.items() if grip.holder.session == session]
+        return [equipment for equipment, tenure in self._tenures.items() if tenure.holder.session == session]
 
     def holds(self, person: Person, equipment: str) -> bool:
         """Whether this very session holds the machine."""
-        grip = self._grips.get(equipment)
-        return grip is not None and grip.holder.session == person.session
+        tenure = self._tenures.get(equipment)
+        return tenure is not None and tenure.holder.session == person.session
 
     def take(self, person: Person, equipment: str) -> Holder:
         """Take a free machine; the holder may take it again.
@@ -115,13 +115,13 @@ class ControlToken:
         """
         if not self._may(person):
             raise Refused("why.role", 403, role="operator")
-        grip = self._grips.get(equipment)
-        if grip is None:
+        tenure = self._tenures.get(equipment)
+        if tenure is None:
             return self._give(person, equipment, "taken")
-        if grip.holder.session != person.session:
-            raise Refused("why.held", 423, display=grip.holder.display, since=grip.holder.since)
-        grip.sign = self._clock.monotonic()
-        return grip.holder
+        if tenure.holder.session != person.session:
+            raise Refused("why.held", 423, display=tenure.holder.display, since=tenure.holder.since)
+        tenure.sign = self._clock.monotonic()
+        return tenure.holder
 
     def request(self, person: Person, equipment: str) -> TakeOver | None:
         """Ask the holder for the machine; None = it was free and is the asker's now.
@@ -130,24 +130,26 @@ class ControlToken:
             Refused: 403 `why.role`; 423 `why.hold_active` while a hold-to-run moves it, `why.requested` when somebody else asks already,
                 `why.take_over_refused` within 30 s of the holder's refusal.
         """
-        grip = self._grips.get(equipment)
-        if grip is None or grip.holder.session == person.session:
+        tenure = self._tenures.get(equipment)
+        if tenure is None or tenure.holder.session == person.session:
             self.take(person, equipment)
             return None
         if not self._may(person):
             raise Refused("why.role", 403, role="operator")
         if self._moving(equipment):
-            raise Refused("why.hold_active", 423, display=grip.holder.display)
+            raise Refused("why.hold_active", 423, display=tenure.holder.display)
         now = self._clock.monotonic()
-        if grip.request and grip.request.session != person.session:
-            raise Refused("why.requested", 423, display=grip.request.display)
+        if tenure.request and tenure.request.session != person.session:
+            raise Refused("why.requested", 423, display=tenure.request.display)
         if now - self._refusals.get((equipment, person.session), float("-inf")) < PAUSE:
-            raise Refused("why.take_over_refused", 423, display=grip.holder.display)
-        if grip.request is None:
-            grip.request = TakeOver(person.session, str(person.id), person.display, self._clock.micros(), now + ANSWER)
-            grip.asker = person
+            raise Refused("why.take_over_refused", 423, display=tenure.holder.display)
+        if tenure.request is None:
+            tenure.request = TakeOver(
+                person.session, str(person.id), person.display, self._clock.micros(), now + ANSWER
+            )
+            tenure.asker = person
             self._changed(equipment)
-        return grip.request
+        return tenure.request
 
     def refuse(self, person: Person, equipment: str) -> None:
         """The holder keeps the machine.
@@ -155,13 +157,13 @@ class ControlToken:
         Raises:
             Refused: 409 `why.no_request`: nobody asks, or this session does not hold it.
         """
-        grip = self._own(person, equipment)
-        if grip is None or grip.request is None:
+        tenure = self._own(person, equipment)
+        if tenure is None or tenure.request is None:
             raise Refused("why.no_request", 409)
-        self._refusals[equipment, grip.request.session] = self._clock.monotonic()
-        self._journal(person, equipment, "refused", grip.request.display)
-        grip.request = grip.asker = None
-        grip.sign = self._clock.monotonic()
+        self._refusals[equipment, tenure.request.session] = self._clock.monotonic()
+        self._journal(person, equipment, "refused", tenure.request.display)
+        tenure.request = tenure.asker = None
+        tenure.sign = self._clock.monotonic()
         self._changed(equipment)
 
     def give(self, person: Person, equipment: str) -> Holder:
@@ -170,12 +172,12 @@ class ControlToken:
         Raises:
             Refused: 409 `why.no_request`; 423 `why.hold_active`.
         """
-        grip = self._own(person, equipment)
-        if grip is None or grip.asker is None or not self._may(grip.asker):
+        tenure = self._own(person, equipment)
+        if tenure is None or tenure.asker is None or not self._may(tenure.asker):
             raise Refused("why.no_request", 409)
         if self._moving(equipment):
-            raise Refused("why.hold_active", 423, display=grip.holder.display)
-        return self._give(grip.asker, equipment, "handed_over", grip.holder.display)
+            raise Refused("why.hold_active", 423, display=tenure.holder.display)
+        return self._give(tenure.asker, equipment, "handed_over", tenure.holder.display)
 
     def release(self, person: Person, equipment: str) -> None:
         """The holder lets go; whoever asks gets it. Nothing happens when this session does not hold it.
@@ -183,24 +185,24 @@ class ControlToken:
         Raises:
             Refused: 423 `why.hold_active`.
         """
-        grip = self._own(person, equipment)
-        if grip is None:
+        tenure = self._own(person, equipment)
+        if tenure is None:
             return
         if self._moving(equipment):
-            raise Refused("why.hold_active", 423, display=grip.holder.display)
+            raise Refused("why.hold_active", 423, display=tenure.holder.display)
         self._let_go(equipment, "released")
 
     def touch(self, session: str, equipment: str) -> None:
         """The holder gave a command to the machine."""
-        grip = self._grips.get(equipment)
-        if grip and grip.holder.session == session:
-            grip.sign = self._clock.monotonic()
+        tenure = self._tenures.get(equipment)
+        if tenure and tenure.holder.session == session:
+            tenure.sign = self._clock.monotonic()
 
     def session_seen(self, session: str) -> None:
         """The person did something (a request of a page, not a keep-alive)."""
-        for grip in self._grips.values():
-            if grip.holder.session == session:
-                grip.sign = self._clock.monotonic()
+        for tenure in self._tenures.values():
+            if tenure.holder.session == session:
+                tenure.sign = self._clock.monotonic()
 
     def socket_opened(self, session: str) -> None:
         """One more socket of the session."""
@@ -220,41 +222,41 @@ class ControlToken:
         """Signed out, or ended by an administrator: what it held is free at once, what it asked for is withdrawn."""
         self._closed.pop(session, None)
         self._sockets.pop(session, None)
-        for equipment, grip in list(self._grips.items()):
-            if grip.request and grip.request.session == session:
-                grip.request = grip.asker = None
+        for equipment, tenure in list(self._tenures.items()):
+            if tenure.request and tenure.request.session == session:
+                tenure.request = tenure.asker = None
                 self._changed(equipment)
-            if grip.holder.session == session:
+            if tenure.holder.session == session:
                 self._let_go(equipment, "lost")
 
     def keep_only(self, equipment: frozenset[str]) -> None:
         """Forget machines that the plant no longer has."""
-        for gone in set(self._grips) - equipment:
-            del self._grips[gone]
+        for gone in set(self._tenures) - equipment:
+            del self._tenures[gone]
 
     def check_rights(self) -> None:
         """Free what is held, and drop what is asked for, by who may operate no more; not while it moves: the motion ends first."""
-        for equipment, grip in list(self._grips.items()):
-            if grip.asker is not None and not self._may(grip.asker):
-                grip.request = grip.asker = None
+        for equipment, tenure in list(self._tenures.items()):
+            if tenure.asker is not None and not self._may(tenure.asker):
+                tenure.request = tenure.asker = None
                 self._changed(equipment)
-            if not self._may(grip.who) and not self._moving(equipment):
+            if not self._may(tenure.who) and not self._moving(equipment):
                 self._let_go(equipment, "lost")
 
     def tick(self) -> None:
         """Free what is idle or gone, and hand over where the holder kept silent. Called several times a second."""
         self.check_rights()
         now = self._clock.monotonic()
-        for equipment, grip in list(self._grips.items()):
+        for equipment, tenure in list(self._tenures.items()):
             if self._moving(equipment):
-                grip.sign = now
+                tenure.sign = now
                 continue
-            gone = now - self._closed.get(grip.holder.session, now) >= GONE
-            if gone or now - grip.sign >= IDLE:
+            gone = now - self._closed.get(tenure.holder.session, now) >= GONE
+            if gone or now - tenure.sign >= IDLE:
                 self._let_go(equipment, "lost")
-            elif grip.request and grip.asker and now >= grip.request.until:
-                self._give(grip.asker, equipment, "taken_over", grip.holder.display)
-        held = {grip.holder.session for grip in self._grips.values()}
+            elif tenure.request and tenure.asker and now >= tenure.request.until:
+                self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
+        held = {tenure.holder.session for tenure in self._tenures.values()}
         self._closed = {s: at for s, at in self._closed.items() if s in held or now - at < GONE}
         self._refusals = {key: at for key, at in self._refusals.items() if now - at < PAUSE}
 
@@ -262,20 +264,20 @@ class ControlToken:
         now = self._rights(person)
         return now is not None and now.may(OPERATE)
 
-    def _own(self, person: Person, equipment: str) -> _Grip | None:
-        grip = self._grips.get(equipment)
-        return grip if grip and grip.holder.session == person.session else None
+    def _own(self, person: Person, equipment: str) -> _Tenure | None:
+        tenure = self._tenures.get(equipment)
+        return tenure if tenure and tenure.holder.session == person.session else None
 
     def _give(self, person: Person, equipment: str, what: str, former: str = "") -> Holder:
         holder = Holder(person.session, str(person.id), person.display, self._clock.micros())
-        self._grips[equipment] = _Grip(holder, person, self._clock.monotonic())
+        self._tenures[equipment] = _Tenure(holder, person, self._clock.monotonic())
         self._journal(person, equipment, what, former)
         self._changed(equipment)
         return holder
 
     def _let_go(self, equipment: str, what: str) -> None:
-        grip = self._grips.pop(equipment)
-        self._journal(grip.who, equipment, what, "")
-        if grip.asker and self._may(grip.asker):
-            self._give(grip.asker, equipment, "taken_over", grip.holder.display)
+        tenure = self._tenures.pop(equipment)
+        self._journal(tenure.who, equipment, what, "")
+        if tenure.asker and self._may(tenure.asker):
+            self._give(tenure.asker, equipment, "taken_over", tenure.holder.display)
         self._changed(equipment)

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from app.access.roles import ROLE_PERMISSION, Rights
 from app.clock import Clock
+from app.commands.audit_lines import AuditLines
 from app.commands.checks import Checks
 from app.commands.control_token import ControlToken
 from app.commands.delivery import Delivery
@@ -16,7 +17,6 @@ from app.commands.job import Job
 from app.commands.lifecycle import Progress, State
 from app.commands.machine import Machine
 from app.commands.orders import Audit, Foretell, Order, Writer
-from app.commands.trail import Trail
 from app.errors import Refused
 from app.tags.database import TagDatabase
 
@@ -53,10 +53,10 @@ class Desk:
         self.subscribers: list[Callable[[str], None]] = []
         self.enders: list[Callable[[Progress], None]] = []
         self.tasks: set[asyncio.Task[None]] = set()
-        self.trail = Trail(audit, self.spawn, foretell)
+        self.audit_lines = AuditLines(audit, self.spawn, foretell)
         self.rights = rights
         self.control = ControlToken(
-            clock, moving=self.moving, changed=self.mark, journal=self.trail.control, rights=rights
+            clock, moving=self.moving, changed=self.mark, journal=self.audit_lines.control, rights=rights
         )
         self.delivery = Delivery(writers, clock, self.may_go_on)
         self.checks = Checks(tags, clock, writers, self.control, rights)
@@ -87,7 +87,7 @@ class Desk:
             machine.job = None
         machine.last = job.progress
         machine.history.append(job.progress)
-        self.trail.command(job.order, job.progress)
+        self.audit_lines.command(job.order, job.progress)
         self.tell_end(job.progress)
         self.mark(machine.item.id)
 

@@ -236,7 +236,7 @@ class HeldMotion:
             machine.history.append(progress)
             machine.last = progress
             self._desk.tell_end(progress)
-            self._desk.trail.line(None, f"{item.id}.{point}", None, held[point], progress)
+            self._desk.audit_lines.line(None, f"{item.id}.{point}", None, held[point], progress)
 
 
 def _near(value: Value, wanted: float, decimals: int) -> bool:

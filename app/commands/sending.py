@@ -48,7 +48,7 @@ class Sending:
             self._desk.end(machine, job, State.DRY_RUN, "why.dry_run")
             return job.progress
         if prepared.command.stop:
-            line = self._desk.keep(self._desk.trail.sent(order, job.progress), f"audit of {order.equipment}")
+            line = self._desk.keep(self._desk.audit_lines.sent(order, job.progress), f"audit of {order.equipment}")
             await self.write_stop(machine, job, plan.telegrams, job.prepared)
             await asyncio.wait([line], timeout=LINE_LIMIT)
         else:
@@ -117,7 +117,7 @@ class Sending:
         """Send the telegrams in order; a Stop or a newer command in between ends it."""
         item = machine.item
         with job.telegrams():
-            if await self._desk.trail.sent(job.order, job.progress):
+            if await self._desk.audit_lines.sent(job.order, job.progress):
                 broke = await self._desk.delivery.send(machine, job, telegrams)
             else:
                 broke = State.FAILED, NO_AUDIT, {}

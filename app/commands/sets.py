@@ -131,7 +131,7 @@ class Sets:
             ended=self._desk.clock.micros(),
         )
         self._close(machine, found)
-        self._desk.trail.line(
+        self._desk.audit_lines.line(
             None, f"{equipment}.{value_set.KEY}", value_set.told(changes, old=True), value_set.told(changes, old=False),
             found, by=found.person,
         )  # fmt: skip
@@ -140,7 +140,7 @@ class Sets:
 
     async def _carry_out(self, machine: Machine, job: SetJob) -> None:
         try:
-            if not await self._desk.trail.sent(job.order, job.progress):
+            if not await self._desk.audit_lines.sent(job.order, job.progress):
                 self._end(machine, job, State.FAILED, NO_AUDIT, {})
                 return
             failure = await self._write(machine, job)
@@ -335,7 +335,7 @@ class Sets:
         job.progress = replace(ended, changes=changes or ended.changes)
         self._release(machine, job)
         self._close(machine, job.progress)
-        self._desk.trail.command(job.order, job.progress)
+        self._desk.audit_lines.command(job.order, job.progress)
         if reason in UNTOLD:
             self._desk.spawn(self.follow_up(machine.item.id, job.progress), f"set of {machine.item.id}")
 

@@ -706,7 +706,7 @@ async def test_a_broken_audit_or_subscriber_does_not_keep_the_gate_from_working(
     def breaks(*anything: object, **more: object) -> None:
         raise RuntimeError("full")
 
-    stand.gate._desk.trail._audit = breaks
+    stand.gate._desk.audit_lines._audit = breaks
     stand.gate.subscribe(breaks)
     stand.gate.subscribe_ends(breaks)
     await stand.ask(ANA, "forward")

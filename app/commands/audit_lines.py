@@ -19,7 +19,7 @@ Spawn = Callable[[Coroutine[Any, Any, None], str], None]
 """Runs something without waiting for it, under a name."""
 
 
-class Trail:
+class AuditLines:
     """The audit trail of the gate. What goes wrong with it is logged and keeps no command from going on but one that was not sent yet."""
 
     def __init__(self, audit: Audit, spawn: Spawn, foretell: Foretell) -> None:
