@@ -32,6 +32,7 @@ from app.errors import ConfigurationError, StorageError
 from app.historian.events import Events, Told, has_ring
 from app.historian.passages import Passages, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
+from app.historian.records import RecordFold
 from app.historian.runs import Runs, runs_sequence
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
@@ -166,7 +167,7 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
-        self.events = Events(self.history, self.clock, self._history_changed, (Passages(), Runs()))
+        self.events = Events(self.history, self.clock, self._history_changed, (Passages(), Runs(), RecordFold()))
         await self.recorder.register(
             ()
         )  # brings the history to the newest schema, before a link asks for the last events

@@ -1,7 +1,7 @@
 """The page "Forces": every permissive of the plant that is forced, by whom, why and for how long, and the way to take it back.
 
-What is forced is read from the devices, which also release it. Who asked is the number that went with the command, why is in the audit
-trail; only who is signed in is told either.
+What is forced is read from the devices, which also release it. Who asked is the number that went with the command; why stands at the event
+with which the force began, which carries the id of the command that caused it. Only who is signed in is told either.
 """
 
 from collections.abc import Sequence
@@ -9,10 +9,16 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
+from sqlalchemy import Connection
 
-from app.access.audit import Filter, Record
+from app.errors import Refused
+from app.historian import record_query as query
+from app.historian.record_export import kinds
+from app.historian.record_query import Wanted
 from app.plant.definitions import Equipment, Plant
+from app.records.record import OPEN
 from app.web.guard import access_of, allow
+from app.web.history import read
 from app.web.operation import Operation
 from app.web.pages import view_of
 from app.web.screens.sequence import BitView, SequenceView, sequence_of
@@ -20,8 +26,12 @@ from app.web.tables import RowView
 
 router = APIRouter()
 
-LOOKED_AT = 200
-"""So many lines of the audit trail of one sequence are looked through for the reasons."""
+FORCE = "force"
+"""The kind of record that tells why."""
+BITS = 16
+"""Permissives of a step."""
+MOST_FORCES = 200
+"""Records that are looked at for the reasons: a device keeps 32 forces at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +88,13 @@ async def _groups(request: Request) -> list[Group]:
         sequence = sequence_of(operation.equipment)
         if sequence is None:
             continue
-        lines: list[Record] = []
-        if access and sequence.forces:
-            found_lines = await access.audit.find(Filter(object=f"{item.id}.force", kind="command"), 2 * LOOKED_AT)
-            lines = [line for line in found_lines if line.kind == "command"]
+        reasons = await _reasons(request, item.id) if access and sequence.forces else {}
         found = [
             ForceView(
                 sequence.bit(_whole(row, "step"), _whole(row, "bit")),
                 row,
                 names.get(_whole(row, "owner"), ""),
-                _reason(lines, _whole(row, "step"), _whole(row, "bit")),
+                reasons.get(_whole(row, "step") * BITS + _whole(row, "bit"), ""),
             )
             for row in sequence.forces
         ]
@@ -99,7 +106,19 @@ def _whole(row: RowView, column: str) -> int:
     return int(row.number(column) or 0)
 
 
-def _reason(lines: Sequence[Record], step: int, bit: int) -> str:
-    """Why the newest force of a permissive was asked for; empty when nothing says it."""
-    meant = f"step = {step}, bit = {bit},"
-    return next((str(line.parameters.get("why", "")) for line in lines if line.new.startswith(meant)), "")
+async def _reasons(request: Request, equipment: str) -> dict[int, str]:
+    """Place of a permissive → why the force that stands was asked for."""
+    runtime = view_of(request).runtime(request)
+    kind = kinds(runtime.plant).get(FORCE)
+    if kind is None:
+        return {}
+
+    def work(connection: Connection) -> dict[int, str]:
+        found = query.find(connection, kind, Wanted(equipment, outcome=OPEN), MOST_FORCES)
+        asked = query.people(connection, [one.id for one in found])
+        return {one.number: last.reason for one in found if (last := query.person(None, asked[one.id]))}
+
+    try:
+        return await read(runtime, work)
+    except Refused:  # a history that cannot be read hides no force
+        return {}

@@ -243,12 +243,13 @@ def _of_product(code: int) -> bool:
 async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
     runtime = view_of(request).runtime(request)
     chosen = set_filters(typed)
+    machines = [wanted.equipment] if wanted.equipment else [item.id for item in tracking(runtime.plant)]
 
     def work(connection: Connection) -> tuple[list[Passage], int, int]:
         return (
             query.find(connection, wanted, PAGE + 1),
             query.count(connection, replace(wanted, before=None), MOST_COUNTED + 1),
-            query.lost(connection, wanted.equipment, wanted.begin, wanted.end),
+            sum(query.lost(connection, id, wanted.begin, wanted.end) for id in machines),
         )
 
     found, count, lost = await read(runtime, work)

@@ -150,3 +150,22 @@ def test_page_and_interface_mark_labels_alike(plant: TestClient, lang: str) -> N
         assert view.step(step).label == runtime.texts.step(lang, item, step)
         assert view.label(step, 1) == runtime.texts.permissive(lang, item, step, 1)
     assert plant_text({}, lang, runtime.plant) == ""
+
+
+def test_why_a_permissive_is_forced_is_what_was_said_with_the_force_that_stands(
+    plant: TestClient, engineer: Operator
+) -> None:
+    """Whatever was asked for and refused afterwards."""
+    tags = runtime_of(plant).tags
+    given = {"arg_step": "3", "arg_bit": "1", "arg_duration": "6"}
+    proof = {"confirmed": "1", "password": PASSWORD}
+    engineer.press("/equipment/seq2/command/force", **given, **proof, reason="sensor B3 wet")
+    assert until(lambda: tags.sample("seq2.forces").value == 1)
+    assert until(lambda: "sensor B3 wet" in engineer.get("/forces/list").text)
+    engineer.press("/equipment/seq2/command/force", **given, confirmed="1", password="wrong", reason="never happened")
+    engineer.press(
+        "/equipment/seq2/command/force", **given | {"arg_duration": "99999999"}, **proof, reason="never happened"
+    )
+    page = engineer.get("/forces/list").text
+    assert "sensor B3 wet" in page and "never happened" not in page
+    assert until(lambda: tags.sample("seq2.forces").value == 0)
