@@ -22,7 +22,7 @@ from app.alarms.journal import Filter
 from app.alarms.lifecycle import Entry
 from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
-from app.historian.between import between
+from app.historian.aggregate import aggregate
 from app.historian.export import moment
 from app.historian.store import GAP_AFTER
 from app.plant.definitions import Kind, Plant, Point
@@ -180,7 +180,7 @@ async def table(request: Request) -> Response:
             if found is None:
                 rows.append({"tag": name, "a": None, "b": None, "low": None, "high": None, "mean": None, "good": 0.0})
                 continue
-            numbers = between(connection, found.number, begin, end)
+            numbers = aggregate(connection, found.number, begin, end)
             length = max(1, min(end, alive) - begin)
             rows.append(
                 {

@@ -14,7 +14,7 @@ from sqlalchemy import Connection
 from app.clock import ManualClock
 from app.db import Database
 from app.historian import query
-from app.historian.between import between
+from app.historian.aggregate import aggregate
 from app.historian.recorder import Recorder
 from app.plant.definitions import Kind
 from app.plant.derive import Derivation
@@ -93,7 +93,7 @@ async def test_nothing_good_is_stored_for_a_time_that_nobody_saw(
         unseen = [(max(a[0], left), b[0]) for a, b in pairwise(rows) if is_good(a[2])]
         assert is_good(rows[-1][2]) and rows[-1][0] >= back, "it goes on afterwards"
         assert all(end <= left + 2.26 * SECOND or begin >= back for begin, end in unseen if end > begin), rows
-        found = history.run(lambda c, n=name: between(c, _number(c, n), left - SECOND, back))
+        found = history.run(lambda c, n=name: aggregate(c, _number(c, n), left - SECOND, back))
         assert found.good <= 3.26 * SECOND
         assert house.tags.sample(name).quality == GOOD
     assert [still.end for still in house.stills] == [back]
@@ -135,7 +135,7 @@ async def test_an_hour_that_the_wall_clock_left_out_was_seen_by_nobody(
     await house.recorder.flush()
     assert [still.seconds for still in house.stills] == [0.0]
     for name in LIMITS:
-        good = history.run(lambda c, n=name: between(c, _number(c, n), left, left + 3590 * SECOND)).good
+        good = history.run(lambda c, n=name: aggregate(c, _number(c, n), left, left + 3590 * SECOND)).good
         assert good <= 4 * SECOND
 
 

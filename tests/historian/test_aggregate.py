@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.historian.between import between
+from app.historian.aggregate import aggregate
 from app.historian.store import GAP_AFTER, HOUR, MINUTE
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE
@@ -39,7 +39,7 @@ def test_low_high_mean_and_good_time_are_those_of_the_samples(rows: list[RawRow]
     with fresh() as connection:
         fill(connection, as_rows(rows))
         roll_up_all(connection, rows[-1][0] + 2 * HOUR)
-        got = between(connection, 1, begin, begin + length)
+        got = aggregate(connection, 1, begin, begin + length)
     low, high, mean, good = by_hand(rows, begin, begin + length)
     assert (got.low, got.high) == (low, high)
     assert got.good == pytest.approx(good, abs=2)
@@ -50,7 +50,7 @@ def test_uncertain_values_count_as_extremes_and_not_as_good_time() -> None:
     rows: list[RawRow] = [(BEGIN, 10.0, GOOD), (BEGIN + MINUTE, 90.0, STALE), (BEGIN + 2 * MINUTE, None, COMM_FAILURE)]
     with fresh() as connection:
         fill(connection, as_rows(rows))
-        got = between(connection, 1, BEGIN, BEGIN + 4 * MINUTE)
+        got = aggregate(connection, 1, BEGIN, BEGIN + 4 * MINUTE)
     assert (got.low, got.high, got.mean, got.good, got.count) == (10.0, 90.0, 10.0, MINUTE, 3)
 
 
@@ -59,14 +59,14 @@ def test_a_text_has_good_time_and_no_numbers() -> None:
         fill(
             connection, [(1, BEGIN, None, "auto", GOOD), (1, BEGIN + MINUTE, None, "hand", GOOD)], point(kind=Kind.TEXT)
         )
-        got = between(connection, 1, BEGIN, BEGIN + 2 * MINUTE)
+        got = aggregate(connection, 1, BEGIN, BEGIN + 2 * MINUTE)
     assert (got.low, got.high, got.mean, got.good) == (None, None, None, 2 * MINUTE)
 
 
 def test_nothing_recorded_is_nothing_and_an_empty_range_is_refused() -> None:
     with fresh() as connection:
         fill(connection, [])
-        got = between(connection, 1, BEGIN, BEGIN + HOUR)
+        got = aggregate(connection, 1, BEGIN, BEGIN + HOUR)
         assert (got.low, got.mean, got.good, got.count) == (None, None, 0, 0)
         with pytest.raises(ValueError, match="must end after it begins"):
-            between(connection, 1, BEGIN, BEGIN)
+            aggregate(connection, 1, BEGIN, BEGIN)

@@ -17,7 +17,7 @@ BY_HOURS = 72 * HOUR
 
 
 @dataclass(slots=True)
-class Between:
+class Aggregate:
     """A point over a range."""
 
     low: float | None = None
@@ -50,7 +50,7 @@ class Between:
             self._weight += good
 
 
-def between(connection: Connection, number: int, begin: int, end: int) -> Between:
+def aggregate(connection: Connection, number: int, begin: int, end: int) -> Aggregate:
     """The point `number` with begin <= time < end [µs UTC].
 
     Raises:
@@ -58,13 +58,13 @@ def between(connection: Connection, number: int, begin: int, end: int) -> Betwee
     """
     if end <= begin:
         raise ValueError(f"a range must end after it begins: {begin} to {end}")
-    out = Between()
+    out = Aggregate()
     table = "hour" if end - begin > BY_HOURS else "minute" if end - begin > BY_MINUTES else "sample"
     _add(connection, number, begin, end, table, out)
     return out
 
 
-def _add(connection: Connection, number: int, begin: int, end: int, table: str, out: Between) -> None:
+def _add(connection: Connection, number: int, begin: int, end: int, table: str, out: Aggregate) -> None:
     if begin >= end:
         return
     if table == "sample":
@@ -81,7 +81,7 @@ def _add(connection: Connection, number: int, begin: int, end: int, table: str, 
     _add(connection, number, outer, end, finer, out)
 
 
-def _of_samples(connection: Connection, number: int, begin: int, end: int, out: Between) -> None:
+def _of_samples(connection: Connection, number: int, begin: int, end: int, out: Aggregate) -> None:
     low, high, area, good, count = connection.exec_driver_sql(
         """
         WITH part AS (
@@ -107,7 +107,7 @@ def _of_samples(connection: Connection, number: int, begin: int, end: int, out: 
 
 
 def _of_roll_ups(
-    connection: Connection, number: int, begin: int, end: int, unit: int, table: str, out: Between
+    connection: Connection, number: int, begin: int, end: int, unit: int, table: str, out: Aggregate
 ) -> None:
     before = query.at(connection, number, begin - 1)
     since, value, level = (before[0], before[1], before[2] & 3) if before else (0, None, 2)
@@ -126,7 +126,7 @@ def _of_roll_ups(
     _hold(out, value, level, cursor, min(end, since + GAP_AFTER), min(end, since + GAP_AFTER))
 
 
-def _hold(out: Between, value: float | str | None, level: int, begin: int, seen: int, weighed: int) -> None:
+def _hold(out: Aggregate, value: float | str | None, level: int, begin: int, seen: int, weighed: int) -> None:
     """`value` is seen from `begin` to `seen`; the time up to `weighed` is in no roll-up."""
     if value is None or level > 1 or seen <= begin:
         return
