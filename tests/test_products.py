@@ -17,6 +17,7 @@ import pytest
 
 from app.access.roles import Person, permissions_of
 from app.commands.audit_lines import AuditLine
+from app.errors import StorageError
 from app.historian import passage_query as query
 from app.historian.passage_query import Wanted
 from app.links.events import head_of
@@ -48,7 +49,7 @@ label = {{ en = "Conveyor 1" }}
 """
 # the ring of 59 events must outlast the start of a server on a loaded machine
 SIMULATED = PLANT.format(
-    link='transport = "memory"', simulation='simulation = { start = "automatic", arrivals = 1, interval = 5 }'
+    link='transport = "memory"', simulation='simulation = { start = "automatic", arrivals = 1, interval = 8 }'
 )
 START = Callable[..., PogonServer]
 
@@ -258,8 +259,9 @@ def arrivals(data: Path, equipment: str) -> list[int]:
 
 
 async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tmp_path: Path) -> None:
-    (tmp_path / "data").mkdir(mode=0o700)
-    (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)
+    async def full(work: object) -> object:
+        raise StorageError("history.db: database or disk is full")
+
     runtime = Runtime(
         Settings(plant=folder(tmp_path / "line", SIMULATED), data=tmp_path / "data"), loop_clock(), inline
     )
@@ -268,6 +270,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
         for link in runtime.links.values():
             link.on_events = None
+        runtime.history.write = full  # type: ignore[method-assign, assignment]
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(10, 500, source=2, value=3.25, after=0)
         async with asyncio.timeout(5):

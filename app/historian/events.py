@@ -178,13 +178,24 @@ class Events:
         """
         if equipment not in self._machines or not (events or lost):
             return
-        self._waiting.append(Delivery(equipment, tuple(events), lost))
+        self._waiting.append(Delivery(equipment, tuple(events), lost or self._unnoticed(equipment, events)))
         self._taken += 1
         number = self._taken
         self._trim()
         async with self._lock:
             if self._stored < number:
                 await self._write()
+
+    def _unnoticed(self, equipment: str, events: Sequence[RingEvent]) -> int:
+        """Events that are missing before these although nobody noticed it: the link was killed before it had acknowledged anything, and
+        the ring went round meanwhile."""
+        waiting = (
+            mark_of(one.events[-1]) for one in reversed(self._waiting) if one.equipment == equipment and one.events
+        )
+        last = next(waiting, self._marks.get(equipment))
+        if last is None or not events or not is_new(events[0], last) or begins_again(events[0], last):
+            return 0
+        return (events[0].sequence - last.sequence) % 2**32 - 1
 
     def told(self, told: Told) -> None:
         """A person's command has ended: its event, stored already or still to come, says who and why."""
