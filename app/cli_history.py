@@ -43,6 +43,9 @@ def export(
             metavar="KIND[:MACHINE]", help="Instead of tags: records of this kind, of all machines or of one."
         ),
     ] = "",
+    events: Annotated[
+        str, typer.Option(metavar="MACHINE", help="Instead of tags: all that this machine told, or that all did.")
+    ] = "",
     begin: Annotated[
         str, typer.Option("--from", help="2026-03-09T06:00 (time of the plant), with offset, or -8h")
     ] = "-1h",
@@ -82,8 +85,8 @@ def export(
             raise ConfigurationError(f"{out} exists already: an export replaces no file")
         found, _ = read_plant(plant or settings.plant)
         zone, now = _zone(timezone, found), SystemClock().micros()
-        if sum(map(bool, (tags, products, runs, records))) != 1 or (aggregate and not tags):
-            raise ConfigurationError("expected either --tags, or --records without --aggregate")
+        if sum(map(bool, (tags, products, runs, records, events))) != 1 or (aggregate and not tags):
+            raise ConfigurationError("expected either --tags, or --records or --events without --aggregate")
         about: dict[str, Any] = {
             "zone": zone,
             "locale": locale,
@@ -97,6 +100,8 @@ def export(
         span = span_of(begin, end, zone, now)
         if records:
             made = _records(records, span, found, about)
+        elif events:
+            made = _events(events, span, found, about)
         elif products:
             made = _products(products, span, found, about)
         elif runs:
@@ -313,6 +318,16 @@ def _runs(machine: str, span: tuple[int, int], plant: "Plant | None", about: dic
     said = words(Texts.read(plant), about["locale"])
     wish = RunWish(Wanted(equipment, *span), **said, **about)
     return RunExport(replace(wish, steps=step_names(plant, equipment, wish.label)))
+
+
+def _events(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
+    """The export of what `machine`, or `all`, told."""
+    from app.historian.event_search import Wanted
+    from app.historian.event_sheet import EventExport, EventWish, with_ring, words
+    from app.plant.texts import Texts
+
+    equipment = _machine("--events", machine, with_ring(plant), span, plant, about)
+    return EventExport(EventWish(Wanted(equipment, *span), **words(Texts.read(plant), plant, about["locale"]), **about))
 
 
 def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":

@@ -1,0 +1,97 @@
+"""Events are found by machine, code, time and text, page by page, as brute force finds them."""
+
+import random
+
+import pytest
+from sqlalchemy import Connection
+
+from app.db import Database
+from app.historian import event_search as search
+from app.historian.event_search import Wanted
+from app.historian.events import Delivery, Told, attribute, store
+from app.records.event import Event
+from tests.historian.rings import BEGIN, SECOND, Ring
+
+PEOPLE = (("", ""), ("Ana Kos", "fell down"), ("Ivo Čačić", "ŠTO JE OVO"))
+
+
+@pytest.fixture
+def told(history: Database) -> list[Event]:
+    source = random.Random(5)
+
+    def work(connection: Connection) -> None:
+        for id in ("p1", "p2", "p3"):
+            ring = Ring(time=BEGIN)
+            for number in range(200):
+                ring.tell(source.randrange(1, 9), number, request=number % 3, after=source.choice((0, 1, 30)))
+            store(connection, Delivery(id, ring.drain()), (), BEGIN)
+            for request, (person, reason) in enumerate(PEOPLE):
+                if request:
+                    attribute(connection, Told(id, (request,), person, reason, BEGIN, ring.time), ())
+
+    history.run(work)
+    everything = history.run(lambda connection: search.find(connection, Wanted(), 10_000))
+    assert len(everything) == 600
+    return everything
+
+
+CASES = [
+    Wanted(),
+    Wanted("p2"),
+    Wanted("nobody"),
+    Wanted(begin=BEGIN + 300 * SECOND, end=BEGIN + 900 * SECOND),
+    Wanted("p1", begin=BEGIN + 300 * SECOND),
+    Wanted(codes={"p1": [3, 4], "p3": [7]}),
+    Wanted("p2", codes={"p1": [3]}),
+    Wanted(text="FELL"),
+    Wanted(text="čačić"),
+    Wanted(text="što je"),
+    Wanted(text="nothing like it"),
+    Wanted(text="ana", worded={"p2": [1], "p3": []}),
+    Wanted(text="%"),
+]
+
+
+def lets_through(wanted: Wanted, one: Event) -> bool:
+    text = wanted.text.casefold()
+    return (
+        wanted.equipment in ("", one.equipment)
+        and (wanted.begin is None or one.time >= wanted.begin)
+        and (wanted.end is None or one.time < wanted.end)
+        and (wanted.codes is None or one.code in wanted.codes.get(one.equipment, ()))
+        and (
+            not text
+            or text in one.person.casefold()
+            or text in one.reason.casefold()
+            or one.code in (wanted.worded or {}).get(one.equipment, ())
+        )
+    )
+
+
+@pytest.mark.parametrize("wanted", CASES, ids=range(len(CASES)))
+def test_filters_and_pages_are_those_of_brute_force(history: Database, told: list[Event], wanted: Wanted) -> None:
+    expected = sorted(
+        (one for one in told if lets_through(wanted, one)), key=lambda one: (one.time, one.id), reverse=True
+    )
+    assert history.run(lambda connection: search.count(connection, wanted, 10_000)) == len(expected)
+    assert history.run(lambda connection: search.count(connection, wanted, 7)) == min(7, len(expected))
+    found: list[Event] = []
+    while True:
+        before = (found[-1].time, found[-1].id) if found else None
+        asked = Wanted(
+            wanted.equipment, wanted.begin, wanted.end, wanted.codes, wanted.text, wanted.worded, before
+        )  # fmt: skip
+        page = history.run(lambda connection, asked=asked: search.find(connection, asked, 17))  # type: ignore[misc]
+        found += page
+        if len(page) < 17:
+            break
+    assert found == expected
+
+
+def test_one_event_and_a_machine_are_known_or_not(history: Database, told: list[Event]) -> None:
+    assert history.run(lambda connection: search.get(connection, told[0].id)) == told[0]
+    assert history.run(lambda connection: search.get(connection, 10**9)) is None
+    assert history.run(lambda connection: (search.known(connection, "p1"), search.known(connection, "x"))) == (
+        True,
+        False,
+    )

@@ -1,0 +1,142 @@
+"""The page of all events: found by machine, event, time and text; one with all that it says; CSV; in four languages."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from sqlalchemy import Connection
+
+from app.historian.events import Delivery, Told, attribute, store
+from app.runtime import Runtime
+from tests.historian.rings import BEGIN, SECOND, Ring
+from tests.web.people import Staff
+
+MARCH = {"since": "2026-03-09T00:00", "until": "2026-03-10T00:00"}
+
+
+def runtime_of(client: TestClient) -> Runtime:
+    found: Runtime = client.app.state.runtime  # type: ignore[attr-defined]
+    return found
+
+
+def fill(connection: Connection) -> None:
+    """What a conveyor told in March, and a machine that is gone; one event that somebody asked for, with a text that is no text."""
+    ring = Ring()
+    for product in range(1, 131):
+        ring.tell(1, product, source=1)
+    ring.tell(24, source=2, value=12.5)
+    ring.tell(20, 9, second=8, value=4.5, other=6.25)
+    ring.tell(6, 9, request=77)
+    ring.tell(999, 1)
+    store(connection, Delivery("c1", ring.drain(), 3), (), BEGIN)
+    asked = Told("c1", (77,), "=Ana; Kos", '<b>fell</b> "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time)
+    assert attribute(connection, asked, ())
+    ring = Ring()
+    ring.tell(7)
+    store(connection, Delivery("gone", ring.drain()), (), BEGIN)
+    connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'c1'")
+
+
+@pytest.fixture(scope="module")
+def staff(demo: TestClient) -> Iterator[Staff]:
+    crew = Staff(demo)
+    crew.wait(runtime_of(demo).history.write, fill)
+    yield crew
+
+
+def get(staff: Staff, path: str, status: int = 200, **query: Any) -> Any:
+    answer = staff.client.get(path, params=query)
+    assert answer.status_code == status, answer.text
+    return answer
+
+
+def count(page: str) -> int:
+    return page.count('data-row="')
+
+
+@pytest.mark.parametrize(
+    ("query", "wanted"),
+    [
+        (MARCH, 100),
+        ({**MARCH, "equipment": "gone"}, 1),
+        ({**MARCH, "event": "jam"}, 1),
+        ({**MARCH, "event": "jam", "equipment": "gone"}, 0),
+        ({**MARCH, "event": "deleted", "equipment": "c1"}, 1),
+        ({**MARCH, "q": "FELL"}, 1),
+        ({**MARCH, "q": "=ana"}, 1),
+        ({**MARCH, "q": "jam"}, 1),
+        ({**MARCH, "q": "nothing of the kind"}, 0),
+        ({"since": "2026-03-09T07:00", "until": "2026-03-09T07:00:03", "equipment": "c1"}, 2),
+    ],
+)
+def test_filters(staff: Staff, query: dict[str, str], wanted: int) -> None:
+    staff.enter("ana", "viewer")
+    for path in ("/events", "/events/list"):
+        assert count(get(staff, path, **query).text) == wanted
+
+
+def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    page = get(staff, "/events", equipment="c1", **MARCH).text
+    older = re.search(r'href="([^"]+)" rel="next"', page)
+    assert older
+    rest = staff.client.get(older[1].replace("&amp;", "&")).text
+    assert (count(page), count(rest)) == (100, 34)
+    assert "data-live-list" in page and "data-live-list" not in rest
+
+
+def test_lost_events_are_told_and_a_machine_has_a_list_of_its_own(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    assert 'class="p-lost"' in get(staff, "/events", **MARCH).text
+    assert 'class="p-lost"' not in get(staff, "/events", **MARCH, equipment="gone").text
+    assert count(get(staff, "/equipment/gone/events", **MARCH).text) == 1
+    get(staff, "/equipment/nobody/events", 404)
+
+
+def test_one_event_says_all_that_it_knows_and_nothing_of_it_is_markup(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    page = get(staff, "/events", **MARCH, event="deleted").text
+    number = re.search(r'data-row="(\d+)"', page)
+    assert number
+    detail = get(staff, f"/events/detail/{number[1]}").text
+    assert "6 deleted" in detail and "&lt;b&gt;fell" in detail and "<b>fell" not in page + detail
+    assert "0000 0009 0000 0000" in detail and ">77<" in detail
+    for wrong in (0, 10**9, 2**63, 10**30):
+        assert staff.client.get(f"/events/detail/{wrong}").status_code in (404, 422)
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        {"event": "explosion"},
+        {"since": "yesterday-ish"},
+        {"before": "x"},
+        {"before": "1-" + "9" * 30},
+        {"event": "9" * 90},
+    ],
+)
+def test_what_cannot_be_read_is_refused(staff: Staff, query: dict[str, str]) -> None:
+    staff.enter("ana", "viewer")
+    for path in ("/events", "/events/list"):
+        assert staff.client.get(path, params=query).status_code == 422
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs", "machine"])
+def test_csv_in_every_language(staff: Staff, lang: str) -> None:
+    staff.enter("eva", "engineer")
+    answer = get(staff, "/events/export.csv", equipment="c1", locale=lang, **MARCH)
+    lines = [line for line in answer.text.splitlines() if not line.startswith(("#", '"#'))]
+    assert len(lines) == 1 + 134
+    last = next(line for line in lines if ";6;" in line or ",6," in line)
+    assert "'=Ana; Kos" in last and "\n" not in last
+    if lang == "machine":
+        assert ",deleted,6,0,,product = 9," in last
+    assert get(staff, "/events/export/size", equipment="c1", **MARCH).json()["rows"] == 134
+
+
+def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
+    staff.have()
+    assert "export.csv" not in get(staff, "/events", **MARCH).text
+    assert staff.client.get("/events/export.csv").status_code in (303, 401)
