@@ -155,15 +155,15 @@ class TestLine:
     async def fetch(self) -> list[DeviceEvent]:
         """Take what is new in the ring and acknowledge it; a gap in the sequence fails."""
         head = await self.port.read(plc_map.EVENTS, plc_map.EVENTS_WORDS)
-        capacity, newest = head[1], head[5] << 16 | head[6]
+        capacity, size, newest = head[1], head[2], head[5] << 16 | head[6]
         last = self.events[-1].sequence if self.events else 0
         assert newest - last <= capacity, "events lost"
         fresh: list[DeviceEvent] = []
         while last < newest:
             row = (last + 1) % capacity
             rows = min(7, newest - last, capacity - row)
-            words = await self.port.read(plc_map.EVENT_ROWS + 16 * row, 16 * rows)
-            fresh += [plc_map.event_of(words[at : at + 16]) for at in range(0, len(words), 16)]
+            words = await self.port.read(plc_map.EVENT_ROWS + size * row, size * rows)
+            fresh += [plc_map.event_of(words[at : at + size]) for at in range(0, len(words), size)]
             last += rows
         assert [event.sequence for event in fresh] == list(range(newest - len(fresh) + 1, newest + 1))
         if fresh:
