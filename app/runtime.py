@@ -655,6 +655,7 @@ class Runtime:
         person: Person | None,
     ) -> None:
         """Everything that knows the plant knows the other one now; no await, so no batch falls between two revisions."""
+        self.tags.wake()  # whoever is told of a standstill later would know handles of two revisions
         gone = set(self.links) - set(links)
         accumulated = self._derivation.retained() if self._derivation and self._derivation is not derivation else {}
         self.plant, self.problems, self.texts, self.sim = plant, [], texts, sim

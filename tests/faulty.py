@@ -15,6 +15,7 @@ from enum import StrEnum
 from itertools import pairwise
 from random import Random
 from struct import Struct
+from typing import Protocol
 
 from app.errors import DeviceException
 from app.registers.pdu import WRITES, exception_answer
@@ -172,6 +173,14 @@ class Reply:
     """`pdu` is sent without any frame."""
 
 
+class Hears(Protocol):
+    """Whoever has the units behind a carrier."""
+
+    def hear(self, unit: int, pdu: bytes, send: Callable[[Reply], None], reset: Callable[[], None]) -> None:
+        """Take a request; `send` what comes back now or later; `reset` breaks the connection."""
+        ...
+
+
 class Slave:
     """Units that answer as the plan wants, on whatever carrier."""
 
@@ -279,16 +288,16 @@ def _of_other_length(answer: bytes, chance: Random) -> bytes:
 class TcpFaulty:
     """The slave on a TCP port."""
 
-    def __init__(self, slave: Slave) -> None:
+    def __init__(self, slave: Hears) -> None:
         self.slave = slave
         self.port = 0
         self._server: asyncio.Server | None = None
         self._open: set[asyncio.Transport] = set()
 
     async def start(self) -> None:
-        """Listen on a free port of loopback."""
+        """Listen on a free port of loopback; again, on the port of before."""
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(lambda: _Connection(self), "127.0.0.1", 0)
+        self._server = await loop.create_server(lambda: _Connection(self), "127.0.0.1", self.port)
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def close(self) -> None:
@@ -344,15 +353,16 @@ class _Connection(asyncio.Protocol):
 class SerialFaulty:
     """The slave on a serial line of this process; masters open its `path`."""
 
-    def __init__(self, slave: Slave) -> None:
+    def __init__(self, slave: Hears, path: str = "") -> None:
         self.slave = slave
-        self.path = ""
+        self.path = path
         self._line: SerialLine | None = None
         self._heard = bytearray()
 
     async def start(self) -> None:
-        """Open it."""
-        self._line = SerialLine()
+        """Open it; again, under the path of before."""
+        self._line = SerialLine(self.path)
+        self._heard.clear()
         self.path = self._line.path
         asyncio.get_running_loop().add_reader(self._line.fileno(), self._readable)
 

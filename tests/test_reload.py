@@ -104,6 +104,30 @@ async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_not
         assert runtime.tags.sample("m3.f114").value == 7.0
 
 
+async def test_a_clock_that_was_set_while_a_machine_is_taken_away_keeps_nobody_from_being_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with running(tmp_path, DEMO + M3) as plant:
+        runtime = plant.runtime
+        await plant.until(lambda: plant.good("m3.frequency"))
+        await asyncio.sleep(1)
+        plant.write(DEMO)
+        seen = await runtime.look()
+        heard: list[int] = []
+        runtime.tags.on_standstill(lambda still: heard.append(len(runtime.tags)))
+        before, exchange = len(runtime.tags), runtime._exchange_plant
+
+        def late(*given: Any) -> None:
+            runtime.clock.step_wall(3600)  # type: ignore[attr-defined]
+            exchange(*given)
+
+        runtime._exchange_plant = late  # type: ignore[method-assign]
+        assert (await runtime.reload(None, seen.digest)).done
+        await asyncio.sleep(1)
+        assert heard == [before]
+    assert "told of a standstill and failed" not in caplog.text
+
+
 async def test_a_renamed_machine_takes_its_history_and_its_drive_along(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         runtime = plant.runtime

@@ -126,9 +126,9 @@ class Port:
 class SerialLine:
     """A serial line without a device file; masters open its `path`, and may come and go."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: str = "") -> None:
         self.ours, self._theirs = pair()
-        self.path = f"/wires/{next(_numbers)}"
+        self.path = path or f"/wires/{next(_numbers)}"
         _lines[self.path] = self._theirs
 
     def fileno(self) -> int:

@@ -12,10 +12,13 @@ from app.alarms.lifecycle import TRANSITIONS, Entry
 from app.alarms.tables import journal_table, state_table
 from app.commands.lifecycle import Progress, State
 from app.historian import tables as history
+from app.registers import plc_map
 from app.sim.bus import Bus
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.plc import VirtualPlc
 from app.tags.quality import is_good
+from tests.storm.accounts import accounts
+from tests.storm.line import Sent
 from tests.storm.world import Fell, World
 
 SLACK = 0.6
@@ -24,6 +27,8 @@ MOST_TASKS = 150
 MOST_STORING = 40
 STOP_REASONS = {"why.no_such_command", "why.role", "why.signed_out", "why.dry_run"}
 """Why a Stop of somebody who may stop can be refused: only that the machine is gone, or the right."""
+Shown = tuple[float, int, float, float]
+"""When a drive answered [s], its status, frequency and F113 as the drive itself has them."""
 DRIVE_SHOWS = {
     "forward": lambda status, frequency: status == 1 and frequency > 0,
     "reverse": lambda status, frequency: status == 2 and frequency > 0,
@@ -39,11 +44,14 @@ class Checker:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.shown: dict[str, list[tuple[float, int, float, float]]] = {}
-        """Drive → (when it was read [s], status, frequency, F113) as the drive itself has them."""
-        world.line.listeners.append(self._read)
+        self.shown: dict[str, list[Shown]] = {}
+        """By drive."""
+        world.line.look, world.line.tell = self._look, self._told
         world.on_end.append(self._command_ended)
         self.false: list[str] = []
+        self.counted = (0, 0, 0)
+        """What there was when it was last counted."""
+        self._limited: tuple[tuple[int, int], dict[str, list[tuple[int, float]]]] | None = None
 
     async def __call__(self, _world: World, last: bool) -> None:
         for invariant in ALWAYS:
@@ -52,15 +60,42 @@ class Checker:
             for final in AT_THE_END:
                 await final(self)
 
+    def limited(self) -> dict[str, list[tuple[int, float]]]:
+        """Machine → handles of its values that get stale, and after which age at the latest [s]."""
+        tags = self.world.runtime.tags
+        if self._limited is None or self._limited[0] != (id(tags), tags.revision):
+            found: dict[str, list[tuple[int, float]]] = {}
+            for handle, tag in enumerate(tags.tags):
+                if tag.stale_after:
+                    found.setdefault(tag.name.partition(".")[0], []).append((handle, tag.stale_after + SLACK))
+            self._limited = (id(tags), tags.revision), found
+        return self._limited[1]
+
+    def stops(self, sent: Sent) -> bool:
+        """Whether a command telegram is a Stop."""
+        plant = self.world.runtime.plant
+        item = plant.equipment.get(sent.machine) if plant else None
+        return item is None or any(c.stop and c.code == sent.words[0] for c in item.type.commands.values())
+
     # ---- what is noted meanwhile
 
-    def _read(self, bus: Bus, unit: int, pdu: bytes) -> None:
-        """The server has just been told the truth about a drive."""
+    def _look(self, bus: Bus, unit: int) -> tuple[str, Shown] | None:
+        """A drive as it is when it answers."""
         device = bus.devices.get(unit)
-        if isinstance(device, VirtualE800):
-            name = next((name for name, one in self.world.devices.items() if one is device), "")
-            shown = self.shown.setdefault(name, [])
-            shown.append((self.world.now, device.status, abs(device.frequency), device.parameter("F113")))
+        if not isinstance(device, VirtualE800):
+            return None
+        return self.world.name_of(bus, unit), (
+            self.world.now,
+            device.status,
+            abs(device.frequency),
+            device.parameter("F113"),
+        )
+
+    def _told(self, seen: tuple[str, Shown] | None) -> None:
+        """The server has just been told the truth about a drive."""
+        if seen is not None:
+            shown = self.shown.setdefault(seen[0], [])
+            shown.append(seen[1])
             del shown[:-600]
 
     def _command_ended(self, progress: Progress) -> None:
@@ -116,22 +151,25 @@ def no_false_confirmation(c: Checker) -> None:
 
 
 def nothing_twice(c: Checker) -> None:
-    """A device executes what was asked for at most as often as it was asked; only Stop is ever repeated."""
+    """What was asked for is done at most as often as it was asked, and sent no more often; only Stop is ever repeated."""
     world = c.world
-    plant = None if world.down else world.runtime.plant
-    executed = Counter((one.machine, one.code) for one in world.done if one.taken)
-    for machine, code in executed:
-        item = plant.equipment.get(machine) if plant else None
-        if item is None:
-            continue
-        keys = {key for key, command in item.type.commands.items() if command.code == code}
-        if any(item.type.commands[key].stop for key in keys) or not keys:
-            continue
-        asked = sum(m == machine and key in keys for _, m, key in world.asked.values())
-        if executed[machine, code] > asked:
-            raise Fell(
-                "nothing_twice", f"{machine} code {code} was done {executed[machine, code]} times, asked {asked}"
-            )
+    marks = len(world.done), len(world.line.sent), world.lives
+    if marks == c.counted:
+        return
+    c.counted = marks
+    asked = Counter((machine, key) for _, machine, key in world.asked.values())
+    for one in accounts(world):
+        most = sum(times * asked[one.machine, key] for key, times in one.keys.items())
+        if one.count > most:
+            raise Fell("nothing_twice", f"{one.machine} {one.what} {one.count} times, asked {most} of {dict(one.keys)}")
+    ids = Counter(
+        (one.machine, one.life, one.words[-1])
+        for one in world.line.sent
+        if one.address == plc_map.COMMAND and one.function != 6
+    )
+    for one in world.line.sent:
+        if one.address == plc_map.COMMAND and ids[one.machine, one.life, one.words[-1]] > 1 and not c.stops(one):
+            raise Fell("nothing_twice", f"{one.machine}: command {one.words[-1]} was sent twice, {one}")
 
 
 def good_is_fresh(c: Checker) -> None:
@@ -140,18 +178,20 @@ def good_is_fresh(c: Checker) -> None:
     if world.down or world.runtime.plant is None:
         return
     tags, now = world.runtime.tags, world.now
-    for handle, tag in enumerate(tags.tags):
-        if not tag.stale_after or not is_good(tags.quality(handle)):
-            continue
-        item = world.runtime.plant.equipment.get(tag.name.partition(".")[0])
-        found = world.bus_of(item.id) if item else None
+    for item, limited in c.limited().items():
+        found = world.bus_of(item)
         if found is None:
             continue
-        silent = now - world.line.heard[id(found[0]), found[1]]
-        if min(silent, 1e6) > tag.stale_after + SLACK:
-            raise Fell("good_is_fresh", f"{tag.name} is good, its unit told nothing for {silent:.1f} s")
-        if tags.age(handle) > tag.stale_after + SLACK:
-            raise Fell("good_is_fresh", f"{tag.name} is good and {tags.age(handle):.1f} s old")
+        silent = min(now - world.line.heard[id(found[0]), found[1]], 1e6)
+        for handle, limit in limited:
+            if not is_good(tags.quality(handle)):
+                continue
+            if silent > limit:
+                raise Fell(
+                    "good_is_fresh", f"{tags.tags[handle].name} is good, its unit told nothing for {silent:.1f} s"
+                )
+            if tags.age(handle) > limit:
+                raise Fell("good_is_fresh", f"{tags.tags[handle].name} is good and {tags.age(handle):.1f} s old")
 
 
 def control_is_lived(c: Checker) -> None:
@@ -256,6 +296,23 @@ async def audit_is_whole(c: Checker) -> None:
             raise Fell("audit_is_whole", f"{progress.id} {progress.command} ended as {progress.state} without a line")
 
 
+async def what_was_done_was_foretold(c: Checker) -> None:
+    """What a device took was in the audit before it was sent, also of servers that were killed."""
+    world = c.world
+    if world.down:
+        return
+    rows = await world.runtime.db.read(
+        lambda connection: connection.execute(
+            select(audit_table.c.object).where(audit_table.c.kind == "command.sent")
+        ).scalars().all()
+    )  # fmt: skip
+    lines = Counter(rows)
+    for one in accounts(world):
+        most = sum(times * lines[f"{one.machine}.{key}"] for key, times in one.keys.items())
+        if one.count > most:
+            raise Fell("foretold", f"{one.machine} {one.what} {one.count} times, {most} lines say so")
+
+
 ENTRIES: dict[str, set[tuple[str, str]]] = {}
 for _row in TRANSITIONS:
     for _letter in _row.states:
@@ -318,4 +375,4 @@ ALWAYS: tuple[Callable[[Checker], None], ...] = (
     nothing_grows,
     stop_is_open,
 )
-AT_THE_END = (all_is_well_again, audit_is_whole, alarms_follow_the_table, events_are_stored)
+AT_THE_END = (all_is_well_again, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored)

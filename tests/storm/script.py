@@ -18,6 +18,8 @@ PEOPLE = {
 MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
 PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",))
 """Few machines of the demo, which seeds choose from; every tenth has all."""
+CARRIERS = ("memory", "tcp", "rtu")
+"""What the lines of the plant are; seeds take them by turns."""
 CALM = 20.0
 """At the end nothing goes wrong any more for so long, and everything has to be well again [s]."""
 
@@ -26,11 +28,13 @@ ACTS = {
     "acknowledge": 4, "roles": 2, "bar": 1,
 }  # fmt: skip
 FAULTS = {
-    "line": 10, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "kill": 2, "restart": 1, "stall": 2,
+    "line": 10, "unplug": 1, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "kill": 2, "restart": 1,
+    "stall": 2,
 }  # fmt: skip
 """Kind of action → share."""
 LINE_FAULTS = (
     "cable", "lost", "late", "slow", "doubled", "garbled", "unit", "function", "short", "long", "exception",
+    "reset",
 )  # fmt: skip
 HOLDS = ("steady", "late", "ends", "backwards", "gone")
 DISKS = ("full", "locked", "failing")
@@ -58,13 +62,16 @@ class Script:
     machines: tuple[str, ...]
     seconds: float
     actions: tuple[Action, ...]
+    carrier: str = "memory"
+    """One of `CARRIERS`."""
 
     def __str__(self) -> str:
-        head = f"seed {self.seed}, {self.seconds:g} s, plant {' '.join(self.machines)}, {len(self.actions)} actions"
+        plant = f"plant {' '.join(self.machines)} over {self.carrier}"
+        head = f"seed {self.seed}, {self.seconds:g} s, {plant}, {len(self.actions)} actions"
         return "\n".join([head, *map(str, self.actions)])
 
 
-def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = ()) -> Script:
+def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrier: str = "") -> Script:
     """The script of `seed`: its last `CALM` seconds are quiet."""
     random = Random(f"storm {seed}")
     machines = machines or (random.choice(PLANTS) if seed % 10 else MACHINES)
@@ -82,11 +89,12 @@ def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = ()) -> Scr
         shares = FAULTS if random.random() < trouble else ACTS
         kind = random.choices(list(shares), list(shares.values()))[0]
         actions.append(Action(round(at, 3), kind, _given(kind, random, machines)))
-    return Script(seed, machines, seconds, tuple(actions))
+    return Script(seed, machines, seconds, tuple(actions), carrier or CARRIERS[seed % len(CARRIERS)])
 
 
 def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:
-    who, machine = random.choice(list(PEOPLE)), random.choice(machines)
+    who = "ana" if kind in ("command", "set", "hold") and random.random() < 0.6 else random.choice(list(PEOPLE))
+    machine = random.choice(machines)
     number = random.randrange(1000)
     match kind:
         case "enter" | "leave" | "look":
@@ -119,19 +127,25 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
             }  # fmt: skip
         case "power":
             return {"machine": machine}
+        case "unplug":
+            return {"machine": machine, "seconds": round(random.uniform(0.1, 5), 2)}
         case "freeze" | "fault":
             return {"machine": machine, "number": number, "seconds": round(random.uniform(0.2, 8), 1)}
         case "disk":
             return {
                 "which": random.choice(("db", "history")), "how": random.choice(DISKS),
-                "seconds": round(random.choice((0.5, 3, 12)) * random.uniform(0.5, 1.5), 2), "after": random.randrange(5),
+                "seconds": round(random.choice((0.5, 3, 12)) * random.uniform(0.5, 1.5), 2),
+                "after": random.choice((0, 1, random.randrange(2, 40))),
             }  # fmt: skip
         case "clock":
             return {"seconds": random.choice((-3600.0, -60.0, -2.0, -0.5, 0.5, 1.5, 30.0, 3600.0, 86400.0))}
         case "reload":
             return {"machine": random.choice(("extra", machine))}
-        case "kill" | "restart":
+        case "restart":
             return {"seconds": round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)}
+        case "kill":
+            seconds = round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)
+            return {"seconds": seconds, "point": random.choice((0, 1, 2, random.randrange(3, 60)))}
         case "stall":
             return {"seconds": round(random.choice((0.2, 0.4, 1.0, 2.5, 6.0)) * random.uniform(0.8, 1.2), 2)}
     raise ValueError(kind)

@@ -8,25 +8,24 @@ import hashlib
 import logging
 import re
 import shutil
-import sqlite3
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from sqlalchemy import event
-
+import app.db
 import app.runtime
 from app import chance
 from app.access.passwords import Cost, Passwords
 from app.access.roles import Person, permissions_of
 from app.clock import ManualClock
 from app.commands.lifecycle import Progress
-from app.db import Database
 from app.errors import PogonError
 from app.plant.definitions import Command, Plant
+from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.settings import Settings
 from app.sim.bus import Bus
@@ -36,7 +35,8 @@ from app.sim.machines import MACHINE_FAULTS
 from app.sim.plant import SimPlant
 from app.sim.plc import VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
-from tests.storm.line import Line, Trouble
+from tests.storm.disk import Disks
+from tests.storm.line import Line, Trouble, Wire
 from tests.storm.script import CALM, PEOPLE, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
@@ -57,14 +57,28 @@ rated_current = 2.5
 """
 
 
-def plant_file(machines: tuple[str, ...] | list[str]) -> str:
-    """The demo's plant file with only these machines and their links; `extra` is one more drive."""
+def plant_file(machines: tuple[str, ...] | list[str], links: Mapping[str, str]) -> str:
+    """The demo's plant file with only these machines and their links; `extra` is one more drive.
+
+    `links`: link → what it says in place of `transport = "memory"`.
+    """
     parts = re.split(r"(?m)^(?=\[)", (DEMO / "plant.toml").read_text("utf-8"))
     kept = [part for part in parts if not (found := re.match(r"\[equipment\.(\w+)\]", part)) or found[1] in machines]
     if "extra" in machines:
         kept.append(EXTRA)
     used = {found[1] for part in kept if (found := re.search(r'(?m)^link = "(\w+)"', part))}
-    return "".join(part for part in kept if not (found := re.match(r"\[links\.(\w+)\]", part)) or found[1] in used)
+    said = []
+    for part in kept:
+        found = re.match(r"\[links\.(\w+)\]", part)
+        if not found:
+            said.append(part)
+        elif found[1] in used:
+            said.append(re.sub(r'(?m)^transport = "memory".*$', links.get(found[1], 'transport = "memory"'), part))
+    return "".join(said)
+
+
+LINKS = ("hall", "line", "coil")
+"""Of the demo."""
 
 
 class Fell(Exception):
@@ -111,7 +125,8 @@ class World:
     sids: dict[str, str] = field(default_factory=dict)
     """Who is signed in, and with which session."""
     ids: dict[str, int] = field(default_factory=dict)
-    barred: set[str] = field(default_factory=set)
+    unplugged: set[str] = field(default_factory=set)
+    """Links."""
     ended: list[tuple[float, Progress]] = field(default_factory=list)
     """Commands that are over [s], also those of servers that were killed."""
     done: list[Done] = field(default_factory=list)
@@ -125,8 +140,6 @@ class World:
     troubled: float = 0.0
     """Until then something was wrong with the server, its disk or its clock [s]."""
     tasks: set["asyncio.Task[None]"] = field(default_factory=set)
-    disks: dict[str, tuple[str, int]] = field(default_factory=dict)
-    """Which database → what is wrong with it, and how many writes it still takes."""
     errors: list[str] = field(default_factory=list)
     """What was logged as an error that is none of those we made."""
     lines: list[str] = field(default_factory=list)
@@ -134,8 +147,19 @@ class World:
     def __post_init__(self) -> None:
         self.random = Random(f"world {self.script.seed}")
         self.line = Line(self.clock, Random(f"line {self.script.seed}"), self.trace)
+        self.line.name = self.name_of
+        self.disks = Disks(Random(f"disk {self.script.seed}"))
+        self.disks.die = self._die
         self._hash = hashlib.sha256()
         self.machines = list(self.script.machines)
+        self.wires: dict[str, Wire] = {}
+        """Links that are not in memory."""
+        if self.script.carrier != "memory":
+            serial = self.script.carrier == "rtu"
+            self.wires = {
+                link: Wire(self.line, link, number, serial, partial(self._bus, link))
+                for number, link in enumerate(LINKS)
+            }
         self.plant_folder = self.folder / "plant"
         shutil.copytree(DEMO, self.plant_folder)
         self._write_plant()
@@ -161,13 +185,17 @@ class World:
     async def start(self) -> None:
         """A server from the files as they are."""
         self.lives += 1
+        self.line.life = self.lives
         runtime = Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
         self.runtime = runtime
-        await runtime.start()
+        try:
+            await runtime.start()
+        except PogonError as error:
+            raise Fell("starts_again", f"{type(error).__name__}: {error}") from error
         runtime.access.passwords._hasher = Passwords(CHEAP)._hasher
         runtime.access.throttle.take = lambda _address: True  # type: ignore[method-assign]
         for which in ("db", "history"):
-            self._spoilable(which, getattr(runtime, which))
+            self.disks.watch(which, getattr(runtime, which))
         if runtime.gate is not None:
             runtime.gate.subscribe_ends(self._ended)
         if self.lives == 1:
@@ -178,6 +206,8 @@ class World:
         self.down = False
 
     def _ended(self, progress: Progress) -> None:
+        if self.down:  # of a server that is dead already
+            return
         self.trace(f"{self.now:.6f} end {progress.id} {progress.command} {progress.state} {progress.reason}")
         self.ended.append((self.now, progress))
         for listener in self.on_end:
@@ -192,10 +222,10 @@ class World:
 
     async def kill(self) -> None:
         """Everything that the server did not write is gone: its files are taken as they are now."""
-        self.down = True
-        copy = self.folder / f"data-{self.lives}"
-        shutil.copytree(self.data, copy, ignore=lambda _folder, names: [n for n in names if n.startswith("lock")])
-        self.line.dead = True
+        if not self.down:
+            self._die()
+        self.disks.torn()
+        copy = self.disks.copy
         mine = {asyncio.current_task(), *self.tasks}
         others = [task for task in asyncio.all_tasks() if task not in mine]
         others.sort(key=lambda task: (len(task.get_name()), task.get_name()))  # the same order every time
@@ -208,6 +238,12 @@ class World:
         shutil.rmtree(self.data)
         self.data = copy
 
+    def _die(self) -> None:
+        """From this moment on nothing that the server does counts."""
+        self.down = self.line.dead = True
+        self.disks.copy = self.folder / f"data-{self.lives}"
+        self.disks.tear(self.data, self.disks.copy)
+
     def simulate(self, plant: Plant, clock: ManualClock, *, links: list[str]) -> SimPlant:
         """In place of `SimPlant`: machines that moved before go on."""
         if self.sim is None:
@@ -217,6 +253,26 @@ class World:
             self.sim._due = self.now
         self.watch_devices()
         return self.sim
+
+    def _bus(self, link: str) -> Bus | None:
+        return self.sim.buses.get(link) if self.sim else None
+
+    async def _wire(self) -> None:
+        """Machines behind wires: they are none of the server's."""
+        plant, problems = read_plant(self.plant_folder)
+        assert plant is not None, problems
+        self.sim = SimPlant(plant, self.clock, links=list(plant.links))
+        self.watch_devices()
+        for wire in self.wires.values():
+            await wire.carrier.start()
+        self.beside(self.sim.run())
+
+    def _rebuild(self) -> None:
+        """The machines behind wires are those of the plant file from now on."""
+        plant, problems = read_plant(self.plant_folder)
+        if self.wires and self.sim and plant is not None and not problems:
+            self.sim.take(*self.sim.renewed(plant, list(plant.links), {}))
+            self.watch_devices()
 
     def watch_devices(self) -> None:
         """Have every device tell what it does."""
@@ -251,33 +307,18 @@ class World:
         item = self.sim.equipment[machine]
         return self.sim.buses[item.link], item.unit
 
-    # ---- the disk -------------------------------------------------------------------------------------
-
-    def _spoilable(self, which: str, database: Database) -> None:
-        """Statements that write fail while the disk is spoilt."""
-
-        @event.listens_for(database.engine, "before_cursor_execute")
-        def before(connection: Any, cursor: Any, statement: str, *rest: Any) -> None:
-            how, after = self.disks.get(which, ("", 0))
-            if not how or (self.runtime.db is not database and self.runtime.history is not database):
-                return
-            if statement.lstrip()[:6].upper() in ("INSERT", "UPDATE", "DELETE", "REPLAC", "BEGIN ", "PRAGMA", "CREATE"):
-                if after > 0:
-                    self.disks[which] = how, after - 1
-                    return
-                raise sqlite3.OperationalError(MESSAGES[how])
-
-        @event.listens_for(database.engine, "commit")
-        def commit(connection: Any) -> None:
-            how, after = self.disks.get(which, ("", 0))
-            if how == "failing" and after <= 0:
-                raise sqlite3.OperationalError(MESSAGES[how])
+    def name_of(self, bus: Bus, unit: int) -> str:
+        """The machine of a unit of a line; nothing when there is none."""
+        device = bus.devices.get(unit)
+        return next((name for name, one in self.devices.items() if one is device), "")
 
     # ---- life -----------------------------------------------------------------------------------------
 
     async def live(self, check: Callable[["World", bool], Coroutine[Any, Any, None]]) -> None:
         """Play the script; `check(world, False)` after every step, `check(world, True)` once when all is calm."""
         began = self.now
+        if self.wires:
+            await self._wire()
         await self.start()
         due = list(self.script.actions)
         try:
@@ -299,10 +340,12 @@ class World:
             await asyncio.gather(*self.tasks, return_exceptions=True)
             if not self.down:
                 await self.stop()
+            for wire in self.wires.values():
+                await wire.carrier.close()
 
     async def _calm(self) -> None:
         self.line.troubles.clear()
-        self.disks.clear()
+        self.disks.mend_all()
 
     async def _act(self, action: Action) -> None:
         work = getattr(self, f"_do_{action.kind}")
@@ -495,6 +538,18 @@ class World:
         if found := self.bus_of(machine):
             self.line.troubles.append(Trouble(*found, fault, part, self.now + seconds))
 
+    async def _do_unplug(self, machine: str, seconds: float) -> None:
+        """The line is gone with all its units: the port refuses, or there is no such device."""
+        item = self.sim.equipment.get(machine) if self.sim else None
+        wire = self.wires.get(item.link) if item else None
+        if wire is None or wire.link in self.unplugged:
+            return
+        self.unplugged.add(wire.link)
+        await wire.carrier.close()
+        await asyncio.sleep(seconds)
+        await wire.carrier.start()
+        self.unplugged.discard(wire.link)
+
     async def _do_power(self, machine: str) -> None:
         device = self.devices.get(machine)
         if isinstance(device, VirtualPlc | VirtualE800):
@@ -519,10 +574,10 @@ class World:
         device.write(6, REG_MACHINE_FAULT, (0,))
 
     async def _do_disk(self, which: str, how: str, seconds: float, after: int) -> None:
-        self.disks[which] = how, after
+        self.disks.spoil(which, how, after)
         await asyncio.sleep(seconds)
         self.troubled = max(self.troubled, self.now)
-        self.disks.pop(which, None)
+        self.disks.mend(which)
 
     async def _do_clock(self, seconds: float) -> None:
         self.clock.step_wall(seconds)
@@ -550,6 +605,8 @@ class World:
             self._write_plant()
             return
         person = await self.person("ada")
+        if machine in self.machines:
+            self._rebuild()
         reading = await self.runtime.reload(person, reading.digest)
         self.watch_devices()
         if reading.refused and reading.refused not in ("plant.refused.other", "plant.refused.nothing"):
@@ -557,11 +614,22 @@ class World:
         if not reading.done:
             self.machines = before
             self._write_plant()
+        self._rebuild()
 
     def _write_plant(self) -> None:
-        (self.plant_folder / "plant.toml").write_text(plant_file(self.machines), "utf-8")
+        (self.plant_folder / "plant.toml").write_text(
+            plant_file(self.machines, {name: wire.toml for name, wire in self.wires.items()}), "utf-8"
+        )
 
-    async def _do_kill(self, seconds: float) -> None:
+    async def _do_kill(self, seconds: float, point: int) -> None:
+        """Between two steps, or with the so-many-th statement of a database from now on."""
+        if point:
+            self.disks.doomed = point
+            for _ in range(round(PATIENCE / 0.01)):
+                if self.down:
+                    break
+                await asyncio.sleep(0.01)
+            self.disks.doomed = 0
         await self.kill()
         await self._back(seconds)
 
@@ -571,12 +639,15 @@ class World:
 
     async def _back(self, seconds: float) -> None:
         assert self.sim is not None
-        self.disks.clear()
-        self.sim._due = self.now
-        moving = asyncio.get_running_loop().create_task(self.sim.run())
+        self.disks.mend_all()
+        moving = []
+        if not self.wires:
+            self.sim._due = self.now
+            moving = [asyncio.get_running_loop().create_task(self.sim.run())]
         await asyncio.sleep(seconds)
-        moving.cancel()
-        await asyncio.gather(moving, return_exceptions=True)
+        for task in moving:
+            task.cancel()
+        await asyncio.gather(*moving, return_exceptions=True)
         self.troubled = self.now
         await self.start()
 
@@ -595,9 +666,10 @@ SWEPT = 0.3
 """A server that stood still has looked at all values again [s]."""
 ALONE = ("kill", "restart", "stall", "reload", "power", "line", "clock")
 """Nothing else happens meanwhile, or it takes no time."""
+PATIENCE = 2.0
+"""Longest wait for a statement at which the server is to be killed [s]."""
 REJECTED = (4,)
 NEVER = 1e9
-MESSAGES = {"full": "database or disk is full", "locked": "database is locked", "failing": "disk I/O error"}
 
 
 class Listener(logging.Handler):
@@ -617,7 +689,8 @@ class Listener(logging.Handler):
 @contextmanager
 def patched(world: World) -> Iterator[None]:
     """The server of `world` is joined to its line and its machines."""
-    kept = app.runtime.exchange, app.runtime.SimPlant
+    kept, patience = (app.runtime.exchange, app.runtime.SimPlant), app.db.BUSY_TIMEOUT
+    app.db.BUSY_TIMEOUT = 0.0  # nobody waits for a lock in real time
     app.runtime.exchange, app.runtime.SimPlant = world.line.exchange, world.simulate  # type: ignore[assignment, misc]
     root, listener = logging.getLogger("app"), Listener(world)
     propagate, root.propagate = root.propagate, False
@@ -627,6 +700,7 @@ def patched(world: World) -> Iterator[None]:
         yield
     finally:
         app.runtime.exchange, app.runtime.SimPlant = kept  # type: ignore[misc]
+        app.db.BUSY_TIMEOUT = patience
         root.removeHandler(listener)
         root.propagate = propagate
         chance.use()
