@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 
 from sqlalchemy import select
@@ -25,8 +25,16 @@ SLACK = 0.6
 """Sweep and answers on their way [s]."""
 MOST_TASKS = 150
 MOST_STORING = 40
+WEIGHED = 10.0
+"""How often everything that a server keeps in mind is counted [s]."""
+MOST_MORE = 400
+"""So many entries more than three times those of the first count: something grows."""
+DESCENDED = 300
+"""Containers of more things are counted and not looked into."""
 STOP_REASONS = {"why.no_such_command", "why.role", "why.signed_out", "why.dry_run"}
 """Why a Stop of somebody who may stop can be refused: only that the machine is gone, or the right."""
+UNDER_WAY = 3.0
+"""So old is an event at least that has to be stored [s]."""
 Shown = tuple[float, int, float, float]
 """When a drive answered [s], its status, frequency and F113 as the drive itself has them."""
 DRIVE_SHOWS = {
@@ -49,6 +57,9 @@ class Checker:
         world.line.look, world.line.tell = self._look, self._told
         world.on_end.append(self._command_ended)
         self.false: list[str] = []
+        self.weighed = 10.0
+        self.first: dict[str, int] = {}
+        """How many entries there were of anything when it was first counted."""
         self.counted = (0, 0, 0)
         """What there was when it was last counted."""
         self._limited: tuple[tuple[int, int], dict[str, list[tuple[int, float]]]] | None = None
@@ -230,7 +241,7 @@ def nothing_dies(c: Checker) -> None:
 
 
 def nothing_grows(c: Checker) -> None:
-    """Tasks, waiting lines and jobs stay few."""
+    """Tasks, waiting lines, subscriptions and memories of a server stay few, and level off."""
     world = c.world
     if world.down:
         return
@@ -239,6 +250,34 @@ def nothing_grows(c: Checker) -> None:
         raise Fell("nothing_grows", f"{len(tasks)} tasks: {Counter(task.get_name().split('-')[0] for task in tasks)}")
     if len(world.runtime._storing) > MOST_STORING:
         raise Fell("nothing_grows", f"{len(world.runtime._storing)} deliveries of events wait")
+    if world.now - c.weighed >= WEIGHED:
+        c.weighed = world.now
+        for name, size in sizes(world.runtime).items():
+            if size > 3 * c.first.setdefault(name, size) + MOST_MORE:
+                raise Fell("nothing_grows", f"{name} has {size} entries, first {c.first[name]}")
+
+
+def sizes(root: object) -> dict[str, int]:
+    """How many entries all containers have that the server keeps in mind, by class and name of the attribute; definitions left out."""
+    found: Counter[str] = Counter()
+    seen: set[int] = set()
+    todo: list[object] = [root]
+    while todo:
+        one = todo.pop()
+        kind = type(one)
+        if id(one) in seen or not kind.__module__.startswith("app.") or kind.__module__.startswith("app.plant."):
+            continue
+        seen.add(id(one))
+        names = [*getattr(one, "__dict__", ()), *(n for base in kind.__mro__ for n in getattr(base, "__slots__", ()))]
+        for name in names:
+            value = getattr(one, name, None)
+            if isinstance(value, dict | list | set | deque):
+                found[f"{kind.__name__}.{name}"] += len(value)
+                inside = list(value.values() if isinstance(value, dict) else value)
+                todo += inside if len(inside) <= DESCENDED else []
+            else:
+                todo.append(value)
+    return found
 
 
 def stop_is_open(c: Checker) -> None:
@@ -350,20 +389,31 @@ async def alarms_follow_the_table(c: Checker) -> None:
 
 
 async def events_are_stored(c: Checker) -> None:
-    """Every event that a ring told is stored once, or told as a gap; what is kept ends with the newest."""
+    """Each event of a ring is stored once or told as a gap, counted against the list of the device; none that it never told is stored."""
     world = c.world
     runtime = world.runtime
+    rows = await runtime.history.read(lambda connection: connection.execute(STORED).all())
+    holes = await runtime.history.read(lambda connection: connection.execute(select(history.event_gap)).all())
+    for row in (*rows, *holes):
+        world.trace(f"event {tuple(row)}")
+    stored = Counter((row.name, row.sequence, row.code) for row in rows)
+    missing = {(row.equipment, row.sequence - n) for row in holes for n in range(1, row.count + 1)}
+    told = Counter((one.machine, one.sequence, one.code) for one in world.told)
+    for key, count in stored.items():
+        if count > told[key]:
+            raise Fell("events_are_stored", f"{key} is stored {count} times, told {told[key]} times")
     for item in runtime.plant.equipment.values() if runtime.plant else ():
-        device = world.devices.get(item.id)
-        if not isinstance(device, VirtualPlc):
+        mine = [one for one in world.told if one.machine == item.id and one.at < world.now - UNDER_WAY]
+        if item.id in world.removed or not mine:
             continue
-        mark = runtime.events.last(item.id)
-        if device.newest and (mark is None or mark.sequence != device.newest):
-            raise Fell("events_are_stored", f"{item.id}: {mark} is stored, the newest is {device.newest}")
-    for table in (history.event, history.passage_step, history.sequence_event):
-        rows = await runtime.history.read(lambda connection, table=table: connection.execute(select(table)).all())  # type: ignore[misc]
-        for row in rows:
-            world.trace(f"{table.name} {tuple(row)}")
+        for one in mine:
+            if not stored[one.machine, one.sequence, one.code] and (one.machine, one.sequence) not in missing:
+                raise Fell("events_are_stored", f"{one} is neither stored nor told as a gap")
+
+
+STORED = select(history.event_machine.c.name, history.event.c.sequence, history.event.c.code).join(
+    history.event, history.event.c.machine == history.event_machine.c.id
+)
 
 
 ALWAYS: tuple[Callable[[Checker], None], ...] = (

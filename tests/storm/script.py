@@ -20,6 +20,8 @@ PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("
 """Few machines of the demo, which seeds choose from; every tenth has all."""
 CARRIERS = ("memory", "tcp", "rtu")
 """What the lines of the plant are; seeds take them by turns."""
+WEB = (False, True, False, False)
+"""Whether people sit at browsers; by turns, too."""
 CALM = 20.0
 """At the end nothing goes wrong any more for so long, and everything has to be well again [s]."""
 
@@ -64,9 +66,11 @@ class Script:
     actions: tuple[Action, ...]
     carrier: str = "memory"
     """One of `CARRIERS`."""
+    web: bool = False
+    """People sit at browsers; else they call the house themselves."""
 
     def __str__(self) -> str:
-        plant = f"plant {' '.join(self.machines)} over {self.carrier}"
+        plant = f"plant {' '.join(self.machines)} over {self.carrier}{', browsers' if self.web else ''}"
         head = f"seed {self.seed}, {self.seconds:g} s, {plant}, {len(self.actions)} actions"
         return "\n".join([head, *map(str, self.actions)])
 
@@ -89,7 +93,8 @@ def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrie
         shares = FAULTS if random.random() < trouble else ACTS
         kind = random.choices(list(shares), list(shares.values()))[0]
         actions.append(Action(round(at, 3), kind, _given(kind, random, machines)))
-    return Script(seed, machines, seconds, tuple(actions), carrier or CARRIERS[seed % len(CARRIERS)])
+    carrier = carrier or CARRIERS[seed % len(CARRIERS)]
+    return Script(seed, machines, seconds, tuple(actions), carrier, WEB[seed % len(WEB)])
 
 
 def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tests.storm.invariants import Checker
 from tests.storm.script import Script
+from tests.storm.web import WebWorld
 from tests.storm.world import Fell, World, play
 
 TRIES = 120
@@ -41,7 +42,7 @@ def run(script: Script) -> Verdict:
             await checkers[0](world, last)
 
         try:
-            world = play(script, Path(folder), check)
+            world = play(script, Path(folder), check, WebWorld if script.web else World)
             digest = world.digest
             counts.update(str(progress.state) for _, progress in world.ended)
         except Fell as fell:

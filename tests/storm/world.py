@@ -24,7 +24,7 @@ from app.access.roles import Person, permissions_of
 from app.clock import ManualClock
 from app.commands.lifecycle import Progress
 from app.errors import PogonError
-from app.plant.definitions import Command, Plant
+from app.plant.definitions import Command, Equipment, Plant
 from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.settings import Settings
@@ -37,7 +37,7 @@ from app.sim.plc import VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
-from tests.storm.script import CALM, PEOPLE, Action, Script
+from tests.storm.script import ACTS, CALM, PEOPLE, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
 DEMO = Path(__file__).resolve().parents[2] / "plants" / "demo"
@@ -110,6 +110,8 @@ class Told:
     boot: int
     sequence: int
     code: int
+    at: float
+    """[s]"""
 
 
 @dataclass
@@ -125,6 +127,8 @@ class World:
     sids: dict[str, str] = field(default_factory=dict)
     """Who is signed in, and with which session."""
     ids: dict[str, int] = field(default_factory=dict)
+    removed: set[str] = field(default_factory=set)
+    """Machines that were taken out of the plant file at any time: in again, they are others."""
     unplugged: set[str] = field(default_factory=set)
     """Links."""
     ended: list[tuple[float, Progress]] = field(default_factory=list)
@@ -140,6 +144,7 @@ class World:
     troubled: float = 0.0
     """Until then something was wrong with the server, its disk or its clock [s]."""
     tasks: set["asyncio.Task[None]"] = field(default_factory=set)
+    acting: dict["asyncio.Task[None]", None] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
     """What was logged as an error that is none of those we made."""
     lines: list[str] = field(default_factory=list)
@@ -186,8 +191,7 @@ class World:
         """A server from the files as they are."""
         self.lives += 1
         self.line.life = self.lives
-        runtime = Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
-        self.runtime = runtime
+        self.runtime = runtime = self._build()
         try:
             await runtime.start()
         except PogonError as error:
@@ -203,7 +207,14 @@ class World:
                 account, _ = await runtime.access.people.add(BOSS, name, "", roles)
                 runtime.access.people.set_password_now(BOSS, name, PASSWORD)
                 self.ids[name] = account.id
+        self._started()
         self.down = False
+
+    def _build(self) -> Runtime:
+        return Runtime(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
+
+    def _started(self) -> None:
+        """Something more that a server needs."""
 
     def _ended(self, progress: Progress) -> None:
         if self.down:  # of a server that is dead already
@@ -226,6 +237,9 @@ class World:
             self._die()
         self.disks.torn()
         copy = self.disks.copy
+        for task in list(self.acting):  # their browsers have lost the server
+            task.cancel()
+        await asyncio.gather(*self.acting, return_exceptions=True)
         mine = {asyncio.current_task(), *self.tasks}
         others = [task for task in asyncio.all_tasks() if task not in mine]
         others.sort(key=lambda task: (len(task.get_name()), task.get_name()))  # the same order every time
@@ -292,7 +306,7 @@ class World:
 
         def happened(*given: Any, **named: Any) -> None:
             tell(*given, **named)
-            self.told.append(Told(name, device.boots, device.newest, int(given[0])))
+            self.told.append(Told(name, device.boots, device.newest, int(given[0]), self.now))
 
         device._take, device.event = taken, happened  # type: ignore[method-assign]
 
@@ -353,16 +367,19 @@ class World:
             if action.kind in ALONE:
                 await work(**action.given)
             else:
-                self.beside(self._quietly(work(**action.given)))
+                self.beside(self._quietly(partial(work, **action.given)), acting=action.kind in ACTS)
 
-    async def _quietly(self, work: Coroutine[Any, Any, None]) -> None:
+    async def _quietly(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
         with suppress(PogonError):
-            await work
+            await work()
 
-    def beside(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do `work` while other things happen."""
+    def beside(self, work: Coroutine[Any, Any, None], *, acting: bool = False) -> None:
+        """Do `work` while other things happen; `acting`: at the server, and over with it."""
         task = asyncio.get_running_loop().create_task(work)
         self.tasks.add(task)
+        if acting:
+            self.acting[task] = None
+            task.add_done_callback(lambda done: self.acting.pop(done, None))
         task.add_done_callback(self._finished)
 
     def _finished(self, task: "asyncio.Task[None]") -> None:
@@ -460,7 +477,7 @@ class World:
                 self.trace(f"{self.now:.6f} refused {refusal}")
 
         if twice:
-            self.beside(press())
+            self.beside(press(), acting=True)
         await press()
 
     async def _do_set(self, who: str, machine: str, number: int, part: float) -> None:
@@ -470,17 +487,21 @@ class World:
         if person is None or item is None or self.runtime.gate is None or not item.type.setpoints:
             return
         key = list(item.type.setpoints)[number % len(item.type.setpoints)]
-        point, gate = item.points[key], self.runtime.gate
+        gate = self.runtime.gate
         if gate.control.holder(machine) is None and number % 4:
             with suppress(PogonError):
                 gate.control.take(person, machine)
-        low, high = point.low if point.low is not None else 0.0, point.high if point.high is not None else 100.0
-        value = f"{low + part * (high - low):.{point.decimals}f}"
         with suppress(PogonError):
             await gate.set_value(
-                person, machine, key, value, id=self._order(machine, key), nonce=gate.nonces.issue(person.session),
+                person, machine, key, self._typed(item, key, part), id=self._order(machine, key), nonce=gate.nonces.issue(person.session),
                 confirmed=True, proven=True, reason="storm",
             )  # fmt: skip
+
+    def _typed(self, item: Equipment, key: str, part: float) -> str:
+        """A value somewhere in the range of a setpoint, or a little outside."""
+        point = item.points[key]
+        low, high = point.low if point.low is not None else 0.0, point.high if point.high is not None else 100.0
+        return f"{low + part * (high - low):.{point.decimals}f}"
 
     async def _do_hold(self, who: str, machine: str, number: int, how: str, seconds: float) -> None:
         command = self._choose(machine, number, hold=True)
@@ -593,6 +614,7 @@ class World:
         before = list(self.machines)
         if machine in self.machines:
             self.machines.remove(machine)
+            self.removed.add(machine)
         else:
             self.machines.append(machine)
         if not {"m1", "m2"} & set(self.machines) and "extra" in self.machines:
@@ -707,14 +729,18 @@ def patched(world: World) -> Iterator[None]:
 
 
 def play(
-    script: Script, folder: Path, check: Callable[[World, bool], Coroutine[Any, Any, None]], **options: Any
+    script: Script,
+    folder: Path,
+    check: Callable[[World, bool], Coroutine[Any, Any, None]],
+    kind: type[World] = World,
+    **options: Any,
 ) -> World:
     """Live through `script` in `folder`, from the first to the last moment.
 
     Raises:
         Fell: an invariant does not hold.
     """
-    world = World(script, folder, **options)
+    world = kind(script, folder, **options)
     loop = VirtualLoop(world.clock)
 
     def lost(_loop: Any, context: dict[str, Any]) -> None:

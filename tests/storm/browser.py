@@ -1,0 +1,148 @@
+"""A browser of one person at the application itself: forms, answers, cookies, the socket of a page; no server and no wire between."""
+
+import asyncio
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import FastAPI
+
+HOST = b"127.0.0.1:8000"
+ORIGIN = b"http://127.0.0.1:8000"
+FORM = b"application/x-www-form-urlencoded"
+SETTLES = 30.0
+"""A request that is not answered by then never will be [s]."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came back."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+    @property
+    def text(self) -> str:
+        return self.body.decode()
+
+
+class Unanswered(Exception):
+    """The application raised, or answered nothing in time."""
+
+
+class Browser:
+    """Cookies are kept, forms carry the token of the page that was seen."""
+
+    def __init__(self, app: FastAPI, agent: str, address: str) -> None:
+        self.app = app
+        self.cookies: dict[str, str] = {}
+        self._agent, self._address = agent.encode(), address
+
+    async def get(self, path: str) -> Answer:
+        """Open a page."""
+        return await self._ask("GET", path, b"")
+
+    async def post(self, path: str, form: Mapping[str, str | Sequence[str]]) -> Answer:
+        """Send a form of ours."""
+        bound = self.cookies.get("sid") or self.cookies.get("pre", "")
+        access = self.app.state.runtime.access
+        return await self._ask("POST", path, urlencode({"csrf": access.form_token(bound), **form}, True).encode())
+
+    async def sign_in(self, name: str, password: str) -> bool:
+        """Fill the sheet; whether there is a session now."""
+        sheet = await self.get("/signin")
+        token = re.search(r'name="csrf" value="([^"]*)"', sheet.text)
+        form = {"csrf": token[1] if token else "", "name": name, "password": password}
+        return (await self._ask("POST", "/signin", urlencode(form).encode())).status == 303 and "sid" in self.cookies
+
+    async def _ask(self, method: str, path: str, body: bytes) -> Answer:
+        sent: list[dict[str, Any]] = []
+        given = [{"type": "http.request", "body": body, "more_body": False}]
+
+        async def receive() -> dict[str, Any]:
+            if given:
+                return given.pop()
+            await asyncio.sleep(1e9)
+            return {"type": "http.disconnect"}
+
+        async def send(message: dict[str, Any]) -> None:
+            sent.append(message)
+
+        try:
+            async with asyncio.timeout(SETTLES):
+                await self.app(self._scope("http", path, method), receive, send)
+        except TimeoutError as error:
+            raise Unanswered(f"{method} {path}: nothing in {SETTLES:g} s") from error
+        start = next(message for message in sent if message["type"] == "http.response.start")
+        headers = {name.decode().lower(): value.decode() for name, value in start["headers"]}
+        for name, value in start["headers"]:
+            if name.lower() == b"set-cookie":
+                self._keep(value.decode())
+        return Answer(start["status"], headers, b"".join(message.get("body", b"") for message in sent))
+
+    def _keep(self, cookie: str) -> None:
+        name, _, value = cookie.partition(";")[0].partition("=")
+        if not value or value == '""' or "max-age=0" in cookie.lower():
+            self.cookies.pop(name.removeprefix("__Host-"), None)
+        else:
+            self.cookies[name.removeprefix("__Host-")] = value
+
+    def _scope(self, kind: str, path: str, method: str = "GET") -> dict[str, Any]:
+        where, _, query = path.partition("?")
+        headers = [(b"host", HOST), (b"user-agent", self._agent), (b"origin", ORIGIN), (b"hx-request", b"true")]
+        if self.cookies:
+            told = "; ".join(f"{name}={value}" for name, value in self.cookies.items())
+            headers.append((b"cookie", told.encode()))
+        if method == "POST":
+            headers.append((b"content-type", FORM))
+        return {
+            "type": kind, "asgi": {"version": "3.0", "spec_version": "2.4"}, "http_version": "1.1", "method": method,
+            "scheme": "http" if kind == "http" else "ws", "path": where, "raw_path": where.encode(), "root_path": "",
+            "query_string": query.encode(), "headers": headers, "client": (self._address, 50000),
+            "server": ("127.0.0.1", 8000), "subprotocols": [], "state": {},
+        }  # fmt: skip
+
+    def socket(self) -> "PageSocket":
+        """The socket of a page; it opens with `async with`."""
+        return PageSocket(self.app, self._scope("websocket", "/live"))
+
+
+class PageSocket:
+    """What a page says and hears."""
+
+    def __init__(self, app: FastAPI, scope: dict[str, Any]) -> None:
+        self._app, self._scope = app, scope
+        self._up: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        self.heard: list[dict[str, Any]] = []
+        """Messages of the server, frames too."""
+        self.frames = 0
+        self.closed = False
+
+    async def __aenter__(self) -> "PageSocket":
+        self._up.put_nowait({"type": "websocket.connect"})
+        self._task = asyncio.get_running_loop().create_task(self._app(self._scope, self._up.get, self._send))
+        return self
+
+    async def __aexit__(self, *args: Any) -> None:
+        self._up.put_nowait({"type": "websocket.disconnect", "code": 1001})
+        await asyncio.wait([self._task], timeout=SETTLES)
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        if message["type"] == "websocket.close":
+            self.closed = True
+        if message["type"] == "websocket.send":
+            told = json.loads(message.get("text") or message["bytes"])
+            if "v" in told:
+                self.frames += 1
+            else:
+                self.heard.append(told)
+
+    def say(self, **message: Any) -> None:
+        """One message of the page."""
+        self._up.put_nowait({"type": "websocket.receive", "text": json.dumps(message)})

@@ -1,0 +1,194 @@
+"""The same house, but its people sit at browsers: everything they do goes through the application, as forms and over sockets."""
+
+import asyncio
+import json
+from dataclasses import dataclass
+
+from app.main import create_app
+from app.runtime import Runtime
+from app.settings import Settings
+from app.web import socket
+from tests.storm.browser import Answer, Browser
+from tests.storm.world import ADDRESS, AGENT, PASSWORD, World
+from tests.virtual import inline
+
+REFUSED = {401, 403, 404}
+"""Answers to a Stop of somebody who may not, or of a machine that is not there."""
+
+
+@dataclass
+class WebWorld(World):
+    """A world of browsers."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.browsers: dict[str, Browser] = {}
+
+    def _build(self) -> Runtime:
+        self.app = create_app(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
+        self.app.state.runtime = runtime = Runtime(
+            Settings(plant=self.plant_folder, data=self.data), self.clock, inline
+        )
+        for browser in self.browsers.values():
+            browser.app = self.app
+        return runtime
+
+    def _started(self) -> None:
+        sockets = socket.sockets_of(self.app)
+        self.runtime.access.subscribe(sockets.end, sockets.end)
+
+    async def stop(self) -> None:
+        """As systemd does."""
+        self.down = True
+        await socket.sockets_of(self.app).close()
+        await self.runtime.stop()
+
+    def _browser(self, who: str) -> Browser | None:
+        if self.down:
+            return None
+        if who not in self.browsers:
+            self.browsers[who] = Browser(self.app, AGENT, ADDRESS)
+        return self.browsers[who]
+
+    def _note(self, what: str, answer: Answer) -> Answer:
+        self.trace(f"{self.now:.6f} {what} -> {answer.status}")
+        if answer.status == 500:
+            self.errors.append(f"{what}: 500 {answer.text[:200]}")
+        return answer
+
+    async def _send(self, who: str, path: str, **form: str | list[str]) -> Answer | None:
+        browser = self._browser(who)
+        if browser is None:
+            return None
+        return self._note(f"{who} {path}", await browser.post(path, form))
+
+    async def _nonce(self, who: str) -> str | None:
+        browser = self._browser(who)
+        if browser is None:
+            return None
+        answer = self._note(f"{who} nonce", await browser.get("/nonce"))
+        return str(json.loads(answer.body)["nonce"]) if answer.status == 200 else None
+
+    # ---- people
+
+    async def _do_enter(self, who: str) -> None:
+        if (browser := self._browser(who)) is not None and await browser.sign_in(who, PASSWORD):
+            self.sids[who] = browser.cookies["sid"]
+
+    async def _do_leave(self, who: str) -> None:
+        if self.sids.get(who):
+            await self._send(who, "/signout")
+
+    async def _do_look(self, who: str) -> None:
+        browser = self._browser(who)
+        if browser is None or not self.sids.get(who):
+            return
+        pages = ["/", "/alarms", "/account", "/audit", "/users", *(f"/equipment/{one}" for one in self.machines)]
+        path = pages[len(self.asked) % len(pages)]
+        self._note(f"{who} {path}", await browser.get(path))
+        async with browser.socket() as page:
+            page.say(subscribe="overview", rev=0)
+            await asyncio.sleep(5)
+            self.trace(f"{who} saw {page.frames} frames")
+
+    async def _do_take(self, who: str, machine: str) -> None:
+        await self._send(who, f"/equipment/{machine}/token/take")
+
+    async def _do_give(self, who: str, machine: str) -> None:
+        await self._send(who, f"/equipment/{machine}/token/release")
+
+    async def _do_want(self, who: str, machine: str) -> None:
+        await self._send(who, f"/equipment/{machine}/token/request")
+
+    async def _do_stop(self, who: str, machine: str) -> None:
+        if not self.sids.get(who) or self.down or self.runtime.plant is None:
+            return
+        item = self.runtime.plant.equipment.get(machine)
+        stop = next((c for c in item.type.commands.values() if c.stop), None) if item else None
+        if stop is None:
+            return
+        id = self._order(machine, stop.key)
+        answer = await self._send(who, f"/equipment/{machine}/stop", id=id)
+        refused = answer is not None and answer.status >= 400 and 'data-kind="info"' not in answer.text
+        if answer is not None and refused and answer.status not in REFUSED:
+            self.refused_stops.append((machine, answer.text[:200], answer.status))
+
+    async def _do_command(self, who: str, machine: str, number: int, part: float, twice: bool) -> None:
+        command = self._choose(machine, number, hold=False)
+        if command is None or self.runtime.gate is None or not self.sids.get(who):
+            return
+        if self.runtime.gate.control.holder(machine) is None and number % 4:
+            await self._send(who, f"/equipment/{machine}/token/take")
+        nonce = await self._nonce(who)
+        if nonce is None:
+            return
+        form = {f"arg_{one.name}": str(round(part * 100)) for one in command.arguments}
+        form |= {"argument": f"{part * 60:.2f}"} if command.argument else {}
+        form |= {"id": self._order(machine, command.key), "nonce": nonce, "confirmed": "1", "reason": "storm"}
+        form |= {"password": PASSWORD} if number % 2 else {}
+        if twice:  # the same press once more: a double click, a proxy that sends again
+            self.beside(self._again(who, f"/equipment/{machine}/command/{command.key}", form), acting=True)
+        await self._send(who, f"/equipment/{machine}/command/{command.key}", **form)
+
+    async def _again(self, who: str, path: str, form: dict[str, str]) -> None:
+        await self._send(who, path, **form)
+
+    async def _do_set(self, who: str, machine: str, number: int, part: float) -> None:
+        plant = None if self.down else self.runtime.plant
+        item = plant.equipment.get(machine) if plant else None
+        if item is None or not item.type.setpoints or not self.sids.get(who):
+            return
+        key = list(item.type.setpoints)[number % len(item.type.setpoints)]
+        nonce = await self._nonce(who)
+        if nonce is not None:
+            await self._send(
+                who, f"/equipment/{machine}/setpoint/{key}", id=self._order(machine, key), nonce=nonce,
+                argument=self._typed(item, key, part), confirmed="1", reason="storm", password=PASSWORD,
+            )  # fmt: skip
+
+    async def _do_hold(self, who: str, machine: str, number: int, how: str, seconds: float) -> None:
+        command, browser = self._choose(machine, number, hold=True), self._browser(who)
+        if command is None or browser is None or not self.sids.get(who):
+            return
+        if self.runtime.gate is not None and self.runtime.gate.control.holder(machine) is None:
+            await self._send(who, f"/equipment/{machine}/token/take")
+        async with browser.socket() as page:
+            page.say(subscribe="overview", rev=0)
+            nonce = await self._nonce(who)
+            if nonce is None:
+                return
+            form = {"id": self._order(machine, command.key), "nonce": nonce, "confirmed": "1"}
+            answer = await self._send(who, f"/equipment/{machine}/hold/{command.key}", **form)
+            if answer is None or answer.status != 200 or "lease" not in answer.text:
+                return
+            lease = json.loads(answer.body)["lease"]
+            for counter in range(1, round(seconds / 0.2) + 1):
+                told = -counter if how == "backwards" and counter > 3 else counter
+                page.say(hold={"equipment": machine, "lease": lease, "counter": told})
+                await asyncio.sleep(0.7 if how == "late" and counter > 3 else 0.2)
+                if how == "ends" and counter > 3:
+                    return
+            if how == "gone":
+                await self._do_leave(who)
+            elif number % 2:
+                page.say(hold={"equipment": machine, "lease": lease, "release": "released"})
+            else:
+                await self._send(who, f"/equipment/{machine}/release", lease=lease)
+            await asyncio.sleep(0.05)
+
+    async def _do_acknowledge(self, who: str, number: int) -> None:
+        standing = [] if self.down else self.runtime.alarms.standing()
+        if standing and self.sids.get(who):
+            occurrence = standing[number % len(standing)].occurrence
+            await self._send(who, "/alarms/acknowledge", occurrence=[str(occurrence)])
+
+    async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
+        if who != "ada":
+            await self._send("ada", f"/users/{self.ids[who]}/roles", roles=list(roles), own_password=PASSWORD)
+
+    async def _do_bar(self, who: str, seconds: float) -> None:
+        if who == "ada":
+            return
+        await self._send("ada", f"/users/{self.ids[who]}/disable", own_password=PASSWORD)
+        await asyncio.sleep(seconds)
+        await self._send("ada", f"/users/{self.ids[who]}/enable", own_password=PASSWORD)
