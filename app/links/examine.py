@@ -17,7 +17,9 @@ log = logging.getLogger(__name__)
 NO_REGISTER = (2, 3)
 """Refusals that may be about the registers, or about how many there are."""
 FIRST_LOOK, LAST_LOOK = 1.0, 60.0
-"""Pauses between two looks at a refused register [s], doubling; the last alone while anything of the unit is read."""
+"""Pauses between two looks at a refused register [s], doubling."""
+KNOWN_LOOK = 1.4
+"""Longest pause while one is refused that the unit did answer [s]: what comes back is seen within two seconds."""
 BUSY_PAUSE = 0.05
 """Before a block is scanned that was refused and is taken now [s]."""
 
@@ -58,6 +60,7 @@ class Examiner:
             return
         self._bus.drop(block)
         finding, function = Finding(), block.block.function
+        known = set(spans_of(block.points)) if block.words is not None else set()
         try:
             await self._halve(station, function, spans_of(block.points), finding)
         except DeviceException:
@@ -75,6 +78,9 @@ class Examiner:
             )
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
         learned.bad.update((function, first, last) for first, last in finding.bad)
+        learned.known.update((function, first, last) for first, last in known.intersection(finding.bad))
+        if finding.bad:
+            station.look_pause = FIRST_LOOK
         for first, last in finding.bad:
             log.warning(
                 "no such register link=%s unit=%d first=%#06x last=%#06x",
@@ -120,17 +126,21 @@ class Examiner:
 
     async def _recheck(self, station: Station) -> None:
         """Look now and then at a refused register; when it is there after all, everything is tried again."""
-        pause = FIRST_LOOK
-        while station.learned.bad:
-            await asyncio.sleep(LAST_LOOK if station.blocks else pause)
-            pause = min(2 * pause, LAST_LOOK)
-            function, first, last = min(station.learned.bad)
+        learned, turn = station.learned, 0
+        while learned.bad:
+            pause = min(station.look_pause, LAST_LOOK)
+            station.look_pause = 2 * pause
+            await asyncio.sleep(min(pause, KNOWN_LOOK) if learned.known & learned.bad else pause)
+            wanted = sorted(learned.known & learned.bad or learned.bad)
+            function, first, last = wanted[turn % len(wanted)]
+            turn += 1
             try:
                 await self._bus.read(station, Block(first, last - first + 1, function))
             except LinkError:
                 continue
-            station.learned.bad.clear()
-            station.learned.gaps.clear()
+            learned.bad.clear()
+            learned.gaps.clear()
+            learned.known.clear()
             self._bus.replan(station)
         station.recheck = None
 

@@ -78,6 +78,8 @@ class Learned:
     """Most registers per read."""
     bad: set[tuple[int, int, int]] = field(default_factory=set)
     """(function, first, last) of registers that the device refuses."""
+    known: set[tuple[int, int, int]] = field(default_factory=set)
+    """Of them, those that it had answered before."""
     gaps: set[tuple[int, int, int]] = field(default_factory=set)
     """(function, first, last) of unused registers that no block may span."""
 

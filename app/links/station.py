@@ -44,6 +44,8 @@ class Station:
     """What is being done to get it going: identify, probe, find out what it refuses."""
     recheck: asyncio.Task[None] | None = None
     """Looks now and then whether refused registers are there after all; one of `tasks`."""
+    look_pause: float = 1.0
+    """Before the next of these looks [s]."""
     attention: asyncio.Lock = field(default_factory=asyncio.Lock)
     """One examination at a time."""
     probe_now: asyncio.Event = field(default_factory=asyncio.Event)

@@ -1,12 +1,13 @@
 """After a fault is over the values are good again within two seconds, on every road, however long it lasted."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 
 import pytest
 
+from app.errors import DeviceException
 from app.plant.definitions import Device, Link
 from app.sim.bus import Bus, LineFaultMode
 from app.sim.server import TcpServer
@@ -66,6 +67,48 @@ async def test_a_unit_is_back_within_two_seconds_whatever_was_wrong_and_however_
     took = await asyncio.gather(*(back_after(kind, *case, beside=beside) for case in cases))
     late = {(mode.name, seconds): round(found, 2) for (mode, seconds), found in zip(cases, took, strict=True)}
     assert not {case: found for case, found in late.items() if found > BACK}, late
+
+
+REFUSALS = (1, 2, 3, 4, 6, 7, 10, 11)
+PARTS = (range(25), range(12, 25), (0,), (3, 17))
+"""Registers that are refused for a while."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_registers_that_were_refused_for_a_while_are_back_within_two_seconds(kind: str) -> None:
+    took = await asyncio.gather(
+        *(back_after_refusals(kind, code, part, seconds) for code in REFUSALS for part in PARTS for seconds in LENGTHS)
+    )
+    assert not {case: round(found, 2) for case, found in took if found > BACK}
+
+
+async def back_after_refusals(
+    kind: str, code: int, part: Sequence[int], seconds: float
+) -> tuple[tuple[int, Sequence[int], float], float]:
+    """From the end of the refusals until every value is good and new [s]."""
+    device = Refusing({n: 0 for n in range(25)})
+    names = [f"m1.v{n}" for n in range(25)]
+    async with line(kind, Bus({1: device}), 1) as made:
+        await until(lambda: all(is_good(made.quality(name)) for name in names))
+        device.code, device.part = code, frozenset(part)
+        await asyncio.sleep(seconds)
+        assert not is_good(made.quality(f"m1.v{part[0]}"))
+        device.words, device.part = {n: 9 for n in range(25)}, frozenset()
+        return (code, part, seconds), await until(
+            lambda: all(is_good(made.quality(name)) and made.value(name) == 9 for name in names)
+        )
+
+
+class Refusing(RegisterDevice):
+    """A device that refuses some registers for a while."""
+
+    code = 0
+    part: frozenset[int] = frozenset()
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        if self.part & set(range(address, address + count)):
+            raise DeviceException(self.code)
+        return super().read(function, address, count)
 
 
 async def test_all_units_of_a_line_whose_cable_was_out_are_back_at_once() -> None:

@@ -27,7 +27,7 @@ MOST_TASKS = 150
 MOST_STORING = 40
 WEIGHED = 10.0
 """How often everything that a server keeps in mind is counted [s]."""
-MOST_MORE = 400
+MOST_MORE = 3000
 """So many entries more than three times those of the first count: something grows."""
 DESCENDED = 300
 """Containers of more things are counted and not looked into."""
