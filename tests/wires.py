@@ -85,8 +85,13 @@ class Network(asyncio.SelectorEventLoop):
         if listener is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, f"Connect call failed {(host, port)}")
         ours, theirs = pair()
-        await self.connect_accepted_socket(listener.factory, theirs)
-        return await super().create_connection(protocol_factory, sock=ours)
+        try:
+            await self.connect_accepted_socket(listener.factory, theirs)
+            return await super().create_connection(protocol_factory, sock=ours)
+        except BaseException:
+            ours.close()
+            theirs.close()
+            raise
 
 
 def pair() -> tuple[socket.socket, socket.socket]:
