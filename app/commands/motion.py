@@ -204,6 +204,8 @@ class HeldMotion:
 
     async def restore(self, machine: Machine) -> None:
         """Give points back what they held before a hold-to-run, and read it back; what fails is told, not tried again."""
+        if machine.restoring:  # a Stop that came meanwhile is over: once is enough
+            return
         item, held = machine.item, dict(machine.restore)
         machine.restoring = True
         self._desk.mark(item.id)

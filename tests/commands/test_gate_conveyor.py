@@ -268,3 +268,26 @@ async def test_setpoints_are_taken_as_a_set_and_read_back(line: Line) -> None:
     await line.gate.set_value(EVA, "c1", "manual_speed", 12, nonce=nonce, confirmed=True)
     assert (await line.ended()).state is State.CONFIRMED
     assert line.value("manual_speed") == pytest.approx(12)
+
+
+@pytest.mark.parametrize("seconds", [1.5, 4.0, 12.0])
+async def test_a_program_that_stands_still_ends_the_hold_and_nothing_moves_when_it_goes_on(
+    line: Line, seconds: float
+) -> None:
+    await line.done("select_manual")
+    lease = await press(line, "jog_forward")
+    counter = await hold(line, lease, 1.0)
+    device = line.sim.devices["c1"]
+    step, device.step = device.step, lambda: None  # type: ignore[method-assign]
+    began = line.clock.monotonic()
+    with pytest.raises(Refused, match="lease_over"):
+        await hold(line, lease, 5, counter)
+    assert line.clock.monotonic() - began < 2.0
+    assert line.gate.hold.active("c1") is None
+    await asyncio.sleep(seconds)
+    device.step = step  # type: ignore[method-assign]
+    await asyncio.sleep(0.05)
+    await line.until(lambda: line.value("moving") == 0, 1.0)
+    await asyncio.sleep(2.0)
+    assert line.value("moving") == 0
+    assert line.bits[-1][0] == 0

@@ -212,3 +212,21 @@ async def test_hold_to_run_moves_at_the_jog_frequency_stops_in_silence_and_resto
     progress = await hall.ended(State.CONFIRMED)
     assert progress.reason == "hold.cause.lost"
     await hall.until(lambda: hall.value("frequency_setpoint") == 10.0)
+
+
+@pytest.mark.parametrize("later", [0.0, 0.1, 0.3, 0.45])
+async def test_a_stop_while_the_former_setpoint_is_given_back_does_not_write_it_once_more(
+    hall: Hall, later: float
+) -> None:
+    lease = await hall.gate.hold.arm(ANA, "m2", "jog_forward", nonce=hall.gate.nonces.issue(ANA.session))
+    for counter in range(1, 8):
+        hall.gate.hold.keep_alive(lease, counter, ANA.session)
+        await asyncio.sleep(0.15)
+    before = len(hall.captured)
+    hall.gate.hold.release(lease, ANA.session)
+    await hall.until(lambda: any(address != COMMAND for address, _ in hall.captured[before:]))
+    await asyncio.sleep(later)
+    await hall.gate.ask(ANA, "m2", "stop")
+    await asyncio.sleep(3.0)
+    assert [written for written in hall.captured[before:] if written[0] != COMMAND] == [(0x010D, 1000)]
+    assert hall.value("frequency_setpoint") == 10.0
