@@ -404,6 +404,8 @@ async def tags(
 ) -> list[TagOut]:
     """Tags as they stand, in order of their names."""
     runtime = runtime_of(request)
+    if names.count(",") > MOST_TAGS:
+        raise HTTPException(422)
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     check_points(request, wanted)
     wanted = wanted or [
