@@ -26,6 +26,7 @@ from app.commands.lifecycle import Progress
 from app.errors import PogonError
 from app.plant.definitions import Command, Equipment, Plant
 from app.plant.loader import read_plant
+from app.registers import plc_map
 from app.runtime import Runtime
 from app.settings import Settings
 from app.sim.bus import Bus
@@ -33,7 +34,7 @@ from app.sim.device import VirtualDevice
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.machines import MACHINE_FAULTS
 from app.sim.plant import SimPlant
-from app.sim.plc import VirtualPlc
+from app.sim.plc import EVENT_CAPACITY, VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
@@ -296,6 +297,12 @@ class World:
 
     def _watch_plc(self, name: str, device: VirtualPlc) -> None:
         take, tell = device._take, device.event
+        for sequence in range(
+            device.newest - device._events_kept + 1, device.newest + 1
+        ):  # it told them when it was made
+            row = sequence % EVENT_CAPACITY * plc_map.EVENT_WORDS
+            kept = plc_map.event_of(device._ring[row : row + plc_map.EVENT_WORDS])
+            self.told.append(Told(name, device.boots, sequence, kept.code, self.now))
 
         def taken(request: Any) -> None:
             known = any(answer.id == request.id for answer in device._answers)
