@@ -68,8 +68,12 @@ def is_new(event: RingEvent | Mark, mark: Mark | None) -> bool:
 
 
 def begins_again(event: RingEvent | Mark, mark: Mark) -> bool:
-    """Whether `event` is of a ring that counts from 1 again: its device has lost what it retains, or is another one."""
-    return not _ahead(event, mark) and event.time > mark.time + RESTARTED
+    """Whether `event` is of a ring that counts from 1 again: its device has lost what it retains, or is another one.
+
+    The very event of the mark is none: delivered again, it has another time when the device's clock stood still meanwhile.
+    """
+    same = (event.boot, event.sequence) == (mark.boot, mark.sequence)
+    return not same and not _ahead(event, mark) and event.time > mark.time + RESTARTED
 
 
 def _ahead(event: RingEvent | Mark, mark: Mark) -> bool:
