@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from sqlalchemy import Connection
 from typer.testing import CliRunner
 
 from app.backup import table_counts
@@ -17,9 +18,12 @@ from app.cli import cli
 from app.db import Database
 from app.historian.events import Delivery
 from app.historian.export import verify_export
+from app.historian.records import RecordFold
 from app.plant.loader import read_plant
 from tests.conftest import PogonServer
+from tests.historian import keeping, stories
 from tests.historian.books import store_passages
+from tests.historian.former import plant as line_and_sequences
 from tests.historian.rings import Ring
 from tests.web import runs_plant
 
@@ -214,3 +218,101 @@ def test_runs_go_home_without_a_server(tmp_path: Path) -> None:
     assert (wrong.returncode, "seq1, seq2, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
     both = pogon(tmp_path, "export", "--runs", "seq1", "--tags", "a.b")
     assert (both.returncode, "either --tags" in both.stderr) == (2, True)
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Data and plant folder of a plant whose conveyor moved a product and whose sequences ran, some twenty minutes ago."""
+    data = tmp_path_factory.mktemp("told")
+    folder = line_and_sequences.write(data / "plant")
+    plant, problems = read_plant(folder)
+    assert plant is not None, problems
+    database = Database(data / "history.db", "history")
+    database.migrate()
+    begin = time.time_ns() // 1000 - 1_200_000_000
+    fold = RecordFold(plant.equipment.values())
+
+    def fill(connection: Connection) -> None:
+        ring = Ring(time=begin)
+        ring.passage(7)
+        ring.tell(999)
+        keeping.store(connection, fold, "c1", ring.drain())
+        for number in (1, 2):
+            for portion in stories.runs(number, 3, begin):
+                keeping.store(connection, fold, f"seq{number}", portion.events, portion.lost)
+
+    database.run(fill)
+    database.close()
+    return data, folder
+
+
+def lines(done: Done) -> list[str]:
+    """Head and rows of an export that is whole."""
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    assert done.stdout.splitlines()[-1].startswith("# sha256: ")
+    return [line for line in done.stdout.splitlines() if not line.startswith("#")]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("locale", "head", "entered"),
+    [
+        ("machine", "time_utc,time_local,equipment,event,code,source,", ",c1,arrived,1,"),
+        ("de", "Zeit UTC;Zeit lokal;Maschine;Ereignis;Code;Quelle;", ";c1;"),
+        ("hr", "Vrijeme UTC;", ";c1;"),
+    ],
+)
+def test_events_go_home_without_a_server(told: tuple[Path, Path], locale: str, head: str, entered: str) -> None:
+    data, folder = told
+    options = ("--plant", str(folder), "--locale", locale)
+    first, *rows = lines(pogon(data, "export", "--events", "c1", *options))
+    assert first.startswith(head)
+    assert any(entered in row for row in rows) and all(entered[:4] in row for row in rows)
+    assert sum("999" in row for row in rows) == 1
+    everything = lines(pogon(data, "export", "--events", "all", *options))
+    assert len(everything) > len(rows) + 1
+    assert {row for row in everything if entered[:4] in row} == set(rows)
+    assert lines(pogon(data, "export", "--events", "c1", "--to", "-25m", "--from", "-30m", *options)) == [first]
+
+
+@pytest.mark.real_time
+def test_records_go_home_without_a_server(told: tuple[Path, Path]) -> None:
+    data, folder = told
+    options = ("--plant", str(folder))
+    head, *products = lines(pogon(data, "export", "--records", "passage", *options))
+    assert len(products) == 1 and ",c1," in products[0] and ",7," in products[0]
+    assert lines(pogon(data, "export", "--records", "passage:c1", *options)) == [head, *products]
+    assert lines(pogon(data, "export", "--records", "passage:all", *options)) == [head, *products]
+    _, *both = lines(pogon(data, "export", "--records", "run", *options))
+    _, *one = lines(pogon(data, "export", "--records", "run:seq2", *options))
+    of_both, of_one = ([row.split(",")[:6] for row in rows if ",seq2," in row] for rows in (both, one))
+    assert (
+        of_both == of_one and len(both) > len(of_one) == len(one) > 0
+    )  # further columns are those of the steps that are asked for
+    german, *_ = lines(pogon(data, "export", "--records", "passage:c1", "--locale", "de", *options))
+    assert german.startswith("Eintritt UTC;Eintritt lokal;Maschine;Produkt;")
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--events", "m1"), "--events m1: expected "),
+        (("--events", "c1", "--locale", "fr"), "locale: fr, expected one of hr, "),
+        (("--events", "c1", "--records", "run"), "either --tags"),
+        (("--events", "c1", "--aggregate", "60"), "either --tags"),
+        (("--records", "coils"), "--records coils: expected "),
+        (("--records", "run:c1"), "--records run:c1: expected run or run:seq1, run:seq2"),
+        (("--records", "run:"), ""),
+        (("--records", ":c1"), "--records :c1: expected "),
+        (("--records", "run", "--locale", "fr"), "locale: fr, expected one of hr, "),
+        (("--records", "run", "--aggregate", "60"), "either --tags"),
+        (("--records", "run", "--from", "monday"), "monday"),
+    ],
+)
+def test_what_cannot_go_home_is_named_in_one_line(
+    told: tuple[Path, Path], arguments: tuple[str, ...], named: str
+) -> None:
+    done = pogon(told[0], "export", "--plant", str(told[1]), *arguments)
+    assert (done.returncode, named in done.stderr, "Traceback" in done.stderr) == (2 if named else 0, True, False)
+    assert not named or done.stderr.count("\n") == 1, done.stderr

@@ -28,10 +28,14 @@ class Wanted:
     """Happened before."""
     codes: Codes | None = None
     """Only these; of a machine that is not in it, none."""
+    code: int | None = None
+    """Only this one, whatever a machine calls it."""
     text: str = ""
     """Only those whose person or reason has this text in it, or that are in `worded`."""
     worded: Codes | None = None
     """Events whose own words have the text in them."""
+    people: bool = True
+    """Whether the text is looked for in persons and reasons, too."""
     before: tuple[int, int] | None = None
     """Only what comes after this one in the list (time, id): the next page."""
 
@@ -94,16 +98,18 @@ def _where(wanted: Wanted, number: int, name: str) -> tuple[str, list[object]]:
             ("e.machine = ?", number),
             ("e.time >= ?", wanted.begin),
             ("e.time < ?", wanted.end),
+            ("e.code = ?", wanted.code),
             ("(e.time, e.id) < (?, ?)", wanted.before),
         )
     )
     if wanted.codes is not None:
         where += f" AND e.code IN ({_numbers(wanted.codes[name])})"
     if wanted.text:
-        where += " AND (e.person <> '' AND (instr(casefold(e.person), ?) OR instr(casefold(e.reason), ?))"
-        given += [wanted.text.casefold()] * 2
-        worded = (wanted.worded or {}).get(name)
-        where += f" OR e.code IN ({_numbers(worded)}))" if worded else ")"
+        asked = ""
+        if wanted.people:
+            asked = " OR e.person <> '' AND (instr(casefold(e.person), ?) OR instr(casefold(e.reason), ?))"
+            given += [wanted.text.casefold()] * 2
+        where += f" AND (e.code IN ({_numbers((wanted.worded or {}).get(name, ()))}){asked})"
     return where, given
 
 

@@ -29,6 +29,7 @@ from app.historian.passage_query import Passage, Step
 from app.plant.definitions import Equipment, Point
 from app.plant.types import MOST_ARGUMENTS
 from app.tags import quality as q
+from app.web import event_api, record_api
 from app.web.event_list import in_order
 from app.web.guard import address_of, allow, check_points, may_read, person_of, shown_name, shown_words
 from app.web.history import read
@@ -716,7 +717,8 @@ async def openapi(request: Request) -> Response:
 @cache
 def described() -> bytes:
     """The description as JSON, made once: it takes long."""
-    schema = get_openapi(title="Pogon", version=__version__, description=__doc__, routes=router.routes)
+    routes = [route for part in (router, record_api.router, event_api.router) for route in part.routes]
+    schema = get_openapi(title="Pogon", version=__version__, description=__doc__, routes=routes)
     schema["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
     schema["security"] = [{"token": []}]
     schema["components"]["schemas"]["ErrorOut"] = ErrorOut.model_json_schema()

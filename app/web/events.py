@@ -1,5 +1,6 @@
 """Every event of every machine's ring: the list with its filter, one event with all that it says, CSV."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import urlencode
@@ -21,7 +22,7 @@ from app.records.event import Event
 from app.records.snapshot import decode
 from app.web import format as fmt
 from app.web.event_list import RANGE, fields, place, set_filters, span
-from app.web.guard import address_of, allow, person_of, shown_name
+from app.web.guard import address_of, allow, person_of, shown_name, shown_words
 from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
@@ -31,6 +32,8 @@ router = APIRouter()
 
 PAGE = 100
 """Events on a page."""
+LONGEST_CODE = 5
+"""Digits of a code: one word."""
 MOST_COUNTED = 100_000
 """More are not counted."""
 NAMES = ("equipment", "event", "since", "until", "q", "before")
@@ -56,7 +59,7 @@ async def of_equipment(request: Request, id: str) -> Response:
 async def _page(request: Request, typed: dict[str, str]) -> Response:
     view, runtime = view_of(request), view_of(request).runtime(request)
     try:
-        found = await _list(request, typed, _wanted(request, typed))
+        found = await _list(request, typed, wanted_of(request, typed))
     except Refused as refusal:
         if refusal.reason != RANGE:
             raise
@@ -79,7 +82,7 @@ async def _page(request: Request, typed: dict[str, str]) -> Response:
 async def rows(request: Request) -> Response:
     """The rows alone, after a change."""
     typed = _typed(request)
-    found = await _list(request, typed, _wanted(request, typed))
+    found = await _list(request, typed, wanted_of(request, typed))
     return view_of(request).fragment(request, "fragments/event_rows.html", **found)
 
 
@@ -94,14 +97,14 @@ async def detail(request: Request, number: int) -> Response:
     one = await read(runtime, lambda connection: search.get(connection, number) if 0 < number < 2**63 else None)
     if one is None:
         raise HTTPException(404)
-    return view_of(request).fragment(request, "fragments/event_detail.html", detail=_Words(request).detail(one))
+    return view_of(request).fragment(request, "fragments/event_detail.html", detail=EventWords(request).detail(one))
 
 
 @router.get("/events/export.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
     """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
     typed = _typed(request)
-    wanted = _wanted(request, typed)
+    wanted = wanted_of(request, typed)
     runtime, person, lang = view_of(request).runtime(request), person_of(request), language_of(request)
     locale = request.query_params.get("locale", "") or lang
     if locale not in FORMATS:
@@ -136,7 +139,7 @@ async def export(request: Request) -> Response:
 async def size(request: Request) -> Response:
     """How many rows an export would have, and the limit."""
     typed = _typed(request)
-    wanted = _wanted(request, typed)
+    wanted = wanted_of(request, typed)
     await _check_equipment(request, typed["equipment"])
     runtime = view_of(request).runtime(request)
     limit = runtime.settings.export_rows
@@ -168,15 +171,17 @@ def _typed(request: Request) -> dict[str, str]:
     return fields(request, NAMES, 80)
 
 
-def _wanted(request: Request, typed: dict[str, str]) -> Wanted:
-    """What the address asks for, as understood.
+def wanted_of(request: Request, typed: Mapping[str, str]) -> Wanted:
+    """What the address asks for, as understood; `event` is a key or a code. Visitors without sign-in find nothing by names and reasons,
+    which they do not read.
 
     Raises:
         Refused: 422, a field cannot be read or no machine has such an event, or the end is not after the beginning.
     """
     runtime = view_of(request).runtime(request)
     begin, end = span(request, typed)
-    codes = coded(runtime.plant, typed["event"]) if typed["event"] else None
+    code = _code(typed["event"])
+    codes = coded(runtime.plant, typed["event"]) if typed["event"] and code is None else None
     if codes is not None and not codes:
         raise Refused("access.form_field", 422, field="event")
     text = typed["q"]
@@ -185,10 +190,17 @@ def _wanted(request: Request, typed: dict[str, str]) -> Wanted:
         begin,
         end,
         codes,
+        code,
         text,
         worded(runtime.texts, runtime.plant, language_of(request), text) if text else None,
+        request.state.person is not None,
         place(typed["before"]),
     )
+
+
+def _code(text: str) -> int | None:
+    """The code that is meant; None: it is no number."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= LONGEST_CODE else None
 
 
 def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
@@ -201,6 +213,8 @@ def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
     for kind in {item.type.name: item.type for item in shown}.values():
         for key in kind.events.values():
             named.setdefault(key, runtime.texts.of_type(lang, kind, f"event.{key}"))
+    if (code := _code(typed["event"])) is not None:
+        named[typed["event"]] = view.text(request, "events.unknown", n=code)
     chosen = set_filters(typed)
     link = urlencode(chosen | {"locale": lang, "bom": "1"})
     return {
@@ -230,7 +244,7 @@ async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict
         )
 
     found, count, lost = await read(runtime, work)
-    draw = _Words(request)
+    draw = EventWords(request)
     last = found[PAGE - 1] if len(found) > PAGE else None
     return {
         "events": [draw.row(one) for one in found[:PAGE]],
@@ -274,7 +288,7 @@ class Line:
         return f"{self.id}-{len(self.person)}-{len(self.reason)}"
 
 
-class _Words:
+class EventWords:
     """Events in the language of a request."""
 
     def __init__(self, request: Request) -> None:
@@ -284,7 +298,7 @@ class _Words:
         self.now = self.runtime.clock.micros()
 
     def row(self, one: Event) -> Line:
-        item = self._item(one.equipment)
+        item = self.item(one.equipment)
         raised = [alarm.priority for alarm in item.alarms if alarm.event == one.code] if item else []
         return Line(
             id=one.id,
@@ -292,17 +306,17 @@ class _Words:
             machine=self.runtime.texts.label(self.lang, item.label) if item else one.equipment.removeprefix(GONE),
             time=self.moment(one.time),
             iso=fmt.iso(one.time, self.zone),
-            text=self._text(item.type if item else None, one.code),
+            text=self.text(item.type if item else None, one.code),
             priority=min(raised, default=0),
             source=str(one.source) if one.source else "",
             value=self._number(one.value) if one.value else "",
             said=tuple(self._said(item.type, one)) if item else (),
             person=shown_name(self.request, one.person),
-            reason=one.reason,
+            reason=shown_words(self.request, one.reason),
         )
 
     def detail(self, one: Event) -> dict[str, Any]:
-        item = self._item(one.equipment)
+        item = self.item(one.equipment)
         key = item.type.events.get(one.code, "") if item else ""
         return {
             "row": self.row(one),
@@ -323,7 +337,7 @@ class _Words:
             if value is not None and value != 0
         ]
 
-    def _text(self, kind: EquipmentType | None, code: int) -> str:
+    def text(self, kind: EquipmentType | None, code: int) -> str:
         if kind is None or code not in kind.events:
             return self.view.text(self.request, "events.unknown", n=code)
         return self.runtime.texts.of_type(self.lang, kind, f"event.{kind.events[code]}")
@@ -336,5 +350,5 @@ class _Words:
             return fmt.clock_time(micros, self.zone, milliseconds=True, lang=self.lang)
         return fmt.date_time(micros, self.zone, self.lang, self.now)
 
-    def _item(self, equipment: str) -> Equipment | None:
+    def item(self, equipment: str) -> Equipment | None:
         return self.runtime.plant.equipment.get(equipment) if self.runtime.plant else None

@@ -439,7 +439,8 @@ def permissions(app: FastAPI) -> dict[str, str]:
         path = getattr(route, "path", None) or getattr(original, "path", "")
         methods = getattr(route, "methods", None) or getattr(original, "methods", None) or {"LIVE"}
         for method in sorted(methods):
-            table[f"{method} {path}"] = asked[0] if asked else ""
+            name = f"{method} {path}"
+            table[name] = table.get(name, asked[0]) if asked else ""  # of two at one address the first is served
     return table
 
 

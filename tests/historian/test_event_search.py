@@ -1,6 +1,7 @@
 """Events are found by machine, code, time and text, page by page, as brute force finds them."""
 
 import random
+from dataclasses import replace
 
 import pytest
 from sqlalchemy import Connection
@@ -49,6 +50,11 @@ CASES = [
     Wanted(text="nothing like it"),
     Wanted(text="ana", worded={"p2": [1], "p3": []}),
     Wanted(text="%"),
+    Wanted(code=4),
+    Wanted("p2", code=4, codes={"p2": [3]}),
+    Wanted(code=4, codes={"p2": [3, 4]}),
+    Wanted(text="ana", people=False),
+    Wanted(text="ana", worded={"p2": [1], "p3": []}, people=False),
 ]
 
 
@@ -59,10 +65,10 @@ def lets_through(wanted: Wanted, one: Event) -> bool:
         and (wanted.begin is None or one.time >= wanted.begin)
         and (wanted.end is None or one.time < wanted.end)
         and (wanted.codes is None or one.code in wanted.codes.get(one.equipment, ()))
+        and wanted.code in (None, one.code)
         and (
             not text
-            or text in one.person.casefold()
-            or text in one.reason.casefold()
+            or (wanted.people and (text in one.person.casefold() or text in one.reason.casefold()))
             or one.code in (wanted.worded or {}).get(one.equipment, ())
         )
     )
@@ -78,9 +84,7 @@ def test_filters_and_pages_are_those_of_brute_force(history: Database, told: lis
     found: list[Event] = []
     while True:
         before = (found[-1].time, found[-1].id) if found else None
-        asked = Wanted(
-            wanted.equipment, wanted.begin, wanted.end, wanted.codes, wanted.text, wanted.worded, before
-        )  # fmt: skip
+        asked = replace(wanted, before=before)
         page = history.run(lambda connection, asked=asked: search.find(connection, asked, 17))  # type: ignore[misc]
         found += page
         if len(page) < 17:

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import Connection
 
+from app.errors import StorageError
 from app.historian.events import Delivery, Told, attribute, store
 from app.runtime import Runtime
 from tests.historian.rings import BEGIN, SECOND, Ring
@@ -64,6 +66,9 @@ def count(page: str) -> int:
         ({**MARCH, "event": "jam"}, 1),
         ({**MARCH, "event": "jam", "equipment": "gone"}, 0),
         ({**MARCH, "event": "deleted", "equipment": "c1"}, 1),
+        ({**MARCH, "event": "999"}, 1),
+        ({**MARCH, "event": "7"}, 1),
+        ({**MARCH, "event": "7", "equipment": "c1"}, 0),
         ({**MARCH, "q": "FELL"}, 1),
         ({**MARCH, "q": "=ana"}, 1),
         ({**MARCH, "q": "jam"}, 1),
@@ -75,6 +80,88 @@ def test_filters(staff: Staff, query: dict[str, str], wanted: int) -> None:
     staff.enter("ana", "viewer")
     for path in ("/events", "/events/list"):
         assert count(get(staff, path, **query).text) == wanted
+    times = {"since": "from", "until": "to"}
+    asked = {times.get(name, name): f"{value}Z" if name in times else value for name, value in utc(query).items()}
+    assert len(get(staff, "/api/v1/events", **asked).json()["events"]) == wanted
+
+
+def utc(query: dict[str, str]) -> dict[str, str]:
+    """The same with times of UTC, an hour behind those of the plant in March."""
+    return {
+        name: (datetime.fromisoformat(value) - timedelta(hours=1)).isoformat() if name in ("since", "until") else value
+        for name, value in query.items()
+    }
+
+
+def test_programs_read_the_same_events_page_by_page(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    span = {"from": "2026-03-09T00:00:00Z", "to": "2026-03-10T00:00:00Z", "equipment": "c1"}
+    seen: list[dict[str, Any]] = []
+    before = ""
+    while before is not None:
+        page = get(staff, "/api/v1/events", limit=50, before=before, **span).json()
+        seen += page["events"]
+        assert page["lost"] == 3
+        before = page["next"]
+    assert [one["sequence"] for one in seen] == list(range(134, 0, -1))
+    unknown, deleted, gap = seen[:3]
+    assert (unknown["event"], unknown["code"], unknown["person"]) == ("999", 999, "")
+    assert (deleted["event"], deleted["code"], deleted["command"]) == ("deleted", 6, 77)
+    assert (deleted["person"], deleted["reason"]) == ("=Ana; Kos", '<b>fell</b> "down"\n=HYPERLINK("x")')
+    assert deleted["words"]["product"] == 9 and deleted["raw"][:4] == [0, 9, 0, 0]
+    assert (gap["value"], gap["raw"][1], gap["raw"][3]) == (4.5, 9, 8)
+    (gone,) = get(staff, "/api/v1/events", equipment="gone").json()["events"]
+    assert (gone["event"], gone["words"], gone["code"]) == ("7", {}, 7)
+    assert get(staff, "/api/v1/events", equipment="nobody").json() == {"events": [], "lost": 0, "next": None}
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        {"event": "explosion"},
+        {"event": "9" * 90},
+        {"from": "2026-03-09T00:00:00"},
+        {"from": "2026-03-10T00:00:00Z", "to": "2026-03-09T00:00:00Z"},
+        {"before": "x"},
+        {"limit": "0"},
+        {"limit": "1001"},
+        {"code": "7"},
+        {"equipment": ["c1", "c2"]},
+        {"q": "x" * 81},
+    ],
+)
+def test_what_a_program_asks_wrongly_is_refused(staff: Staff, query: dict[str, Any]) -> None:
+    staff.enter("ana", "viewer")
+    get(staff, "/api/v1/events", 422, **query)
+
+
+def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: Staff) -> None:
+    roads = [("/events", MARCH), ("/events/list", MARCH), ("/api/v1/events", {})]
+    staff.enter("ana", "viewer")
+    number = re.search(r'data-row="(\d+)"', get(staff, "/events", **MARCH, event="deleted").text)
+    assert number
+    roads.append((f"/events/detail/{number[1]}", {}))
+    for words, wanted in ((("Ana", "fell"), True), (("Ana", "fell", "HYPERLINK"), False)):
+        if not wanted:
+            staff.have()
+        for path, query in roads:
+            text = get(staff, path, **query).text
+            assert [word for word in words if word in text] == (list(words) if wanted else []), path
+    for word in ("fell", "ana"):
+        assert count(get(staff, "/events", **MARCH, q=word).text) == 0
+        assert get(staff, "/api/v1/events", q=word).json()["events"] == []
+    assert count(get(staff, "/events", **MARCH, q="jam").text) == 1
+
+
+def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    staff.enter("ana", "viewer")
+
+    async def broken(_work: Any) -> Any:
+        raise StorageError("history.db: disk I/O error")
+
+    monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
+    for path in ("/events", "/events/list", "/api/v1/events"):
+        get(staff, path, 503)
 
 
 def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:

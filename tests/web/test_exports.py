@@ -23,10 +23,13 @@ NASTY = [
 ]  # fmt: skip
 SPAN = {"tags": "m1.speed", "from": "-1m", "to": "now"}
 EVENTS = ["equipment", "outcome", "since", "until", "before"]
+RING = ["equipment", "event", "since", "until", "q", "before"]
 FILES = {
     "/history/export.csv": (SPAN, ["tags", "from", "to", "interval", "locale", "bom"]),
     "/products/export.csv": ({}, [*EVENTS, "product", "correction", "alarm", "locale"]),
     "/runs/export.csv": ({}, [*EVENTS, "first_out", "longer", "forced", "view", "locale"]),
+    "/events/export.csv": ({}, [*RING, "locale"]),
+    "/records/run/export.csv": ({}, [*EVENTS, "first_out", "longer", "forced", "view", "locale"]),
     "/audit.csv": ({}, ["person", "object", "kind", "since", "until", "before"]),
     "/alarms.csv": (
         {"tab": "journal"},
@@ -36,6 +39,8 @@ FILES = {
     "/history/export/size": (SPAN, ["tags", "from", "to", "interval"]),
     "/products/export/size": ({}, [*EVENTS, "product"]),
     "/runs/export/size": ({}, [*EVENTS, "first_out"]),
+    "/events/export/size": ({}, RING),
+    "/records/run/export/size": ({}, [*EVENTS, "first_out"]),
     "/api/v1/history/m1.speed/raw": (
         {"from": "2026-01-01T00:00:00Z", "to": "2026-01-02T00:00:00Z"},
         ["from", "to", "limit"],
@@ -64,7 +69,7 @@ def places(staff: Staff) -> dict[Sheet, int]:
 
 def test_every_export_is_swept_here(staff: Staff) -> None:
     csv = {
-        route.split()[1]
+        route.split()[1].replace("{kind}", "run")
         for route, right in permissions(staff.client.app).items()
         if route.endswith(".csv") or right == "export"
     }  # type: ignore[arg-type]
