@@ -9,7 +9,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
 from tests.storm.script import draw
@@ -36,21 +35,20 @@ def main(arguments: Sequence[str]) -> int:
     scripts = {seed: draw(seed, options.minutes, machines) for seed in seeds}
     began, failed, spent, ends = time.monotonic(), [], 0.0, Counter[str]()
     jobs = options.jobs or len(os.sched_getaffinity(0))
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=50) as pool:
-        waiting = [pool.submit(run, script) for script in scripts.values()]
-        for number, future in enumerate(as_completed(waiting), 1):
-            verdict = future.result()
+    # not concurrent.futures: in Python 3.11 its pool stands still when workers are replaced (cpython issue 115634)
+    with get_context("spawn").Pool(jobs, maxtasksperchild=50) as pool:
+        for number, verdict in enumerate(pool.imap_unordered(run, scripts.values()), 1):
             spent += verdict.seconds
             ends.update(dict(verdict.counts))
             if verdict.name:
                 failed.append(verdict)
                 print(f"\nseed {verdict.seed} fell: {verdict.what}", flush=True)
-            if number % 10 == 0 or number == len(waiting):
+            if number % 10 == 0 or number == len(scripts):
                 print(
-                    f"{number} of {len(waiting)} seeds, {len(failed)} fell, {time.monotonic() - began:.0f} s",
+                    f"{number} of {len(scripts)} seeds, {len(failed)} fell, {time.monotonic() - began:.0f} s",
                     flush=True,
                 )
-            elif len(waiting) == 1:
+            elif len(scripts) == 1:
                 print(f"trace {verdict.digest}", flush=True)
     if failed and not options.quick:
         first = min(failed, key=lambda verdict: len(scripts[verdict.seed].actions))
