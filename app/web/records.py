@@ -193,7 +193,8 @@ def _moved(address: str, kind: str) -> None:
         return RedirectResponse(f"/records/{kind}{rest}{query}", 308)
 
     for path in ("", "/list", "/detail/{number}", "/export.csv", "/export/size"):
-        router.add_api_route(f"/{address}{path}", moved, methods=["GET"], dependencies=[allow("view")])
+        right = "export" if path.startswith("/export") else "view"
+        router.add_api_route(f"/{address}{path}", moved, methods=["GET"], dependencies=[allow(right)])
 
 
 for _address, _kind in former_addresses(EQUIPMENT).items():

@@ -20,7 +20,7 @@ WORDS = {
     "de": "Die Daten sind jetzt",
     "cs": "Data nyní nelze",
 }
-SESSIONS = {"person", "session", "role", "person_role"}
+SESSIONS = {"person", "session", "role", "person_role", "factor"}
 """Tables that stay, so that who is signed in still is."""
 
 

@@ -194,8 +194,8 @@ def test_the_recorder_speaks_as_tags(staff: Staff) -> None:
 def test_a_history_that_cannot_be_opened_does_not_stop_the_plant(
     start: Callable[..., TestClient], tmp_path: Path
 ) -> None:
-    (tmp_path / "data").mkdir(mode=0o700)
-    (tmp_path / "data" / "history.db").write_bytes(b"this is no database " * 500)
+    (tmp_path / "data" / "history.db").mkdir(mode=0o700, parents=True)
+    (tmp_path / "data").chmod(0o700)
     client = start()
     runtime = runtime_of(client)
     runtime._publish_system()
