@@ -125,8 +125,8 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
         width = locator.evaluate("e => getComputedStyle(e).outlineWidth")
         assert float(width.removesuffix("px")) >= 2, "the focus shows"
 
-    def answer(first: Locator, **fields: str) -> None:
-        """Fill the dialog that opened and say yes; the focus comes back to where it was."""
+    def answer(first: Locator | None, **fields: str) -> None:
+        """Fill the dialog that opened and say yes; the focus comes back to where it was, if that is still there."""
         dialog = page.locator("#overlay dialog[data-ask]")
         expect(dialog.locator("[data-cancel]")).to_be_focused()
         for name, text in fields.items():
@@ -144,7 +144,8 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
             page.keyboard.press("Tab")
         page.keyboard.press("Enter")
         expect(dialog).to_have_count(0, timeout=30_000)
-        expect(first).to_be_focused()
+        if first is not None:
+            expect(first).to_be_focused()
 
     take_it = page.locator("[data-token=take]")
     to(take_it)
@@ -184,5 +185,5 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
         page.keyboard.press("Enter")
         to(page.locator("#overlay [data-arguments*='delete_product']"))
         page.keyboard.press("Enter")
-        answer(name, reason="taken off")
+        answer(None, reason="taken off")
         expect(row).to_have_count(0, timeout=30_000)
