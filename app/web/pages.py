@@ -8,7 +8,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
-from app.plant.definitions import Plant
+from app.historian.events import has_ring
+from app.plant.definitions import Equipment, Plant
 from app.web import language
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
@@ -108,10 +109,22 @@ def _screen(request: Request, key: str, name: str) -> HTMLResponse:
             )
             for page in pages
         ],
+        histories=_histories(request, machine),
         tables=tables_of(drawn),
         query=request.query_params,
         message=operation.story,
     )
+
+
+def _histories(request: Request, machine: Equipment) -> list[Tab]:
+    """Where one reads what became of things on a machine, and all that it told: the kinds of record of its type, then its events."""
+    texts, lang = view_of(request).runtime(request).texts, language.language_of(request)
+    records = [
+        Tab(texts.of_type(lang, machine.type, f"record.{kind}.title"), f"/records/{quote(kind)}?equipment={machine.id}")
+        for kind in machine.type.records
+    ]
+    told = [Tab(texts.text(lang, "events.title"), f"/equipment/{machine.id}/events")] if has_ring(machine) else []
+    return records + told
 
 
 @router.post("/language", dependencies=[allow("open")])

@@ -36,6 +36,12 @@ PAGES = (
     "/products?equipment=c1",
     "/runs?equipment=seq1",
     "/runs?equipment=seq1&view=steps",
+    "/events",
+    "/equipment/c1/events",
+    "/records/passage?equipment=c1",
+    "/records/run?equipment=seq1",
+    "/records/run?equipment=seq1&view=steps",
+    "/records/coil?equipment=cc1",
     "/communication",
     "/forces",
     "/users",
@@ -95,6 +101,7 @@ def test_a_long_list_does_not_make_the_page_higher(abnormal: Sit, server: PogonS
         "/communication",
         "/users",
         "/audit",
+        "/events",
         "/equipment/m1/parameters",
     ):
         page.goto(server.url + path, wait_until="load")

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import Connection
 
 from app.errors import StorageError
-from app.historian.events import Delivery, Told, attribute, store
+from app.historian.events import Delivery, Told, attribute, has_ring, store
 from app.runtime import Runtime
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff
@@ -227,3 +227,28 @@ def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
     staff.have()
     assert "export.csv" not in get(staff, "/events", **MARCH).text
     assert staff.client.get("/events/export.csv").status_code in (303, 401)
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_from_its_screen_one_comes_to_what_became_of_things_on_a_machine_and_to_what_it_told(
+    staff: Staff, lang: str
+) -> None:
+    staff.enter("eva", "engineer")
+    staff.client.cookies.set("pogon_lang", lang)
+    plant = runtime_of(staff.client).plant
+    assert plant is not None
+    ways: dict[str, list[str]] = {}
+    for item in plant.equipment.values():
+        page = get(staff, f"/equipment/{item.id}").text
+        assert '<a href="/events">' in page
+        menu = re.search(r'<details class="drop histories">.*?</details>', page, re.S)
+        found = re.findall(r'<a href="([^"]+)">([^<\[]+)</a>', menu[0]) if menu else []
+        ways[item.id] = [url for url, _ in found]
+        assert ways[item.id] == [
+            *(f"/records/{kind}?equipment={item.id}" for kind in item.type.records),
+            *([f"/equipment/{item.id}/events"] if has_ring(item) else []),
+        ]
+        for url, text in found:
+            assert f"<h1>{text}</h1>" in get(staff, url).text
+    assert ways["m1"] == [] and ways["cc1"][-1] == "/equipment/cc1/events" and len(ways["cc1"]) > 1
+    staff.client.cookies.delete("pogon_lang")
