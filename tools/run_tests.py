@@ -1,10 +1,11 @@
 """Run every stage of the tests, also after one that failed, and close with one line of counts (`make test`).
 
-    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [T ...] [-- arguments for pytest]
+    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together] [T ...] [-- arguments for pytest]
 
-Two lanes run side by side: in front what lives in real time, and waits a lot; behind, with less right to the processor, what lives in
-virtual time and does not mind. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What
-ran is kept in build/tests, as JUnit XML and as it was told.
+One stage after the other; with `--together` two lanes run side by side: in front what lives in real time, and waits a lot; behind, with
+less right to the processor, what lives in virtual time and does not mind. That is faster where nothing else runs. A stage that ran
+nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept in build/tests, as JUnit XML and,
+side by side, as it was told.
 """
 
 import argparse
@@ -115,7 +116,7 @@ def main(arguments: Sequence[str]) -> int:
         ]
         for lane in (stages(options.jobs, options.browsers) if not absent else ())
     ]
-    several = len([*filter(None, lanes)]) > 1
+    several = options.together and len([*filter(None, lanes)]) > 1
     results = side_by_side([[_check], *lanes] if several else [[_check, *chain(*lanes)]])
     if absent:
         results[0].went_wrong(f"there is no {' '.join(absent)}")
@@ -285,6 +286,9 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--seed", type=_number, help="order of the tests, and what they draw; another one each time")
     parser.add_argument("--jobs", type=_number, help="processes for the tests without a browser; as many as cores")
     parser.add_argument("--browsers", type=_number, help="browsers at once; as many as cores")
+    parser.add_argument(
+        "--together", action="store_true", help="two stages at once, for a machine with nothing else to do"
+    )
     parser.add_argument("tests", nargs="*", help="files, folders, tests; all")
     options = parser.parse_args(arguments[:split])
     options.jobs, options.browsers = options.jobs or cores, options.browsers or cores
