@@ -31,7 +31,9 @@ def force(page: Page, step: int, name: str, why: str) -> None:
     take(page)
     page.click(f"[data-row-step='{step}'] .q-perm")
     page.click("[data-all='1']")
-    page.locator(".q-word li").filter(has_text=name).locator(".q-f").click()
+    button = page.locator(".q-word li").filter(has_text=name).locator(".q-f")
+    expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)  # the list knows who holds the token
+    button.click()
     page.fill("#overlay [name=reason]", why)
     page.fill("#overlay [name=password]", PASSWORD)
     page.click("#overlay .danger")

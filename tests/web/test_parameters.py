@@ -193,7 +193,8 @@ def test_a_set_over_the_api_that_cannot_be_written_says_why(
 ) -> None:
     program = Program(staff, "view", "operate", "stop")
     assert program.post("/equipment/m1/control/take").status_code == 204
-    answer = program.order("/equipment/m1/setpoints", "api-set-none", confirmed=True, **fields)
+    identity = f"api-set-none-{status}-{len(str(fields))}"  # one of its own: another session's would be a replay
+    answer = program.order("/equipment/m1/setpoints", identity, confirmed=True, **fields)
     assert answer.status_code == status, answer.text
     program.post("/equipment/m1/control/release")
 
