@@ -63,6 +63,18 @@
       }
     }
   }
+  for (const e of texts) { // a word may part at a hyphen, into pieces that are still read
+    if (/mono/i.test(getComputedStyle(e).fontFamily)) continue;
+    const least = parseFloat(getComputedStyle(e).fontSize);
+    for (const n of [...e.childNodes].filter((one) => one.nodeType === 3)) for (const word of n.textContent.matchAll(/[\p{L}\u00ad]{4,}/gu)) {
+      if (word[0].includes('\u00ad')) continue;
+      const range = document.createRange();
+      range.setStart(n, word.index);
+      range.setEnd(n, word.index + word[0].length);
+      const lines = [...range.getClientRects()].filter((r) => r.width > 0);
+      if (lines.length > 2 || (lines.length > 1 && lines.some((r) => r.width < least))) faults.add('broken word: ' + word[0] + ' in ' + name(e));
+    }
+  }
   for (const e of document.querySelectorAll('body *')) {
     if (!shown(e) || !e.textContent.trim() && e.tagName !== 'INPUT') continue;
     const s = getComputedStyle(e);
@@ -73,6 +85,14 @@
     .filter((e) => shown(e) && !floats(e));
   const over = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
     && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2;
+  for (const e of pressed) { // at its edges nothing else lies over it
+    const o = e.getBoundingClientRect(), r = clipped(e), y = (Math.max(r.top, 0) + Math.min(r.bottom, innerHeight)) / 2;
+    if (r.bottom - r.top < o.height / 2 || y < 2 || y > innerHeight - 2 || moves(e)) continue;
+    for (const x of [o.left + 4, o.right - 4]) {
+      const top = document.elementFromPoint(x, y);
+      if (top && !e.contains(top) && !top.contains(e) && !floats(top)) faults.add('covered by ' + short(top) + ': ' + name(e));
+    }
+  }
   pressed.forEach((a, i) => pressed.slice(i + 1).forEach((b) => {
     if (!a.contains(b) && !b.contains(a) && over(clipped(a), clipped(b))) faults.add('overlap: ' + name(a) + ' and ' + name(b));
   }));
