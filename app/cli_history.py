@@ -33,10 +33,6 @@ SHOWN_EVERY = 20_000
 
 def export(
     tags: Annotated[str, typer.Option(help="Tags, comma separated: m1.speed,m1.current")] = "",
-    products: Annotated[
-        str, typer.Option(help="Instead of tags: what became of each product on this machine, or on all.")
-    ] = "",
-    runs: Annotated[str, typer.Option(help="Instead of tags: the runs of this sequence, or of all.")] = "",
     records: Annotated[
         str,
         typer.Option(
@@ -61,7 +57,7 @@ def export(
     data: Data = None,
     plant: PlantFolder = None,
 ) -> None:
-    """History as CSV, samples, products or runs, also beside a running server: it only reads.
+    """History as CSV, samples, records or events, also beside a running server: it only reads.
 
     The file ends with its number of rows and its SHA-256.
     """
@@ -85,7 +81,7 @@ def export(
             raise ConfigurationError(f"{out} exists already: an export replaces no file")
         found, _ = read_plant(plant or settings.plant)
         zone, now = _zone(timezone, found), SystemClock().micros()
-        if sum(map(bool, (tags, products, runs, records, events))) != 1 or (aggregate and not tags):
+        if sum(map(bool, (tags, records, events))) != 1 or (aggregate and not tags):
             raise ConfigurationError("expected either --tags, or --records or --events without --aggregate")
         about: dict[str, Any] = {
             "zone": zone,
@@ -102,10 +98,6 @@ def export(
             made = _records(records, span, found, about)
         elif events:
             made = _events(events, span, found, about)
-        elif products:
-            made = _products(products, span, found, about)
-        elif runs:
-            made = _runs(runs, span, found, about)
         else:
             named = [tag.strip() for tag in tags.split(",") if tag.strip()]
             made = Export(Wish(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
@@ -290,34 +282,6 @@ def _machine(
     if machine != ALL and plant is not None and machine not in ids:
         raise ConfigurationError(f"{option} {machine}: expected {', '.join((*ids, ALL))}")
     return "" if machine == ALL else machine
-
-
-def _products(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
-    """The export of passages of `machine`, or of `all`."""
-    from app.historian.passage_export import PassageExport, PassageWish, sensors, tracking, words
-    from app.historian.passage_query import Wanted
-    from app.plant.texts import Texts
-
-    equipment = _machine("--products", machine, tracking(plant), span, plant, about)
-    wish = PassageWish(
-        Wanted(equipment, *span),
-        sensors=sensors(plant, equipment),
-        **words(Texts.read(plant), plant, about["locale"]),
-        **about,
-    )
-    return PassageExport(wish)
-
-
-def _runs(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
-    """The export of runs of `machine`, or of `all`."""
-    from app.historian.run_export import RunExport, RunWish, running, step_names, words
-    from app.historian.run_query import Wanted
-    from app.plant.texts import Texts
-
-    equipment = _machine("--runs", machine, running(plant), span, plant, about)
-    said = words(Texts.read(plant), about["locale"])
-    wish = RunWish(Wanted(equipment, *span), **said, **about)
-    return RunExport(replace(wish, steps=step_names(plant, equipment, wish.label)))
 
 
 def _events(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":

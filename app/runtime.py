@@ -30,10 +30,8 @@ from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
 from app.historian.events import Events, Told, has_ring
-from app.historian.passages import Passages, tracks_products
 from app.historian.recorder import WARN_AT, Recorder
 from app.historian.records import RecordFold
-from app.historian.runs import Runs, runs_sequence
 from app.keeper import Keeper, Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State, statistic_names
@@ -70,10 +68,6 @@ PLANT_TASKS = ("simulation", "retained", "commands")
 """Tasks that there are only while there is a plant; beside them one for each link."""
 EVENTS = "events"
 """`sys.events.<equipment>` counts changes of what is kept of its events."""
-PRODUCTS = "products"
-"""`sys.products.<equipment>` counts changes of the passages of its products."""
-RUNS = "runs"
-"""`sys.runs.<equipment>` counts changes of the runs of its sequence."""
 STORE_LIMIT = 2.0
 """Events of a machine wait this long for the history, then in memory [s]: alarms and communication wait for no disk."""
 SWEEP_PERIOD = 0.25
@@ -167,7 +161,7 @@ class Runtime:
             keep_days=self.settings.history_keep_days,
             quota=int(self.settings.history_quota_mb * 1e6),
         )
-        self.events = Events(self.history, self.clock, self._history_changed, (Passages(), Runs(), RecordFold()))
+        self.events = Events(self.history, self.clock, self._history_changed, (RecordFold(),))
         await self.recorder.register(
             ()
         )  # brings the history to the newest schema, before a link asks for the last events
@@ -318,11 +312,10 @@ class Runtime:
     def _history_changed(self, equipment: str) -> None:
         """Events of a machine, and what is made of them, are other ones now: whoever looks at them fetches them again."""
         now = self.clock.micros()
-        for kind in (EVENTS, PRODUCTS, RUNS):
-            name = f"{SYSTEM}.{kind}.{equipment}"
-            if name in self.tags:
-                count = self._event_revisions[name] = self._event_revisions.get(name, 0) + 1
-                self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
+        name = f"{SYSTEM}.{EVENTS}.{equipment}"
+        if name in self.tags:
+            count = self._event_revisions[name] = self._event_revisions.get(name, 0) + 1
+            self.tags.publish(Batch(SYSTEM, 3, now, now, [self.tags.handle(name)], [count]))
 
     # ---- events of machines ---------------------------------------------------------------------------
 
@@ -429,15 +422,11 @@ class Runtime:
             for name in statistic_names(link, {item.unit for item in machines if item.link == link})
         ]
         points = [point for item in machines for point in item.points.values() if _has_value(point)]
-        tracking = [system_point(f"{EVENTS}.{item.id}", label=EVENTS) for item in machines if has_ring(item)]
-        tracking += [
-            system_point(f"{PRODUCTS}.{item.id}", label=PRODUCTS) for item in machines if tracks_products(item)
-        ]
-        tracking += [system_point(f"{RUNS}.{item.id}", label=RUNS) for item in machines if runs_sequence(item)]
+        telling = [system_point(f"{EVENTS}.{item.id}", label=EVENTS) for item in machines if has_ring(item)]
         return [
             *points,
             *system_points(plant, statistics),
-            *tracking,
+            *telling,
             *alarm_points(plant.equipment if plant else ()),
         ]
 
@@ -706,7 +695,7 @@ class Runtime:
         return [item.points["forces"].name for item in items if item.sequence and "forces" in item.points]
 
     def page_names(self, kind: str) -> list[str]:
-        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `products`, `forces`, `tags/<name>,…`; the frame's are
+        """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `tags/<name>,…`; the
         in each. Cells of tables are on the page of their machine only; the page of a sequence has the points of its machine, too.
 
         Raises:
@@ -744,10 +733,7 @@ class Runtime:
                 names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
-            case "events" | "products" | "runs":
-                names = [f"{SYSTEM}.{head}.{key}" for key in self.plant.equipment]
-                names = [name for name in names if name in self.points]
-            case "records":
+            case "events" | "records":
                 names = [f"{SYSTEM}.{EVENTS}.{key}" for key in self.plant.equipment]
                 names = [name for name in names if name in self.points]
             case "storage":

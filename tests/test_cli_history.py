@@ -16,15 +16,13 @@ from typer.testing import CliRunner
 from app.backup import table_counts
 from app.cli import cli
 from app.db import Database
-from app.historian.events import Delivery
 from app.historian.export import verify_export
 from app.historian.records import RecordFold
 from app.plant.loader import read_plant
 from tests.conftest import PogonServer
-from tests.historian import keeping, stories
-from tests.historian.books import store_passages
+from tests.historian import books, stories
 from tests.historian.former import plant as line_and_sequences
-from tests.historian.rings import Ring
+from tests.historian.rings import Ring, conveyor
 from tests.web import runs_plant
 
 
@@ -186,15 +184,22 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
     database.migrate()
     ring = Ring(time=time.time_ns() // 1000 - 60_000_000)
     ring.passage(7)
-    database.run(lambda connection: store_passages(connection, Delivery("c1", ring.drain()), (), 0))
+    fold = RecordFold(conveyor("c1"))
+    database.run(lambda connection: books.store(connection, fold, "c1", ring.drain()))
     database.close()
-    done = pogon(tmp_path, "export", "--products", "c1", "--locale", "de")
+    done = pogon(tmp_path, "export", "--records", "passage:c1", "--locale", "de")
     assert done.returncode == 0, done.stderr
     assert "Eintritt UTC;Eintritt lokal;Maschine;Produkt;" in done.stdout
     assert ";c1;7;30,5;Abgegeben;" in done.stdout
     assert done.stdout.splitlines()[-1].startswith("# sha256: ")
-    wrong = pogon(tmp_path, "export", "--products", "m1")
-    assert (wrong.returncode, "c1, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
+    wrong = pogon(tmp_path, "export", "--records", "passage:m1")
+    assert (wrong.returncode, "expected passage or passage:c1" in wrong.stderr, "Traceback" in wrong.stderr) == (
+        2,
+        True,
+        False,
+    )
+    no_kind = pogon(tmp_path, "export", "--records", "products:c1")
+    assert (no_kind.returncode, "--records products:c1: expected passage, " in no_kind.stderr) == (2, True)
     neither = pogon(tmp_path, "export")
     assert (neither.returncode, "either --tags" in neither.stderr) == (2, True)
 
@@ -209,14 +214,18 @@ def test_runs_go_home_without_a_server(tmp_path: Path) -> None:
     begin = time.time_ns() // 1000 - 1_200_000_000
     database.run(lambda connection: runs_plant.fill(connection, plant, 1, begin))
     database.close()
-    done = pogon(tmp_path, "export", "--runs", "seq1", "--locale", "de", "--plant", str(folder))
+    done = pogon(tmp_path, "export", "--records", "run:seq1", "--locale", "de", "--plant", str(folder))
     assert done.returncode == 0, done.stderr
     assert "Beginn UTC;Beginn lokal;Maschine;Schrittkette;" in done.stdout
     assert ";Freigabe verloren;Hydraulikdruck in Ordnung;2;3;" in done.stdout
     assert done.stdout.splitlines()[-1].startswith("# sha256: ")
-    wrong = pogon(tmp_path, "export", "--runs", "cc1", "--plant", str(folder))
-    assert (wrong.returncode, "seq1, seq2, all" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
-    both = pogon(tmp_path, "export", "--runs", "seq1", "--tags", "a.b")
+    wrong = pogon(tmp_path, "export", "--records", "run:cc1", "--plant", str(folder))
+    assert (wrong.returncode, "expected run or run:seq1, run:seq2" in wrong.stderr, "Traceback" in wrong.stderr) == (
+        2,
+        True,
+        False,
+    )
+    both = pogon(tmp_path, "export", "--records", "run:seq1", "--tags", "a.b")
     assert (both.returncode, "either --tags" in both.stderr) == (2, True)
 
 
@@ -236,10 +245,10 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         ring = Ring(time=begin)
         ring.passage(7)
         ring.tell(999)
-        keeping.store(connection, fold, "c1", ring.drain())
+        books.store(connection, fold, "c1", ring.drain())
         for number in (1, 2):
             for portion in stories.runs(number, 3, begin):
-                keeping.store(connection, fold, f"seq{number}", portion.events, portion.lost)
+                books.store(connection, fold, f"seq{number}", portion.events, portion.lost)
 
     database.run(fill)
     database.close()

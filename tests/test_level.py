@@ -19,7 +19,8 @@ from tests.virtual import HOST, VirtualClient, house
 
 PASSWORD = "tri plave ladice u kutu"
 PAGES = (
-    "/", "/alarms", "/alarms/summary", "/trends?tags=m1.speed", "/products", "/runs", "/storage", "/communication", "/forces", "/audit",
+    "/", "/alarms", "/alarms/summary", "/trends?tags=m1.speed", "/records/passage",
+    "/records/run", "/records/force", "/storage", "/communication", "/forces", "/audit",
     "/users", "/equipment/m1", "/alarms.csv",
 )  # fmt: skip
 WARM, ROUNDS = 6, 8

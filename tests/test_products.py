@@ -18,13 +18,14 @@ import pytest
 from app.access.roles import Person, permissions_of
 from app.commands.audit_lines import AuditLine
 from app.errors import StorageError
-from app.historian import passage_query as query
-from app.historian.passage_query import Wanted
+from app.historian import record_query as query
+from app.historian.record_query import Wanted
 from app.links.events import head_of
 from app.registers import plc_map
 from app.runtime import Runtime
 from app.settings import Settings
 from tests.conftest import PogonServer, find_port
+from tests.historian.books import PASSAGE
 from tests.historian.rings import Ring
 from tests.sim.test_simulate_process import simulating
 from tests.virtual import inline, loop_clock
@@ -52,6 +53,7 @@ SIMULATED = PLANT.format(
     link='transport = "memory"', simulation='simulation = { start = "automatic", arrivals = 1, interval = 8 }'
 )
 START = Callable[..., PogonServer]
+ARRIVED = "SELECT DISTINCT number FROM record WHERE kind = 'passage' AND entry = 1 ORDER BY number"
 
 
 def folder(at: Path, text: str) -> Path:
@@ -96,17 +98,18 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
         ),
     )
     data = tmp_path / "data"
-    newest = "SELECT max(sequence) FROM passage_step"
+    newest = "SELECT max(sequence) FROM event"
     before = 0
     for _ in range(3):
         server = pogon_server(data=data, plant=host)
         before = wait(lambda before=before: (read(data, newest)[0][0] or 0) > before + 4 and read(data, newest))[0][0]
         server.kill()
     server = pogon_server(data=data, plant=host)
-    wait(lambda: read(data, "SELECT count(*) FROM passage_step WHERE code = 1")[0][0] >= 3)
+    wait(lambda: read(data, "SELECT count(*) FROM event WHERE code = 1")[0][0] >= 3)
     told = read(
         data,
-        "SELECT p.product, s.code, s.sequence, p.entry, p.id FROM passage p JOIN passage_step s ON s.passage = p.id",
+        "SELECT r.number, e.code, e.sequence, r.entry, r.id FROM record r JOIN record_event b ON b.record = r.id "
+        "JOIN event e ON e.id = b.event WHERE r.kind = 'passage'",
     )
     assert read(data, "SELECT count(*) FROM event_gap") == [(0,)], read(data, "SELECT * FROM event_gap")
     assert len({(product, sequence) for product, _, sequence, *_ in told}) == len(told), "no event twice"
@@ -163,13 +166,11 @@ def _kill_while_nothing_is_taken(pogon_server: START, tmp_path: Path, modbus: in
     assert ring(modbus)[0] > stored + 5
     pogon_server(data=data, plant=host)
     wait(lambda: read(data, newest)[0][0] > stored + 10)
-    found = [number for (number,) in read(data, "SELECT DISTINCT sequence FROM passage_step WHERE sequence > 0")]
+    found = [number for (number,) in read(data, "SELECT DISTINCT sequence FROM event WHERE sequence > 0")]
     assert stored + 1 in range(min(found), max(found)) and read(data, "SELECT count(*) FROM event_gap") == [(0,)]
-    arrived = [
-        product for (product,) in read(data, "SELECT DISTINCT product FROM passage WHERE entry = 1 ORDER BY product")
-    ]
+    arrived = [product for (product,) in read(data, ARRIVED)]
     assert arrived == list(range(arrived[0], arrived[0] + len(arrived))), "no product missing"
-    doubled = "SELECT count(*) - count(DISTINCT product) FROM passage"
+    doubled = "SELECT count(*) - count(DISTINCT number) FROM record WHERE kind = 'passage'"
     assert read(data, doubled) == [(0,)], "none twice"
     wait(lambda: ring(modbus)[1] > stored)
 
@@ -199,7 +200,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
         for link in runtime.links.values():
             link.on_events = None  # the virtual line tells nothing: these events are ours
-        counted = runtime.tags.value(runtime.tags.handle("sys.products.c1")) or 0
+        counted = runtime.tags.value(runtime.tags.handle("sys.events.c1")) or 0
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(1, 500, source=1, after=0)
         ring.tell(10, 500, source=2, value=3.25, after=0)
@@ -207,7 +208,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         await runtime._take_events(item, ring.drain(), 4)
         assert sorted(one.key for one in runtime.alarms.standing()) == ["events_lost", "tolerance_2"]
         assert runtime._last_seen(item) == (1, 10_003)
-        assert runtime.tags.value(runtime.tags.handle("sys.products.c1")) > counted  # type: ignore[operator]
+        assert runtime.tags.value(runtime.tags.handle("sys.events.c1")) > counted  # type: ignore[operator]
         now = runtime.clock.micros()
         ana = Person(7, "ana", "Ana Kos", frozenset({"engineer"}), permissions_of({"engineer"}), "")
         for result, who, requests in (("refused", "Ivo", []), ("unknown", "Eva", [40]), ("confirmed", "Ana Kos", [41])):
@@ -217,11 +218,12 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
                 AuditLine("command", person, "c1.delete_product", None, "product = 500", result, "", params)
             )
         await runtime.events.close()
-        (one,) = await runtime.history.read(lambda connection: query.find(connection, Wanted(product=500), 10))
-        told = await runtime.history.read(lambda connection: query.steps(connection, [one.id]))
+        wanted = Wanted(given={"product": 500})
+        (one,) = await runtime.history.read(lambda connection: query.find(connection, PASSAGE, wanted, 10))
+        told = await runtime.history.read(lambda connection: query.events(connection, [one.id]))
         assert (one.outcome, one.alarms) == ("deleted", (10,))
         assert [(step.person, step.reason) for step in told[one.id]] == [("", ""), ("", ""), ("Ana Kos", "fell down")]
-        assert "sys.products.c1" in runtime.page_names("products")
+        assert "sys.events.c1" in runtime.page_names("records/passage")
     finally:
         await runtime.stop()
 
@@ -248,13 +250,16 @@ async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None
     await runtime.start()
     try:
         await until(lambda: arrivals(data, "belt")[: len(before)] == before, 10)
-        assert "sys.products.belt" in runtime.tags and runtime.events.last("belt") is not None
+        assert "sys.events.belt" in runtime.tags and runtime.events.last("belt") is not None
     finally:
         await runtime.stop()
 
 
 def arrivals(data: Path, equipment: str) -> list[int]:
-    statement = f"SELECT product FROM passage WHERE equipment = '{equipment}' AND entry = 1 ORDER BY id"
+    statement = (
+        "SELECT r.number FROM record r JOIN event_machine m ON m.id = r.machine "
+        f"WHERE m.name = '{equipment}' AND r.entry = 1 ORDER BY r.id"
+    )
     return [product for (product,) in read(data, statement)]
 
 

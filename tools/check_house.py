@@ -26,14 +26,6 @@ PACKAGES = ("app.blocks", "app.sim", "app.web.screens")
 """Of which a machine has modules."""
 STORIES: Mapping[str, str] = {
     **dict.fromkeys(
-        ("app/historian/passage_export.py", "app/historian/passage_query.py", "app/historian/passages.py"), "products"
-    ),
-    **dict.fromkeys(("app/historian/renames.py", "app/historian/tables.py"), "products and runs"),
-    **dict.fromkeys(
-        ("app/historian/run_export.py", "app/historian/runs.py", "app/web/api.py", "app/web/runs.py"), "runs"
-    ),
-    **dict.fromkeys(("app/web/products.py", "templates/pages/products.html"), "products"),
-    **dict.fromkeys(
         ("app/web/forces.py", "app/runtime.py", "templates/fragments/force_rows.html", "templates/pages/forces.html"),
         "forces",
     ),

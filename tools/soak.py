@@ -45,7 +45,8 @@ STEEPEST = 5.0
 FIGURES = ("rss_mb", "threads", "files", "pogon_mb", "history_mb", "wal_mb", "written_mb", "cpu_s")
 MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
 PAGES = (
-    "/", "/alarms", "/alarms/summary", "/trends", "/products", "/runs", "/audit", "/storage", "/communication", "/forces", "/users",
+    "/", "/alarms", "/alarms/summary", "/trends", "/records/passage", "/records/run", "/records/force",
+    "/audit", "/storage", "/communication", "/forces", "/users",
     "/account", "/tokens", *(f"/equipment/{key}" for key in MACHINES),
 )  # fmt: skip
 LANGUAGES = ("hr", "en", "de", "cs")

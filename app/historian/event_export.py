@@ -1,4 +1,4 @@
-"""What lists of passages and of runs have in common as CSV: newest first, page by page, with what they are in comments.
+"""What lists of events and of records have in common as CSV: newest first, page by page, with what they are in comments.
 
 The file is one like those of the history (historian/export.py): the same separators, comments, number of rows and SHA-256.
 """

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from sqlalchemy import Connection
 
-ROWS = ("passage", "sequence_run", "sequence_force", "event_gap", "event_mark")
+ROWS = ("event_gap", "event_mark")
 """Tables whose rows say a machine."""
 
 

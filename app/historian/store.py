@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from app.historian import events, passages, records, runs
+from app.historian import events, records
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -255,7 +255,7 @@ def note_growth(connection: Connection, now: int, grown: int) -> None:
 
 
 def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tuple[int, bool]:
-    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point, passages of products and runs.
+    """Remove what is older than the hour of `before` [µs UTC], at most `at_once` samples per point, events and records.
 
     Returns how many of all these were removed, and whether all are.
     """
@@ -272,12 +272,9 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
                 f"DELETE FROM {table} WHERE point = ? AND t < ?", (number, limit // width * width)
             )
         removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
-    passages_removed, passages_done = passages.cut(connection, before, at_once)
-    runs_removed, runs_done = runs.cut(connection, before, at_once)
     for part in (events, records):
         part_removed, part_done = part.cut(connection, before, at_once)
         removed, done = removed + part_removed, done and part_done
-    removed, done = removed + passages_removed + runs_removed, done and passages_done and runs_done
     if done:
         connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
     return removed, done
@@ -291,15 +288,10 @@ def _portions(connection: Connection) -> list[tuple[int, int]]:
 
 
 def _first(connection: Connection) -> int | None:
-    """Time of the oldest thing that is kept: a sample, an event, a product that entered, a run."""
+    """Time of the oldest thing that is kept: a sample, an event, a record."""
     sample = _oldest(connection, "sample")
-    entered: int | None = connection.exec_driver_sql("SELECT min(entered) FROM passage").scalar()
     return min(
-        (
-            time
-            for time in (sample, entered, *(part.oldest(connection) for part in (events, records, runs)))
-            if time is not None
-        ),
+        (time for time in (sample, *(part.oldest(connection) for part in (events, records))) if time is not None),
         default=None,
     )
 

@@ -1,4 +1,4 @@
-"""What the lists of passages and of runs have in common: fields of the filter, the span of time, pages."""
+"""What the lists of events and of records have in common: fields of the filter, the span of time, pages."""
 
 from collections.abc import Mapping, Sequence
 

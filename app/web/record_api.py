@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request
+from fastapi.responses import RedirectResponse, Response
 from pydantic import BaseModel, Field
 from sqlalchemy import Connection
 from starlette.exceptions import HTTPException
@@ -15,6 +17,8 @@ from app.historian import record_query as query
 from app.historian.record_export import kinds
 from app.historian.records import source_of
 from app.plant.kept import Definition
+from app.plant.record_kinds import former_addresses
+from app.plant.types import EQUIPMENT
 from app.records.event import Event
 from app.records.kind import Kind, Type
 from app.records.record import Record
@@ -31,6 +35,8 @@ router = APIRouter(prefix="/api/v1")
 
 OWN = frozenset({"equipment", "from", "to", "outcome", "before", "parts", "events", "limit"})
 """Parameters of every kind; beside them the filters of the kind."""
+YES, NO = ("1", "true", "on", "yes", "t", "y"), ("0", "false", "off", "no", "f", "n")
+"""How a program says so."""
 
 
 class KindOut(BaseModel):
@@ -70,6 +76,21 @@ class EventOut(BaseModel):
     reason: str
 
 
+class OverlapOut(BaseModel):
+    """A record of another kind that lasted at any time of this one: a force in a run."""
+
+    kind: str
+    id: int
+    number: int
+    begun: datetime
+    ended: datetime | None = Field(description="of one that has not ended: when it is to, if that is known")
+    outcome: str
+    fields: dict[str, Any]
+    labels: dict[str, str]
+    person: str = Field(description="who asked for it last")
+    reason: str
+
+
 class RecordOut(BaseModel):
     """What became of one thing on one machine."""
 
@@ -90,6 +111,9 @@ class RecordOut(BaseModel):
     labels: dict[str, str] = Field(description="of fields that are keys, in the language of the request")
     parts: list[PartOut]
     events: list[EventOut]
+    overlapping: dict[str, list[OverlapOut]] = Field(
+        description="field that counts them → these records; with `events`"
+    )
 
 
 class RecordsOut(BaseModel):
@@ -151,6 +175,7 @@ async def records(
         asked = query.people(connection, ids)
         taken = query.parts(connection, ids if parts and of.parts else [])
         told = query.events(connection, ids if events else [])
+        others = kinds(runtime.plant)
         made = []
         for one in shown:
             one.parts = dict(taken.get(one.id, {}))
@@ -159,15 +184,49 @@ async def records(
                 for name, field in of.fields.items()
                 if field.type is Type.PERSON and (last := query.person(field, asked[one.id]))
             }
-            made.append(
-                _record(
-                    request, runtime, of, one, known.get(one.definition, Definition()), people, told.get(one.id, [])
-                )
-            )
+            definition = known.get(one.definition, Definition())
+            said = _record(request, runtime, of, one, definition, people, told.get(one.id, []))
+            if events:
+                said.overlapping = {
+                    field.name: _overlapping(request, connection, others[field.overlapping], one)
+                    for field in of.fields.values()
+                    if field.overlapping in others and one.fields.get(field.name)
+                }
+            made.append(said)
         return made, f"{shown[-1].begun}-{shown[-1].id}" if len(found) > limit else None
 
     made, following = await read(runtime, work)
     return RecordsOut(records=made, next=following)
+
+
+def _moved(address: str, kind: str) -> None:
+    """An address from before there were records leads to where they are now, with its parameters as they are called there."""
+
+    async def moved(request: Request) -> Response:
+        given = former_parameters(kind_of(request, kind), request.query_params.multi_items())
+        return RedirectResponse(f"/api/v1/records/{kind}" + (f"?{urlencode(given)}" if given else ""), 308)
+
+    router.add_api_route(f"/{address}", moved, methods=["GET"], dependencies=[allow("view")], include_in_schema=False)
+
+
+for _address, _kind in former_addresses(EQUIPMENT).items():
+    _moved(_address, _kind)
+
+
+def former_parameters(kind: Kind, given: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Parameters as they were before there were records → as they are: steps are parts, or, of what has none, all events, and came
+    unasked; what is only asked for is said with 1."""
+    steps = "parts" if kind.parts else "events"
+    found = []
+    for name, value in given:
+        if name in kind.filters and kind.filters[name].how == "any":
+            if value.lower() in NO:
+                continue
+            value = "1" if value.lower() in YES else value
+        found.append((steps if name == "steps" else name, value))
+    if not kind.parts and not any(name == "events" for name, _ in found):
+        found.append(("events", "true"))
+    return found
 
 
 def _record(
@@ -182,16 +241,8 @@ def _record(
     item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
     keys = item.type.events if item else {}
     draw = Words(request, kind)
-    fields: dict[str, Any] = {}
-    labels: dict[str, str] = {}
-    for name, field in kind.fields.items():
-        value = one.fields.get(name)
-        if field.type is Type.PERSON:
-            fields[name] = people.get(name, "")
-        else:
-            fields[name] = to_datetime(value) if field.type is Type.TIME and isinstance(value, int) else value
-        if field.type is Type.NAME and value:
-            labels[name] = draw.label(definition.labels.get(str(value), {})) or str(value)
+    fields, labels = _fields(draw, one, definition)
+    fields |= {name: people.get(name, "") for name, field in kind.fields.items() if field.type is Type.PERSON}
     return RecordOut(
         id=one.id,
         equipment=one.equipment,
@@ -221,7 +272,47 @@ def _record(
             for _, part in sorted(one.parts.items())
         ],
         events=[_event(request, runtime, event) for event in events],
+        overlapping={},
     )
+
+
+def _overlapping(request: Request, connection: Connection, kind: Kind, one: Record) -> list[OverlapOut]:
+    found = query.overlapping(connection, kind, one)
+    asked = query.people(connection, [each.id for each in found])
+    known = query.definitions(connection, [each.definition for each in found])
+    draw = Words(request, kind)
+    made = []
+    for each in found:
+        fields, labels = _fields(draw, each, known.get(each.definition, Definition()))
+        last = query.person(None, asked[each.id])
+        made.append(
+            OverlapOut(
+                kind=kind.name,
+                id=each.id,
+                number=each.number,
+                begun=to_datetime(each.begun),
+                ended=_moment(each.ended),
+                outcome=each.outcome,
+                fields=fields,
+                labels=labels,
+                person=shown_name(request, last.person) if last else "",
+                reason=shown_words(request, last.reason) if last else "",
+            )
+        )
+    return made
+
+
+def _fields(draw: Words, one: Record, definition: Definition) -> tuple[dict[str, Any], dict[str, str]]:
+    """What a kind declares of a record, without people; labels of those that are keys."""
+    fields: dict[str, Any] = {}
+    labels: dict[str, str] = {}
+    for name, field in draw.kind.fields.items():
+        value = one.fields.get(name)
+        if field.type is not Type.PERSON:
+            fields[name] = to_datetime(value) if field.type is Type.TIME and isinstance(value, int) else value
+        if field.type is Type.NAME and value:
+            labels[name] = draw.label(definition.labels.get(str(value), {})) or str(value)
+    return fields, labels
 
 
 def _event(request: Request, runtime: "Runtime", event: Event) -> EventOut:

@@ -192,7 +192,8 @@ def _moved(address: str, kind: str) -> None:
         query = f"?{request.url.query}" if request.url.query else ""
         return RedirectResponse(f"/records/{kind}{rest}{query}", 308)
 
-    for path in ("", "/list", "/detail/{number}", "/export.csv", "/export/size"):
+    # no detail: numbers of records are other ones
+    for path in ("", "/list", "/export.csv", "/export/size"):
         right = "export" if path.startswith("/export") else "view"
         router.add_api_route(f"/{address}{path}", moved, methods=["GET"], dependencies=[allow(right)])
 

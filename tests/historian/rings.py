@@ -1,14 +1,15 @@
 """Machines that track products, and event rings made by hand."""
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
-from app.plant.definitions import Alarm, Device, Equipment, EquipmentType, PlcMap, TableMap
+from app.plant import types
+from app.plant.definitions import Alarm, Equipment
 from app.registers.plc_map import real
 
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
 SECOND = 1_000_000
+CONVEYOR = types.read_type("conveyor", ["en"])[0].type
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,25 +85,10 @@ class Ring:
 
 
 def conveyor(*ids: str) -> list[Equipment]:
-    """Machines with an event ring and a product table; their alarms are the events 10, 11 and 20."""
+    """Machines that track products; their alarms are the events 10, 11 and 20."""
     alarms = [
         Alarm("tolerance", "a", "", 3, event=10),
         Alarm("lost", "a", "lost_present == 1", 2, event=11),
         Alarm("gap", "a", "gap_stop == 1", 2, event=20, event_clear=21),
     ]
-    device = Device(services=(PlcMap(10, events=True),))
-    table = TableMap("product", 0x0800, 24, "20")
-    names = {
-        1: "arrived",
-        2: "identified",
-        3: "head",
-        4: "tail",
-        5: "unloaded",
-        6: "deleted",
-        7: "edited",
-        10: "tolerance",
-    }
-    kind = EquipmentType(
-        "conveyor", Path(), "type", device, {}, {}, (), (), {}, alarms, {}, tables={"product": table}, events=names
-    )
-    return [Equipment(id, kind, "hall", 1, {"en": id}, "line", {}, alarms) for id in ids]
+    return [Equipment(id, replace(CONVEYOR, alarms=alarms), "hall", 1, {"en": id}, "line", {}, alarms) for id in ids]

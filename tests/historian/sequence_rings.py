@@ -2,33 +2,22 @@
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from app.blocks.sequence import (
     ALL,
     Report,
     SequenceBlock,
-    SequenceEvent,
     SequenceSettings,
     Signals,
     StepSettings,
 )
-from app.historian.runs import NO_BIT, POWER_UP
-from app.plant.definitions import (
-    Device as DeviceMap,
-)
-from app.plant.definitions import (
-    Equipment,
-    EquipmentType,
-    PlcMap,
-    SequenceDefinition,
-    SequencePermissive,
-    SequenceStep,
-    TableMap,
-)
+from app.plant import types
+from app.plant.definitions import Equipment, SequenceDefinition, SequencePermissive, SequenceStep
 from app.registers.plc_map import real
 from tests.historian.rings import BEGIN, Event
 
+SEQUENCE = types.read_type("sequence", ["en"])[0].type
+NO_BIT, POWER_UP = 0xFFFF, 18
 LANGUAGES = ("hr", "en", "de", "cs")
 
 
@@ -47,27 +36,8 @@ def definition(name: str = "transport", steps: tuple[str, ...] = ("lower", "lift
 
 def sequences(*ids: str, of: SequenceDefinition | None = None) -> list[Equipment]:
     """Machines that run one."""
-    device = DeviceMap(services=(PlcMap(20, events=True),))
-    table = TableMap("step", 0x0800, 32, "8")
-    names = {event.value: event.name.lower() for event in SequenceEvent} | {POWER_UP: "power_up"}
-    kind = EquipmentType(
-        "sequence",
-        Path(),
-        "type",
-        device,
-        {},
-        {},
-        (),
-        (),
-        {},
-        [],
-        {},
-        tables={"step": table},
-        events=names,
-        sequence=True,
-    )
     return [
-        Equipment(id, kind, "hall", 1, {"en": id}, "line", {}, [], sequence=of or definition(), machine="cc1")
+        Equipment(id, SEQUENCE, "hall", 1, {"en": id}, "line", {}, [], sequence=of or definition(), machine="cc1")
         for id in ids
     ]
 

@@ -20,7 +20,7 @@ from app.historian.records import RecordFold
 from app.plant.definitions import Plant
 from app.plant.loader import read_plant
 from app.plant.texts import Texts
-from tests.historian import keeping
+from tests.historian import books
 from tests.historian.former import plant as former
 from tests.historian.rings import BEGIN, Event
 from tests.virtual import inline
@@ -59,7 +59,7 @@ def tell(connection: Connection, plant: Plant) -> None:
         for events, lost in portions:
             told = [Event(q, t, c, s, float("nan") if v is None else v, tuple(w), b) for q, t, c, s, v, w, b in events]
             if told or lost:
-                keeping.store(connection, fold, equipment, told, lost)
+                books.store(connection, fold, equipment, told, lost)
 
 
 def exported(connection: Connection, plant: Plant, kind: str, equipment: str, locale: str) -> bytes:

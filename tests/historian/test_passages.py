@@ -1,8 +1,7 @@
-"""Passages of products from event rings: what is kept, once, in order, whatever breaks in between."""
+"""Records of products from event rings: what is kept, once, in order, whatever breaks in between."""
 
 import random
 import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,66 +10,47 @@ import pytest
 from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import events, store
-from app.historian import passage_query as query
-from app.historian.events import Told
-from app.historian.passage_query import Passage, Wanted
-from tests.historian.books import Passages, store_passages
-from tests.historian.rings import BEGIN, SECOND, Event, Ring, conveyor
+from app.historian import events, record_query, store
+from app.historian.events import Told as Command
+from app.historian.records import RecordFold
+from tests.historian import books
+from tests.historian.books import PASSAGE, Records, Said, Told, everything
+from tests.historian.rings import BEGIN, CONVEYOR, SECOND, Event, Ring, conveyor
 from tests.historian.test_recorder import limit_pages
 from tests.virtual import inline
 
-Ask = Callable[..., list[Passage]]
-
 
 @pytest.fixture
-def kept(history: Database) -> Passages:
+def kept(history: Database) -> Records:
     clock = ManualClock()
     clock.step_wall((BEGIN - clock.micros()) / 1e6 + 3600)
-    made = Passages(history, clock)
-    made.configure(conveyor("c1", "c2"))
-    return made
+    return Records(history, clock, machines=conveyor("c1", "c2"))
 
 
-def ask(history: Database, limit: int = 1000, **wanted: object) -> list[Passage]:
-    return history.run(lambda connection: query.find(connection, Wanted(**wanted), limit))  # type: ignore[arg-type]
+def ask(history: Database, **wanted: object) -> list[Told]:
+    return books.ask(history, PASSAGE, **wanted)
 
 
-def steps(history: Database, passage: Passage) -> list[query.Step]:
-    return history.run(lambda connection: query.steps(connection, [passage.id]))[passage.id]
+def steps(history: Database, one: Told) -> list[Said]:
+    return books.events(history, one, CONVEYOR)
 
 
-def everything(history: Database) -> dict[str, list[tuple[object, ...]]]:
-    """All rows of passages, without the numbers that SQLite gives."""
-
-    def look(connection: object) -> dict[str, list[tuple[object, ...]]]:
-        rows = connection.exec_driver_sql(  # type: ignore[attr-defined]
-            "SELECT equipment, product, entered, entry, length, corrections, greatest, alarms, outcome, ended, missed, "
-            "s.boot, sequence, time, code, source, value, second, second_value FROM passage p "
-            "JOIN passage_step s ON s.passage = p.id ORDER BY 1, 2, 3, sequence"
-        )
-        gaps = connection.exec_driver_sql("SELECT * FROM event_gap ORDER BY 1, 2, 3")  # type: ignore[attr-defined]
-        return {"passages": [tuple(row) for row in rows], "gaps": [tuple(row) for row in gaps]}
-
-    return history.run(look)
-
-
-async def test_a_passage_has_entry_length_corrections_and_end(kept: Passages, history: Database) -> None:
+async def test_a_passage_has_entry_length_corrections_and_end(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.passage(7, 30.5, (0.4, -2.5, 1.0))
     await kept.take("c1", ring.drain())
     (one,) = ask(history)
-    assert (one.equipment, one.product, one.boot, one.entry, one.length) == ("c1", 7, 1, 1, 30.5)
-    assert (one.entered, one.ended, one.outcome) == (BEGIN + SECOND, ring.time, "unloaded")
+    assert (one.equipment, one.number, one.boot, one.entry, one.length) == ("c1", 7, 1, 1, 30.5)
+    assert (one.begun, one.ended, one.outcome) == (BEGIN + SECOND, ring.time, "unloaded")
     assert (one.corrections, one.greatest, one.missed, one.alarms) == (6, 2.5, 0, ())
-    assert one.duration == (ring.time - one.entered) / 1e6
+    assert one.duration == (ring.time - one.begun) / 1e6
     told = steps(history, one)
     assert [step.code for step in told] == [1, 2, 3, 4, 3, 4, 3, 4, 5]
     assert [(step.source, step.value) for step in told if step.code == 3] == [(2, 0.4), (3, -2.5), (4, 1.0)]
     assert [step.time for step in told] == sorted(step.time for step in told)
 
 
-async def test_what_is_nobodys_makes_no_passage(kept: Passages, history: Database) -> None:
+async def test_what_is_nobodys_makes_no_passage(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(30)
     ring.tell(22)
@@ -79,7 +59,7 @@ async def test_what_is_nobodys_makes_no_passage(kept: Passages, history: Databas
     assert kept.last("c1") is not None
 
 
-async def test_only_machines_that_track_products_are_kept(kept: Passages, history: Database) -> None:
+async def test_only_machines_that_track_products_are_kept(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.passage(1)
     await kept.take("m1", ring.drain())
@@ -87,7 +67,7 @@ async def test_only_machines_that_track_products_are_kept(kept: Passages, histor
     assert kept.last("m1") is None
 
 
-async def test_alarm_codes_are_those_of_the_alarms_of_the_machine_each_once(kept: Passages, history: Database) -> None:
+async def test_alarm_codes_are_those_of_the_alarms_of_the_machine_each_once(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
     ring.tell(10, 5, source=2, value=3.0)
@@ -100,7 +80,7 @@ async def test_alarm_codes_are_those_of_the_alarms_of_the_machine_each_once(kept
     assert (one.outcome, one.ended, one.greatest) == ("lost", ring.time, 4.0)
 
 
-async def test_who_is_seen_again_was_not_lost(kept: Passages, history: Database) -> None:
+async def test_who_is_seen_again_was_not_lost(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
     ring.tell(11, 5, source=2)
@@ -112,7 +92,7 @@ async def test_who_is_seen_again_was_not_lost(kept: Passages, history: Database)
     assert ask(history)[0].outcome == "unloaded"
 
 
-async def test_who_was_gone_when_the_unloader_gripped_is_lost(kept: Passages, history: Database) -> None:
+async def test_who_was_gone_when_the_unloader_gripped_is_lost(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
     ring.tell(5, 5, value=20.0)
@@ -121,7 +101,7 @@ async def test_who_was_gone_when_the_unloader_gripped_is_lost(kept: Passages, hi
     assert (ask(history)[0].outcome, ask(history)[0].ended) == ("lost", ring.time)
 
 
-async def test_who_was_unloaded_is_not_lost_at_a_sensor_afterwards(kept: Passages, history: Database) -> None:
+async def test_who_was_unloaded_is_not_lost_at_a_sensor_afterwards(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
     unloaded = ring.tell(5, 5, value=20.0)
@@ -131,7 +111,7 @@ async def test_who_was_unloaded_is_not_lost_at_a_sensor_afterwards(kept: Passage
 
 
 @pytest.mark.parametrize("code", [15, 16])
-async def test_who_goes_back_past_the_beginning_has_returned(kept: Passages, history: Database, code: int) -> None:
+async def test_who_goes_back_past_the_beginning_has_returned(kept: Records, history: Database, code: int) -> None:
     ring = Ring()
     ring.tell(1, 5)
     ring.tell(code, 5)
@@ -139,7 +119,7 @@ async def test_who_goes_back_past_the_beginning_has_returned(kept: Passages, his
     assert (ask(history)[0].outcome, ask(history)[0].ended) == ("returned", ring.time)
 
 
-async def test_an_unexpected_product_begins_with_being_seen(kept: Passages, history: Database) -> None:
+async def test_an_unexpected_product_begins_with_being_seen(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(12, 5, source=3)
     ring.tell(12, 0, source=3)
@@ -148,11 +128,11 @@ async def test_an_unexpected_product_begins_with_being_seen(kept: Passages, hist
     ring.tell(12, 6, source=2, value=12.0)
     await kept.take("c1", ring.drain())
     lost, put = ask(history)
-    assert (put.product, put.entry, put.outcome) == (5, 12, "open")
-    assert (lost.product, lost.outcome, len(steps(history, lost))) == (6, "open", 3), "it was found where nobody looked"
+    assert (put.number, put.entry, put.outcome) == (5, 12, "open")
+    assert (lost.number, lost.outcome, len(steps(history, lost))) == (6, "open", 3), "it was found where nobody looked"
 
 
-async def test_who_was_inserted_in_front_says_nothing_about_those_behind(kept: Passages, history: Database) -> None:
+async def test_who_was_inserted_in_front_says_nothing_about_those_behind(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 1)
     await kept.take("c1", ring.drain())
@@ -160,10 +140,10 @@ async def test_who_was_inserted_in_front_says_nothing_about_those_behind(kept: P
     ring.tell(8, 2)
     ring.tell(5, 2)
     await kept.take("c1", ring.drain(), 3)
-    assert {one.product: one.outcome for one in ask(history)} == {1: "open", 2: "unloaded"}
+    assert {one.number: one.outcome for one in ask(history)} == {1: "open", 2: "unloaded"}
 
 
-async def test_the_length_that_a_person_gives_is_that_of_the_passage(kept: Passages, history: Database) -> None:
+async def test_the_length_that_a_person_gives_is_that_of_the_passage(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(8, 1, value=100.0, other=20.0)
     ring.tell(1, 2)
@@ -174,11 +154,11 @@ async def test_the_length_that_a_person_gives_is_that_of_the_passage(kept: Passa
     ring.tell(8, 5, value=500.0, other=25.0)
     ring.tell(7, 5, value=510.0, other=0.0)
     await kept.take("c1", ring.drain())
-    lengths = {one.product: one.length for one in ask(history)}
+    lengths = {one.number: one.length for one in ask(history)}
     assert lengths == {1: 20.0, 2: 28.0, 3: None, 4: None, 5: 25.0}, "a device that passes no length on changes none"
 
 
-async def test_a_lost_product_that_is_deleted_stays_lost_and_says_so(kept: Passages, history: Database) -> None:
+async def test_a_lost_product_that_is_deleted_stays_lost_and_says_so(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 5)
     lost = ring.tell(11, 5, source=2)
@@ -189,24 +169,28 @@ async def test_a_lost_product_that_is_deleted_stays_lost_and_says_so(kept: Passa
     assert [step.code for step in steps(history, one)] == [1, 11, 6]
 
 
-async def test_a_gap_stop_belongs_to_both_products(kept: Passages, history: Database) -> None:
+async def test_a_gap_stop_belongs_to_both_products(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 1)
     ring.tell(1, 2)
     ring.tell(20, 2, second=1, value=4.5, other=6.0)
     await kept.take("c1", ring.drain())
     rear, front = ask(history)
-    assert (rear.product, front.product) == (2, 1)
+    assert (rear.number, front.number) == (2, 1)
     assert rear.alarms == front.alarms == (20,)
-    assert [(step.second, step.value, step.second_value) for step in steps(history, front)][-1] == (2, 4.5, 6.0)
+    assert [(step.words["product"], step.value, step.words["second_value"]) for step in steps(history, front)][-1] == (
+        2,
+        4.5,
+        6.0,
+    )
 
 
-async def test_restart_in_mid_passage_goes_on_with_the_same_passage(kept: Passages, history: Database) -> None:
+async def test_restart_in_mid_passage_goes_on_with_the_same_passage(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.passage(3)
     events = ring.drain()
     await kept.take("c1", events[:4])
-    again = Passages(history, ManualClock())
+    again = Records(history, ManualClock())
     again.configure(conveyor("c1"))
     await again.load()
     mark = again.last("c1")
@@ -218,7 +202,7 @@ async def test_restart_in_mid_passage_goes_on_with_the_same_passage(kept: Passag
     assert len(steps(history, one)) == len(events)
 
 
-async def test_redelivery_after_a_crash_changes_nothing(kept: Passages, history: Database) -> None:
+async def test_redelivery_after_a_crash_changes_nothing(kept: Records, history: Database) -> None:
     """Killed between the commit and the acknowledgement, at every place, with portions cut anywhere: as if nothing had happened."""
     source = random.Random(5)
     ring = Ring()
@@ -227,27 +211,27 @@ async def test_redelivery_after_a_crash_changes_nothing(kept: Passages, history:
         ring.tell(20, product + 1, second=product, value=3.0)
     events = ring.drain()
     await kept.take("c1", events)
-    wanted = everything(history)
+    wanted = everything(history, PASSAGE)
     for number in range(20):
         path = history.path.with_name(f"again-{number}.db")
         database = Database(path, "history", inline)
         database.migrate()
         at = 0
         while at < len(events):
-            server = Passages(database, ManualClock())  # a new process every time
+            server = Records(database, ManualClock())  # a new process every time
             server.configure(conveyor("c1"))
             await server.load()
             size = source.randrange(1, 12)
             back = source.randrange(0, 6)
             await server.take("c1", [replace(one, time=one.time) for one in events[max(0, at - back) : at + size]])
             at += size
-        assert everything(database) == wanted
+        assert everything(database, PASSAGE) == wanted
         database.close()
 
 
 @pytest.mark.parametrize("boot", [1, 3], ids=["the same boot", "another boot"])
 async def test_a_power_cycle_goes_on_with_the_numbers_and_a_ring_that_begins_again_is_new(
-    kept: Passages, history: Database, boot: int
+    kept: Records, history: Database, boot: int
 ) -> None:
     ring = Ring()
     ring.tell(1, 1)
@@ -263,20 +247,20 @@ async def test_a_power_cycle_goes_on_with_the_numbers_and_a_ring_that_begins_aga
     other.passage(1)
     await kept.take("c1", other.drain())
     newest, oldest = ask(history)
-    assert (newest.product, newest.outcome, newest.boot) == (1, "unloaded", boot)
-    assert (oldest.product, oldest.outcome) == (1, "unknown")
+    assert (newest.number, newest.outcome, newest.boot) == (1, "unloaded", boot)
+    assert (oldest.number, oldest.outcome) == (1, "unknown")
 
 
-async def test_another_product_with_the_number_of_one_that_is_on_its_way(kept: Passages, history: Database) -> None:
+async def test_another_product_with_the_number_of_one_that_is_on_its_way(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.tell(1, 1)
     ring.tell(1, 1)
     await kept.take("c1", ring.drain())
     newest, oldest = ask(history)
-    assert (oldest.outcome, oldest.ended, newest.outcome) == ("unknown", newest.entered, "open")
+    assert (oldest.outcome, oldest.ended, newest.outcome) == ("unknown", newest.begun, "open")
 
 
-async def test_lost_events_are_in_every_passage_that_was_under_way(kept: Passages, history: Database) -> None:
+async def test_lost_events_are_in_every_passage_that_was_under_way(kept: Records, history: Database) -> None:
     ring = Ring()
     ring.passage(1)
     ring.tell(1, 2)
@@ -287,11 +271,13 @@ async def test_lost_events_are_in_every_passage_that_was_under_way(kept: Passage
     events = ring.drain()
     await kept.take("c1", events, 7)
     await kept.take("c1", events, 7)
-    assert {one.product: one.missed for one in ask(history)} == {1: 0, 2: 7, 3: 7, 4: 0}
-    assert history.run(lambda connection: query.lost(connection, "c1", None, None)) == 7, "told twice, counted once"
+    assert {one.number: one.missed for one in ask(history)} == {1: 0, 2: 7, 3: 7, 4: 0}
+    assert history.run(lambda connection: record_query.lost(connection, "c1", None, None)) == 7, (
+        "told twice, counted once"
+    )
     ring.tell(5, 4)
     await kept.take("c1", ring.drain())
-    assert {one.product: one.outcome for one in ask(history)} == {
+    assert {one.number: one.outcome for one in ask(history)} == {
         1: "unloaded",
         2: "unknown",
         3: "unknown",
@@ -299,7 +285,7 @@ async def test_lost_events_are_in_every_passage_that_was_under_way(kept: Passage
     }, "nobody overtakes on a line: 2 and 3 have left unseen"
 
 
-async def test_a_product_whose_entry_was_lost_says_so(kept: Passages, history: Database) -> None:
+async def test_a_product_whose_entry_was_lost_says_so(kept: Records, history: Database) -> None:
     ring = Ring(sequence=100)
     ring.tell(3, 9, source=3, value=0.2)
     ring.tell(5, 9)
@@ -308,7 +294,7 @@ async def test_a_product_whose_entry_was_lost_says_so(kept: Passages, history: D
     assert (one.entry, one.outcome) == (0, "unloaded")
 
 
-async def test_who_deleted_it_and_why_stands_at_the_event(kept: Passages, history: Database) -> None:
+async def test_who_deleted_it_and_why_stands_at_the_event(kept: Records, history: Database) -> None:
     clock = kept._clock
     ring = Ring(time=clock.micros())
     ring.tell(1, 1)
@@ -316,20 +302,22 @@ async def test_who_deleted_it_and_why_stands_at_the_event(kept: Passages, histor
     ring.tell(7, 2)
     await kept.take("c1", ring.drain())
     deleted = ring.time + SECOND
-    kept.told(Told("c1", (41,), "Ana Kos", "fell down", deleted, deleted + 100_000))  # told before its event is there
+    kept.told(
+        Command("c1", (41,), "Ana Kos", "fell down", deleted, deleted + 100_000)
+    )  # told before its event is there
     await kept.take("c2", [])
     ring.tell(6, 1, request=41)
     ring.tell(6, 2, request=42)
     await kept.take("c1", ring.drain())
     by = {
-        one.product: [(s.code, s.person, s.reason) for s in steps(history, one) if s.code == 6] for one in ask(history)
+        one.number: [(s.code, s.person, s.reason) for s in steps(history, one) if s.code == 6] for one in ask(history)
     }
     assert by == {1: [(6, "Ana Kos", "fell down")], 2: [(6, "", "")]}
 
 
-async def test_a_command_that_never_had_an_event_is_forgotten(kept: Passages) -> None:
+async def test_a_command_that_never_had_an_event_is_forgotten(kept: Records) -> None:
     now = kept._clock.micros()
-    kept.told(Told("c1", (41,), "Ana Kos", "", now, now))
+    kept.told(Command("c1", (41,), "Ana Kos", "", now, now))
     await kept.close()
     assert len(kept._told) == 1
     kept._clock.advance(120)  # type: ignore[attr-defined]
@@ -343,7 +331,7 @@ async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_p
     room = 1
     limit_pages(database, lambda: room)
     changed: list[str] = []
-    kept = Passages(database, ManualClock(), changed.append)
+    kept = Records(database, ManualClock(), changed.append)
     kept.configure(conveyor("c1"))
     ring = Ring()
     refused = 0
@@ -365,14 +353,14 @@ async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_p
     await kept.take("c1", ring.drain())
     assert not kept.failed
     assert kept.waiting == 0
-    assert [one.product for one in ask(database)] == list(range(500, 0, -1))
+    assert [one.number for one in ask(database)] == list(range(500, 0, -1))
     assert {one.outcome for one in ask(database)} == {"unloaded"}
     assert changed[-1] == "c1"
     database.close()
 
 
 async def test_a_disk_that_takes_nothing_for_long_drops_the_oldest_and_counts_them(
-    kept: Passages, history: Database, monkeypatch: pytest.MonkeyPatch
+    kept: Records, history: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "MOST_WAITING", 20)
     original = history.write
@@ -391,15 +379,15 @@ async def test_a_disk_that_takes_nothing_for_long_drops_the_oldest_and_counts_th
     kept._clock.advance(10)  # type: ignore[attr-defined]
     await kept.close()
     assert kept.dropped > 0
-    assert history.run(lambda connection: query.lost(connection, "c1", None, None)) == kept.dropped
-    assert [one.product for one in ask(history)] == [7, 6]
+    assert history.run(lambda connection: record_query.lost(connection, "c1", None, None)) == kept.dropped
+    assert [one.number for one in ask(history)] == [7, 6]
 
 
 async def test_a_broken_file_is_told_and_no_traceback(tmp_path: Path) -> None:
     path = tmp_path / "history.db"
     path.write_bytes(b"this is no database " * 500)
     database = Database(path, "history", inline)
-    kept = Passages(database, ManualClock())
+    kept = Records(database, ManualClock())
     kept.configure(conveyor("c1"))
     await kept.load()
     ring = Ring()
@@ -411,7 +399,7 @@ async def test_a_broken_file_is_told_and_no_traceback(tmp_path: Path) -> None:
     database.close()
 
 
-async def test_passages_are_cut_with_the_rest_of_the_history(kept: Passages, history: Database) -> None:
+async def test_passages_are_cut_with_the_rest_of_the_history(kept: Records, history: Database) -> None:
     ring = Ring(time=BEGIN - BEGIN % store.HOUR)
     border = ring.time + 2 * store.HOUR
     for product in range(1, 41):
@@ -424,89 +412,18 @@ async def test_passages_are_cut_with_the_rest_of_the_history(kept: Passages, his
     while not done:
         removed, done = history.run(lambda connection: store.cut(connection, border + 5, 7))
     after = ask(history)
-    assert after == [one for one in before if one.entered >= border]
-    left = history.run(lambda c: c.exec_driver_sql("SELECT count(DISTINCT passage) FROM passage_step").scalar_one())
+    assert after == [one for one in before if one.begun >= border]
+    left = history.run(lambda c: c.exec_driver_sql("SELECT count(DISTINCT record) FROM record_event").scalar_one())
     assert left == len(after)
     size = history.run(lambda connection: store.size(connection, history.path, ring.time))
-    assert size.oldest == history.run(events.oldest) == after[-1].entered
-
-
-async def test_filters_and_pages_are_those_of_brute_force(kept: Passages, history: Database) -> None:
-    source = random.Random(11)
-    rings = {"c1": Ring(), "c2": Ring(time=BEGIN + 17)}
-    for product in range(1, 160):
-        for equipment, ring in rings.items():
-            ring.tell(1, product, source=1, after=source.choice([0.0, 0.0, 1.0]))
-            ring.tell(2, product, value=source.uniform(10, 60))
-            for sensor in (2, 3, 4):
-                ring.tell(3, product, source=sensor, value=source.gauss(0, 2))
-            if source.random() < 0.3:
-                ring.tell(source.choice([10, 11, 20]), product, value=source.gauss(0, 3))
-            end = source.choice([5, 5, 5, 6, 11, 0])
-            if end:
-                ring.tell(end, product)
-            await kept.take(equipment, ring.drain())
-    rows = sorted(ask(history), key=lambda one: (-one.entered, -one.id))
-    assert len(rows) == 318
-    assert ask(history) == rows
-    for _ in range(300):
-        begin = source.choice([None, BEGIN + source.randrange(0, 900) * SECOND])
-        end = source.choice([None, BEGIN + source.randrange(0, 900) * SECOND])
-        wanted = Wanted(
-            equipment=source.choice(["", "c1", "c2", "c9"]),
-            begin=begin,
-            end=end,
-            product=source.choice([None, None, source.randrange(1, 170)]),
-            outcome=source.choice(["", "", *query.OUTCOMES]),
-            correction=source.choice([None, None, 2.0, 5.0]),
-            alarm=source.choice(["", "", "any", "10", "1"]),
-        )
-        fitting = [
-            one
-            for one in rows
-            if (not wanted.equipment or one.equipment == wanted.equipment)
-            and (begin is None or one.entered >= begin)
-            and (end is None or one.entered < end)
-            and (wanted.product is None or one.product == wanted.product)
-            and (not wanted.outcome or one.outcome == wanted.outcome)
-            and (wanted.correction is None or (one.greatest is not None and one.greatest > wanted.correction))
-            and (not wanted.alarm or (wanted.alarm == "any" and one.alarms) or wanted.alarm in map(str, one.alarms))
-        ]
-        paged: list[Passage] = []
-        page = wanted
-        while found := history.run(lambda connection, page=page: query.find(connection, page, 23)):  # type: ignore[misc]
-            paged += found
-            page = replace(page, before=(found[-1].entered, found[-1].id))
-        assert paged == fitting
-        assert history.run(lambda connection, wanted=wanted: query.count(connection, wanted, 10_000)) == len(fitting)  # type: ignore[misc]
-
-
-def test_100_000_passages_are_asked_by_an_index(history: Database) -> None:
-    """No page of the list sorts: SQLite walks an index, newest first."""
-
-    def plan(connection: object, **wanted: object) -> str:
-        where, given = query._where(Wanted(**wanted))  # type: ignore[arg-type]
-        rows = connection.exec_driver_sql(  # type: ignore[attr-defined]
-            f"EXPLAIN QUERY PLAN SELECT * FROM passage {where} ORDER BY entered DESC, id DESC LIMIT 50", tuple(given)
-        )
-        return " ".join(str(row[3]) for row in rows)
-
-    with history.engine.connect() as connection:
-        for wanted in (
-            {},
-            {"equipment": "c1"},
-            {"begin": 5, "end": 9},
-            {"equipment": "c1", "begin": 5},
-            {"before": (5, 1)},
-        ):
-            assert "ix_passage" in plan(connection, **wanted)
-            assert "TEMP B-TREE" not in plan(connection, **wanted)
-        assert "ix_passage_product" in plan(connection, product=5)
+    assert size.oldest == history.run(events.oldest) == after[-1].begun
 
 
 def test_an_event_is_one_row_however_many_tell_it(history: Database) -> None:
     event = Event(5, BEGIN, 1, 1, 0.0, (0, 7, 0, 0, 0, 0))
     for _ in range(3):
-        history.run(lambda connection: store_passages(connection, events.Delivery("c1", [event]), (), BEGIN))
+        fold = RecordFold(conveyor("c1"))
+        history.run(lambda c, fold=fold: events.store(c, events.Delivery("c1", [event]), (fold,), BEGIN))  # type: ignore[misc]
     with sqlite3.connect(history.path) as connection:
-        assert connection.execute("SELECT count(*) FROM passage_step").fetchone() == (1,)
+        for table in ("event", "record_event"):
+            assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (1,)

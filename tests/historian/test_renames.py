@@ -9,14 +9,13 @@ from sqlalchemy import Connection
 from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import passage_query as query
-from app.historian import renames
+from app.historian import record_query, renames
 from app.historian.events import Told, marks
-from app.historian.passage_query import Wanted
 from app.plant.definitions import Equipment
-from tests.historian.books import Passages, Runs
-from tests.historian.rings import BEGIN, Event, Ring, conveyor
-from tests.historian.sequence_rings import sequences
+from tests.historian import books
+from tests.historian.books import FORCE, PASSAGE, RUN, Records
+from tests.historian.rings import BEGIN, CONVEYOR, Event, Ring, conveyor
+from tests.historian.sequence_rings import Device, sequences
 
 
 def named(machines: Iterable[Equipment], **names: str) -> list[Equipment]:
@@ -25,8 +24,7 @@ def named(machines: Iterable[Equipment], **names: str) -> list[Equipment]:
 
 
 def products(history: Database, equipment: str) -> list[int]:
-    found = history.run(lambda connection: query.find(connection, Wanted(equipment=equipment), 100))
-    return sorted(one.product for one in found)
+    return sorted(one.number for one in books.ask(history, PASSAGE, equipment=equipment))
 
 
 def drained(ring: Ring, *numbers: int) -> Sequence[Event]:
@@ -35,11 +33,11 @@ def drained(ring: Ring, *numbers: int) -> Sequence[Event]:
     return ring.drain()
 
 
-async def opened(history: Database, machines: Iterable[Equipment], changed: list[str] | None = None) -> Passages:
+async def opened(history: Database, machines: Iterable[Equipment], changed: list[str] | None = None) -> Records:
     """As a server that starts with these machines."""
     clock = ManualClock()
     clock.step_wall((BEGIN - clock.micros()) / 1e6 + 3600)
-    book = Passages(history, clock, (changed if changed is not None else []).append)
+    book = Records(history, clock, (changed if changed is not None else []).append)
     await book.load()
     book.configure(machines)
     return book
@@ -92,9 +90,8 @@ async def test_what_waits_and_who_asked_follow_too(history: Database) -> None:
     book.configure(named(conveyor("c1"), c1="line1"))
     history.write = write  # type: ignore[method-assign]
     await book.close()
-    (one,) = history.run(lambda connection: query.find(connection, Wanted(equipment="line1"), 10))
-    steps = history.run(lambda connection: query.steps(connection, [one.id]))[one.id]
-    assert [step.person for step in steps] == ["", "Ana Kos"]
+    (one,) = books.ask(history, PASSAGE, equipment="line1")
+    assert [step.person for step in books.events(history, one, CONVEYOR)] == ["", "Ana Kos"]
 
 
 async def test_two_that_change_names_keep_their_own(history: Database) -> None:
@@ -139,24 +136,22 @@ async def test_a_history_from_before_goes_on_where_both_names_have_rows(history:
     history.run(past)
     assert history.run(lambda connection: renames.follow(connection, {"c1": "line1"})) == {"line1"}
     assert {name: mark.sequence for name, mark in history.run(marks).items()} == {"line1": 20}
-    assert history.run(lambda connection: query.lost(connection, "line1", None, None)) == 3
+    assert history.run(lambda connection: record_query.lost(connection, "line1", None, None)) == 3
     assert history.run(lambda connection: renames.follow(connection, {"c1": "line1"})) == set()
 
 
 async def test_runs_and_forces_follow(history: Database) -> None:
-    clock = ManualClock()
-    book = Runs(history, clock)
+    device = Device()
+    book = Records(history, ManualClock())
     (item,) = sequences("s1")
     book.configure([item])
-    history.run(
-        lambda connection: connection.exec_driver_sql(
-            "INSERT INTO sequence_force (equipment, boot, sequence, definition, step, bit, since, asked, until, ending, person, reason) "
-            "VALUES ('s1', 1, 1, '', 1, 0, 1, 1, 2, '', '', '')"
-        )
-    )
-    await book.close()
+    device.tell(device.block.force(2, 3, 60.0, device.time))
+    device.start()
+    await book.take("s1", device.drain())
     book.configure([replace(item, id="seq", was="s1")])
     await book.close()
-    assert history.run(
-        lambda connection: connection.exec_driver_sql("SELECT equipment FROM sequence_force").scalars().all()
-    ) == ["seq"]
+    while device.block.running:
+        device.scan()
+    await book.take("seq", device.drain())
+    assert [(one.equipment, one.outcome) for one in books.ask(history, RUN)] == [("seq", "done")]
+    assert [one.equipment for one in books.ask(history, FORCE)] == ["seq"]

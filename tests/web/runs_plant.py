@@ -5,10 +5,9 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from app.historian import runs
 from app.historian.events import Delivery, Told, attribute, store
+from app.historian.records import RecordFold
 from app.plant.definitions import Plant
-from tests.historian.books import run_fold
 from tests.historian.rings import BEGIN, SECOND
 from tests.historian.sequence_rings import Device
 
@@ -99,9 +98,7 @@ def write(folder: Path) -> Path:
 
 def fill(connection: Connection, plant: Plant, many: int = 64, begin: int = BEGIN) -> None:
     """Runs of `seq1` from `begin` on: many that went well, and of each kind that stops one; the newest is still under way."""
-    definition = plant.equipment["seq1"].sequence
-    assert definition is not None
-    fold = run_fold(seq1=runs.kept(definition))
+    fold = RecordFold(plant.equipment.values())
     device = Device(time=begin, dt=0.01)
     for number in range(many):
         device.time += 60 * SECOND

@@ -57,7 +57,7 @@ def test_no_page_breaks_and_all_say_what_is_wrong(broken: tuple[Staff, str]) -> 
         more = [("X-CSRF-Token", token)] if method == "POST" else []
         answer = knock(staff.client, method, address, [*headers, *more], query=span if method == "GET" else "")
         assert answer.status < 500 or answer.status == 503, (route, answer.status, answer.body[:300])
-    gone = "/audit" if file == "pogon.db" else "/runs"
+    gone = "/audit" if file == "pogon.db" else "/records/run"
     for lang, words in WORDS.items():
         cookie = [("Cookie", f"sid={staff.client.cookies['sid']}; pogon_lang={lang}"), ("User-Agent", "testclient")]
         answer = knock(staff.client, "GET", gone, cookie)

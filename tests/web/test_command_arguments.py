@@ -89,8 +89,8 @@ def test_a_product_is_put_moved_and_deleted_and_the_audit_says_by_whom_and_why(s
     program = Program(staff, "view")
 
     def length() -> object:
-        found = program.get("/products", equipment="c1", product=product).json()["products"]
-        return found[0]["length"] if found else None
+        found = program.get("/records/passage", equipment="c1", product=product).json()["records"]
+        return found[0]["fields"].get("length") if found else None
 
     assert until(lambda: length() == 20.0), "its passage has the length that was given"
     moved = eva.press(EDIT, confirmed="1", reason="slipped", arg_product=str(product), arg_head="45.5", arg_length="22")

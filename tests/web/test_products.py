@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ from fastapi.testclient import TestClient
 
 from app.access.audit import Filter
 from app.errors import StorageError
-from app.historian.events import Delivery, Told, attribute
+from app.historian.events import Delivery, Told, attribute, store
 from app.historian.export import verify_export
+from app.historian.records import RecordFold
 from app.runtime import Runtime
-from tests.historian.books import passage_fold, store_passages
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff
 
@@ -26,7 +27,7 @@ def runtime_of(client: TestClient) -> Runtime:
     return found
 
 
-def fill(connection: Any) -> None:
+def fill(connection: Any, fold: RecordFold) -> None:
     """Seventy products in March, on two machines; one with everything that can happen."""
     for equipment in ("c1", "gone"):
         ring = Ring()
@@ -39,16 +40,20 @@ def fill(connection: Any) -> None:
             ring.tell(10, 99, source=2, value=-2.75, after=0)
             ring.tell(20, 99, source=2, second=98, value=4.5, other=6.25)
             ring.tell(6, 99, request=77)
-        store_passages(connection, Delivery(equipment, ring.drain()), {10, 11, 12, 20}, BEGIN)
+        store(connection, Delivery(equipment, ring.drain()), (fold,), BEGIN)
     told = Told("c1", (77,), "=Ana; Kos", 'fell "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time + 60 * SECOND)
-    assert attribute(connection, told, (passage_fold("c1"),))
+    assert attribute(connection, told, (fold,))
     connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'c1'")
 
 
 @pytest.fixture(scope="module")
 def staff(demo: TestClient) -> Iterator[Staff]:
     crew = Staff(demo)
-    crew.wait(runtime_of(demo).history.write, fill)
+    plant = runtime_of(demo).plant
+    assert plant is not None
+    (line,) = (item for item in plant.equipment.values() if item.id == "c1")
+    fold = RecordFold([line, replace(line, id="gone")])
+    crew.wait(runtime_of(demo).history.write, lambda connection: fill(connection, fold))
     yield crew
 
 
@@ -64,20 +69,20 @@ def products(page: str) -> list[int]:
 
 def test_a_guest_reads_the_list_and_takes_nothing_home(staff: Staff) -> None:
     staff.have()
-    page = get(staff, "/products", **MARCH).text
+    page = get(staff, "/records/passage", **MARCH).text
     assert products(page)[:3] == [98, 99, 35]
     assert "export.csv" not in page
-    for path in ("/products/export.csv", "/products/export/size"):
+    for path in ("/records/passage/export.csv", "/records/passage/export/size"):
         assert staff.client.get(path).status_code in (303, 401)
 
 
 def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     seen: list[int] = []
-    url = "/products?equipment=gone"
+    url = "/records/passage?equipment=gone"
     page = staff.client.get(url).text
     assert products(page) == list(range(35, 0, -1))
-    page = get(staff, "/products", **MARCH).text
+    page = get(staff, "/records/passage", **MARCH).text
     while True:
         seen += products(page)
         older = re.search(r'href="([^"]+)" rel="next"', page)
@@ -104,7 +109,7 @@ def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
 )
 def test_filters(staff: Staff, query: dict[str, str], wanted: list[int]) -> None:
     staff.enter("ana", "viewer")
-    for path in ("/products", "/products/list"):
+    for path in ("/records/passage", "/records/passage/list"):
         page = get(staff, path, **query).text
         assert products(page) == wanted
 
@@ -127,18 +132,18 @@ def test_filters(staff: Staff, query: dict[str, str], wanted: list[int]) -> None
 )
 def test_what_cannot_be_is_refused(staff: Staff, query: dict[str, Any]) -> None:
     staff.enter("ana", "viewer")
-    get(staff, "/products", 422, **query)
-    get(staff, "/products/list", 422, **query)
+    get(staff, "/records/passage", 422, **query)
+    get(staff, "/records/passage/list", 422, **query)
 
 
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 def test_the_steps_of_one_are_told_in_every_language(staff: Staff, lang: str) -> None:
     staff.enter("ana", "viewer")
     staff.client.cookies.set("pogon_lang", lang)
-    page = get(staff, "/products", product="99", **MARCH).text
+    page = get(staff, "/records/passage", product="99", **MARCH).text
     number = re.search(r'data-row="(\d+)"', page)
     assert number
-    detail = get(staff, f"/products/detail/{number[1]}").text
+    detail = get(staff, f"/records/passage/detail/{number[1]}").text
     assert not re.search(r"\[[a-z]{2}\]|\[(products|event)\.", page + detail)
     assert detail.count("<li") == 6
     assert "07:21:" in detail or re.search(r"\d\d:\d\d:\d\d\.\d{3}", detail)
@@ -151,14 +156,14 @@ def test_the_steps_of_one_are_told_in_every_language(staff: Staff, lang: str) ->
 def test_one_that_is_not_there_is_not_found(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     for number in (999999, 0, -1, 2**63, 10**30):
-        get(staff, f"/products/detail/{number}", 404)
+        get(staff, f"/records/passage/detail/{number}", 404)
 
 
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs", "machine"])
 def test_the_export_is_the_golden_file(staff: Staff, lang: str, tmp_path: Path) -> None:
     """Headers in the reader's language, its separators, no formula; the file proves itself."""
     staff.enter("ana", "viewer")
-    answer = get(staff, "/products/export.csv", locale=lang, equipment="c1", correction="2,5", **MARCH)
+    answer = get(staff, "/records/passage/export.csv", locale=lang, equipment="c1", correction="2,5", **MARCH)
     assert answer.headers["content-type"].startswith("text/csv")
     assert re.search(r'filename="pogon-products-c1-\d{8}-\d{6}\.csv"', answer.headers["content-disposition"])
     path = tmp_path / "x.csv"
@@ -172,46 +177,52 @@ def test_the_export_is_the_golden_file(staff: Staff, lang: str, tmp_path: Path) 
     assert not any(cell.startswith(("=", "+", "@")) for line in kept for cell in re.split("[;,]", line))
     if lang != "machine":
         assert answer.content.count(b"\xef\xbb\xbf") == 0
-    with_mark = get(staff, "/products/export.csv", locale=lang, bom="1", product="99", **MARCH)
+    with_mark = get(staff, "/records/passage/export.csv", locale=lang, bom="1", product="99", **MARCH)
     assert with_mark.content.startswith(b"\xef\xbb\xbf# Pogon")
 
 
 def test_an_export_is_audited_and_gives_its_place_back(staff: Staff) -> None:
     staff.enter("ivo", "operator")
     for _ in range(4):
-        get(staff, "/products/export.csv", equipment="gone")
-    lines = staff.wait(staff.access.audit.find, Filter(kind="products.exported"))
+        get(staff, "/records/passage/export.csv", equipment="gone")
+    lines = staff.wait(staff.access.audit.find, Filter(kind="records.exported"))
     assert (lines[0].person, lines[0].object) == ("ivo", "gone")
-    assert get(staff, "/products/export/size", equipment="gone").json()["rows"] == 35
-    get(staff, "/products/export.csv", 422, locale="fr")
+    assert get(staff, "/records/passage/export/size", equipment="gone").json()["rows"] == 35
+    get(staff, "/records/passage/export.csv", 422, locale="fr")
 
 
 def test_programs_read_the_same(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     span = {"from_": "2026-03-09T00:00:00Z", "to": "2026-03-10T00:00:00Z"}
-    first = get(staff, "/api/v1/products", limit=50, **span).json()
-    assert [one["product"] for one in first["products"]][:2] == [98, 99]
-    second = get(staff, "/api/v1/products", limit=50, before=first["next"], steps=False, **span).json()
-    assert len(first["products"]) + len(second["products"]) == 72
+    first = get(staff, "/api/v1/records/passage", limit=50, events=True, **span).json()
+    assert [one["number"] for one in first["records"]][:2] == [98, 99]
+    second = get(staff, "/api/v1/records/passage", limit=50, before=first["next"], **span).json()
+    assert len(first["records"]) + len(second["records"]) == 72
     assert second["next"] is None
-    assert second["products"][0]["steps"] == []
-    one = get(staff, "/api/v1/products", product=99, **span).json()["products"][0]
-    assert (one["outcome"], one["length"], one["alarms"]) == ("deleted", 33.25, ["outside_tolerance", "gap_stop"])
-    assert [step["event"] for step in one["steps"]][-1] == "deleted"
-    assert one["steps"][-1]["person"] == "=Ana; Kos"
-    get(staff, "/api/v1/products", 422, outcome="eaten")
+    assert second["records"][0]["events"] == []
+    one = get(staff, "/api/v1/records/passage", product=99, events=True, **span).json()["records"][0]
+    assert (one["outcome"], one["fields"]["length"], one["alarms"]) == (
+        "deleted",
+        33.25,
+        ["outside_tolerance", "gap_stop"],
+    )
+    assert [event["event"] for event in one["events"]][-1] == "deleted"
+    assert one["events"][-1]["person"] == "=Ana; Kos"
+    pair = next(event for event in one["events"] if event["event"] == "gap_stop")
+    assert (pair["value"], pair["words"]["second"], pair["words"]["second_value"]) == (4.5, 98, 6.25)
+    get(staff, "/api/v1/records/passage", 422, outcome="eaten")
 
 
 def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: Staff) -> None:
     span = "from=2026-03-09T00:00:00Z&to=2026-03-10T00:00:00Z"
     words = ("Ana", "fell", "HYPERLINK")
-    road = f"/api/v1/products?product=99&{span}"
+    road = f"/api/v1/records/passage?product=99&events=true&{span}"
     staff.enter("ana", "viewer")
     assert [word for word in words if word not in staff.client.get(road).text] == []
     rows = re.findall(
-        r'<tr data-row="(\d+)"', get(staff, "/products", since="2026-03-09T00:00", until="2026-03-10T00:00").text
+        r'<tr data-row="(\d+)"', get(staff, "/records/passage", since="2026-03-09T00:00", until="2026-03-10T00:00").text
     )
-    roads = [road, *(f"/products/detail/{row}" for row in rows)]
+    roads = [road, *(f"/records/passage/detail/{row}" for row in rows)]
     staff.have()
     for road in roads:
         answer = staff.client.get(road)
@@ -225,12 +236,12 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
         raise StorageError("history.db: disk I/O error")
 
     monkeypatch.setattr(runtime_of(staff.client).history, "read", broken)
-    get(staff, "/products", 503)
-    get(staff, "/api/v1/products", 503)
+    get(staff, "/records/passage", 503)
+    get(staff, "/api/v1/records/passage", 503)
 
 
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
-@pytest.mark.parametrize("path", ["/products", "/runs"])
+@pytest.mark.parametrize("path", ["/records/passage", "/records/run"])
 def test_an_end_before_the_beginning_is_named_and_what_was_typed_stays(staff: Staff, path: str, lang: str) -> None:
     staff.enter("ivo", "operator")
     staff.client.cookies.set("pogon_lang", lang)
@@ -247,3 +258,10 @@ def test_an_end_before_the_beginning_is_named_and_what_was_typed_stays(staff: St
         assert said in get(staff, f"{path}/{part}", 422, **turned).text
     get(staff, f"/api/v1{path}", 422, from_="2026-03-10T00:00:00Z", to="2026-03-09T00:00:00Z")
     staff.client.cookies.delete("pogon_lang")
+
+
+@pytest.mark.parametrize("edge", [{"since": "0001-01-01T00:00"}, {"until": "9999-12-31T23:59-12:00"}])
+def test_a_time_that_no_clock_can_show_is_refused_before_an_export_begins(staff: Staff, edge: dict[str, str]) -> None:
+    staff.enter("ivo", "operator")
+    for path in ("list", "export.csv", "export/size"):
+        get(staff, f"/records/passage/{path}", 422, **edge)

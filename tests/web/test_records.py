@@ -16,7 +16,7 @@ from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
 from app.records.record import Record
 from app.settings import Settings
-from tests.historian import keeping, stories
+from tests.historian import books, stories
 from tests.historian.former import plant as former
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.virtual import house
@@ -49,14 +49,14 @@ def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
                 ("seq2", stories.runs(3, 70, BEGIN + 7)),
             ):
                 for portion in portions:
-                    keeping.store(connection, fold, equipment, portion.events, portion.lost)
+                    books.store(connection, fold, equipment, portion.events, portion.lost)
             ring = Ring(time=BEGIN + 7200 * SECOND, sequence=5000, boot=9)
             ring.tell(1, 99_999, source=1)
             ring.tell(3, 99_999, source=2, value=-2.75)
             ring.tell(10, 99_999, source=2, value=-2.75, after=0)
             ring.tell(20, 99_999, source=2, second=99_998, value=4.5, other=6.25)
             ring.tell(6, 99_999)
-            keeping.store(connection, fold, "c1", ring.drain())
+            books.store(connection, fold, "c1", ring.drain())
             connection.exec_driver_sql(
                 "UPDATE event SET person = '=Ana; Kos', reason = 'fell \"down\"' WHERE code IN (6, 1, 15) AND boot IN (1, 9)"
             )
@@ -319,6 +319,7 @@ def test_lost_events_are_those_of_the_machines_of_the_kind(staff: Staff) -> None
     """Of all machines together, too: what a sequence lost is nothing that a product has missed."""
 
     def note(connection: Connection) -> None:
+        connection.exec_driver_sql("DELETE FROM event_gap")  # what the stories above have lost
         connection.exec_driver_sql(
             "INSERT INTO event_gap (equipment, boot, sequence, time, count) VALUES ('c2', 1, 1, ?, 4), ('seq1', 1, 1, ?, 300)",
             (BEGIN, BEGIN),
@@ -330,3 +331,52 @@ def test_lost_events_are_those_of_the_machines_of_the_kind(staff: Staff) -> None
     assert "Events lost in this time: 4<" in get(staff, "/records/passage", **MARCH).text
     assert "Events lost in this time: 300<" in get(staff, "/records/run", **MARCH).text
     staff.client.cookies.delete("pogon_lang")
+
+
+@pytest.mark.parametrize(
+    ("former", "now"),
+    [
+        ("/products", "/records/passage"),
+        ("/products?equipment=c1&product=%2399999", "/records/passage?equipment=c1&product=%2399999"),
+        ("/products/list?outcome=lost&before=", "/records/passage/list?outcome=lost&before="),
+        ("/products/export.csv?locale=hr&bom=1", "/records/passage/export.csv?locale=hr&bom=1"),
+        ("/products/export/size?correction=2%2C5", "/records/passage/export/size?correction=2%2C5"),
+        ("/runs", "/records/run"),
+        ("/runs?equipment=seq1&view=steps", "/records/run?equipment=seq1&view=steps"),
+        ("/runs/list?first_out=any&forced=1", "/records/run/list?first_out=any&forced=1"),
+        ("/runs/export.csv?longer=1.5", "/records/run/export.csv?longer=1.5"),
+        ("/runs/export/size", "/records/run/export/size"),
+        # a program asked for all events of a product without saying so; steps of a run are parts
+        ("/api/v1/products", "/api/v1/records/passage?events=true"),
+        (
+            "/api/v1/products?product=99999&steps=true&from=2026-03-09T00:00:00%2B01:00",
+            "/api/v1/records/passage?product=99999&events=true&from=2026-03-09T00%3A00%3A00%2B01%3A00",
+        ),
+        ("/api/v1/products?steps=false&alarm=any", "/api/v1/records/passage?events=false&alarm=any"),
+        ("/api/v1/runs", "/api/v1/records/run"),
+        ("/api/v1/runs?steps=false&events=true&limit=7", "/api/v1/records/run?parts=false&events=true&limit=7"),
+        ("/api/v1/runs?forced=true&longer=1.5", "/api/v1/records/run?forced=1&longer=1.5"),
+        ("/api/v1/runs?forced=False&first_out=any", "/api/v1/records/run?first_out=any"),
+    ],
+)
+def test_an_address_from_before_there_were_records_leads_there(staff: Staff, former: str, now: str) -> None:
+    staff.enter("ana", "viewer")
+    answer = staff.client.get(former, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (308, now)
+    assert staff.client.get(now).status_code == 200
+
+
+def test_numbers_from_before_there_were_records_lead_nowhere(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    for path in ("/products/detail/1", "/runs/detail/1", "/forces/detail/1", "/api/v1/forces"):
+        get(staff, path, 404)
+
+
+def test_the_description_of_the_interface_tells_records(staff: Staff) -> None:
+    staff.enter("eva", "engineer")
+    described = get(staff, "/api/v1/openapi.json").json()
+    assert {"/api/v1/records", "/api/v1/records/{kind}"} <= set(described["paths"])
+    assert "/api/v1/products" not in described["paths"] and "/api/v1/runs" not in described["paths"]
+    assert "overlapping" in described["components"]["schemas"]["RecordOut"]["properties"]
+    for path in ("/api/v1/records", "/api/v1/records/{kind}"):
+        assert {"401", "403", "422", "503"} <= set(described["paths"][path]["get"]["responses"])

@@ -9,14 +9,18 @@ from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
 from app.db import Database
-from app.historian import passage_query as query
+from app.historian import record_query as query
 from app.historian.events import Delivery, store
-from app.historian.passage_export import PassageExport, PassageWish
-from app.historian.passage_query import Wanted
-from app.historian.passages import Passages
+from app.historian.record_export import RecordExport, RecordWish
+from app.historian.record_query import ANY, Wanted
+from app.historian.records import RecordFold
 from app.historian.store import DAY
+from app.plant import types
+from app.plant.definitions import Equipment
 from benchmarks.common import Row, median, milliseconds, thousands
 
+TYPE = types.read_type("conveyor", ["en"])[0].type
+KIND = TYPE.records["passage"]
 PASSAGES = 100_000
 MACHINES = 50
 STEPS = 8
@@ -24,17 +28,27 @@ STORED = 4_000
 """Products whose events are stored one delivery after the other."""
 BEGIN = 1_700_000_000_000_000
 PAGE = 50
-GENERATE = f"""
+GENERATE = (
+    f"""
+WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {MACHINES})
+INSERT INTO event_machine (id, lasting_id, name) SELECT i, 'c' || i, 'c' || i FROM n
+""",
+    f"""
 WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {PASSAGES} - 1)
-INSERT INTO passage (equipment, boot, product, entered, entry, length, corrections, greatest, alarms, outcome, ended, missed)
-SELECT 'c' || (i % {MACHINES} + 1), 1, i / {MACHINES} + 1, {BEGIN} + i * 864000, 1, 20 + i % 40, 6, (i * 7919 % 1000) / 250.0,
-       iif(i % 97 = 0, ' 10 ', ''), iif(i % 9973 = 0, 'lost', 'unloaded'), {BEGIN} + i * 864000 + 40000000, 0 FROM n
-"""
-GENERATE_STEPS = f"""
+INSERT INTO record (machine, kind, number, boot, sequence, begun, entry, outcome, ended, seconds, paused, missed, alarms, definition, key,
+  value, fields, memo)
+SELECT i % {MACHINES} + 1, 'passage', i / {MACHINES} + 1, 1, i * {STEPS}, {BEGIN} + i * 864000, 1,
+  iif(i % 9973 = 0, 'lost', 'unloaded'), {BEGIN} + i * 864000 + 40000000, NULL, 0, 0, iif(i % 97 = 0, ' 10 ', ''), '', '',
+  (i * 7919 % 1000) / 250.0, json_object('length', 20 + i % 40, 'corrections', 6, 'greatest', (i * 7919 % 1000) / 250.0), '' FROM n
+""",
+    f"""
 WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {STEPS} - 1)
-INSERT INTO passage_step (passage, boot, sequence, time, code, source, value, second, second_value, person, reason)
-SELECT p.id, 1, p.id * {STEPS} + i, p.entered + i * 1000000, iif(i = 0, 1, 3), i / 2 + 1, 0.25, 0, NULL, '', '' FROM passage p, n
-"""
+INSERT INTO event (id, machine, boot, sequence, time, code, source, value, words, request, person, reason)
+SELECT r.id * {STEPS} + i, r.machine, 1, r.id * {STEPS} + i, r.begun + i * 1000000, iif(i = 0, 1, 3), i / 2 + 1, 0.25, x'', 0, '', ''
+FROM record r, n
+""",
+    f"INSERT INTO record_event (record, event) SELECT id / {STEPS}, id FROM event",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +85,7 @@ def _stored(folder: Path) -> tuple[float, float]:
             for n, code in enumerate((1, 2, 3, 4, 3, 4, 3, 4, 5))
         ]
         deliveries.append(Delivery("c1", events))
-    fold = Passages()
-    fold.machines = frozenset({"c1"})
+    fold = RecordFold([Equipment("c1", TYPE, "hall", 1, {"en": "c1"}, "line", {}, [])])
     began = time.perf_counter()
     for at in range(0, STORED, 4):
         database.run(
@@ -81,7 +94,7 @@ def _stored(folder: Path) -> tuple[float, float]:
     ours = 9 * STORED / (time.perf_counter() - began)
     schema = database.run(
         lambda connection: connection.exec_driver_sql(
-            "SELECT sql FROM sqlite_master WHERE name = 'passage_step'"
+            "SELECT sql FROM sqlite_master WHERE name = 'event' AND type = 'table'"
         ).scalar_one()
     )
     database.close()
@@ -94,7 +107,9 @@ def _stored(folder: Path) -> tuple[float, float]:
         bare.execute("BEGIN")
         for n in range(36):
             bare.execute(
-                "INSERT INTO passage_step VALUES (?, 1, ?, ?, 3, 1, 0.5, 0, NULL, '', '')", (product, n, BEGIN)
+                "INSERT INTO event (machine, boot, sequence, time, code, source, value, words, request, person, reason) "
+                "VALUES (1, 1, ?, ?, 3, 1, 0.5, x'000000000001', 0, '', '')",
+                (product * 9 + n, BEGIN),
             )
         bare.execute("COMMIT")
     took = time.perf_counter() - began
@@ -108,31 +123,33 @@ async def measure() -> list[Row]:
         ours, bare = _stored(folder)
         database = Database(folder / "history.db", "history")
         database.migrate()
-        database.run(lambda connection: connection.exec_driver_sql(GENERATE))
-        database.run(lambda connection: connection.exec_driver_sql(GENERATE_STEPS))
+        for sentence in GENERATE:
+            database.run(lambda connection, sentence=sentence: connection.exec_driver_sql(sentence))  # type: ignore[misc]
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return _timed(lambda: query.find(connection, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return _timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
-            newest = query.find(connection, Wanted(), 1)[0]
+            newest = query.find(connection, KIND, Wanted(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="c7")
-            rare, alarms = page(outcome="lost"), page(alarm="any", correction=3.0)
-            count = _timed(lambda: query.count(connection, Wanted(alarm="any"), PASSAGES + 1), 5)
+            rare, alarms = page(outcome="lost"), page(given={"alarm": ANY, "correction": 3.0})
+            count = _timed(lambda: query.count(connection, KIND, Wanted(given={"alarm": ANY}), PASSAGES + 1), 5)
             bare_page = _timed(
-                lambda: connection.exec_driver_sql(f"SELECT * FROM passage ORDER BY id DESC LIMIT {PAGE + 1}").all()
+                lambda: connection.exec_driver_sql(f"SELECT * FROM record ORDER BY id DESC LIMIT {PAGE + 1}").all()
             )
             bare_scan = _timed(
-                lambda: connection.exec_driver_sql("SELECT count(*) FROM passage WHERE alarms <> ''").scalar_one(), 5
+                lambda: connection.exec_driver_sql("SELECT count(*) FROM record WHERE alarms <> ''").scalar_one(), 5
             )
-            export = PassageExport(PassageWish(Wanted(), ZoneInfo("Europe/Zagreb")))
+            export = RecordExport(RecordWish(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND))
             began = time.perf_counter()
             while not export.done:
                 export.read(connection)
             exported = export.rows / (time.perf_counter() - began)
             began = time.perf_counter()
-            connection.exec_driver_sql("SELECT * FROM passage p JOIN passage_step s ON s.passage = p.id").all()
+            connection.exec_driver_sql(
+                "SELECT * FROM record r JOIN record_event b ON b.record = r.id JOIN event e ON e.id = b.event"
+            ).all()
             bare_rows = PASSAGES / (time.perf_counter() - began)
         database.close()
     worst = max(first, middle, machine)
@@ -141,7 +158,7 @@ async def measure() -> list[Row]:
             "products: events stored",
             f"{thousands(ours)} /s",
             "2 000 /s",
-            f"{thousands(bare)} /s, sqlite3 INSERT of their steps",
+            f"{thousands(bare)} /s, sqlite3 INSERT of the same",
             ours / bare,
             ours >= 2000,
             "commits of 4 products of 9 events; 50 conveyors at full speed tell about 100 /s",
@@ -168,7 +185,7 @@ async def measure() -> list[Row]:
             "products: CSV",
             f"{thousands(exported)} passages/s",
             "5 000 /s",
-            f"{thousands(bare_rows)} /s, SELECT of passages and steps",
+            f"{thousands(bare_rows)} /s, SELECT of passages and events",
             exported / bare_rows,
             exported >= 5000,
             f"{STEPS} steps each",

@@ -8,14 +8,18 @@ from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
 from app.db import Database
-from app.historian import run_query as query
+from app.historian import record_query as query
 from app.historian.events import Delivery, store
-from app.historian.run_export import RunExport, RunWish
-from app.historian.run_query import Wanted
-from app.historian.runs import Kept, Runs
+from app.historian.record_export import RecordExport, RecordWish
+from app.historian.record_query import ANY, Wanted
+from app.historian.records import RecordFold
 from app.historian.store import DAY
+from app.plant import types
+from app.plant.definitions import Equipment, SequenceDefinition, SequenceStep
 from benchmarks.common import Row, median, milliseconds, thousands
 
+TYPE = types.read_type("sequence", ["en"])[0].type
+KIND = TYPE.records["run"]
 RUNS = 50_000
 MACHINES = 5
 STEPS = 8
@@ -24,20 +28,32 @@ STORED = 1_000
 BEGIN = 1_700_000_000_000_000
 PAGE = 50
 BIT = (0xFFFF, 0, 0xFFFF, 0xFFFF, 0x7FC0, 0)
-GENERATE = f"""
+DEFINITION = SequenceDefinition(
+    "d", {"en": "d"}, [SequenceStep(f"s{n}", {"en": f"s{n}"}, 0.5, 30.0) for n in range(1, STEPS + 1)], ()
+)
+GENERATE = (
+    f"""
+WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {MACHINES})
+INSERT INTO event_machine (id, lasting_id, name) SELECT i, 'seq' || i, 'seq' || i FROM n
+""",
+    f"""
 WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {RUNS} - 1)
-INSERT INTO sequence_run (equipment, boot, sequence, definition, started, seen, outcome, ended, seconds, step, suspensions, suspended,
-  stalls, losses, forces, cause, first_out, first_step, first_bit, first_time, first_value, first_together, acknowledged_by, person, missed)
-SELECT 'seq' || (i % {MACHINES} + 1), 1, i * 30, 'd', {BEGIN} + i * 1728000, 1, iif(i % 97 = 0, 'aborted', 'done'),
-  {BEGIN} + i * 1728000 + 60000000, 60 + (i * 7919 % 1000) / 50.0, {STEPS}, 0, 0, 0, i % 97 = 0, i % 501 = 0, iif(i % 97 = 0, 2, 0),
-  iif(i % 97 = 0, 's' || (i % 8 + 1) || '.pressure_ok', ''), NULL, NULL, NULL, NULL, 0, '', '', 0 FROM n
-"""
-GENERATE_STEPS = f"""
+INSERT INTO record (machine, kind, number, boot, sequence, begun, entry, outcome, ended, seconds, paused, missed, alarms, definition, key,
+  value, fields, memo)
+SELECT i % {MACHINES} + 1, 'run', 0, 1, i * 30, {BEGIN} + i * 1728000, 1, iif(i % 97 = 0, 'aborted', 'done'),
+  {BEGIN} + i * 1728000 + 60000000, 60 + (i * 7919 % 1000) / 50.0, 0, 0, '', 'd',
+  iif(i % 97 = 0, 's' || (i % 8 + 1) || '.pressure_ok', ''), NULL,
+  json_object('step', {STEPS}, 'suspensions', 0, 'stalls', 0, 'losses', i % 97 = 0, 'forces', i % 501 = 0, 'cause',
+    iif(i % 97 = 0, 'permissive_lost', NULL), 'first_out', iif(i % 97 = 0, 's' || (i % 8 + 1) || '.pressure_ok', NULL)), '' FROM n
+""",
+    f"""
 WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {STEPS})
-INSERT INTO sequence_step (run, step, key, state, entered, ended, seconds, suspended)
-SELECT r.id, i, 's' || i, 'done', r.started + i * 7000000, r.started + i * 7000000 + 7000000, 6 + (r.id * 31 % 200) / 100.0, 0
-FROM sequence_run r, n ORDER BY r.id, i
-"""
+INSERT INTO record_part (record, number, key, state, begun, ended, seconds, paused)
+SELECT r.id, i, 's' || i, 'done', r.begun + i * 7000000, r.begun + i * 7000000 + 7000000, 6 + (r.id * 31 % 200) / 100.0, 0
+FROM record r, n ORDER BY r.id, i
+""",
+    "INSERT INTO definition (id, text) VALUES ('d', '{}')",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +82,7 @@ def _stored(folder: Path) -> float:
     """Events stored per second as a link delivers them: one run of eight steps after the other."""
     database = Database(folder / "stored.db", "history")
     database.migrate()
-    fold = Runs()
-    fold._definitions, fold.machines = {"seq1": Kept("d", "{}", (), {})}, frozenset({"seq1"})
+    fold = RecordFold([Equipment("seq1", TYPE, "hall", 1, {"en": "seq1"}, "line", {}, [], sequence=DEFINITION)])
     number = 0
     deliveries = []
     for _ in range(STORED):
@@ -90,45 +105,43 @@ async def measure() -> list[Row]:
         stored = _stored(folder)
         database = Database(folder / "history.db", "history")
         database.migrate()
-        database.run(lambda connection: connection.exec_driver_sql(GENERATE))
-        database.run(lambda connection: connection.exec_driver_sql(GENERATE_STEPS))
+        for sentence in GENERATE:
+            database.run(lambda connection, sentence=sentence: connection.exec_driver_sql(sentence))  # type: ignore[misc]
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return _timed(lambda: query.find(connection, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return _timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
-            newest = query.find(connection, Wanted(), 1)[0]
+            newest = query.find(connection, KIND, Wanted(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="seq3")
-            rare = page(first_out="s3.pressure_ok")
-            both = page(equipment="seq2", first_out="s3.pressure_ok", outcome="aborted")
-            forced, choices = page(forced=True), _timed(lambda: query.fallen(connection, "seq2"))
+            rare = page(given={"first_out": "s3.pressure_ok"})
+            both = page(equipment="seq2", given={"first_out": "s3.pressure_ok"}, outcome="aborted")
+            forced, choices = page(given={"forced": ANY}), _timed(lambda: query.choices(connection, KIND, "seq2"))
             one = Wanted("seq1")
-            times = _timed(lambda: (query.step_times(connection, one), query.run_times(connection, one)), 5)
+            times = _timed(
+                lambda: (query.part_times(connection, KIND, one), query.times(connection, KIND, one, "done")), 5
+            )
             bare_page = _timed(
-                lambda: connection.exec_driver_sql(
-                    f"SELECT * FROM sequence_run ORDER BY id DESC LIMIT {PAGE + 1}"
-                ).all()
+                lambda: connection.exec_driver_sql(f"SELECT * FROM record ORDER BY id DESC LIMIT {PAGE + 1}").all()
             )
             bare_scan = _timed(
-                lambda: connection.exec_driver_sql(
-                    "SELECT count(*) FROM sequence_run WHERE +first_out <> ''"
-                ).scalar_one(),
+                lambda: connection.exec_driver_sql("SELECT count(*) FROM record WHERE +key <> ''").scalar_one(),
                 5,
             )
             bare_times = _timed(
                 lambda: connection.exec_driver_sql(
-                    "SELECT step, count(*), min(seconds), avg(seconds), max(seconds) FROM sequence_step GROUP BY step"
+                    "SELECT number, count(*), min(seconds), avg(seconds), max(seconds) FROM record_part GROUP BY number"
                 ).all(),
                 5,
             )
-            export = RunExport(RunWish(Wanted(), ZoneInfo("Europe/Zagreb"), steps=[""] * STEPS))
+            export = RecordExport(RecordWish(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND, names=[""] * STEPS))
             began = time.perf_counter()
             while not export.done:
                 export.read(connection)
             exported = export.rows / (time.perf_counter() - began)
             began = time.perf_counter()
-            connection.exec_driver_sql("SELECT * FROM sequence_run r JOIN sequence_step s ON s.run = r.id").all()
+            connection.exec_driver_sql("SELECT * FROM record r JOIN record_part s ON s.record = r.id").all()
             bare_rows = RUNS / (time.perf_counter() - began)
         database.close()
     worst, filtered = max(first, middle, machine), max(rare, both, forced, choices)
