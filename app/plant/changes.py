@@ -11,7 +11,7 @@ from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point, SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
-from app.plant.types import BY_DEFINITION
+from app.plant.type_files.options import BY_DEFINITION
 
 MOST_SHOWN = 12
 """Names that one line lists; the rest is a number."""

@@ -26,6 +26,11 @@ from app.plant.sequences import FOLDER as SEQUENCES
 from app.plant.sequences import SequenceFiles
 from app.plant.sequences import options as definition_options
 from app.plant.tables import MISSING, MOST_PROBLEMS, NONE, STOP_AT, Enough, Plain, Source, Table, one_of, read_label
+from app.plant.type_files.alarms import read_alarm, sentences_of
+from app.plant.type_files.data import PointData, TypeData
+from app.plant.type_files.names import KEY, KEY_EXPECTED
+from app.plant.type_files.options import BY_DEFINITION
+from app.plant.type_files.sentences import check_expression
 
 PLANT_FILE = "plant.toml"
 LOCALE = Path(__file__).resolve().parent.parent / "locale"
@@ -86,7 +91,7 @@ class _PlantReader:
         self.languages: Sequence[str] = self.known_languages
         self.spoken: Sequence[str] = LANGUAGES
         """Languages in which a type must have its texts: those that the plant names, else the product's own."""
-        self.types: dict[str, types.TypeData | None] = {}
+        self.types: dict[str, TypeData | None] = {}
         self.type_problems: list[Problem] = []
         self.equipment: dict[str, Equipment] = {}
         self.unread: set[str] = set()
@@ -220,7 +225,7 @@ class _PlantReader:
         table.done()
         return link
 
-    def _type(self, name: str) -> types.TypeData | None:
+    def _type(self, name: str) -> TypeData | None:
         if name not in self.types:
             data, problems = types.read_type(name, self.known_languages, self.type_folder, spoken=self.spoken)
             circle = "" if problems else order_problem(data.type.points)
@@ -336,7 +341,7 @@ class _PlantReader:
     def _instance(
         self,
         table: Table,
-        data: types.TypeData,
+        data: TypeData,
         *,
         id: str,
         was: str,
@@ -384,7 +389,7 @@ class _PlantReader:
     def _options(
         self,
         table: Table,
-        data: types.TypeData,
+        data: TypeData,
         preset: Mapping[str, float],
         sequence: SequenceDefinition | None = None,
     ) -> dict[str, object]:
@@ -393,7 +398,7 @@ class _PlantReader:
             options |= definition_options(sequence)
         counts = {map.capacity for map in data.type.tables.values()}
         for name, default in options.items():
-            if sequence and name in types.BY_DEFINITION:
+            if sequence and name in BY_DEFINITION:
                 continue  # the definition says it
             if isinstance(default, float):
                 low, high = data.type.ranges[name]
@@ -404,12 +409,12 @@ class _PlantReader:
                 options[name] = self._option_table(table.table(name), name, data)
         numbers = {name: value for name, value in options.items() if isinstance(value, float)}
         for check in data.checks:
-            if not types.holds(check, numbers):
+            if not check.holds(numbers):
                 shown = {name: f"{value:g}" for name, value in numbers.items()}
                 table.note(check.option, Plain(shown[check.option]), check.expected.format(**shown))
         return options
 
-    def _option_table(self, table: Table, name: str, data: types.TypeData) -> dict[str, object]:
+    def _option_table(self, table: Table, name: str, data: TypeData) -> dict[str, object]:
         words, codes, numbers = data.choices[name], data.parameters[name], data.numbers[name]
         known = {setpoint.code: setpoint for setpoint in data.type.setpoints.values()}
         values: dict[str, object] = {}
@@ -426,7 +431,7 @@ class _PlantReader:
         table.done()
         return values
 
-    def _overrides(self, table: Table, data: types.TypeData, count: int) -> dict[str, dict[str, Any]]:
+    def _overrides(self, table: Table, data: TypeData, count: int) -> dict[str, dict[str, Any]]:
         """`[equipment.m1.points.speed]`: what differs on this machine."""
         found: dict[str, dict[str, Any]] = {}
         for key, row in table.tables("points"):
@@ -435,7 +440,7 @@ class _PlantReader:
                 continue
             values: dict[str, Any] = {}
             if row.has("was"):
-                pattern = rf"{ID}\.{types.KEY}"
+                pattern = rf"{ID}\.{KEY}"
                 values["was"] = row.text(
                     "was", pattern=pattern, expected="the former name of the point, such as m1.speed"
                 )
@@ -473,7 +478,7 @@ class _PlantReader:
             return  # told already, where its type or its definition is
         name = row.text("equipment", choices=sorted(self.equipment))
         item = self.equipment.get(name) if row.data.get("equipment") == name else None
-        key = row.text("key", pattern=types.KEY, expected="a key of small letters, digits and _")
+        key = row.text("key", pattern=KEY, expected=KEY_EXPECTED)
         prefix = f"plant.{name}.{key}."
         for field in ("label", "consequence", "cause", "response"):
             given = self._label(row, field, required=field == "label", default="–")
@@ -488,26 +493,19 @@ class _PlantReader:
         for known in ("equipment", "key"):
             plain.raw(known)
         ring = item.type.device.plc if item else None
-        alarm: Alarm = types.read_alarm(key, plain, prefix, item.type.events if item and ring and ring.events else {})
+        alarm: Alarm = read_alarm(key, plain, prefix, item.type.events if item and ring and ring.events else {})
         plain.done()
         if item is None:
             return
         if any(other.key == key for other in item.alarms):
             row.note("key", key, f"a key that no other alarm of {name} has")
-        sentences = {
-            "expression": alarm.expression,
-            "clear": alarm.clear,
-            "value": alarm.value,
-            "reference": alarm.reference,
-        }
-        for field, text in sentences.items():
-            if text:
-                types.check_expression(row, field, text, item.points, name)
+        for field, text in sentences_of(alarm):
+            check_expression(row, field, text, item.points, name)
         self.equipment[name] = replace(item, alarms=(*item.alarms, alarm))
 
 
 def _cells(
-    columns: Mapping[str, types.PointData], map: TableMap, slots: int, options: Mapping[str, object]
+    columns: Mapping[str, PointData], map: TableMap, slots: int, options: Mapping[str, object]
 ) -> Iterator[Point]:
     """The cells of a table, slot by slot; their key and id lack only the machine."""
     first = [_bounded(data, options) for data in columns.values()]
@@ -519,7 +517,7 @@ def _cells(
             yield replace(point, key=key, id=id, register=register, row=slot - 1)
 
 
-def _bounded(data: types.PointData, options: Mapping[str, object]) -> Point:
+def _bounded(data: PointData, options: Mapping[str, object]) -> Point:
     """The point with its bounds computed from the options of the machine."""
     if not data.bounds:
         return data.point

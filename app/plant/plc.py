@@ -27,7 +27,7 @@
     none = 0                                            number that means "no value"
     all = "products"                                    under this name an alarm lists all of them since it was acknowledged
 
-The points that they lie on are read in plant/types.py.
+The points that they lie on are read in plant/type_files/tables.py.
 """
 
 import re

@@ -45,7 +45,7 @@ from zlib import crc32
 
 from app.blocks.sequence import ALL, BITS, SequenceState
 from app.errors import ConfigurationError
-from app.plant import expression, types
+from app.plant import expression
 from app.plant.definitions import (
     Equipment,
     Kind,
@@ -60,6 +60,8 @@ from app.plant.definitions import (
     Type,
 )
 from app.plant.tables import MISSING, Plain, Source, Table, one_of
+from app.plant.type_files.names import KEY
+from app.plant.type_files.options import MOST_STEPS, STEPS
 
 FOLDER = "sequences"
 """Of a plant folder."""
@@ -196,10 +198,10 @@ class SequenceFiles:
         rows = list(root.rows("steps"))
         if not root.has("steps") or root.data["steps"] == []:
             root.note("steps", MISSING, "at least one [[steps]]")
-        elif len(rows) > types.MOST_STEPS:
-            root.note("steps", f"{len(rows)} steps", f"at most {types.MOST_STEPS} steps")
+        elif len(rows) > MOST_STEPS:
+            root.note("steps", f"{len(rows)} steps", f"at most {MOST_STEPS} steps")
         steps: list[SequenceStep] = []
-        for row in rows[: types.MOST_STEPS]:
+        for row in rows[:MOST_STEPS]:
             steps.append(self._step(file, row, [step.key for step in steps]))
         definition = SequenceDefinition(
             name,
@@ -229,7 +231,7 @@ class SequenceFiles:
             row.note("maximum", maximum, f"0 (stay), or at least the minimum, which is {minimum:g} s")
         actions: list[str] = []
         for index, action in enumerate(row.items("actions", [], "a list of actions of the machine")):
-            if not isinstance(action, str) or not re.fullmatch(types.KEY, action):
+            if not isinstance(action, str) or not re.fullmatch(KEY, action):
                 row.note(f"actions.{index}", action, "an action of the machine")
             elif action in actions:
                 row.note(f"actions.{index}", action, "each action once")
@@ -262,7 +264,7 @@ class SequenceFiles:
             if key in keys:
                 table.note("key" if table.has("key") else "", key, "a key that no other bit of this word has")
             keys.add(key)
-            when, value = table.text("when", ""), table.text("value", "", pattern=types.KEY, expected="a point")
+            when, value = table.text("when", ""), table.text("value", "", pattern=KEY, expected="a point")
             permissive = SequencePermissive(
                 key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable)
             )
@@ -379,9 +381,9 @@ def checksum(definition: SequenceDefinition) -> int:
 
 
 def options(definition: SequenceDefinition) -> dict[str, float]:
-    """The options that its equipment has by its definition (`types.BY_DEFINITION`)."""
+    """The options that its equipment has by its definition (`BY_DEFINITION`)."""
     return {
-        types.STEPS: float(len(definition.steps)),
+        STEPS: float(len(definition.steps)),
         "program": float(checksum(definition)),
         "longest_force": definition.longest_force,
         "keep_forces": float(definition.keep_forces),

@@ -21,7 +21,7 @@ from app.errors import ConfigurationError
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.definitions import Texts as Label
 from app.plant.loader import LOCALE, languages
-from app.plant.types import flatten
+from app.plant.type_files.texts import flatten
 
 FALLBACK = "en"
 COUNT = "n"

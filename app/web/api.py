@@ -25,7 +25,7 @@ from app.commands.value_set import MOST
 from app.errors import Refused
 from app.historian import query
 from app.plant.definitions import Equipment, Point
-from app.plant.types import MOST_ARGUMENTS
+from app.plant.type_files.commands import MOST_ARGUMENTS
 from app.tags import quality as q
 from app.web import event_api, record_api
 from app.web.guard import address_of, allow, check_points, may_read, person_of, shown_name

@@ -9,7 +9,7 @@ import pytest
 
 from app.commands.hold import CAUSES
 from app.commands.lifecycle import State
-from app.plant.types import flatten
+from app.plant.type_files.texts import flatten
 from tests.commands.stand import ROOT
 
 LANGUAGES = ("hr", "en", "de", "cs")

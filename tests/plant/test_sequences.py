@@ -12,7 +12,7 @@ from app.plant.definitions import Equipment, Problem, SequencePermissive
 from app.plant.loader import read_plant
 from app.plant.sequences import canonical, checksum, program, unused
 from app.plant.texts import Texts
-from app.plant.types import MOST_STEPS
+from app.plant.type_files.options import MOST_STEPS
 from tests.plant.transport import PLANT, STROKE, TYPES, load, loaded, write_plant, write_types
 
 ALONE = PLANT.replace('machine = "p1"\n', "")

@@ -1,0 +1,50 @@
+"""interlocks.toml and checks.toml: what must be true to start, what stops at any time, what must hold between setpoints."""
+
+from collections.abc import Collection
+
+from app.plant.definitions import Condition
+from app.plant.tables import Table
+from app.plant.type_files.sentences import Sentences, names_in
+
+
+def read_guards(file: Table, sentences: Sentences) -> tuple[list[Condition], list[Condition]]:
+    """`[permissives.…]` and `[interlocks.…]`."""
+    permissives = [_condition("permissive", key, table, sentences) for key, table in file.tables("permissives")]
+    interlocks = [_condition("interlock", key, table, sentences) for key, table in file.tables("interlocks")]
+    file.done()
+    return permissives, interlocks
+
+
+def read_checks(file: Table, sentences: Sentences, setpoints: Collection[str]) -> list[Condition]:
+    """Sentences over values of which at least one is a setpoint."""
+    checks = [_condition("check", key, table, sentences) for key, table in file.tables()]
+    for check in checks:
+        points = names_in(check.expression)
+        if points is not None and points.isdisjoint(setpoints):
+            file.note(f"{check.key}.expression", check.expression, "a sentence over at least one setpoint")
+        if check.commands:
+            file.note(f"{check.key}.commands", ", ".join(check.commands), "no commands: a check is about values")
+    return checks
+
+
+def check_commands(
+    file: Table, group: str, conditions: Collection[Condition], commands: Collection[str], owner: str
+) -> None:
+    """What a condition guards must be a command of the type."""
+    for condition in conditions:
+        for command in condition.commands:
+            if command not in commands:
+                file.note(f"{group}.{condition.key}.commands", command, f"a command of {owner}")
+
+
+def _condition(group: str, key: str, table: Table, sentences: Sentences) -> Condition:
+    condition = Condition(
+        key=key,
+        label=table.text("label", f"{group}.{key}"),
+        expression=table.text("expression"),
+        commands=tuple(table.items("commands", [])),
+    )
+    if condition.expression:
+        sentences.add(table, "expression", condition.expression, argument=group != "check")
+    table.done()
+    return condition

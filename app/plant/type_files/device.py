@@ -1,0 +1,67 @@
+"""device.toml: what the device bears (telegrams, times), and what a sequence may ask of a machine of this type."""
+
+import re
+from collections.abc import Iterator
+
+from app.plant.definitions import Device
+from app.plant.tables import Table
+from app.plant.type_files.names import KEY, NAME_EXPECTED
+from app.plant.type_files.options import read_span
+
+
+def read_device(table: Table) -> Device:
+    """`[device]`: how much one telegram carries, which functions it knows, how long it takes [s]."""
+    device = Device(
+        max_read=table.whole("max_read", 125, 1, 125),
+        fallback_read=table.whole("fallback_read", 0, 0, 125),
+        group_read={key: table.table("group_read").whole(key, low=1, high=125) for key in table.raw("group_read", {})},
+        max_write=table.whole("max_write", 1, 1, 123),
+        read_functions=tuple(table.items("read_functions", (3,))),
+        write_functions=tuple(table.items("write_functions", (6,))),
+        turnaround=float(table.number("turnaround", 0.02, 0, 10)),
+        timeout=float(table.number("timeout", 0.25, 0, 60)),
+        connections=table.whole("connections", 1, 1, 64),
+        pipelining=table.whole("pipelining", 1, 1, 64),
+        fast=float(table.number("fast", 0.1, 0.01, 3600)),
+        slow=float(table.number("slow", 1.0, 0.01, 3600)),
+        holes=tuple(_ranges(table, "holes")),
+        write_only=tuple(_ranges(table, "write_only")),
+        training=table.whole("training", 0xE000),
+    )
+    table.done()
+    return device
+
+
+def read_actions(head: Table, *, sequence: bool) -> tuple[str, ...]:
+    """`[actions]`: what the steps of a sequence may ask of this machine."""
+    table = head.table("actions")
+    actions: list[str] = []
+    for index, name in enumerate(table.items("names") if head.has("actions") else []):
+        if not isinstance(name, str) or not re.fullmatch(KEY, name):
+            table.note(f"names.{index}", name, NAME_EXPECTED)
+        elif name in actions:
+            table.note(f"names.{index}", name, "each action once")
+        else:
+            actions.append(name)
+    table.done()
+    if sequence and head.has("actions"):
+        head.note("actions", "given", "no actions where `sequence` is true: a sequence asks, it is not asked")
+    return tuple(actions)
+
+
+def read_simulation_presets(head: Table) -> dict[str, tuple[float, float]]:
+    """`[presets_of_simulation]`: what a test of a sequence may set on the simulated machine, least and greatest."""
+    table = head.table("presets_of_simulation")
+    for name in table.data:
+        if not re.fullmatch(KEY, name):
+            table.note(name, name, NAME_EXPECTED)
+    return {name: read_span(name, table) for name in table.data}
+
+
+def _ranges(table: Table, key: str) -> Iterator[tuple[int, int]]:
+    for index, item in enumerate(table.items(key, [])):
+        match item:
+            case [int() as first, int() as last] if 0 <= first <= last <= 0xFFFF:
+                yield first, last
+            case _:
+                table.note(f"{key}.{index}", item, "[first, last] with 0 <= first <= last <= 65535")

@@ -1,0 +1,152 @@
+"""points.toml: the values of a type; setpoints and cells of tables are points too, and are built here."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+from app.plant import expression
+from app.plant.definitions import Derived, Kind, Point, Register, Scan, TableMap, Type
+from app.plant.derive import KINDS
+from app.plant.tables import NONE, Table
+from app.plant.type_files.data import PointData
+from app.plant.type_files.names import KEY, KEY_EXPECTED
+from app.plant.type_files.options import Options
+from app.plant.type_files.registers import read_register
+from app.plant.type_files.sentences import Sentences
+from app.registers.plc_map import TABLE_HEAD
+
+
+class Points:
+    """The points of a type as far as they are read; their bounds may be expressions over `options`."""
+
+    def __init__(self, owner: str, options: Options, sentences: Sentences) -> None:
+        self.found: dict[str, PointData] = {}
+        self._owner = owner
+        self._options = options
+        self._sentences = sentences
+
+    def read(self, file: Table) -> None:
+        """Each table of `file` is a point."""
+        for key, table in file.tables():
+            self.add(key, table)
+            table.done()
+
+    def add(self, key: str, table: Table, **given: Any) -> None:
+        """The point that `table` describes, `given` in place of the usual defaults; the caller is `done` with the table."""
+        data = self._build(key, table, **given)
+        if key in self.found:
+            table.note("", key, "a key that no other point of the type has")
+        self.found[key] = data
+
+    def add_head(self, table: Table, key: str, label: str, address: int) -> None:
+        """A word in the head of a table."""
+        if key in self.found:
+            table.note("", key, "a table whose points no point of points.toml has")
+            return
+        point = Point("", key, "", key, label, Kind.STEP, register=Register(address), history=False)
+        self.found[key] = PointData(point)
+
+    def cell(self, key: str, table: Table, map: TableMap) -> PointData:
+        """A column as the cell of slot 1."""
+        address = map.address + TABLE_HEAD + table.whole("offset", low=0, high=map.row - 1)
+        kind = "enum" if table.has("texts") else "analog" if table.data.get("type") == Type.F32 else "step"
+        data = self._build(f"{map.key}.{key}", table, kind=kind, history=False, address=address)
+        data.point = replace(data.point, key=key, id=table.text("was", key, pattern=KEY), table=map.key)
+        table.done()
+        return data
+
+    def normal(self, table: Table, bounds: dict[str, str]) -> tuple[float, float] | None:
+        """The band `normal = [low, high]`; what of it is an expression goes to `bounds`."""
+        if not table.has("normal"):
+            return None
+        band = table.items("normal", expected="[low, high]")
+        values: list[float] = []
+        for index, item in enumerate(band):
+            if isinstance(item, str):
+                self._options.check_expression(table, f"normal.{index}", item)
+                bounds[f"normal.{index}"] = item
+            elif isinstance(item, bool) or not isinstance(item, int | float):
+                table.note(f"normal.{index}", item, "a number or an expression over options")
+            values.append(float(item) if isinstance(item, int | float) else 0.0)
+        if len(values) != 2 or (not bounds and values[0] > values[1]):
+            table.note("normal", band, "[low, high] with low <= high")
+            return None
+        return values[0], values[1]
+
+    def _build(self, key: str, table: Table, **given: Any) -> PointData:
+        kind = Kind(table.text("kind", given.get("kind", "analog"), choices=[kind.value for kind in Kind]))
+        register = None
+        if "address" in given or table.has("address"):
+            register = read_register(table, writable=given.get("writable", False), address=given.get("address"))
+        derived = self._derived(table.table("derived")) if table.has("derived") else None
+        bounds: dict[str, str] = {}
+        point = Point(
+            name="",
+            id=table.text("was", key, pattern=KEY, expected="the former key of the point"),
+            equipment="",
+            key=key,
+            label=table.text("label", f"point.{key}"),
+            kind=kind,
+            unit=table.text("unit", ""),
+            decimals=table.whole("decimals", 0, 0, 6),
+            register=register,
+            derived=derived,
+            scan=Scan(table.text("scan", given.get("scan", "fast"), choices=[scan.value for scan in Scan])),
+            low=given["low"] if "low" in given else self._bound(table, "low", bounds),
+            high=given["high"] if "high" in given else self._bound(table, "high", bounds),
+            normal=self.normal(table, bounds),
+            scale_low=self._bound(table, "scale_low", bounds),
+            scale_high=self._bound(table, "scale_high", bounds),
+            dead_band=self._bound(table, "dead_band", bounds) or 0.0,
+            history=table.flag("history", given.get("history", True)),
+            texts=read_choices(table, key, "texts"),
+            certainty=table.text("certainty", ""),
+        )
+        name = key.rpartition(".")[2]
+        if not re.fullmatch(KEY, name) or key in expression.RESERVED:  # a column may be called age: its cells are not
+            table.note("", name, f"{KEY_EXPECTED}, not a word of the grammar")
+        if register is None and derived is None:
+            table.note("", NONE, "a point with `address` or with `derived`")
+        return PointData(point, bounds)
+
+    def _derived(self, table: Table) -> Derived:
+        kind = table.text("kind", choices=KINDS)
+        derived = Derived(kind, table.text("of", ""), table.text("when", ""))
+        needs_of, needs_when = KINDS.get(kind, (False, False))
+        if needs_of != bool(derived.of):
+            table.note("of", derived.of, f"{'a point' if needs_of else 'nothing'} for {kind}")
+        if needs_when != bool(derived.when):
+            table.note("when", derived.when, f"{'a condition' if needs_when else 'nothing'} for {kind}")
+        if derived.of and kind == "option":
+            if derived.of not in self._options.defaults:
+                table.note("of", derived.of, f"an option of {self._owner} that is a number")
+        elif derived.of:
+            self._sentences.add(table, "of", derived.of)
+        if derived.when:
+            self._sentences.add(table, "when", derived.when)
+        table.done()
+        return derived
+
+    def _bound(self, table: Table, key: str, bounds: dict[str, str]) -> float | None:
+        value = table.raw(key)
+        if isinstance(value, str):
+            self._options.check_expression(table, key, value)
+            bounds[key] = value
+            return None
+        given = table.number(key, None)
+        return None if given is None else float(given)
+
+
+def read_choices(table: Table, key: str, name: str) -> dict[int, str]:
+    """`name = [0, 1]` or `name = { 0 = "text.key" }`: a value → the key of its text."""
+    given = table.raw(name)
+    if given is None:
+        return {}
+    if isinstance(given, list) and all(isinstance(item, int) and not isinstance(item, bool) for item in given):
+        return {item: f"choice.{key}.{item}" for item in given}
+    if isinstance(given, dict) and all(
+        re.fullmatch(r"\d+", item) and isinstance(text, str) for item, text in given.items()
+    ):
+        return {int(item): text for item, text in given.items()}
+    table.note(name, given, "a list of values, or a table value = text key")
+    return {}

@@ -1,0 +1,46 @@
+"""Expressions in the files of a type: they may name points that are read later, so they are checked when all are known."""
+
+from collections.abc import Collection
+
+from app.errors import ConfigurationError
+from app.plant import expression
+from app.plant.tables import Table
+
+
+class Sentences:
+    """Every expression over points that the files of one type hold, and where it stands."""
+
+    def __init__(self) -> None:
+        self._found: list[tuple[Table, str, str, bool]] = []
+
+    def add(self, table: Table, key: str, text: str, *, argument: bool = False) -> None:
+        """Remember the expression at `key`; `argument`: whether it may say `argument`."""
+        self._found.append((table, key, text, argument))
+
+    def check(self, points: Collection[str], owner: str) -> None:
+        """Note every one that is no sentence, or that reads what `owner` has not among its `points`."""
+        for table, key, text, argument in self._found:
+            check_expression(table, key, text, points, owner, argument=argument)
+
+
+def check_expression(
+    table: Table, key: str, text: str, points: Collection[str], owner: str, *, argument: bool = False
+) -> None:
+    """Note a problem when `text` is no sentence of the grammar or reads what `owner` has not."""
+    try:
+        parsed = expression.parse(text)
+    except ConfigurationError as error:
+        table.note(key, text, str(error))
+        return
+    for name in sorted(parsed.names - set(points)):
+        table.note(key, text, f"names of points of {owner}; it has no {name}")
+    if parsed.needs_argument and not argument:
+        table.note(key, text, "no `argument` here: nobody enters one")
+
+
+def names_in(text: str) -> frozenset[str] | None:
+    """What a sentence reads; None when it is none, which `check` tells."""
+    try:
+        return expression.parse(text).names
+    except ConfigurationError:
+        return None

@@ -1,0 +1,61 @@
+"""setpoints.toml: the parameters of a type; each is a point too, of its own or one of points.toml."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from app.plant import plc
+from app.plant.definitions import PlcMap, Setpoint
+from app.plant.tables import MISSING, Table
+from app.plant.type_files.names import ROLES
+from app.plant.type_files.points import Points, read_choices
+from app.plant.type_files.sentences import Sentences
+
+
+def read_setpoints(
+    file: Table, points: Points, sentences: Sentences, map: PlcMap | None
+) -> Iterator[tuple[str, Setpoint]]:
+    """Each table of `file`; `points` get those that have an address, or are made writable within the settings of `map`."""
+    for key, row in file.tables():
+        low, high = row.raw("low", 0), row.raw("high", 65535)
+        options = read_choices(row, key, "options")
+        for name, bound in (("low", low), ("high", high)):
+            if isinstance(bound, str):
+                sentences.add(row, name, bound)
+            elif isinstance(bound, bool) or not isinstance(bound, int | float):
+                row.note(name, bound, "a number or an expression over points")
+        setpoint = Setpoint(
+            key=key,
+            low=str(low),
+            high=str(high),
+            normal=points.normal(row, {}),
+            role=row.text("role", "engineer", choices=ROLES),
+            group=row.text("group", ""),
+            code=row.text("code", ""),
+            options=options,
+            stopped_only=row.flag("stopped_only"),
+            warning=row.text("warning", ""),
+            default=row.number("default", None),
+            certainty=row.text("certainty", ""),
+        )
+        if row.has("address"):
+            points.add(
+                key,
+                row,
+                kind="enum" if options else "step",
+                scan="once",
+                writable=True,
+                history=False,
+                low=float(low) if isinstance(low, int | float) else None,
+                high=float(high) if isinstance(high, int | float) else None,
+            )
+            if options:
+                data = points.found[key]
+                data.point = replace(data.point, texts=options)
+        elif key not in points.found:
+            row.note("address", MISSING, "an address, or a key of points.toml")
+        elif map and plc.inside(map.settings, points.found[key].point.register):
+            data = points.found[key]
+            assert data.point.register
+            data.point = replace(data.point, register=replace(data.point.register, writable=True))
+        row.done()
+        yield key, setpoint
