@@ -13,7 +13,8 @@ from app.backup.archive import MOST_BYTES, MOST_FILES, RESERVE
 from app.cli import cli
 from app.cli_access import LARGEST_LIST, MOST_PEOPLE
 from app.logs import MOST_WAITING, PAUSE
-from app.plant.loader import MOST_MACHINES, MOST_POINTS, read_plant
+from app.plant.loader import read_plant
+from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS
 from app.plant.tables import MOST_PROBLEMS, STOP_AT
 from app.plant.toml import DEEPEST, LARGEST_FILE, LONGEST_TEXT, MOST_VALUES
 from app.settings import Settings

@@ -20,7 +20,7 @@ from babel import Locale, UnknownLocaleError
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.definitions import Texts as Label
-from app.plant.loader import LOCALE, languages
+from app.plant.plant_files.languages import LOCALE, languages
 from app.plant.type_files.texts import flatten
 
 FALLBACK = "en"

@@ -4,7 +4,7 @@ import pytest
 
 from app.alarms.event_params import NAMED, UNKNOWN, completed, of_event, untold
 from app.plant import types
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 from app.records.snapshot import Field, Layout
 from app.registers.plc_map import long_words, real
 from tests.historian.rings import Event

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 
 FILES = {
     "device.toml": """

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from app.plant import types
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text("utf-8")
 

@@ -11,7 +11,8 @@ from app.plant import types
 from app.plant.definitions import EquipmentType, Point, Register
 from app.plant.definitions import Type as Words
 from app.plant.expression import parse
-from app.plant.loader import LANGUAGES, read_plant
+from app.plant.loader import read_plant
+from app.plant.plant_files.languages import LANGUAGES
 
 _data, _problems = types.read_type("conveyor", LANGUAGES)
 PLANT = """

@@ -7,7 +7,8 @@ from textwrap import dedent
 from zlib import crc32
 
 from app.plant import types
-from app.plant.loader import LANGUAGES, read_plant
+from app.plant.loader import read_plant
+from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "conveyor.md").read_text("utf-8")

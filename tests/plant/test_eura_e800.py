@@ -9,7 +9,7 @@ import pytest
 from app.plant import types
 from app.plant.definitions import EquipmentType, Point
 from app.plant.expression import parse
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 
 LIVE = {"status", "frequency", "voltage", "current"}
 _data, _problems = types.read_type("eura_e800", LANGUAGES)

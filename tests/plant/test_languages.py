@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from app.plant import loader
 from app.plant.definitions import Problem
 from app.plant.loader import read_plant
+from app.plant.plant_files import languages
 from app.plant.texts import Texts
 
 TYPES = {
@@ -81,11 +81,11 @@ def test_a_wrong_file_of_any_language_is_told(types: Path) -> None:
 def test_a_new_language_of_the_product_asks_nothing_of_who_does_not_speak_it(
     types: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str
 ) -> None:
-    shutil.copytree(loader.LOCALE, tmp_path / "locale")
+    shutil.copytree(languages.LOCALE, tmp_path / "locale")
     (tmp_path / "locale" / "sl").mkdir()
     (tmp_path / "locale" / "sl" / "frame.toml").write_text('[frame]\nalarms = "Alarmi"\n')
-    monkeypatch.setattr(loader, "LOCALE", tmp_path / "locale")
-    assert "sl" in loader.languages()
+    monkeypatch.setattr(languages, "LOCALE", tmp_path / "locale")
+    assert "sl" in languages.languages()
     if plant == "demo":
         assert read_plant(Path("plants/demo").resolve())[1] == []
     else:

@@ -10,7 +10,8 @@ from app.blocks.sequence import Cause, SequenceEvent, SequenceState, StepState
 from app.plant import types
 from app.plant.definitions import EquipmentType, Point
 from app.plant.expression import parse
-from app.plant.loader import LANGUAGES, read_plant
+from app.plant.loader import read_plant
+from app.plant.plant_files.languages import LANGUAGES
 
 _data, _problems = types.read_type("sequence", LANGUAGES)
 PLANT = """

@@ -7,7 +7,7 @@ import pytest
 
 from app.plant import types
 from app.plant.definitions import EquipmentType
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 from app.plant.tables import Source
 from app.plant.training import read_training, text_of_code
 from app.sim.machines import MACHINE_FAULTS

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from app.plant.definitions import Plant, Problem
-from app.plant.loader import LANGUAGES, read_plant
+from app.plant.loader import read_plant
+from app.plant.plant_files.languages import LANGUAGES
 
 TYPES = {
     "sequence": {

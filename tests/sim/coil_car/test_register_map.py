@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from app.plant import types
 from app.plant.definitions import EquipmentType
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import Value, decode
 from app.sim.coil_car import register_map as coil_car

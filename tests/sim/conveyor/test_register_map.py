@@ -7,7 +7,7 @@ from app.blocks import product_tracking as tracking
 from app.blocks.mode_control import Mode
 from app.plant import types
 from app.plant.definitions import EquipmentType
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import Value, decode
 from app.sim.conveyor import register_map as conveyor

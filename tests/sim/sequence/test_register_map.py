@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from app.blocks import sequence as block
 from app.plant import types
 from app.plant.definitions import EquipmentType
-from app.plant.loader import LANGUAGES
+from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import decode
 from app.sim.plc import VirtualPlc

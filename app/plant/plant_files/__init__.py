@@ -1,0 +1,1 @@
+"""The parts of plant.toml: one reader for each; plant/loader.py has them read in order."""

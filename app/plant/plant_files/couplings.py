@@ -1,0 +1,72 @@
+"""Which machine a sequence uses: its definition asks for what only that machine can give."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from app.plant.definitions import Equipment, Link
+from app.plant.plant_files.machines import Machines, NamedMachine
+from app.plant.sequences import FOLDER, SequenceFiles
+from app.plant.tables import MISSING, Table, one_of
+
+
+def couple(machines: Machines, sequences: SequenceFiles, links: Mapping[str, Link], rows: Mapping[str, object]) -> None:
+    """Give every sequence its machine, and judge its definition by it. `rows`: `[equipment]` of the plant file."""
+    for id, named in machines.named.items():
+        if named.table.data.get("machine", "") == named.name:  # else it is told already
+            _couple(id, named, machines, sequences, links, rows)
+
+
+def _couple(
+    id: str,
+    named: NamedMachine,
+    machines: Machines,
+    sequences: SequenceFiles,
+    links: Mapping[str, Link],
+    rows: Mapping[str, object],
+) -> None:
+    item, machine = machines.found[id], _machine(id, named, machines.found)
+    if named.name and machine is None:
+        _note_unknown(id, named, machines.found, rows)
+        return
+    if machine is not None:
+        if machine.type.sequence:
+            named.table.note("machine", named.name, "a machine; this is itself a sequence")
+            return
+        _note_unfit(item, machine, named, links)
+        machines.found[id] = replace(item, machine=machine.id)
+    forgotten = machine is None and item.link in links and links[item.link].simulated
+    unread = sequences.unread_without_machine(item) if forgotten else []
+    if unread and named.number <= 1:
+        _note_forgotten(named.table, unread)
+    sequences.check(item, machine, forgotten=bool(unread))
+
+
+def _machine(id: str, named: NamedMachine, found: Mapping[str, Equipment]) -> Equipment | None:
+    """Of repeated ones each has its own."""
+    own = found.get(named.name + id.removeprefix(named.table.path[-1])) if named.number else None
+    return own or found.get(named.name)
+
+
+def _note_unknown(id: str, named: NamedMachine, found: Mapping[str, Equipment], rows: Mapping[str, object]) -> None:
+    if named.name not in rows:  # else its own mistakes are told
+        known = sorted(key for key, other in found.items() if not other.type.sequence)
+        named.table.note("machine", named.name, "an equipment: " + one_of(known, named.name))
+    elif any(key.startswith(f"{named.name}_") for key in found):
+        expected = f"one machine: {named.name} is repeated, and has none with the number of {id}"
+        named.table.note("machine", named.name, expected)
+
+
+def _note_unfit(item: Equipment, machine: Equipment, named: NamedMachine, links: Mapping[str, Link]) -> None:
+    steps = item.sequence.steps if item.sequence else ()
+    if not machine.type.actions and any(step.actions for step in steps):
+        expected = f"a machine that takes actions; {machine.type.name} takes none"
+        named.table.note("machine", named.name, expected)
+    if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
+        named.table.note("machine", named.name, "a machine that is simulated like its sequence, or real like it")
+
+
+def _note_forgotten(table: Table, unread: Sequence[str]) -> None:
+    """A simulated sequence without a machine asks for what only a machine could answer, at the keys `unread`."""
+    more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+    expected = f"the id of an equipment: only its machine gives {unread[0]}{more} a meaning on a simulated link"
+    table.note("machine", MISSING, f"{expected}; else take them out of {FOLDER}/{table.data['definition']}.toml")

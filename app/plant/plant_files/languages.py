@@ -1,0 +1,63 @@
+"""Languages of the product and of a plant, its labels in them, and its time zone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from zoneinfo import ZoneInfo, available_timezones
+
+from app.plant.tables import Table, one_of, read_label
+
+LOCALE = Path(__file__).resolve().parents[2] / "locale"
+LANGUAGES = ("hr", "en", "de", "cs")
+
+
+def languages() -> tuple[str, ...]:
+    """Languages the product speaks: a folder of app/locale each."""
+    found = [path.name for path in LOCALE.iterdir() if path.is_dir()] if LOCALE.is_dir() else []
+    return tuple(dict.fromkeys((*LANGUAGES, *sorted(found))))
+
+
+@dataclass(slots=True)
+class PlantLanguages:
+    """The languages of a plant; before its `[plant]` is read, those of the product."""
+
+    known: Sequence[str]
+    """Those of the product."""
+    named: Sequence[str]
+    """Those of the plant."""
+    spoken: Sequence[str] = LANGUAGES
+    """Languages in which a type must have its texts: those that the plant names, else the product's own."""
+
+    def read(self, head: Table) -> None:
+        """`languages` of `[plant]`."""
+        given = head.items("languages", list(self.known), "a list of languages")
+        for index, language in enumerate(given):
+            if language not in self.known:
+                head.note(f"languages.{index}", language, one_of(self.known, language))
+            elif language in given[:index]:
+                head.note(f"languages.{index}", language, "each language once")
+        if not given:
+            head.note("languages", given, "at least one language")
+        self.named = [language for language in given if language in self.known] or self.known
+        self.spoken = self.named if head.has("languages") else LANGUAGES
+
+    def label(self, table: Table, key: str, *, required: bool = False, default: str = "") -> dict[str, str]:
+        """A text for every language of the plant, or one for each."""
+        return read_label(table, key, self.named, self.known, required=required, default=default)
+
+
+def read_timezone(head: Table) -> str:
+    """`timezone` of `[plant]`; UTC when there is no such zone."""
+    name = head.text("timezone")
+    if not name:
+        return "UTC"
+    zones = available_timezones()
+    try:
+        if name not in zones:
+            raise ValueError(name)
+        ZoneInfo(name)
+    except (ValueError, OSError):
+        near = one_of(sorted(zones), name).partition("(perhaps ")[2].rstrip(")")
+        head.note("timezone", name, "a time zone such as Europe/Zagreb" + (f" (perhaps {near})" if near else ""))
+        return "UTC"
+    return name

@@ -1,0 +1,48 @@
+"""`[links.<name>]`: by which line machines are reached."""
+
+from collections.abc import Sequence
+
+from app.plant.definitions import Link
+from app.plant.plant_files.languages import PlantLanguages
+from app.plant.plant_files.names import check_id
+from app.plant.tables import Table
+
+BAUD = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
+PARITY = ("none", "even", "odd")
+
+
+def read_link(key: str, table: Table, transports: Sequence[str], languages: PlantLanguages) -> Link:
+    """One link; of `transports` it has one."""
+    check_id(key, table)
+    transport = table.text("transport", choices=transports)
+    serial, network = transport == "rtu", transport == "tcp"
+    if network:
+        port: str = ""
+        tcp_port = table.whole("port", 502, 1, 65535)
+    else:
+        tcp_port = 502
+        port = table.text("port", *([] if serial else [""]), expected="a serial device such as /dev/ttyUSB0")
+    baud = table.raw("baud", 9600)
+    if isinstance(baud, bool) or baud not in BAUD:
+        table.note("baud", baud, "one of " + ", ".join(map(str, BAUD)))
+        baud = 9600
+    parity = table.text("parity", "even", choices=PARITY)
+    writes = table.flag("writes")
+    link = Link(
+        name=key,
+        transport=transport,
+        host=table.text("host", *([] if network else [""]), expected="a host name or an address"),
+        tcp_port=tcp_port,
+        port=port,
+        baud=baud,
+        parity=parity,
+        stop_bits=table.whole("stop_bits", 2 if parity == "none" else 1, 1, 2),
+        writes=writes if table.has("writes") else None,
+        believe_simulated=table.flag("simulated"),
+        fast=table.number("fast", None, 0.01, 3600),
+        slow=table.number("slow", None, 0.01, 3600),
+        timeout=table.number("timeout", None, 0.01, 60),
+        label=languages.label(table, "label", default=key),
+    )
+    table.done()
+    return link

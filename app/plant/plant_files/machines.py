@@ -1,0 +1,200 @@
+"""`[equipment.<id>]`: the machines of a plant, one row of the file or many by `repeat`."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.errors import ConfigurationError
+from app.plant import expression, plc
+from app.plant.definitions import Equipment, Link, Point, SequenceDefinition, TableMap, Texts
+from app.plant.plant_files.languages import PlantLanguages
+from app.plant.plant_files.names import ID, check_id
+from app.plant.plant_files.options import read_options, read_overrides
+from app.plant.plant_files.types_used import TypesUsed
+from app.plant.sequences import SequenceFiles
+from app.plant.tables import Table, one_of
+from app.plant.type_files.data import PointData, TypeData
+
+LARGEST_UNIT = 247
+MOST_REPEATS = 1000
+MOST_MACHINES = 2000
+MOST_POINTS = 200_000
+"""Of one plant: what a program of one process can carry, and a reading takes a few seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedMachine:
+    """The machine that a sequence uses, as its row names it."""
+
+    table: Table
+    name: str
+    """Empty = none."""
+    number: int
+    """Of the sequence under `repeat`; 0 = it is not repeated."""
+
+
+class Machines:
+    """Every machine read so far; no two share a unit, an id, or the lasting id of a point."""
+
+    def __init__(self, types: TypesUsed, sequences: SequenceFiles, languages: PlantLanguages) -> None:
+        self.found: dict[str, Equipment] = {}
+        self.unread: set[str] = set()
+        """Rows whose type or definition has mistakes: what names them has none for that."""
+        self.named: dict[str, NamedMachine] = {}
+        """Equipment that runs a sequence → the machine that it names."""
+        self._types = types
+        self._sequences = sequences
+        self._languages = languages
+        self._points = 0
+        self._units: dict[tuple[str, int], str] = {}
+        self._ids: dict[str, str] = {}
+
+    @property
+    def too_many(self) -> bool:
+        """Whether there are more machines or points than one plant may have."""
+        return len(self.found) > MOST_MACHINES or self._points > MOST_POINTS
+
+    def is_unread(self, name: str) -> bool:
+        """Whether `name` is a machine of a row that has mistakes, which are told there."""
+        return name in self.unread or name.rpartition("_")[0] in self.unread
+
+    def read(self, key: str, table: Table, links: Mapping[str, Link], areas: Mapping[str, Texts]) -> None:
+        """The row `key` and all machines that it makes."""
+        check_id(key, table)
+        kind_name = table.text("type", choices=self._types.names)
+        data = self._types.get(kind_name) if table.data.get("type") == kind_name and kind_name else None
+        link = table.text("link", choices=sorted(links))
+        unit = table.whole("unit", low=1, high=LARGEST_UNIT)
+        count = table.whole("repeat", 0, 1, MOST_REPEATS) if table.has("repeat") else 0
+        label = self._languages.label(table, "label", default=key)
+        area = table.text("area", (data.type.area if data else "") or kind_name)
+        if table.has("area") and area not in areas:
+            table.note("area", area, "an area of this file: " + one_of(sorted(areas), area))
+        was = table.text("was", "", pattern=ID, expected="the former id of the equipment")
+        if data is None:
+            self.unread.add(key)
+            return  # its other keys cannot be judged before its type is known
+        preset = table.text("preset", "", choices=list(data.type.presets)) if data.type.presets else ""
+        definition, machine = self._sequence(table) if data.type.sequence else (None, "")
+        if data.type.sequence and definition is None:
+            self.unread.add(key)
+            return  # nor without its steps
+        if definition and not table.has("label"):
+            label = dict(definition.label)
+        options = read_options(table, data, data.type.presets.get(preset, {}), definition)
+        overrides = read_overrides(table, data, repeated=bool(count))
+        table.done()
+        alarms, tables = (
+            tuple(data.type.alarms),
+            {name: plc.capacity_of(map, options) for name, map in data.type.tables.items()},
+        )
+        one = Equipment(
+            key, data.type, link, unit, label, area, {}, alarms, options, tables, definition, preset=preset, was=was
+        )
+        for number, item in _repeated(one, self._within_units(table, unit, count)):
+            if self.too_many:
+                return
+            self._add(table, data, item, overrides)
+            if definition:
+                self.named[item.id] = NamedMachine(table, machine, number)
+
+    def _sequence(self, table: Table) -> tuple[SequenceDefinition | None, str]:
+        """Its definition, None when there is none to be had; and the name of its machine, empty = none."""
+        known = self._sequences.names()
+        expected = "a file of sequences/: " + one_of(known, table.data.get("definition", ""))
+        name = table.text("definition", choices=known, expected=expected)
+        expected = "the id of an equipment, or no `machine` for a sequence on its own"
+        machine = table.text("machine", "", expected=expected)
+        return (self._sequences.read(name) if name and table.data.get("definition") == name else None), machine
+
+    @staticmethod
+    def _within_units(table: Table, unit: int, count: int) -> int:
+        """`count`, as far as there are units for it."""
+        most = LARGEST_UNIT - unit + 1
+        if count > most:
+            expected = f"at most {most}: units count up from {unit} and end at {LARGEST_UNIT}"
+            table.note("repeat", count, expected)
+        return min(count, most)
+
+    def _add(self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]) -> None:
+        """`item`, which lacks only its points."""
+        if item.id in self.found:
+            table.note("repeat", item.id, "ids that no other equipment has")
+            return
+        if item.link and (other := self._units.setdefault((item.link, item.unit), item.id)) != item.id:
+            table.note("unit", item.unit, f"a unit that no other equipment on {item.link} has; {other} has it")
+        points = {point.key: point for point in self._own_points(table, data, item, overrides)}
+        for key, slots in item.tables.items():
+            for cell in _cells(data.columns[key], data.type.tables[key], slots, item.options):
+                lasting = f"{item.was or item.id}.{cell.id}"
+                self._ids.setdefault(lasting, f"{item.id}.{cell.key}")
+                points[cell.key] = replace(cell, name=f"{item.id}.{cell.key}", id=lasting, equipment=item.id)
+        self._points += len(points)
+        self.found[item.id] = replace(item, points=points)
+
+    def _own_points(
+        self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]
+    ) -> Iterator[Point]:
+        """Those of the type, with what differs on this machine; every lasting id is of one point."""
+        shared = False
+        for key, point in data.points.items():
+            given = overrides.get(key, {})
+            name, lasting = f"{item.id}.{key}", given.get("was") or f"{item.was or item.id}.{point.point.id}"
+            owner = self._ids.setdefault(lasting, name)
+            if owner != name and given.get("was"):
+                table.note(f"points.{key}.was", lasting, f"an id that no other point has; {owner} has it")
+            elif owner != name and not shared:
+                shared = True  # one mistake, not one for every point
+                expected = f"an id that no other equipment has or had; {owner} is of it"
+                table.note("was" if item.was else "", item.was or item.id, expected)
+            fields = {field: value for field, value in given.items() if field != "was"}
+            yield replace(_bounded(point, item.options), name=name, id=lasting, equipment=item.id, **fields)
+
+
+def _repeated(one: Equipment, count: int) -> Iterator[tuple[int, Equipment]]:
+    """`one` itself as number 0, or `count` of them from number 1, on units that count up."""
+    if not count:
+        yield 0, one
+    width = max(2, len(str(count)))
+    for number in range(1, count + 1):
+        suffix = f"_{number:0{width}d}"
+        label = {language: _numbered(text, number) for language, text in one.label.items()}
+        was = one.was + suffix if one.was else ""
+        yield number, replace(one, id=one.id + suffix, was=was, unit=one.unit + number - 1, label=label)
+
+
+def _numbered(text: str, number: int) -> str:
+    return text.replace("{n}", str(number)) if "{n}" in text else f"{text} {number}"
+
+
+def _cells(
+    columns: Mapping[str, PointData], map: TableMap, slots: int, options: Mapping[str, object]
+) -> Iterator[Point]:
+    """The cells of a table, slot by slot; their key and id lack only the machine."""
+    first = [_bounded(data, options) for data in columns.values()]
+    for slot in range(1, slots + 1):
+        for point in first:
+            assert point.register
+            register = replace(point.register, address=point.register.address + (slot - 1) * map.row)
+            key, id = plc.cell_key(map.key, slot, point.key), plc.cell_key(map.key, slot, point.id)
+            yield replace(point, key=key, id=id, register=register, row=slot - 1)
+
+
+def _bounded(data: PointData, options: Mapping[str, object]) -> Point:
+    """The point with its bounds computed from the options of the machine."""
+    if not data.bounds:
+        return data.point
+    numbers = {name: value for name, value in options.items() if isinstance(value, float)}
+    computed: dict[str, Any] = {}
+    normal = list(data.point.normal or (0.0, 0.0))
+    for name, text in data.bounds.items():
+        try:
+            value = expression.number(text, numbers)
+        except ConfigurationError:
+            value = None
+        if name.startswith("normal."):
+            normal[int(name[-1])] = 0.0 if value is None else round(value, 6)
+            computed["normal"] = (normal[0], normal[1])
+        else:
+            computed[name] = None if value is None else round(value, 6)
+    return replace(data.point, **computed)
