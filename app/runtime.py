@@ -731,6 +731,7 @@ class Runtime:
                 items = [item for item in self.plant.equipment.values() if item.sequence]
                 names = [point.name for item in items for point in item.points.values() if point.table == "force"]
                 names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
+                names += [f"{SYSTEM}.{EVENTS}.{item.id}" for item in items if has_ring(item)]
             case "communication":
                 names = [name for name in self.points if name.startswith(f"{SYSTEM}.")]
             case "events" | "records":

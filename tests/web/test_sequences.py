@@ -69,6 +69,16 @@ def test_the_page_of_a_sequence_has_the_points_of_its_machine(plant: TestClient)
     assert "seq2.force_1_remaining" in runtime_of(plant).page_names("forces")
 
 
+def test_the_list_of_forces_is_fetched_again_when_the_event_is_kept_that_tells_why(
+    plant: TestClient, engineer: Operator
+) -> None:
+    """A force stands in the device before its event is in the history."""
+    found = re.search(r'data-refetch="/forces/list" data-tags="([^"]*)"', engineer.get("/forces", fragment=False).text)
+    told = {"sys.events.seq1", "sys.events.seq2"}
+    assert found and told <= set(found[1].split())
+    assert told <= set(runtime_of(plant).page_names("forces"))
+
+
 def test_a_machine_knows_the_sequences_that_move_it(plant: TestClient) -> None:
     view = sequence(plant, "seq1")
     assert view.machine and [one.id for one in sequences_for(view.machine)] == ["seq1"]
