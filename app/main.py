@@ -14,12 +14,10 @@ from app.settings import Settings
 from app.threads import Threads, threads
 from app.web import (
     alarms,
-    api,
     audit,
     commands,
     communication,
     errors,
-    event_api,
     events,
     factor,
     forces,
@@ -31,7 +29,6 @@ from app.web import (
     parameters,
     parts,
     plant,
-    record_api,
     records,
     signin,
     socket,
@@ -40,6 +37,7 @@ from app.web import (
     trends,
     users,
 )
+from app.web.api import description
 from app.web.assets import Assets
 from app.web.guard import check_declared
 from app.web.proxy import Proxied
@@ -97,9 +95,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         audit,
         history,
         events,
-        event_api,
         records,
-        record_api,
         storage,
         plant,
         instructor,
@@ -108,7 +104,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     ):
         app.include_router(part.router)
     app.include_router(trends.router)
-    for router in api.ROUTERS:
+    for router in description.ROUTERS:
         app.include_router(router)
     app.state.sockets = socket.Sockets(guard.may_watch_live)
     errors.install(app)

@@ -1,0 +1,90 @@
+"""Alarms for programs: those that are not normal, and their acknowledgement."""
+
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated
+
+from fastapi import APIRouter, Body, Request
+from pydantic import BaseModel, Field
+
+from app.clock import to_datetime
+from app.web.api.lookup import runtime_of
+from app.web.guard import allow, person_of, shown_name
+from app.web.language import language_of
+
+if TYPE_CHECKING:
+    from app.alarms.watch import Standing
+    from app.runtime import Runtime
+
+router = APIRouter(prefix="/api/v1")
+
+
+class AlarmOut(BaseModel):
+    """An alarm that is not normal."""
+
+    id: str
+    occurrence: int
+    equipment: str
+    priority: int
+    state: str = Field(description="letter of ISA-18.2: B unacknowledged, C acknowledged, D returned, E/F latched")
+    text: str
+    came: datetime
+    returned: datetime | None
+    acknowledged: datetime | None
+    acknowledged_by: str
+    value: float | None
+    limit: float | None
+    count: int
+
+
+class AckOut(BaseModel):
+    """What became of an acknowledgement."""
+
+    occurrence: int
+    outcome: str = Field(description="done, already, gone or hidden")
+    by: str
+    at: datetime | None
+
+
+@router.get("/alarms", dependencies=[allow("view")])
+async def alarms(request: Request) -> list[AlarmOut]:
+    """All alarms that are not normal, the most important first."""
+    runtime = runtime_of(request)
+    return [_alarm(request, runtime, standing) for standing in runtime.alarms.standing()]
+
+
+@router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
+async def acknowledge(
+    request: Request,
+    occurrences: Annotated[list[int], Body(embed=True, min_length=1, max_length=500)],
+    comment: Annotated[str, Body(embed=True, max_length=500)] = "",
+) -> list[AckOut]:
+    """Acknowledge these occurrences."""
+    answers = await runtime_of(request).alarms.acknowledge(occurrences, person_of(request), comment)
+    return [
+        AckOut(occurrence=one.occurrence, outcome=one.outcome, by=one.by, at=to_datetime(one.at) if one.at else None)
+        for one in answers
+    ]
+
+
+def _alarm(request: Request, runtime: "Runtime", one: "Standing") -> AlarmOut:
+    lang = language_of(request)
+    text = (
+        runtime.texts.of_type(lang, one.type, one.label, **one.params)
+        if one.type
+        else runtime.texts.text(lang, one.label, **one.params)
+    )
+    return AlarmOut(
+        id=one.id,
+        occurrence=one.occurrence,
+        equipment=one.equipment,
+        priority=one.priority,
+        state=one.state.value,
+        text=text,
+        came=to_datetime(one.first_true),
+        returned=to_datetime(one.returned) if one.returned else None,
+        acknowledged=to_datetime(one.acked_at) if one.acked_at else None,
+        acknowledged_by=shown_name(request, one.acked_by),
+        value=one.value,
+        limit=one.limit,
+        count=one.count,
+    )

@@ -1,0 +1,128 @@
+"""History for programs: columns as a screen needs them, and every stored sample."""
+
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, HTTPException, Query, Request
+from pydantic import BaseModel, Field
+from sqlalchemy import Connection
+
+from app.clock import to_datetime
+from app.historian import query
+from app.plant.definitions import Point
+from app.tags import quality as q
+from app.web.api.lookup import point_of, range_of, runtime_of
+from app.web.api.plant import origins
+from app.web.guard import allow, check_points
+from app.web.history import read
+
+router = APIRouter(prefix="/api/v1")
+
+MOST_SERIES = 8
+
+
+class SeriesOut(BaseModel):
+    """A decimated series: columns with first, lowest, highest, last; null breaks the line.
+
+    A column of `count` 0 has no sample of its own: it is an edge or a break.
+    """
+
+    tag: str
+    unit: str
+    source: str = Field(description="sample, minute or hour")
+    step: float = Field(description="width of a column [s]")
+    time: list[datetime]
+    first: list[float | None]
+    low: list[float | None]
+    high: list[float | None]
+    last: list[float | None]
+    quality: list[int] = Field(description="worst level: 0 good, 1 uncertain, 2 bad")
+    count: list[int] = Field(description="samples in the column")
+
+
+class SampleOut(BaseModel):
+    """One stored sample."""
+
+    time: datetime
+    value: float | str | None
+    quality: str
+    origin: list[str]
+
+
+class RawOut(BaseModel):
+    """Stored samples in order; `next` is where to go on when there are more."""
+
+    tag: str
+    unit: str
+    samples: list[SampleOut]
+    next: datetime | None
+
+
+@router.get("/history", dependencies=[allow("view")])
+async def history(
+    request: Request,
+    tags: Annotated[str, Query(description=f"comma separated, at most {MOST_SERIES}", max_length=2000)],
+    begin: Annotated[datetime, Query(alias="from")],
+    end: Annotated[datetime, Query(alias="to")],
+    width: Annotated[int, Query(ge=1, le=query.MAX_WIDTH, description="columns")] = 1000,
+) -> list[SeriesOut]:
+    """Series as a screen needs them: no spike is lost, whatever the width."""
+    runtime = runtime_of(request)
+    points = [point_of(runtime, name.strip()) for name in tags.split(",") if name.strip()]
+    check_points(request, [point.name for point in points])
+    if not 1 <= len(points) <= MOST_SERIES:
+        raise HTTPException(422)
+    first, last = range_of(begin, end)
+
+    def work(connection: Connection) -> list[SeriesOut]:
+        return [_series(connection, point, first, last, width) for point in points]
+
+    return await read(runtime, work)
+
+
+@router.get("/history/{name}/raw", dependencies=[allow("export")])
+async def raw(
+    request: Request,
+    name: str,
+    begin: Annotated[datetime, Query(alias="from")],
+    end: Annotated[datetime, Query(alias="to")],
+    limit: Annotated[int, Query(ge=1, le=50_000)] = 10_000,
+) -> RawOut:
+    """Every stored sample, a page at a time."""
+    runtime = runtime_of(request)
+    point = point_of(runtime, name)
+    check_points(request, [name])
+    first, last = range_of(begin, end)
+
+    def work(connection: Connection) -> list[tuple[int, float | str | None, int]]:
+        known = query.find(connection, point.id)
+        return query.page(connection, known.number, first - 1, last, limit + 1) if known else []
+
+    rows = await read(runtime, work)
+    return RawOut(
+        tag=name,
+        unit=point.unit,
+        samples=[
+            SampleOut(time=to_datetime(t), value=value, quality=q.name(word), origin=origins(word))
+            for t, value, word in rows[:limit]
+        ],
+        next=to_datetime(rows[limit][0]) if len(rows) > limit else None,
+    )
+
+
+def _series(connection: Connection, point: Point, begin: int, end: int, width: int) -> SeriesOut:
+    known = query.find(connection, point.id)
+    found = query.columns(connection, known.number, begin, end, width) if known else query.Columns()
+    return SeriesOut(
+        tag=point.name,
+        unit=point.unit,
+        source=found.source,
+        step=found.step / 1e6,
+        time=[to_datetime(t) for t in found.time],
+        first=found.first,
+        low=found.low,
+        high=found.high,
+        last=found.last,
+        quality=found.quality,
+        count=found.count,
+    )
