@@ -1,6 +1,7 @@
 """Every machine that can be simulated: each folder here is one, named after its equipment type.
 
 Its package holds `build`, which makes the virtual device of an equipment, and `FAULTS`, the status codes that it takes as a machine fault.
+A folder without `build` is mechanics that have no registers yet.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,11 +14,12 @@ from app.sim.device import VirtualDevice
 Factory = Callable[[Equipment, int], VirtualDevice]
 """(equipment, seed) → its virtual device."""
 
-_PACKAGES = {
-    found.name: import_module(f"{__package__}.{found.name}")
+_FOLDERS = (
+    import_module(f"{__package__}.{found.name}")
     for found in iter_modules([*import_module(__package__).__path__])
     if found.ispkg
-}
+)
+_PACKAGES = {package.__name__.rpartition(".")[2]: package for package in _FOLDERS if hasattr(package, "build")}
 VIRTUAL_DEVICES: dict[str, Factory] = {name: package.build for name, package in _PACKAGES.items()}
 """Equipment type → what builds its virtual device."""
 MACHINE_FAULTS: Mapping[str, Sequence[int]] = {name: tuple(package.FAULTS) for name, package in _PACKAGES.items()}
