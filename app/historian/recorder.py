@@ -19,7 +19,8 @@ from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import store
-from app.historian.store import DAY, HEARTBEAT, HOUR, RAMP, Row
+from app.historian.minutes import Minutes
+from app.historian.store import DAY, GAP_AFTER, HEARTBEAT, HOUR, RAMP, SETTLED, Row
 from app.plant.definitions import Kind, Point
 from app.tags.batch import Batch, Value
 from app.tags.database import Standstill, TagDatabase
@@ -179,6 +180,7 @@ class Recorder:
         self._unregistered: list[Point] = []
         self._seen: dict[tuple[str, int], int] = {}
         self._rows: list[Row] = []
+        self._minutes = Minutes(GAP_AFTER)
         self._start = clock.micros()
         self._wanted: list[Point] = []
         self._opened = False
@@ -353,10 +355,10 @@ class Recorder:
         """
         await self.measure()
         await self._cut()
-        now = self._clock.micros()
+        settled = self._clock.micros() - SETTLED
         done = False
         while not done:
-            done = await self._database.write(lambda connection: store.roll_up(connection, now))
+            done = await self._database.write(lambda connection: store.roll_up(connection, settled, self._minutes))
 
     async def measure(self) -> None:
         """Bring `size` up to date.
@@ -404,7 +406,7 @@ class Recorder:
 
         def work(connection: Connection) -> None:
             if self._database.id == id:  # else the numbers are of points of the database that was lost
-                store.append(connection, rows, start, now)
+                store.append(connection, rows, start, now, self._minutes)
 
         await self._database.write(work)
         if self._database.id != id:
@@ -416,6 +418,7 @@ class Recorder:
         start = self._clock.micros()
 
         def work(connection: Connection) -> dict[str, int]:
+            self._minutes.forget()
             store.begin_run(connection, start)
             return store.register(connection, points)
 

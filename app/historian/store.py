@@ -12,13 +12,12 @@ from pathlib import Path
 from sqlalchemy import Connection, text
 
 from app.historian import events, records
+from app.historian.minutes import MINUTE as MINUTE
+from app.historian.minutes import Minutes
+from app.historian.minutes import Row as Row
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
-Row = tuple[int, int, float | None, str | None, int]
-"""point number, time [µs UTC], number, text, quality word"""
-
-MINUTE = 60_000_000
 HOUR = 3_600_000_000
 DAY = 86_400_000_000
 """[µs]"""
@@ -32,6 +31,8 @@ ROLL_UP_AT_ONCE = 6 * HOUR
 """Longest time that is rolled up in one transaction [µs], so that catching up does not hold up the writer."""
 POINTS_AT_ONCE = 50
 """Points that are rolled up by one statement: what it sorts stays in memory."""
+SETTLED = 10_000_000
+"""A minute is rolled up so long after it is over [µs]: samples wait in memory, and the last one suppressed comes with the next."""
 CUT_AT_ONCE = 100_000
 """Samples of one point that are removed in one transaction."""
 
@@ -93,21 +94,23 @@ def begin_run(connection: Connection, start: int) -> int:
     return len(rows)
 
 
-def append(connection: Connection, rows: Sequence[Row], start: int, alive: int) -> None:
+def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, minutes: Minutes | None = None) -> None:
     """Store `rows` and that the recorder that began at `start` was alive at `alive` [µs UTC].
 
     A later row of the same point and time wins, so writing rows twice does no harm. Rows older than what is rolled up set the marks
-    back, and their minutes and hours are rolled up again.
+    back, and their minutes and hours are rolled up again; of minutes, only what `minutes` does not know.
     """
     if rows:
+        oldest = min(row[1] for row in rows)
+        left = oldest if minutes is None else minutes.take(connection, rows, alive)
         connection.exec_driver_sql(
             "INSERT OR REPLACE INTO sample (point, t, v, s, q) VALUES (?, ?, ?, ?, ?)", list(rows)
         )
-        oldest = min(row[1] for row in rows)
-        for table, width in (("minute", MINUTE), ("hour", HOUR)):
-            connection.exec_driver_sql(
-                "UPDATE mark SET t = ? WHERE name = ? AND t > ?", (oldest // width * width, table, oldest)
-            )
+        for table, width, time in (("minute", MINUTE, left), ("hour", HOUR, oldest)):
+            if time is not None:
+                connection.exec_driver_sql(
+                    "UPDATE mark SET t = ? WHERE name = ? AND t > ?", (time // width * width, table, time)
+                )
         connection.exec_driver_sql(
             "INSERT INTO volume (t, rows, grown) VALUES (?, ?, 0) ON CONFLICT (t) DO UPDATE SET rows = rows + excluded.rows",
             (alive // HOUR * HOUR, len(rows)),
@@ -118,26 +121,30 @@ def append(connection: Connection, rows: Sequence[Row], start: int, alive: int) 
     )
 
 
-def roll_up(connection: Connection, now: int) -> bool:
+def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) -> bool:
     """Write roll-ups of minutes and hours that are over at `now` [µs UTC], at most 6 hours of them; True when all are written.
 
-    It continues where it stopped, so a killed server loses none. A minute without a sample has no row: the value before holds.
+    It continues where it stopped, so a killed server loses none. A minute without a sample has no row: the value before holds. Minutes
+    that `minutes` knows are taken from there, the others from samples.
     """
     done = True
     reached = now
     for table, width, source, statement in (("minute", MINUTE, "sample", MINUTES), ("hour", HOUR, "minute", HOURS)):
         begin = connection.execute(text("SELECT t FROM mark WHERE name = :n"), {"n": table}).scalar()
+        known = table == "minute" and minutes is not None and minutes.covers(begin)
         if begin is None:
             oldest = _oldest(connection, source)
             begin = now if oldest is None else oldest
         begin = begin // width * width
-        end = min(reached // width * width, begin + ROLL_UP_AT_ONCE)
+        end = reached // width * width if known else min(reached // width * width, begin + ROLL_UP_AT_ONCE)
         done = done and end == reached // width * width
-        if begin < end:
+        if begin < end and not known:
             for first, last in _portions(connection):
                 span = {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width, "first": first, "last": last}
                 connection.execute(text(statement), span)
         reached = max(begin, end)
+        if table == "minute" and minutes is not None:
+            (minutes.write if known else minutes.skip)(connection, reached)
         connection.execute(
             text("INSERT INTO mark (name, t) VALUES (:n, :t) ON CONFLICT (name) DO UPDATE SET t = excluded.t"),
             {"n": table, "t": reached},

@@ -8,7 +8,8 @@ from tempfile import TemporaryDirectory
 
 from app.db import Database
 from app.historian import query, store
-from app.historian.store import DAY, HOUR
+from app.historian.minutes import Minutes
+from app.historian.store import DAY, GAP_AFTER, HOUR
 from app.historian.store import Row as Sample
 from app.plant.definitions import Point
 from benchmarks.common import Row, median, milliseconds, thousands
@@ -35,10 +36,13 @@ def _store(folder: Path) -> tuple[float, float]:
     database = Database(folder / "history.db", "history")
     database.migrate()
     database.run(lambda connection: store.register(connection, [_point(n) for n in range(POINTS)]))
+    minutes = Minutes(GAP_AFTER)
     began = time.perf_counter()
     for at in range(0, ROWS, PORTION):
         part = rows[at : at + PORTION]
-        database.submit(lambda connection, part=part: store.append(connection, part, BEGIN, BEGIN)).result()  # type: ignore[misc]
+        database.submit(
+            lambda connection, part=part: store.append(connection, part, BEGIN, part[-1][1], minutes)  # type: ignore[misc]
+        ).result()
     ours = ROWS / (time.perf_counter() - began)
     schema = database.run(
         lambda connection: connection.exec_driver_sql(
@@ -132,7 +136,8 @@ async def measure() -> list[Row]:
             f"{thousands(bare)} /s, sqlite3 executemany",
             ours / bare,
             ours >= 300_000,
-            f"{thousands(ROWS)} rows of {POINTS} points in transactions of {thousands(PORTION)}; replacing a row that is there",
+            f"{thousands(ROWS)} rows of {POINTS} points in transactions of {thousands(PORTION)}; replacing a row that is there, with the "
+            "roll-ups of minutes",
         ),
         Row(
             "one day of 1 s samples as 1 600 px",
