@@ -116,9 +116,9 @@ async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
     try:
         check_asked(operation.equipment, kind, request.query_params)
     except Refused as error:
-        reason, status = operation.refusal(error), error.status
+        reason, status = operation.words.refusal(error), error.status
     if reason:
-        at = operation.time(operation.runtime.clock.micros())
+        at = operation.words.time(operation.runtime.clock.micros())
         return view.fragment(request, "fragments/line.html", status=status, text=reason, kind="error", at=at)
     level = operation.gate.level(operation.id, command)
     return view.fragment(
@@ -171,7 +171,7 @@ async def token(request: Request, key: str, action: str) -> Response:
     try:
         actions[action](person, operation.id)
     except Refused as error:
-        return _answered(request, operation, form, operation.refusal(error), "error", error.status)
+        return _answered(request, operation, form, operation.words.refusal(error), "error", error.status)
     return _answered(request, operation, form, operation.equipment.text(f"operate.did.{action}"), "done", 200)
 
 
@@ -193,7 +193,7 @@ async def arm(request: Request, key: str, command: str) -> Response:
     except Question as question:
         return _question(request, operation, form, command, question)
     except Refused as error:
-        return _answered(request, operation, form, operation.refusal(error), "error", error.status)
+        return _answered(request, operation, form, operation.words.refusal(error), "error", error.status)
     return JSONResponse({"lease": lease})
 
 
@@ -308,13 +308,13 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
             request,
             operation,
             form,
-            operation.refusal(error),
+            operation.words.refusal(error),
             "error",
             error.status,
             key,
             field=error.status == 422 or error.reason == "why.changed",
         )
-    story = operation.tell(progress)
+    story = operation.words.tell(progress)
     return _answered(request, operation, form, story.text, story.kind, STATUS[progress.state], key, progress)
 
 
@@ -358,7 +358,7 @@ def _answered(
         equipment=fresh.equipment,
         text=text,
         kind=kind,
-        at=fresh.time(operation.runtime.clock.micros()),
+        at=fresh.words.time(operation.runtime.clock.micros()),
         key=key,
         field=field,
     )
@@ -373,7 +373,7 @@ def _question(
     """What the gate asks back: a dialog, or for a value the card with now and new."""
     params = question.params
     if "argument" in params:  # the field stays; the person writes it so that it means one thing
-        text = operation.refusal(question)
+        text = operation.words.refusal(question)
         return _answered(request, operation, form, text, "error", 422, key, field=True)
     machine = operation.equipment
     commands = machine.equipment.type.commands
@@ -399,11 +399,11 @@ def _question(
         "old": old if isinstance(old, int | float) else None,
         "new": new if isinstance(new, int | float) else None,
         "choices": [
-            (value, operation.words("operate.number", {"value": value, "unit": params.get("unit", "")}))
+            (value, operation.words.text("operate.number", {"value": value, "unit": params.get("unit", "")}))
             for value in (params.get("a"), params.get("b"))
         ]
         if question.reason == "why.ambiguous"
         else [],
-        "text": operation.refusal(question),
+        "text": operation.words.refusal(question),
     }
     return view_of(request).fragment(request, "fragments/confirm.html", status=question.status, **context)

@@ -13,15 +13,12 @@ from zoneinfo import ZoneInfo
 from starlette.requests import HTTPConnection
 
 from app.commands.gate import Gate
-from app.commands.interlocks import Reason
 from app.commands.lifecycle import Progress, State
-from app.commands.value_set import Change
-from app.errors import Refused
 from app.links.plc import PlcUnit
-from app.plant.definitions import Argument, Condition, Equipment
+from app.plant.definitions import Condition, Equipment
 from app.web import format as fmt
+from app.web.command_words import CommandWords, Story
 from app.web.points import CommandView, EquipmentView, PointView
-from app.web.screens import in_words
 
 if TYPE_CHECKING:
     from app.access.roles import Person
@@ -37,10 +34,6 @@ DRAWN: Mapping[State, str] = {
 """`data-state` of a button; every other state is drawn as failed."""
 RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
 """What a browser may say of why it let go."""
-
-
-TOLD = 4
-"""So many values of a set are told in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +84,6 @@ class Holding:
 
 
 @dataclass(frozen=True, slots=True)
-class Story:
-    """One line about the latest command, for the message line."""
-
-    id: str
-    text: str
-    kind: str
-    """info, done or error."""
-    time: str
-
-
-@dataclass(frozen=True, slots=True)
 class ConditionLine:
     """A permissive or an interlock in words."""
 
@@ -125,6 +107,7 @@ class Operation:
         self.gate: Gate | None = getattr(self.runtime, "gate", None)
         plant = self.runtime.plant
         self.zone = ZoneInfo(plant.timezone) if plant else ZoneInfo("UTC")
+        self.words = CommandWords(self.equipment, self.zone, signed_in=self.person is not None)
 
     def fresh(self) -> "Operation":
         """The same, drawn anew."""
@@ -172,14 +155,6 @@ class Operation:
         """The command at work, else the last one."""
         return self.gate.progress(self.id) if self.gate else None
 
-    def named(self, display: str) -> str:
-        """Somebody's name, for who is signed in; a guest learns only that it is an operator."""
-        return display if self.person is not None else self.equipment.text("access.role.operator")
-
-    def time(self, micros: int) -> str:
-        """Time of day in the plant's zone."""
-        return fmt.clock_time(micros, self.zone) if micros else ""
-
     # ---- buttons --------------------------------------------------------------------------------------
 
     @cached_property
@@ -210,11 +185,11 @@ class Operation:
             state = "failed"
         if not progress.over:
             waits = progress.accepted if progress.state is State.ACCEPTED and not view.hold else 0
-            line = f"{self.equipment.text(progress.text)} {self.time(progress.accepted or progress.requested)}"
+            line = f"{self.equipment.text(progress.text)} {self.words.time(progress.accepted or progress.requested)}"
             pattern = self.equipment.text("fb.waiting") if waits else ""
             return Button(view, url, state, line, reason, look, waits, progress.limit, pattern)
         text = self.equipment.text(progress.text)
-        line = f"{text} {self.time(progress.ended)}" if state == "done" else self.because(progress) or text
+        line = f"{text} {self.words.time(progress.ended)}" if state == "done" else self.words.because(progress) or text
         return Button(view, url, state, f"{line} · {idle}" if asks else line, reason, look)
 
     def why_not(self, key: str) -> str:
@@ -230,137 +205,12 @@ class Operation:
             return text("why.idle" if self.person.idle else "why.role")
         if permission == "stop":
             return ""  # whoever may stop may always try
-        return self.explain_first(self.gate.why_not(self.person, self.id, key))
-
-    def explain_first(self, reasons: Sequence[Reason]) -> str:
-        """The first of `reasons` in words, with how many conditions are missing besides."""
-        found = list(reasons)
-        if not found:
-            return ""
-        guarding = ("why.condition", "why.condition_unknown")
-        first = found[0]
-        more = sum(reason.key in guarding for reason in found) - 1
-        if first.key in guarding and more > 0:
-            return self.words("why.condition_more", {**first.params, "n": more}, first.label)
-        return self.words(first.key, first.params, first.label)
-
-    # ---- words ----------------------------------------------------------------------------------------
-
-    def words(self, key: str, params: Mapping[str, object], label: str = "") -> str:
-        """The text `key` with its parameters written for people: numbers, times, labels, causes."""
-        filled = self.filled(params, label)
-        own = self.equipment.equipment.type.texts.get(self.equipment.lang, {})
-        if key in own:
-            return own[key]
-        return self.equipment.text(key, **filled).rstrip()
-
-    def filled(self, params: Mapping[str, object], label: str = "") -> dict[str, object]:
-        """`params` of a reason as they are written in this language."""
-        text, lang = self.equipment.text, self.equipment.lang
-        result = fmt.parameters(params, lang, text)
-        if isinstance(since := params.get("since"), int):
-            result["since"] = self.time(since)
-        wanted = label or params.get("label")
-        result["label"] = self.equipment.t(str(wanted)) if wanted else self.equipment.label
-        return result
-
-    def because(self, progress: Progress) -> str:
-        """Why a command came to another end than it should; empty when it did not."""
-        if not progress.reason:
-            return ""
-        params = dict(progress.params)
-        if progress.changes:
-            params["values"] = self.standing(progress.changes)
-            cause = str(params.get("cause", ""))
-            deeper = {**progress.params, "cause": params.get("deeper", "")}
-            params["because"] = self.words(cause, deeper).rstrip(".") if cause else ""
-        return self.words(progress.reason, params)
-
-    def standing(self, changes: Sequence[Change]) -> str:
-        """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
-        text = self.equipment.text
-        return ", ".join(f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in changes)
-
-    def _named(self, change: Change) -> str:
-        return self.equipment.t(change.label) if change.code == change.key else change.code
-
-    def held(self, change: Change) -> str:
-        """What the device holds of a value, with its unit; ? when it is not known."""
-        if change.found is None:
-            return "?"
-        unit = fmt.unit_symbol(change.unit, self.equipment.text)
-        return fmt.quantity(change.found, change.decimals, unit, self.equipment.lang)
-
-    def refusal(self, error: Refused) -> str:
-        """`error` in words; a missing condition by its name, with how many more are missing."""
-        missing = error.params.get("missing")
-        more = len(missing) - 1 if isinstance(missing, list) else 0
-        key = error.reason
-        if key in ("why.condition", "why.condition_unknown") and more > 0:
-            return self.words("why.condition_more", {**error.params, "n": more})
-        text = self.words(key, error.params)
-        label = str(error.params.get("label", "")) if "argument" in error.params else ""
-        named = self.equipment.t(label) if label else ""
-        return text if named in text else f"{named}: {text}"
-
-    def told(self, progress: Progress) -> str:
-        """The arguments of a command in words: Product 5, Head 100.5 mm; what some mean together, by its name."""
-        if progress.changes:
-            told = [f"{self._named(one)} {self.held(replace(one, found=one.new))}" for one in progress.changes]
-            return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
-        command = self.equipment.equipment.type.commands.get(progress.command)
-        given = progress.arguments
-        text, together = in_words(self.equipment, given)
-        parts = [text] if text else []
-        for argument in command.arguments if command else ():
-            if argument.name in given and argument.name not in together:
-                value = self._amount(float(given[argument.name]), argument)
-                parts.append(f"{self.equipment.t(argument.label)} {value}")
-        return ", ".join(parts)
-
-    def _amount(self, value: float, argument: Argument) -> str:
-        """An argument with its unit; whole minutes as minutes and hours."""
-        lang = self.equipment.lang
-        if argument.unit == "s" and 60 <= value < 86400 and value % 60 == 0:
-            return fmt.duration(value, lang)
-        return fmt.quantity(value, argument.decimals, fmt.unit_symbol(argument.unit, self.equipment.text), lang)
+        return self.words.explain_first(self.gate.why_not(self.person, self.id, key))
 
     @cached_property
     def story(self) -> Story | None:
         """The latest command as the message line tells it to everybody who looks at the machine."""
-        return self.tell(self.progress) if self.progress else None
-
-    def tell(self, progress: Progress) -> Story:
-        """`progress` in one line: accepted 07:02:08 → confirmed 07:02:11 · Ana Kos."""
-        text = self.equipment.text
-        steps = []
-        if progress.accepted:
-            steps.append(f"{text('fb.accepted')} {self.time(progress.accepted)}")
-        else:
-            steps.append(f"{text('fb.requested')} {self.time(progress.requested)}")
-        if progress.over or progress.state is State.UNKNOWN:
-            steps.append(f"{text(progress.text)} {self.time(progress.ended)}".rstrip())
-        because = self.because(progress) if progress.state is not State.CONFIRMED else ""
-        argument = ""
-        if progress.argument is not None:
-            command = self.equipment.equipment.type.commands.get(progress.command)
-            key = command.argument if command else progress.command
-            point = self.equipment.point(key) if self.equipment.has(key) else None
-            argument = f" = {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
-        elif progress.arguments:
-            argument = f" ({self.told(progress)})"
-        who = f" · {self.named(progress.person)}" if progress.person else ""
-        what = f"{self.id.upper()} {self.equipment.t(progress.label)}{argument}"
-        line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"
-        kind = "done" if progress.state in (State.CONFIRMED, State.DRY_RUN) else "info"
-        if progress.state not in (State.CONFIRMED, State.DRY_RUN, State.REQUESTED, State.ACCEPTED):
-            kind = "info" if progress.state is State.SUPERSEDED else "error"
-        return Story(
-            f"{progress.id}.{progress.state}.{progress.over}",
-            line,
-            kind,
-            self.time(progress.ended or progress.requested),
-        )
+        return self.words.tell(self.progress) if self.progress else None
 
     # ---- who holds it, what is missing ------------------------------------------------------------------
 
@@ -384,7 +234,7 @@ class Operation:
             asks = text("operate.asks", display=request.display) if request else ""
             return Holding("mine", text("operate.mine"), "release", asks, left)
         mine = request is not None and person is not None and request.session == person.session
-        held = text("operate.held", display=self.named(holder.display), since=self.time(holder.since))
+        held = text("operate.held", display=self.words.named(holder.display), since=self.words.time(holder.since))
         return Holding("other" if may else "guest", held, "request" if may and not mine else "", "", left, mine)
 
     @cached_property
@@ -418,7 +268,9 @@ class Operation:
     def _lines(self, conditions: Iterable[tuple[Condition, bool | None, int]]) -> list[ConditionLine]:
         found = sorted(conditions, key=lambda line: line[1] is True)
         return [
-            ConditionLine(self.equipment.t(condition.label), met, self.time(since), met is not True and number == 0)
+            ConditionLine(
+                self.equipment.t(condition.label), met, self.words.time(since), met is not True and number == 0
+            )
             for number, (condition, met, since) in enumerate(found)
         ]
 

@@ -223,11 +223,16 @@ async def read_again(request: Request, key: str) -> Response:
         count = await _read(runtime, operation)
         text, kind, status = operation.equipment.text("par.read", n=count), "done", 200
     except LinkError as error:
-        text, kind, status = operation.words("why.no_answer", {"cause": f"link.error.{error.kind}"}), "error", 503
+        text, kind, status = operation.words.text("why.no_answer", {"cause": f"link.error.{error.kind}"}), "error", 503
     if not wants_fragment(request):
         return RedirectResponse(form.get("next") or f"/equipment/{quote(key)}/parameters", 303)
     return view_of(request).fragment(
-        request, "fragments/line.html", status=status, text=text, kind=kind, at=operation.time(runtime.clock.micros())
+        request,
+        "fragments/line.html",
+        status=status,
+        text=text,
+        kind=kind,
+        at=operation.words.time(runtime.clock.micros()),
     )
 
 
@@ -259,10 +264,12 @@ async def write(request: Request, key: str) -> Response:
             language=language_of(request),
         )
     except Refused as refusal:
-        return _answered(request, operation, operation.refusal(refusal), "error", _refused_rows(operation, refusal))
+        return _answered(
+            request, operation, operation.words.refusal(refusal), "error", _refused_rows(operation, refusal)
+        )
     done = progress.state in (State.CONFIRMED, State.DRY_RUN)
     written = progress.state is State.CONFIRMED
-    text = operation.equipment.text("par.written", n=len(keys)) if written else operation.tell(progress).text
+    text = operation.equipment.text("par.written", n=len(keys)) if written else operation.words.tell(progress).text
     rows = [_row(operation, change, dry=progress.state is State.DRY_RUN) for change in progress.changes]
     return _answered(request, operation, text, "done" if done else "error", rows)
 
@@ -277,14 +284,14 @@ def _answered(request: Request, operation: Operation, text: str, kind: str, rows
         rows=rows,
         text=text,
         kind=kind,
-        at=operation.time(view.runtime(request).clock.micros()),
+        at=operation.words.time(view.runtime(request).clock.micros()),
     )
 
 
 def _row(operation: Operation, change: Change, *, dry: bool) -> Row:
     machine = operation.equipment
     setpoint = machine.equipment.type.setpoints[change.key]
-    value = "" if dry or change.found is None else operation.held(change)
+    value = "" if dry or change.found is None else operation.words.held(change)
     if value and change.found is not None and int(change.found) in setpoint.options:
         value = machine.t(setpoint.options[int(change.found)])
     text = machine.text("fb.dry_run" if dry else f"set.is_{change.stands}")
@@ -298,7 +305,13 @@ def _refused_rows(operation: Operation, refusal: Refused) -> list[Row]:
     if setpoint is None or not machine.has(key):
         return []
     return [
-        Row(setpoint.code or key, machine.point(key).label, False, operation.words(refusal.reason, refusal.params), "")
+        Row(
+            setpoint.code or key,
+            machine.point(key).label,
+            False,
+            operation.words.text(refusal.reason, refusal.params),
+            "",
+        )
     ]
 
 

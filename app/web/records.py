@@ -22,12 +22,13 @@ from app.historian.record_query import ANY, Wanted
 from app.plant.record_kinds import OPEN_CHOICE, former_addresses
 from app.plant.types import EQUIPMENT
 from app.records.kind import Filter, Kind
+from app.web import record_detail, record_rows, record_times
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
 from app.web.history import Download, check_place, read
 from app.web.language import language_of
 from app.web.pages import view_of
-from app.web.record_words import Words
+from app.web.record_words import RecordWords
 from app.web.signin import zone_of
 
 router = APIRouter()
@@ -63,7 +64,7 @@ async def page(request: Request, kind: str) -> Response:
     of = kind_of(request, kind)
     typed = _typed(request, of)
     view, runtime = view_of(request), view_of(request).runtime(request)
-    draw = Words(request, of)
+    draw = RecordWords(request, of)
     try:
         found = await _main(request, of, typed, wanted_of(request, of, typed))
     except Refused as refusal:
@@ -103,7 +104,7 @@ async def detail(request: Request, kind: str, number: int) -> Response:
     """
     of = kind_of(request, kind)
     runtime = view_of(request).runtime(request)
-    draw = Words(request, of)
+    draw = RecordWords(request, of)
 
     def work(connection: Connection) -> dict[str, Any] | None:
         one = query.get(connection, of, number) if 0 < number < 2**63 else None
@@ -127,7 +128,9 @@ async def detail(request: Request, kind: str, number: int) -> Response:
     found = await read(runtime, work)
     if found is None:
         raise HTTPException(404)
-    return view_of(request).fragment(request, _template(request, of), detail=draw.detail(**found), kind_text=draw.text)
+    return view_of(request).fragment(
+        request, _template(request, of), detail=record_detail.detail(draw, **found), kind_text=draw.text
+    )
 
 
 @router.get("/records/{kind}/export.csv", dependencies=[allow("export")])
@@ -288,7 +291,7 @@ def _url(kind: Kind, chosen: dict[str, str], path: str = "") -> str:
 
 
 async def _tools(request: Request, kind: Kind, typed: dict[str, str]) -> dict[str, Any]:
-    draw, view = Words(request, kind), view_of(request)
+    draw, view = RecordWords(request, kind), view_of(request)
     runtime, lang, person = draw.runtime, draw.lang, request.state.person
     machines = keeping(runtime.plant, kind.name)
     shown = [item for item in machines if typed["equipment"] in ("", item.id)]
@@ -296,7 +299,7 @@ async def _tools(request: Request, kind: Kind, typed: dict[str, str]) -> dict[st
 
     def work(connection: Connection) -> dict[str, str]:
         found = [one for item in shown for one in query.choices(connection, kind, item.id)] if choosing else []
-        return draw.choices(found, query.definitions(connection, [one.definition for one in found]))
+        return record_rows.key_choices(draw, found, query.definitions(connection, [one.definition for one in found]))
 
     keys = await read(runtime, work)
     chosen = set_filters(typed)
@@ -309,7 +312,7 @@ async def _tools(request: Request, kind: Kind, typed: dict[str, str]) -> dict[st
         "kind_text": draw.text,
         "address": f"/records/{kind.name}",
         "kinds": [
-            (_url(one, {}), Words(request, one).text("title"), name == kind.name) for name, one in others.items()
+            (_url(one, {}), RecordWords(request, one).text("title"), name == kind.name) for name, one in others.items()
         ],
         "machine_choices": [(item.id, runtime.texts.label(lang, item.label)) for item in machines],
         "outcome_choices": [(one, draw.text(f"outcome.{one}")) for one in kind.outcomes],
@@ -331,11 +334,11 @@ async def _tools(request: Request, kind: Kind, typed: dict[str, str]) -> dict[st
     }
 
 
-def _control(draw: Words, one: Filter, typed: str, keys: dict[str, str]) -> dict[str, Any]:
+def _control(draw: RecordWords, one: Filter, typed: str, keys: dict[str, str]) -> dict[str, Any]:
     """A field of the filter: its choices, or none where one types."""
     choices: dict[str, str] = {ANY: draw.text(f"any.{one.name}")} if one.how in OPEN_CHOICE else {}
     if one.how == "alarm":
-        choices |= draw.alarm_choices()
+        choices |= record_rows.alarm_choices(draw)
     if one.how == "choice":
         choices |= keys
     if choices and typed:
@@ -353,7 +356,7 @@ def _control(draw: Words, one: Filter, typed: str, keys: dict[str, str]) -> dict
 
 async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
     """The list, or the times of parts, as the address asks."""
-    draw, runtime = Words(request, kind), view_of(request).runtime(request)
+    draw, runtime = RecordWords(request, kind), view_of(request).runtime(request)
     machines = [item.id for item in keeping(runtime.plant, kind.name)]
     ids = [wanted.equipment] if wanted.equipment else machines
     whole, chosen = replace(wanted, before=None), set_filters(typed)
@@ -374,7 +377,9 @@ async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: Wan
                 known = query.definitions(connection, [one.definition for one in newest])
                 parts = query.part_times(connection, kind, only)
                 found.append(
-                    draw.times(id, parts, *query.times(connection, kind, only, kind.complete), *known.values())
+                    record_times.times(
+                        draw, id, parts, *query.times(connection, kind, only, kind.complete), *known.values()
+                    )
                 )
             return found
 
@@ -387,8 +392,8 @@ async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: Wan
         known = query.definitions(connection, [one.definition for one in found if one.definition])
         last = found[PAGE - 1] if len(found) > PAGE else None
         return {
-            "columns": draw.columns,
-            "rows": [draw.row(one, known, asked[one.id]) for one in found[:PAGE]],
+            "columns": record_rows.columns(draw),
+            "rows": [record_rows.row(draw, one, known, asked[one.id]) for one in found[:PAGE]],
             "found": min(count, MOST_COUNTED),
             "more": count > MOST_COUNTED,
             "lost": sum(query.lost(connection, id, wanted.begin, wanted.end) for id in ids),

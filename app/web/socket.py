@@ -321,7 +321,7 @@ class _Conversation:
         """`refusal` in the language of the page."""
         plant = self.runtime.plant
         item = plant.equipment.get(equipment) if plant else None
-        return Operation(self.websocket, item).refusal(refusal) if item else refusal.reason
+        return Operation(self.websocket, item).words.refusal(refusal) if item else refusal.reason
 
     async def subscribe(self, kind: str) -> None:
         try:

@@ -25,7 +25,7 @@ from app.records.record import Record
 from app.web.event_list import in_order
 from app.web.guard import allow, shown_name, shown_words
 from app.web.history import read, runtime_of
-from app.web.record_words import Words
+from app.web.record_words import RecordWords
 from app.web.records import kind_of, wanted_of
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ async def of_plant(request: Request) -> list[KindOut]:
     return [
         KindOut(
             kind=name,
-            title=Words(request, kind).text("title"),
+            title=RecordWords(request, kind).text("title"),
             equipment=[item.id for item in machines if name in item.type.records],
             outcomes=list(kind.outcomes),
             filters={key: one.how for key, one in kind.filters.items()},
@@ -240,7 +240,7 @@ def _record(
 ) -> RecordOut:
     item = runtime.plant.equipment.get(one.equipment) if runtime.plant else None
     keys = item.type.events if item else {}
-    draw = Words(request, kind)
+    draw = RecordWords(request, kind)
     fields, labels = _fields(draw, one, definition)
     fields |= {name: people.get(name, "") for name, field in kind.fields.items() if field.type is Type.PERSON}
     return RecordOut(
@@ -280,7 +280,7 @@ def _overlapping(request: Request, connection: Connection, kind: Kind, one: Reco
     found = query.overlapping(connection, kind, one)
     asked = query.people(connection, [each.id for each in found])
     known = query.definitions(connection, [each.definition for each in found])
-    draw = Words(request, kind)
+    draw = RecordWords(request, kind)
     made = []
     for each in found:
         fields, labels = _fields(draw, each, known.get(each.definition, Definition()))
@@ -302,7 +302,7 @@ def _overlapping(request: Request, connection: Connection, kind: Kind, one: Reco
     return made
 
 
-def _fields(draw: Words, one: Record, definition: Definition) -> tuple[dict[str, Any], dict[str, str]]:
+def _fields(draw: RecordWords, one: Record, definition: Definition) -> tuple[dict[str, Any], dict[str, str]]:
     """What a kind declares of a record, without people; labels of those that are keys."""
     fields: dict[str, Any] = {}
     labels: dict[str, str] = {}

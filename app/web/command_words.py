@@ -1,0 +1,168 @@
+"""What a command says of itself, in words: how far it is, why it came to another end, what it was given, why it was refused."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from zoneinfo import ZoneInfo
+
+from app.commands.interlocks import Reason
+from app.commands.lifecycle import Progress, State
+from app.commands.value_set import Change
+from app.errors import Refused
+from app.plant.definitions import Argument
+from app.web import format as fmt
+from app.web.points import EquipmentView
+from app.web.screens import in_words
+
+TOLD = 4
+"""So many values of a set are told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """One line about the latest command, for the message line."""
+
+    id: str
+    text: str
+    kind: str
+    """info, done or error."""
+    time: str
+
+
+class CommandWords:
+    """Commands of one machine in the language of its view; times in `zone`. Who is not signed in learns no name."""
+
+    def __init__(self, equipment: EquipmentView, zone: ZoneInfo, *, signed_in: bool) -> None:
+        self.equipment = equipment
+        self.zone = zone
+        self._signed_in = signed_in
+
+    def named(self, display: str) -> str:
+        """Somebody's name, for who is signed in; a guest learns only that it is an operator."""
+        return display if self._signed_in else self.equipment.text("access.role.operator")
+
+    def time(self, micros: int) -> str:
+        """Time of day in the plant's zone."""
+        return fmt.clock_time(micros, self.zone) if micros else ""
+
+    def explain_first(self, reasons: Sequence[Reason]) -> str:
+        """The first of `reasons` in words, with how many conditions are missing besides."""
+        found = list(reasons)
+        if not found:
+            return ""
+        guarding = ("why.condition", "why.condition_unknown")
+        first = found[0]
+        more = sum(reason.key in guarding for reason in found) - 1
+        if first.key in guarding and more > 0:
+            return self.text("why.condition_more", {**first.params, "n": more}, first.label)
+        return self.text(first.key, first.params, first.label)
+
+    def text(self, key: str, params: Mapping[str, object], label: str = "") -> str:
+        """The text `key` with its parameters written for people: numbers, times, labels, causes."""
+        filled = self.filled(params, label)
+        own = self.equipment.equipment.type.texts.get(self.equipment.lang, {})
+        if key in own:
+            return own[key]
+        return self.equipment.text(key, **filled).rstrip()
+
+    def filled(self, params: Mapping[str, object], label: str = "") -> dict[str, object]:
+        """`params` of a reason as they are written in this language."""
+        text, lang = self.equipment.text, self.equipment.lang
+        result = fmt.parameters(params, lang, text)
+        if isinstance(since := params.get("since"), int):
+            result["since"] = self.time(since)
+        wanted = label or params.get("label")
+        result["label"] = self.equipment.t(str(wanted)) if wanted else self.equipment.label
+        return result
+
+    def because(self, progress: Progress) -> str:
+        """Why a command came to another end than it should; empty when it did not."""
+        if not progress.reason:
+            return ""
+        params = dict(progress.params)
+        if progress.changes:
+            params["values"] = self.standing(progress.changes)
+            cause = str(params.get("cause", ""))
+            deeper = {**progress.params, "cause": params.get("deeper", "")}
+            params["because"] = self.text(cause, deeper).rstrip(".") if cause else ""
+        return self.text(progress.reason, params)
+
+    def standing(self, changes: Sequence[Change]) -> str:
+        """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
+        text = self.equipment.text
+        return ", ".join(f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in changes)
+
+    def _named(self, change: Change) -> str:
+        return self.equipment.t(change.label) if change.code == change.key else change.code
+
+    def held(self, change: Change) -> str:
+        """What the device holds of a value, with its unit; ? when it is not known."""
+        if change.found is None:
+            return "?"
+        unit = fmt.unit_symbol(change.unit, self.equipment.text)
+        return fmt.quantity(change.found, change.decimals, unit, self.equipment.lang)
+
+    def refusal(self, error: Refused) -> str:
+        """`error` in words; a missing condition by its name, with how many more are missing."""
+        missing = error.params.get("missing")
+        more = len(missing) - 1 if isinstance(missing, list) else 0
+        key = error.reason
+        if key in ("why.condition", "why.condition_unknown") and more > 0:
+            return self.text("why.condition_more", {**error.params, "n": more})
+        text = self.text(key, error.params)
+        label = str(error.params.get("label", "")) if "argument" in error.params else ""
+        named = self.equipment.t(label) if label else ""
+        return text if named in text else f"{named}: {text}"
+
+    def told(self, progress: Progress) -> str:
+        """The arguments of a command in words: Product 5, Head 100.5 mm; what some mean together, by its name."""
+        if progress.changes:
+            told = [f"{self._named(one)} {self.held(replace(one, found=one.new))}" for one in progress.changes]
+            return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
+        command = self.equipment.equipment.type.commands.get(progress.command)
+        given = progress.arguments
+        text, together = in_words(self.equipment, given)
+        parts = [text] if text else []
+        for argument in command.arguments if command else ():
+            if argument.name in given and argument.name not in together:
+                value = self._amount(float(given[argument.name]), argument)
+                parts.append(f"{self.equipment.t(argument.label)} {value}")
+        return ", ".join(parts)
+
+    def _amount(self, value: float, argument: Argument) -> str:
+        """An argument with its unit; whole minutes as minutes and hours."""
+        lang = self.equipment.lang
+        if argument.unit == "s" and 60 <= value < 86400 and value % 60 == 0:
+            return fmt.duration(value, lang)
+        return fmt.quantity(value, argument.decimals, fmt.unit_symbol(argument.unit, self.equipment.text), lang)
+
+    def tell(self, progress: Progress) -> Story:
+        """`progress` in one line: accepted 07:02:08 → confirmed 07:02:11 · Ana Kos."""
+        text = self.equipment.text
+        steps = []
+        if progress.accepted:
+            steps.append(f"{text('fb.accepted')} {self.time(progress.accepted)}")
+        else:
+            steps.append(f"{text('fb.requested')} {self.time(progress.requested)}")
+        if progress.over or progress.state is State.UNKNOWN:
+            steps.append(f"{text(progress.text)} {self.time(progress.ended)}".rstrip())
+        because = self.because(progress) if progress.state is not State.CONFIRMED else ""
+        argument = ""
+        if progress.argument is not None:
+            command = self.equipment.equipment.type.commands.get(progress.command)
+            key = command.argument if command else progress.command
+            point = self.equipment.point(key) if self.equipment.has(key) else None
+            argument = f" = {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
+        elif progress.arguments:
+            argument = f" ({self.told(progress)})"
+        who = f" · {self.named(progress.person)}" if progress.person else ""
+        what = f"{self.equipment.id.upper()} {self.equipment.t(progress.label)}{argument}"
+        line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"
+        kind = "done" if progress.state in (State.CONFIRMED, State.DRY_RUN) else "info"
+        if progress.state not in (State.CONFIRMED, State.DRY_RUN, State.REQUESTED, State.ACCEPTED):
+            kind = "info" if progress.state is State.SUPERSEDED else "error"
+        return Story(
+            f"{progress.id}.{progress.state}.{progress.over}",
+            line,
+            kind,
+            self.time(progress.ended or progress.requested),
+        )
