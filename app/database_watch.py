@@ -103,7 +103,7 @@ class DatabaseWatch:
         if incident is None:
             if before is not None:
                 del self._told[database.path.name]
-                self._alarms.raise_system("database_lost", active=False, params={"file": database.path.name})
+                self._alarms.system.report("database_lost", active=False, params={"file": database.path.name})
             return
         if incident != before:
             log.error(
@@ -116,9 +116,9 @@ class DatabaseWatch:
             )
         if incident.mended is Mended.NOTHING:
             self._told[database.path.name] = incident
-            self._alarms.raise_system("database_lost", params=_params(incident.loss, incident.database))
+            self._alarms.system.report("database_lost", params=_params(incident.loss, incident.database))
         elif incident.mended is Mended.RESTORED:
-            self._alarms.raise_system("database_restored", params=_params(incident.loss, incident.database))
+            self._alarms.system.report("database_restored", params=_params(incident.loss, incident.database))
         if database is self._history and incident.mended in (Mended.FRESH, Mended.ADOPTED):
             last = 0 if self._recognised else self._remembered()[1]
             self._tell_loss(incident.loss, last or self._clock.micros())
@@ -134,7 +134,7 @@ class DatabaseWatch:
     def _tell_loss(self, loss: Loss, until: int) -> None:
         """What was recorded until then [µs UTC] is not there any more, or a part of it."""
         log.error("history lost what=%s until=%s", loss, self._time(until))
-        self._alarms.raise_system("history_lost", params={**_params(loss, "history.db"), "time": self._time(until)})
+        self._alarms.system.report("history_lost", params={**_params(loss, "history.db"), "time": self._time(until)})
 
     async def _note(self) -> None:
         """Remember the history as it is now."""

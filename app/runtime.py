@@ -175,11 +175,11 @@ class Runtime:
         self.tags.on_standstill(self._stood_still)
         self.access.subscribe(self._sessions_ended, self._rights_changed)
         self.access.sessions.subscribe_deeds(self._people_acted)
-        self.access.people.tell = lambda alarm, name: self.alarms.raise_system(alarm, params={"account": name})
+        self.access.people.tell = lambda alarm, name: self.alarms.system.report(alarm, params={"account": name})
         self.keeper.keep("people", self.access.watch)
         self.keeper.keep("audit", self.access.audit.watch)
         self.keeper.keep("alarms", self.alarms.run)
-        self.keeper.keep("alarm journal", self.alarms.keep_journal)
+        self.keeper.keep("alarm journal", self.alarms.journal.run)
         self.plant, self.problems = read_simulated(self.settings.plant)
         for problem in self.problems:
             log.error("%s: %s", self.settings.plant, problem)
@@ -264,7 +264,7 @@ class Runtime:
         gate.configure(plant)
         gate.subscribe(self._operation_changed)
         gate.subscribe_ends(self._command_ended)
-        gate.on_stop_unconfirmed = self.alarms.stop_unconfirmed
+        gate.on_stop_unconfirmed = self.alarms.system.stop_unconfirmed
         return gate
 
     def _command_ended(self, progress: Progress) -> None:
@@ -275,7 +275,7 @@ class Runtime:
         elif progress.state in (Progressed.UNCONFIRMED, Progressed.UNKNOWN) and self.plant:
             command = self.plant.equipment[progress.equipment].type.commands.get(progress.command)
             if command is None or not command.stop:
-                self.alarms.raise_system(
+                self.alarms.system.report(
                     "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
                 )
 
@@ -284,7 +284,7 @@ class Runtime:
         mixed = progress.state is Progressed.UNCONFIRMED
         if mixed or progress.reason in (FOUND_NEW, FOUND_OLD):
             params = {"values": spelt(progress.changes)} if mixed else None
-            self.alarms.raise_system("set_mixed", progress.equipment, mixed, params=params)
+            self.alarms.system.report("set_mixed", progress.equipment, mixed, params=params)
 
     async def _tell_open_sets(self, gate: Gate, plant: Plant) -> None:
         """Sets of setpoints that a former run of this server has not brought to an end."""
@@ -333,12 +333,13 @@ class Runtime:
         (`_stored_up_to`), so that they are in its ring still when this server is killed.
         """
         self._log_events(item, events, lost)
-        self.alarms.take_events(item.id, events, lost)
+        self.alarms.ring.take(item.id, events, lost)
         task = asyncio.create_task(self._store_events(item.id, events, lost))
         self._storing.add(task)
         task.add_done_callback(self._storing.discard)
         await asyncio.wait([task], timeout=STORE_LIMIT)
-        await self.alarms.settle()
+        if self.alarms.journal.waiting:
+            await self.alarms.journal.settle()
 
     async def _store_events(self, equipment: str, events: Sequence[RingEvent], lost: int) -> None:
         with suppress(StorageError):  # told by the history, which tries again
@@ -346,12 +347,12 @@ class Runtime:
 
     def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
         """Where the ring of a machine is to be read from: behind what both the alarms and the history have."""
-        mark = self._earliest(item, self.alarms.last_event(item.id))
+        mark = self._earliest(item, self.alarms.journal.last_event(item.id))
         return None if mark is None else mark.seen
 
     def _stored_up_to(self, item: Equipment) -> Mark | None:
         """The last event of a machine that is in the journal of the alarms and in the history."""
-        return self._earliest(item, self.alarms.stored_event(item.id))
+        return self._earliest(item, self.alarms.journal.stored_event(item.id))
 
     def _earliest(self, item: Equipment, alarms: Mark | None) -> Mark | None:
         stored = self.events.last(item.id)
@@ -667,7 +668,7 @@ class Runtime:
         if self._served is not None:
             self._served.devices = dict(units(sim.equipment, sim.devices)) if sim else {}
         for name in gone:
-            self.alarms.raise_system("link_down", active=False, params={"link": name})
+            self.alarms.system.report("link_down", active=False, params={"link": name})
 
     def _keep_running(self) -> None:
         """Every link and the simulation have a task."""
@@ -823,7 +824,7 @@ class Runtime:
 
     def _tell_alarms(self) -> None:
         """What the server itself has to say: links, clock of the simulation, audit, history."""
-        tell = self.alarms.raise_system
+        tell = self.alarms.system.report
         for name, link in self.links.items():
             tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
         sim = self.sim
@@ -842,7 +843,7 @@ class Runtime:
 
     def _task_changed(self, kept: Kept) -> None:
         if hasattr(self, "alarms"):
-            self.alarms.raise_system("task_down", active=not kept.alive, params={"task": kept.name})
+            self.alarms.system.report("task_down", active=not kept.alive, params={"task": kept.name})
         if not kept.alive:
             log.warning("task down task=%s error=%s", kept.name, kept.error)
 

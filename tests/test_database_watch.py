@@ -63,7 +63,7 @@ def clock() -> ManualClock:
 
 def alarms(runtime: Runtime, key: str) -> list[dict[str, object]]:
     """What stands of a system alarm: its parameters."""
-    return [dict(one.params) for one in runtime.alarms.standing() if one.key == key]
+    return [dict(one.params) for one in runtime.alarms.list.active() if one.key == key]
 
 
 async def record(runtime: Runtime, clock: ManualClock, value: float) -> None:
@@ -155,7 +155,7 @@ async def test_a_history_lost_under_a_running_server_is_an_alarm_and_recording_g
     async with running(data, clock) as runtime:  # told once, and not again at the next start
         assert len(alarms(runtime, key)) == 1
         await runtime.alarms.acknowledge(
-            [one.occurrence for one in runtime.alarms.standing() if one.key == key], SYSTEM
+            [one.occurrence for one in runtime.alarms.list.active() if one.key == key], SYSTEM
         )
         assert not alarms(runtime, key)
     async with running(data, clock) as runtime:

@@ -14,7 +14,7 @@ async def test_it_raises_one_alarm_per_unit_refuses_with_its_reason_and_clears_b
         assert gate is not None and sim is not None
 
         def alarms() -> list[str]:
-            standing = [one for one in runtime.alarms.standing() if one.life.active]
+            standing = [one for one in runtime.alarms.list.active() if one.life.active]
             return sorted(one.id for one in standing if "program_halted" in one.id)
 
         await plant.until(lambda: all(plant.good(f"{name}.state") for name in ("c1", "cc1", "seq1")))
@@ -29,5 +29,5 @@ async def test_it_raises_one_alarm_per_unit_refuses_with_its_reason_and_clears_b
         assert plant.good("cc1.state") and plant.good("m1.frequency"), "its neighbours do not suffer"
         device.step = step  # type: ignore[method-assign]
         await plant.until(lambda: not alarms() and plant.good("c1.state"))
-        journal = [one for one in runtime.alarms.standing() if "program_halted" in one.id]
+        journal = [one for one in runtime.alarms.list.active() if "program_halted" in one.id]
         assert all(one.count == 1 for one in journal)

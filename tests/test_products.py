@@ -206,7 +206,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         ring.tell(10, 500, source=2, value=3.25, after=0)
         ring.tell(6, 500, after=0, request=41)
         await runtime._take_events(item, ring.drain(), 4)
-        assert sorted(one.key for one in runtime.alarms.standing()) == ["events_lost", "tolerance_2"]
+        assert sorted(one.key for one in runtime.alarms.list.active()) == ["events_lost", "tolerance_2"]
         assert runtime._last_seen(item) == (1, 10_003)
         assert runtime.tags.value(runtime.tags.handle("sys.events.c1")) > counted  # type: ignore[operator]
         now = runtime.clock.micros()
@@ -281,7 +281,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
         async with asyncio.timeout(5):
             await runtime._take_events(item, ring.drain(), 0)
         runtime._tell_alarms()
-        assert sorted(one.key for one in runtime.alarms.standing()) == ["history_full", "tolerance_2"]
+        assert sorted(one.key for one in runtime.alarms.list.active()) == ["history_full", "tolerance_2"]
         assert runtime.events.waiting >= 1
     finally:
         await runtime.stop()

@@ -1,4 +1,4 @@
-"""One alarm at work: its definition, its layers, when it came and went, and how it is shown, stored and written down."""
+"""One alarm at work: its definition, its layers, when it came and went, and how it is shown and written down."""
 
 import json
 import math
@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 from app.access.roles import Person
 from app.alarms.conditions import Condition, Delay, Happened
-from app.alarms.journal import Record, Stored
+from app.alarms.event_params import of_event
+from app.alarms.journal import Record
 from app.alarms.lifecycle import UNACKED, Life, State, Step, Traits
 from app.plant.definitions import Alarm
+from app.plant.events import RingEvent
 from app.plant.texts import Texts
 from app.records.snapshot import Layout
 from app.tags import quality
@@ -253,32 +255,11 @@ def carry(before: Watch, after: Watch) -> None:
     after.delay.active, after.delay.since, after.delay.at = before.delay.active, before.delay.since, before.delay.at
 
 
-def stored(watch: Watch) -> Stored:
-    life = watch.life
-    return Stored(
-        alarm=watch.id,
-        equipment=watch.equipment,
-        key=watch.alarm.key,
-        occurrence=watch.occurrence,
-        active=life.active,
-        acked=life.acked,
-        latched=life.latched,
-        shelved=life.shelved,
-        suppressed=life.suppressed,
-        out_of_service=life.out_of_service,
-        known=watch.known,
-        first_true=watch.first_true,
-        annunciated=watch.annunciated,
-        returned=watch.returned,
-        acked_at=watch.acked_at,
-        acked_by=watch.acked_by,
-        count=watch.count,
-        ordinal=watch.ordinal,
-        uncertain=watch.uncertain,
-        value=watch.value,
-        limit=watch.limit,
-        params=json.dumps(watch.params, ensure_ascii=False, sort_keys=True),
-    )
+def explain(watch: Watch, event: RingEvent) -> None:
+    """Take what the `event` that raised `watch` says of it: number, value and the words of its snapshot."""
+    watch.event = event.sequence
+    watch.value = event.value if math.isfinite(event.value) else watch.value
+    watch.params = of_event(watch.layout, event, {} if watch.life.acked else watch.params)
 
 
 def number(reading: tuple[Value, int]) -> float | None:

@@ -100,7 +100,7 @@ class Drawing:
         self.lang = lang
         self.shown_name = shown_name
         self.now = runtime.clock.micros()
-        self._groups = Counter(one.equipment for one in runtime.alarms.standing() if one.ordinal)
+        self._groups = Counter(one.equipment for one in runtime.alarms.list.active() if one.ordinal)
         self.zone = ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
 
     def row(self, one: Standing) -> Row:
@@ -238,8 +238,8 @@ class Drawing:
     def banner(self, *, may_view: bool, may_acknowledge: bool) -> dict[str, object]:
         """What the banner shows: the most important alarm that waits, counts, marks; without the right to view only the counts."""
         engine = self.runtime.alarms
-        counts = engine.counts()
-        first = engine.latest() if may_view else None
+        counts = engine.counts.values()
+        first = engine.list.latest() if may_view else None
         unacked = int(str(counts["unack"]))
         return {
             "row": self.row(first) if first else None,
@@ -247,18 +247,20 @@ class Drawing:
             "counts": [(one, counts[f"active_{one}"], counts[f"unack_{one}"]) for one in PRIORITIES],
             "total": counts["total"],
             "unack": unacked,
-            "flood": len([at for at in engine.told if self.now - at <= 600_000_000]) if engine.flood else 0,
+            "flood": len([at for at in engine.annunciations.times if self.now - at <= 600_000_000])
+            if engine.annunciations.flood
+            else 0,
             "may_view": may_view,
             "may_acknowledge": may_acknowledge,
-            "news": engine.news,
+            "news": engine.annunciations.count,
             "sound": counts["sound"],
-            "revision": engine.revision,
-            "marks": marks(engine.standing()) if may_view else {"of": {}, "area": {}, "point": {}},
+            "revision": engine.list.revision,
+            "marks": marks(engine.list.active()) if may_view else {"of": {}, "area": {}, "point": {}},
         }
 
     def summary(self) -> dict[str, object]:
         """Alarms by machine or area, the last three, the last 24 hours."""
-        standing = self.runtime.alarms.standing()
+        standing = self.runtime.alarms.list.active()
         plant = self.runtime.plant
         machines = list(plant.equipment.values()) if plant else []
         by_machine = len(machines) <= MOST_MACHINES
@@ -273,7 +275,7 @@ class Drawing:
         for one in standing:
             rows[(one.equipment if by_machine else one.area) if one.equipment else SYSTEM][1][one.priority] += 1
         newest = sorted(standing, key=lambda one: -one.first_true)[:3]
-        told = self.runtime.alarms.told
+        told = self.runtime.alarms.annunciations.times
         return {
             "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
             "newest": [(self.row(one), fmt.clock_time(one.first_true, self.zone, seconds=False)) for one in newest],

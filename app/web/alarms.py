@@ -148,7 +148,7 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     plant, texts, lang = view.runtime(request).plant, view.runtime(request).texts, language.language_of(request)
     keys = list(dict.fromkeys(item.area for item in plant.equipment.values())) if plant else []
     text = view.text
-    counts = _engine(request).counts()
+    counts = _engine(request).counts.values()
     narrowed = {name: wanted[name] for name in ("area", "priority", "q") if wanted[name]}
     asked = {name: value for name, value in wanted.items() if value and name not in ("page", "before")}
     return {
@@ -172,7 +172,7 @@ def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[Standi
     shown: list[tuple[Standing, Row]] = []
     hidden: list[Standing] = []
     words = wanted["q"].casefold().split()
-    for one in _engine(request).standing():
+    for one in _engine(request).list.active():
         if wanted["tab"] == "unack" and not one.unacked:
             continue
         fits = (not wanted["area"] or (one.area if one.equipment else SYSTEM) == wanted["area"]) and (
@@ -207,10 +207,10 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "hidden_unack": sum(one.unacked for one in hidden),
         "all_url": "/alarms?" + urlencode({"tab": wanted["tab"]}),
         "list_url": "/alarms/list?" + urlencode(query | {"page": page}),
-        "list_revision": engine.revision,
-        "list_news": engine.news,
+        "list_revision": engine.list.revision,
+        "list_news": engine.annunciations.count,
         "list_now": _view(request).runtime(request).clock.micros(),
-        "suppressed": len(engine.hidden()),
+        "suppressed": len(engine.list.hidden()),
     }
 
 
@@ -327,10 +327,10 @@ async def banner(request: Request) -> Response:
     cache: dict[tuple[str, bool], tuple[int, Any, bytes]] = request.app.state.__dict__.setdefault("_alarm_banners", {})
     known = cache.get((lang, may))
     runtime = view.runtime(request)
-    if known is None or known[0] != engine.revision or known[1] is not runtime.texts:
+    if known is None or known[0] != engine.list.revision or known[1] is not runtime.texts:
         content = drawing(request).banner(may_view=True, may_acknowledge=may)
         body = view.fragment(request, "fragments/banner_inside.html", alarms=content).body
-        known = cache[(lang, may)] = (engine.revision, runtime.texts, bytes(body))
+        known = cache[(lang, may)] = (engine.list.revision, runtime.texts, bytes(body))
     return Response(known[2], media_type="text/html; charset=utf-8")
 
 

@@ -103,7 +103,7 @@ class _Figures(Collector):
             yield gauge, "simulation_lag_seconds", "How late the simulated plant is", runtime.sim.lag, {}
             yield counter, "simulation_overruns", "Rounds that gave time up", runtime.sim.overruns, {}
         alarms = Counter(
-            (str(one.priority), "unacknowledged" if one.unacked else "other") for one in runtime.alarms.standing()
+            (str(one.priority), "unacknowledged" if one.unacked else "other") for one in runtime.alarms.list.active()
         )
         for priority in ("1", "2", "3", "4"):
             for state in ("unacknowledged", "other"):

@@ -43,7 +43,7 @@ class Line:
         plot.clock.advance(10)
 
     def deliver(self, lost: int = 0) -> None:
-        self.plot.engine.take_events("m1", self.ring.drain(), lost)
+        self.plot.engine.ring.take("m1", self.ring.drain(), lost)
 
 
 async def test_an_event_raises_with_its_own_time_value_and_products(plot: Plot) -> None:
@@ -51,7 +51,7 @@ async def test_an_event_raises_with_its_own_time_value_and_products(plot: Plot) 
     line = Line(plot)
     event = line.ring.tell(10, 7, source=2, value=2.125, second=6, other=1.5)
     line.deliver()
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert (one.state, one.first_true, one.value) == (State.RETURNED, event.time, 2.125)
     assert dict(one.params) == {
         "product": 7,
@@ -74,7 +74,7 @@ async def test_another_source_is_another_alarm(plot: Plot) -> None:
     line = Line(plot)
     line.ring.tell(10, 7, source=3, value=1.0)
     line.deliver()
-    assert sorted(one.key for one in engine.standing()) == ["any", "three"]
+    assert sorted(one.key for one in engine.list.active()) == ["any", "three"]
 
 
 async def test_each_event_is_an_occurrence_and_acknowledging_the_first_never_meets_the_second(plot: Plot) -> None:
@@ -82,10 +82,10 @@ async def test_each_event_is_an_occurrence_and_acknowledging_the_first_never_mee
     line = Line(plot)
     line.ring.tell(10, 7, source=2, value=2.0)
     line.deliver()
-    (first,) = engine.standing()
+    (first,) = engine.list.active()
     line.ring.tell(10, 8, source=2, value=3.0)
     line.deliver()
-    (second,) = engine.standing()
+    (second,) = engine.list.active()
     assert second.occurrence != first.occurrence
     assert (second.params["product"], second.count) == (8, 2)
     (answer,) = await engine.acknowledge([first.occurrence], ANA)
@@ -103,7 +103,7 @@ async def test_one_row_names_all_products_that_nobody_has_acknowledged_yet(plot:
         for product in products:
             line.ring.tell(alarm.event, product, source=2, value=2.0)
         line.deliver()
-        (one,) = engine.standing()
+        (one,) = engine.list.active()
         assert one.params["product"] == products[-1]
         return str(one.params["products"])
 
@@ -113,7 +113,7 @@ async def test_one_row_names_all_products_that_nobody_has_acknowledged_yet(plot:
     assert named(9, 10) == "8, 7, 9, 10"
     assert named(11) == "…, 9, 10, 11"
     assert named(12) == "…, 10, 11, 12"
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert one.count == 7
     await engine.acknowledge([one.occurrence], ANA)
     acknowledged = [record for record in await plot.records() if record.event == "ACK"]
@@ -126,11 +126,11 @@ async def test_a_restart_forgets_none_of_the_products_that_nobody_has_acknowledg
     line = Line(plot)
     line.ring.tell(10, 7, source=2, value=2.0)
     line.deliver()
-    await engine.flush()
+    await engine.journal.flush()
     engine = await plot.begin(PASSED)
     line.ring.tell(10, 8, source=2, value=2.0)
     line.deliver()
-    assert [one.params["products"] for one in engine.standing()] == ["7, 8"]
+    assert [one.params["products"] for one in engine.list.active()] == ["7, 8"]
 
 
 async def test_an_event_without_a_product_names_none(plot: Plot) -> None:
@@ -138,10 +138,10 @@ async def test_an_event_without_a_product_names_none(plot: Plot) -> None:
     line = Line(plot)
     line.ring.tell(10, source=2, value=2.0)
     line.deliver()
-    assert [one.params["products"] for one in engine.standing()] == ["–"]
+    assert [one.params["products"] for one in engine.list.active()] == ["–"]
     line.ring.tell(10, 8, source=2, value=2.0)
     line.deliver()
-    assert [one.params["products"] for one in engine.standing()] == ["8"]
+    assert [one.params["products"] for one in engine.list.active()] == ["8"]
 
 
 async def test_order_within_a_stop_comes_from_the_ring_not_from_polling(plot: Plot) -> None:
@@ -152,10 +152,12 @@ async def test_order_within_a_stop_comes_from_the_ring_not_from_polling(plot: Pl
     line.ring.tell(24, after=0.0)  # the same microsecond: the ring still knows
     line.ring.tell(22, after=0.002)
     line.deliver()
-    order = {one.key: (one.ordinal, one.uncertain) for one in engine.standing()}
+    order = {one.key: (one.ordinal, one.uncertain) for one in engine.list.active()}
     assert order == {"held": (1, False), "jam": (2, False), "stopped": (3, False)}
     plot.wait(5)
-    assert {one.key: one.ordinal for one in engine.standing()} == {"held": 1, "jam": 2, "stopped": 3}, "nothing doubled"
+    assert {one.key: one.ordinal for one in engine.list.active()} == {"held": 1, "jam": 2, "stopped": 3}, (
+        "nothing doubled"
+    )
 
 
 async def test_the_next_stop_counts_from_one(plot: Plot) -> None:
@@ -167,7 +169,7 @@ async def test_the_next_stop_counts_from_one(plot: Plot) -> None:
     line.ring.time += 120 * SECOND
     line.ring.tell(20)
     line.deliver()
-    assert {one.key: one.ordinal for one in engine.standing()} == {"passed": 1, "held": 1}
+    assert {one.key: one.ordinal for one in engine.list.active()} == {"passed": 1, "held": 1}
 
 
 async def test_the_clearing_event_ends_it_at_its_own_time(plot: Plot) -> None:
@@ -176,7 +178,7 @@ async def test_the_clearing_event_ends_it_at_its_own_time(plot: Plot) -> None:
     line.ring.tell(20)
     over = line.ring.tell(21)
     line.deliver()
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert (one.state, one.returned) == (State.RETURNED, over.time)
 
 
@@ -193,7 +195,7 @@ async def test_a_value_older_than_the_event_does_not_end_it_and_a_false_one_does
     assert plot.letters == "B"
     plot.put(status=0)
     assert plot.letters == "D"
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert one.count == 1
 
 
@@ -215,7 +217,7 @@ async def test_a_lost_event_is_raised_by_its_value_two_seconds_later(plot: Plot)
     plot.wait(EVENT_LATE - 0.1)
     assert plot.letters == ""
     plot.wait(0.1)
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert (one.state, one.params["product"], one.params["event"]) == (State.UNACKNOWLEDGED, "–", 0)
 
 
@@ -228,9 +230,9 @@ async def test_a_late_event_explains_what_its_value_has_raised_and_doubles_nothi
     plot.wait(3)
     if over:
         plot.put(status=0)
-    (before,) = engine.standing()
+    (before,) = engine.list.active()
     line.deliver()
-    (after,) = engine.standing()
+    (after,) = engine.list.active()
     assert (after.occurrence, after.state, after.count) == (before.occurrence, before.state, 1)
     assert (after.first_true, after.params["product"], after.value) == (event.time, 5, 1.0)
     assert [line.split()[0] for line in await plot.story()].count("RAISED") == 1
@@ -259,10 +261,10 @@ async def test_a_second_event_while_it_stands_is_a_second_occurrence(plot: Plot)
     plot.put(status=4)
     line.ring.tell(22, 1)
     line.deliver()
-    await engine.acknowledge([engine.standing()[0].occurrence], ANA)
+    await engine.acknowledge([engine.list.active()[0].occurrence], ANA)
     line.ring.tell(22, 2)
     line.deliver()
-    (one,) = engine.standing()
+    (one,) = engine.list.active()
     assert (one.state, one.params["product"]) == (State.UNACKNOWLEDGED, 2)
     assert await plot.story() == ["RAISED AB", "ACK BC", "RTN CA", "RAISED AB"]
 
@@ -274,10 +276,10 @@ async def test_delivered_again_nothing_happens(plot: Plot) -> None:
     line.ring.tell(10, 1, source=2, value=1.0)
     events = list(line.ring.events)
     line.deliver()
-    story, revision = await plot.story(), engine.revision
-    engine.take_events("m1", events)
-    engine.take_events("m1", events[1:])
-    assert (await plot.story(), engine.revision) == (story, revision)
+    story, revision = await plot.story(), engine.list.revision
+    engine.ring.take("m1", events)
+    engine.ring.take("m1", events[1:])
+    assert (await plot.story(), engine.list.revision) == (story, revision)
 
 
 async def test_a_server_that_was_killed_raises_nothing_old_and_misses_nothing_new(plot: Plot) -> None:
@@ -289,18 +291,20 @@ async def test_a_server_that_was_killed_raises_nothing_old_and_misses_nothing_ne
     line.ring.tell(10, 1, source=2, value=1.0)
     events = list(line.ring.events)
     line.deliver()
-    await engine.settle()
-    for one in engine.standing():
+    await engine.journal.settle()
+    for one in engine.list.active():
         await engine.acknowledge([one.occurrence], ANA)
     # killed: no close
     engine = await plot.begin(PASSED, HELD, STOPPED)
-    mark = engine.last_event("m1")
+    mark = engine.journal.last_event("m1")
     assert mark is not None
     assert mark.seen == (1, 3)
-    assert sorted(f"{one.key} {one.state}" for one in engine.standing()) == ["held C", "stopped C"]
+    assert sorted(f"{one.key} {one.state}" for one in engine.list.active()) == ["held C", "stopped C"]
     line.ring.tell(21)
-    engine.take_events("m1", [*events, *line.ring.drain()])
-    assert [f"{one.key} {one.state}" for one in engine.standing()] == ["stopped C"], "the event ended what came before"
+    engine.ring.take("m1", [*events, *line.ring.drain()])
+    assert [f"{one.key} {one.state}" for one in engine.list.active()] == ["stopped C"], (
+        "the event ended what came before"
+    )
     plot.put(status=0)
     assert plot.letters == ""
 
@@ -310,12 +314,12 @@ async def test_what_happened_while_the_server_was_down_is_raised_with_its_time(p
     line = Line(plot)
     line.ring.tell(30)
     line.deliver()
-    await engine.flush()
+    await engine.journal.flush()
     plot.clock.advance(3600)
     engine = await plot.begin(PASSED)
     event = line.ring.tell(10, 5, source=2, value=1.0)
     line.deliver()
-    assert [one.first_true for one in engine.standing()] == [event.time]
+    assert [one.first_true for one in engine.list.active()] == [event.time]
 
 
 async def test_a_machine_met_for_the_first_time_does_not_tell_its_past(plot: Plot) -> None:
@@ -323,12 +327,12 @@ async def test_a_machine_met_for_the_first_time_does_not_tell_its_past(plot: Plo
     ring = Ring(time=plot.clock.micros())
     ring.tell(10, 1, source=2, value=1.0)
     plot.clock.advance(3600)
-    engine.take_events("m1", ring.drain())
-    assert engine.standing() == []
+    engine.ring.take("m1", ring.drain())
+    assert engine.list.active() == []
     ring.time = plot.clock.micros()
     ring.tell(10, 2, source=2, value=1.0, after=0)
-    engine.take_events("m1", ring.drain())
-    assert [one.params["product"] for one in engine.standing()] == [2]
+    engine.ring.take("m1", ring.drain())
+    assert [one.params["product"] for one in engine.list.active()] == [2]
 
 
 async def test_lost_events_are_told_counted_and_what_only_they_could_end_is_not_known(plot: Plot) -> None:
@@ -339,17 +343,17 @@ async def test_lost_events_are_told_counted_and_what_only_they_could_end_is_not_
     line.ring.sequence += 5
     line.ring.tell(30)
     line.deliver(lost=5)
-    found = {one.key: one for one in engine.standing()}
+    found = {one.key: one for one in engine.list.active()}
     assert found["events_lost"].params == {"count": 5}
     assert found["held"].known is False
     line.ring.sequence += 2
     line.ring.tell(21)
     line.deliver(lost=9)  # the link counts from what the history has: only two are new to the alarms
-    found = {one.key: one for one in engine.standing()}
+    found = {one.key: one for one in engine.list.active()}
     assert found["events_lost"].params == {"count": 7}
     assert (found["held"].known, found["held"].state) == (True, State.RETURNED)
     await engine.acknowledge([found["events_lost"].occurrence], ANA)
-    assert [one.key for one in engine.standing()] == ["held"]
+    assert [one.key for one in engine.list.active()] == ["held"]
 
 
 async def test_what_a_device_tells_is_not_hidden_by_the_communication_that_was_lost(plot: Plot) -> None:
@@ -360,15 +364,15 @@ async def test_what_a_device_tells_is_not_hidden_by_the_communication_that_was_l
     line.deliver()
     plot.put(quality=COMM_FAILURE, status=None)
     plot.wait(3)
-    assert sorted(f"{one.key} {one.state}" for one in engine.standing()) == ["communication B", "passed D"], (
+    assert sorted(f"{one.key} {one.state}" for one in engine.list.active()) == ["communication B", "passed D"], (
         "it happened"
     )
     line.ring.tell(22, 4)
     plot.put(status=4)  # it answers again; the alarm of the communication stays for its off-delay
     line.deliver()
-    assert {one.key: str(one.state) for one in engine.standing()}["stopped"] == "B"
+    assert {one.key: str(one.state) for one in engine.list.active()}["stopped"] == "B"
     plot.wait(6)
-    assert {one.key: str(one.state) for one in engine.standing()}["stopped"] == "B"
+    assert {one.key: str(one.state) for one in engine.list.active()}["stopped"] == "B"
 
 
 async def test_a_reload_in_mid_stop_changes_nothing(plot: Plot) -> None:
@@ -378,11 +382,11 @@ async def test_a_reload_in_mid_stop_changes_nothing(plot: Plot) -> None:
     line.ring.tell(20)
     line.ring.tell(22)
     line.deliver()
-    before = [(one.key, one.state, one.occurrence) for one in engine.standing()]
+    before = [(one.key, one.state, one.occurrence) for one in engine.list.active()]
     plot.configure(plot.plant)
-    assert [(one.key, one.state, one.occurrence) for one in engine.standing()] == before
+    assert [(one.key, one.state, one.occurrence) for one in engine.list.active()] == before
     plot.wait(3)
-    assert {one.key: str(one.state) for one in engine.standing()} == {"held": "B", "stopped": "D"}
+    assert {one.key: str(one.state) for one in engine.list.active()} == {"held": "B", "stopped": "D"}
 
 
 LIVES = [
@@ -400,7 +404,7 @@ AFTER_MOMENT = {"A": "D", "B": "D", "C": "D", "D": "D", "E": "D", "F": "D", "G":
 async def test_every_state_takes_every_event(plot: Plot, life: Life, code: int, wanted: dict[str, str]) -> None:
     """State × event: what is hidden stays hidden and goes on silently, what is shown is raised or ended."""
     engine = await plot.begin(PASSED if code == 10 else HELD)
-    (watch,) = (one for one in engine._watches.values() if one.alarm.event)
+    (watch,) = (one for one in engine._index if one.alarm.event)
     watch.life = life
     watch.delay.restart(life.active)
     watch.condition.standing = life.active  # type: ignore[union-attr, attr-defined]

@@ -67,8 +67,7 @@ async def found(runtime: Runtime) -> list[Record]:
 
 
 def alarmed(runtime: Runtime) -> bool:
-    watch = runtime.alarms._watches.get("sys.set_mixed.m1")
-    return watch is not None and watch.condition.active  # type: ignore[union-attr]
+    return any(one.id == "sys.set_mixed.m1" and one.life.active for one in runtime.alarms.list.active())
 
 
 @pytest.mark.parametrize(

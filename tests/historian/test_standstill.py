@@ -202,7 +202,7 @@ async def test_a_delay_does_not_count_what_nobody_saw(history: Database, tmp_pat
         plot.put(after=0.25, t=80.0)
     plot.wait(30)
     assert plot.letters == ""
-    assert engine.due is not None and 4 <= engine.due - plot.clock.monotonic() <= 6
+    assert engine.evaluation.due is not None and 4 <= engine.evaluation.due - plot.clock.monotonic() <= 6
     for _ in range(28):
         plot.tags.sweep()
         plot.put(after=0.25, t=80.0)

@@ -211,7 +211,7 @@ async def test_a_shift_of_faults_kills_nothing_costs_no_memory_and_ends_in_the_t
     await asyncio.gather(*tasks, return_exceptions=True)
     print(f"\n{SECONDS:.0f} s: {dict(sorted(shift.done.items()))}")
     print(
-        f"memory {before:.1f} → {after:.1f} MB, longest loop lag {1000 * shift.most_lag:.0f} ms, alarms {runtime.alarms.revision}"
+        f"memory {before:.1f} → {after:.1f} MB, longest loop lag {1000 * shift.most_lag:.0f} ms, alarms {runtime.alarms.list.revision}"
     )
     assert after - before < GROWTH
     await shift.repair()

@@ -362,7 +362,7 @@ for _row in TRANSITIONS:
 async def alarms_follow_the_table(c: Checker) -> None:
     """Every line of the journal is a row of the table, each begins where the one before of its alarm ended, and the states are the last."""
     runtime = c.world.runtime
-    await runtime.alarms.flush()
+    await runtime.alarms.journal.flush()
     columns = journal_table.c
     rows = await runtime.db.read(
         lambda connection: connection.execute(

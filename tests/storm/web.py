@@ -177,7 +177,7 @@ class WebWorld(World):
             await asyncio.sleep(0.05)
 
     async def _do_acknowledge(self, who: str, number: int) -> None:
-        standing = [] if self.down else self.runtime.alarms.standing()
+        standing = [] if self.down else self.runtime.alarms.list.active()
         if standing and self.sids.get(who):
             occurrence = standing[number % len(standing)].occurrence
             await self._send(who, "/alarms/acknowledge", occurrence=[str(occurrence)])

@@ -544,7 +544,7 @@ class World:
 
     async def _do_acknowledge(self, who: str, number: int) -> None:
         person = await self.person(who)
-        standing = self.runtime.alarms.standing() if person else []
+        standing = self.runtime.alarms.list.active() if person else []
         if person and standing and person.may("acknowledge"):
             await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
 

@@ -41,7 +41,7 @@ class Hall:
         return self.runtime.alarms
 
     def tell(self, key: str, equipment: str | None = None, active: bool = True, **params: object) -> None:
-        self.staff.wait(self.engine.raise_system, key, equipment, active, params)
+        self.staff.wait(self.engine.system.report, key, equipment, active, params)
 
     def put(self, name: str, value: float) -> None:
         """A value as if the device had said it."""
@@ -50,7 +50,7 @@ class Hall:
         self.staff.wait(tags.publish, Batch(tags.tags[handle].source, 99, now, now, [handle], [value]))
 
     def standing(self) -> list[Standing]:
-        found: list[Standing] = self.staff.wait(self.engine.standing)
+        found: list[Standing] = self.staff.wait(self.engine.list.active)
         return found
 
     def one(self, id: str) -> Standing:
@@ -155,7 +155,7 @@ def test_parameters_are_inert_everywhere(hall: Hall) -> None:
     assert virtual.until(hall.standing)
     hall.staff.enter("eva", "operator")
     occurrence = hall.one(f"sys.task_down.{EVIL}").occurrence
-    hall.staff.wait(hall.engine.flush)
+    hall.staff.wait(hall.engine.journal.flush)
     paths = (
         "/",
         "/alarms",
@@ -188,14 +188,14 @@ def test_many_alarms_open_in_time_and_in_pages(hall: Hall) -> None:
     hall.tell("audit_broken")
     (base,) = [one for one in hall.standing() if one.id == "sys.audit_broken"]
     many = [replace(base, id=f"sys.x{n}", occurrence=10**6 + n, priority=1 + n % 4) for n in range(5000)]
-    hall.staff.wait(setattr, engine, "_list", (engine.revision, many))
+    hall.staff.wait(setattr, engine.list, "_drawn", (engine.list.revision, many))
     began = time.process_time()
     html = hall.page("/alarms")
     assert time.process_time() - began < 2
     assert len(rows(html)) == 500
     assert "Alarms: 5000, shown at once: 500" in html
     assert rows(hall.page("/alarms?page=9"))[0] == "sys.x4500"
-    hall.staff.wait(engine._touch)
+    hall.staff.wait(engine.list.touch)
     hall.tell("link_down", None, False, link="template")
 
 
@@ -334,9 +334,9 @@ def test_a_value_above_its_limit_is_written_with_its_limit(hall: Hall) -> None:
     one = replace(_heatsink(hall), value=81.0, limit=75.0)
     for lang, text in {"en": "81 > 75", "hr": "81 > 75"}.items():
         engine = hall.engine
-        hall.staff.wait(setattr, engine, "_list", (engine.revision, [one]))
+        hall.staff.wait(setattr, engine.list, "_drawn", (engine.list.revision, [one]))
         assert text in unescape(hall.page("/alarms", lang))
-    hall.staff.wait(hall.engine._touch)
+    hall.staff.wait(hall.engine.list.touch)
 
 
 def _heatsink(hall: Hall) -> Standing:

@@ -191,8 +191,8 @@ def test_a_tag_without_history_has_empty_numbers(client: TestClient) -> None:
 def test_alarms_of_the_machines_in_view_are_marked(client: TestClient, staff: Staff) -> None:
     runtime = runtime_of(client)
     before = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
-    staff.wait(lambda: _in_loop(runtime.alarms.raise_system, "command_unconfirmed", "m1"))
-    staff.wait(runtime.alarms.flush)
+    staff.wait(lambda: _in_loop(runtime.alarms.system.report, "command_unconfirmed", "m1"))
+    staff.wait(runtime.alarms.journal.flush)
     pass_time(1)  # a period ends before its last moment
     marks = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
     assert len(marks) == len(before) + 1

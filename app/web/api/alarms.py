@@ -49,7 +49,7 @@ class AckOut(BaseModel):
 async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
-    return [_alarm(request, runtime, standing) for standing in runtime.alarms.standing()]
+    return [_alarm(request, runtime, standing) for standing in runtime.alarms.list.active()]
 
 
 @router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])

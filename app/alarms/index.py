@@ -1,0 +1,181 @@
+"""Every alarm at work, found by its id, by the points it reads, by its machine and by the machine's events."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from app.alarms.conditions import Delay, Told, condition, delay, inputs, needs_time
+from app.alarms.definitions import SYSTEM_ALARMS
+from app.alarms.event_params import untold
+from app.alarms.watch import Watch
+from app.plant import expression
+from app.plant.definitions import Alarm, Equipment, Kind
+from app.plant.system import SYSTEM
+from app.tags.batch import Value
+from app.tags.database import TagDatabase
+from app.tags.quality import NO_DATA
+
+COMM = "comm"
+"""Class of the alarm that says that a device does not answer."""
+
+
+class AlarmIndex:
+    """The alarms of the plant and of the system, in the order of evaluation."""
+
+    def __init__(self, tags: TagDatabase) -> None:
+        self.equipment: Mapping[str, Equipment] = {}
+        """The machines of the plant by id."""
+        self._tags = tags
+        self._by_id: dict[str, Watch] = {}
+        self._readers: dict[int, list[Watch]] = {}
+        self._timed: list[Watch] = []
+        self._roots: dict[str, Watch] = {}
+        self._members: dict[str, list[Watch]] = {}
+        self._by_event: dict[str, dict[int, list[Watch]]] = {}
+
+    def clear(self, equipment: Mapping[str, Equipment]) -> dict[str, Watch]:
+        """Begin anew with the machines `equipment`; the alarms that were there, by id."""
+        old = self._by_id
+        self.equipment = equipment
+        self._by_id, self._readers, self._timed = {}, {}, []
+        self._roots, self._members, self._by_event = {}, {}, {}
+        return old
+
+    def add(self, watch: Watch) -> None:
+        """Take `watch` in, behind all others."""
+        watch.index = len(self._by_id)
+        self._by_id[watch.id] = watch
+        self._members.setdefault(watch.equipment, []).append(watch)
+        for handle in watch.handles:
+            self._readers.setdefault(handle, []).append(watch)
+        if needs_time(watch.alarm):
+            self._timed.append(watch)
+        for code in (watch.alarm.event, watch.alarm.event_clear):
+            if code:
+                self._by_event.setdefault(watch.equipment, {}).setdefault(code, []).append(watch)
+        if watch.equipment and watch.alarm.alarm_class == COMM and not isinstance(watch.condition, Told):
+            self._roots[watch.equipment] = watch
+
+    def listen(self, watch: Watch, until: str) -> None:
+        """Let the sentence `until` over the points of its machine end what was told of `watch`."""
+        assert isinstance(watch.condition, Told)
+        watch.condition.until = expression.parse(until)
+        names = _names(self.equipment.get(watch.equipment))
+        for handle in self._handles(names, watch.condition.until.names):
+            readers = self._readers.setdefault(handle, [])
+            if watch not in readers:
+                readers.append(watch)
+
+    # ---- who is asked for -----------------------------------------------------------------------------
+
+    def __iter__(self) -> Iterator[Watch]:
+        return iter(self._by_id.values())
+
+    def get(self, id: str) -> Watch | None:
+        """The alarm `id`; None = there is none."""
+        return self._by_id.get(id)
+
+    def readers(self, handles: Iterable[int]) -> list[Watch]:
+        """The alarms that one of the points `handles` decides, in order."""
+        found: dict[int, Watch] = {}
+        for handle in handles:
+            for watch in self._readers.get(handle, ()):
+                found[watch.index] = watch
+        return [found[index] for index in sorted(found)]
+
+    @property
+    def timed(self) -> Sequence[Watch]:
+        """Those that may change although no value does."""
+        return self._timed
+
+    def members(self, equipment: str) -> Sequence[Watch]:
+        """All alarms of a machine; "" are those of the server."""
+        return self._members.get(equipment, ())
+
+    def root(self, equipment: str) -> Watch | None:
+        """The alarm that says that a machine does not answer; None = it has none."""
+        return self._roots.get(equipment)
+
+    def of_event(self, equipment: str, code: int) -> Sequence[Watch]:
+        """The alarms that the event `code` of a machine raises or ends."""
+        return self._by_event.get(equipment, {}).get(code, ())
+
+    # ---- what is made ---------------------------------------------------------------------------------
+
+    def of_plant(self, item: Equipment, alarm: Alarm) -> Watch:
+        """The alarm of a row of a machine, not taken in yet.
+
+        Raises:
+            ConfigurationError: its sentence is none of the grammar (the plant reader has refused it before).
+        """
+        names = _names(item)
+        point = item.points.get(alarm.value)
+        numeric = point is not None and point.kind not in (Kind.ENUM, Kind.TEXT, Kind.BOOL) and not point.texts
+        return Watch(
+            id=f"{item.id}.{alarm.key}",
+            index=0,
+            equipment=item.id,
+            area=item.area,
+            type=item.type.name,
+            alarm=alarm,
+            condition=condition(alarm),
+            delay=delay(alarm),
+            look=self._look(names),
+            age=self._age(names),
+            handles=frozenset(self._handles(names, inputs(alarm))),
+            unit=point.unit if point and numeric else "",
+            decimals=point.decimals if point else 1 if alarm.event else 0,
+            params=untold(item.type.snapshot) if alarm.event else {},
+            layout=item.type.snapshot,
+        )
+
+    def of_system(self, id: str, key: str, equipment: str) -> Watch:
+        """The alarm `key` of `SYSTEM_ALARMS` about a machine ("" = the server), not taken in yet.
+
+        Raises:
+            KeyError: no such alarm.
+        """
+        told = SYSTEM_ALARMS[key]
+        row = told.row(key)
+        item = self.equipment.get(equipment)
+        names = _names(item)
+        return Watch(
+            id=id,
+            index=0,
+            equipment=equipment,
+            area=item.area if item else SYSTEM,
+            type=item.type.name if item else "",
+            alarm=row,
+            condition=Told(),
+            delay=Delay(row.on_delay, row.off_delay),
+            look=self._look(names),
+            age=self._age(names),
+            handles=frozenset(),
+            once=told.once,
+        )
+
+    def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:
+        known = self._tags.handles
+        return [known[names[key]] for key in keys if names.get(key) in known]
+
+    def _look(self, names: Mapping[str, str]) -> Callable[[str], tuple[Value, int]]:
+        known, tags = self._tags.handles, self._tags
+        handles = {key: known[name] for key, name in names.items() if name in known}
+
+        def look(key: str) -> tuple[Value, int]:
+            handle = handles.get(key)
+            return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+        return look
+
+    def _age(self, names: Mapping[str, str]) -> Callable[[str], float | None]:
+        known, tags = self._tags.handles, self._tags
+
+        def age(key: str) -> float | None:
+            handle = known.get(names.get(key, ""))
+            return None if handle is None else tags.age(handle)
+
+        return age
+
+
+def _names(item: Equipment | None) -> Mapping[str, str]:
+    """Names of a machine's tags by the keys of its points."""
+    return {key: point.name for key, point in item.points.items()} if item else {}
