@@ -228,7 +228,7 @@ def fail(text: str) -> NoReturn:
 
 def terminal() -> Person:
     """Who is named in the audit: the user of the operating system."""
-    from app.access.audit import printable
+    from app.access.audit.line import printable
 
     try:
         name = getpass.getuser()

@@ -10,8 +10,8 @@ from zoneinfo import ZoneInfo
 
 from app import __version__
 from app.access.access import Access, prepare
-from app.access.anchors import to_file
-from app.access.audit import Filter
+from app.access.audit.anchors import to_file
+from app.access.audit.search import Filter
 from app.access.keys import read_key
 from app.access.roles import Person
 from app.addresses import host_and_port
@@ -177,7 +177,7 @@ class Runtime:
         self.access.sessions.subscribe_deeds(self._people_acted)
         self.access.people.tell = lambda alarm, name: self.alarms.system.report(alarm, params={"account": name})
         self.keeper.keep("people", self.access.watch)
-        self.keeper.keep("audit", self.access.audit.watch)
+        self.keeper.keep("audit", self.access.audit_watch.run)
         self.keeper.keep("alarms", self.alarms.run)
         self.keeper.keep("alarm journal", self.alarms.journal.run)
         self.plant, self.problems = read_simulated(self.settings.plant)

@@ -8,7 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from app import chance
-from app.access.audit import Audit
+from app.access.audit.audit import Audit
+from app.access.audit.watch import AuditWatch
 from app.access.factors import Factors
 from app.access.first_code import FirstCode
 from app.access.former import check_former
@@ -54,7 +55,7 @@ class Access:
         threads: Threads = threads,
         factor_roles: Iterable[str] = (),
     ) -> None:
-        """Reads or makes the keys in `data`; `anchors` are told every anchor of the audit (`app/access/anchors.py`).
+        """Reads or makes the keys in `data`; `anchors` are told every anchor of the audit (`app/access/audit/anchors.py`).
 
         Who has one of `factor_roles` needs a second factor.
 
@@ -64,6 +65,7 @@ class Access:
         check_files(data)
         self._secret = read_key(data / "secret.key")
         self.audit = Audit(db, clock, data, anchors, threads)
+        self.audit_watch = AuditWatch(self.audit, clock)
         self.passwords = Passwords(cost, threads)
         self.throttle = Throttle(clock)
         self.first_code = FirstCode(data)

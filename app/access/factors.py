@@ -22,7 +22,8 @@ from typing import Any, Literal
 from sqlalchemy import Connection, delete, func, insert, select, update
 
 from app import chance
-from app.access.audit import Audit, Entry, printable, refused_without_audit
+from app.access.audit.audit import Audit, refused_without_audit
+from app.access.audit.line import Entry, printable
 from app.access.first_code import ALPHABET
 from app.access.keys import LARGEST_KEY_FILE
 from app.access.private import write_private

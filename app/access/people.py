@@ -12,7 +12,8 @@ from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, 
 from sqlalchemy.exc import IntegrityError
 
 from app import chance
-from app.access.audit import Audit, Entry, printable, refused_without_audit
+from app.access.audit.audit import Audit, refused_without_audit
+from app.access.audit.line import Entry, printable
 from app.access.factors import GOOD, Factors, factor_of, recovery_used
 from app.access.first_code import FirstCode
 from app.access.passwords import Passwords, check_policy, initial_password, normal

@@ -18,7 +18,8 @@ from typing import Any
 from sqlalchemy import Connection, Select, delete, insert, literal_column, select, update
 
 from app import chance
-from app.access.audit import Audit, printable
+from app.access.audit.audit import Audit
+from app.access.audit.line import printable
 from app.access.roles import ACTING, ENROLLING, FORCED, IDLE, Person, permissions_of
 from app.access.tables import factor_table, person_table, role_table, session_table
 from app.clock import Clock

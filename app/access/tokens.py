@@ -7,7 +7,8 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, insert, select, update
 
 from app import chance
-from app.access.audit import Audit, Entry, printable, refused_without_audit
+from app.access.audit.audit import Audit, refused_without_audit
+from app.access.audit.line import Entry, printable
 from app.access.roles import PERMISSIONS, Person, permissions_of
 from app.access.sessions import IN_USE, hash_of, roles_of
 from app.access.tables import person_table, token_table

@@ -15,7 +15,8 @@ from typing import Any
 
 from sqlalchemy import Connection, RowMapping, Select, bindparam, delete, func, insert, select
 
-from app.access.audit import Verdict, begin_now, chained, genesis, is_mac
+from app.access.audit.chain import begin_now, chained, genesis, is_mac
+from app.access.audit.verification import Verdict
 from app.alarms.lifecycle import Life
 from app.alarms.tables import event_mark_table, journal_table, state_table
 from app.plant.events import Mark

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 from sqlalchemy import Connection
 
-from app.access.audit import Verdict
+from app.access.audit.verification import Verdict
 from app.alarms import journal
 from app.alarms.journal import Record, Stored
 from app.alarms.lifecycle import Life

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from app.access.audit import Record
+from app.access.audit.line import Record
 from app.commands import value_set
 from app.commands.lifecycle import Progress
 from app.commands.sets import UNTOLD, left_open

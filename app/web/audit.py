@@ -12,7 +12,8 @@ from zoneinfo import ZoneInfo
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
-from app.access.audit import Filter, Record
+from app.access.audit.line import Record
+from app.access.audit.search import Filter
 from app.access.roles import Person
 from app.clock import to_datetime, to_micros
 from app.commands.open_sets import values_of

@@ -25,7 +25,7 @@ from starlette.websockets import WebSocket
 
 from app import chance
 from app.access.access import Access
-from app.access.audit import printable
+from app.access.audit.line import printable
 from app.access.people import HALF_LIFE
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted

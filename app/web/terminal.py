@@ -13,7 +13,7 @@ from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.access.audit import printable
+from app.access.audit.line import printable
 from app.access.roles import Person
 from app.errors import ConfigurationError
 from app.plant.changes import Change

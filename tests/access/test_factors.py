@@ -11,7 +11,7 @@ import pytest
 from pyotp import TOTP
 
 from app.access.access import Access, prepare
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.access.factors import (
     CODES,
     EARLY,

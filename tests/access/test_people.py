@@ -7,7 +7,7 @@ import pytest
 from pwdlib.hashers.argon2 import Argon2Hasher
 
 from app.access.access import Access
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.access.passwords import Cost
 from app.clock import ManualClock
 from app.errors import Refused

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from app import bundled
-from app.access.audit import Filter, Record
+from app.access.audit.line import Record
+from app.access.audit.search import Filter
 from app.access.roles import Person, permissions_of
 from app.commands.open_sets import open_sets
 from app.commands.sets import FOUND_MIXED, FOUND_NEW, FOUND_OLD, MIXED, RESTORED, UNREAD

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.engine import AlarmEngine
 from app.alarms.watch import Standing

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.sim.training import REG_MACHINE_FAULT
 from tests.web.operating import Operator, button, line_of, runtime_of, until, words
 from tests.web.people import BOSS, Staff

@@ -11,7 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app import bundled
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.plant.loader import read_plant
 from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS

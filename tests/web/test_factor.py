@@ -9,7 +9,7 @@ import pytest
 import segno
 from pyotp import TOTP
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.access.factors import STEP
 from app.access.people import HALF_LIFE
 from app.settings import Settings

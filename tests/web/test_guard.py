@@ -11,7 +11,7 @@ from sqlalchemy import Connection, delete, insert
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocketDisconnect
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.access.people import HalfIn
 from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
 from app.access.sessions import IDLE_AFTER

@@ -207,6 +207,6 @@ def test_a_history_that_cannot_be_opened_does_not_stop_the_plant(
 
 
 def _exports() -> Any:
-    from app.access.audit import Filter
+    from app.access.audit.search import Filter
 
     return Filter(kind="history.exported")

@@ -12,7 +12,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app import bundled
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.plant.definitions import Training
 from app.sim import training
 from app.sim.eura_e800 import training as own

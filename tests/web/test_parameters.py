@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 import pytest
 from fastapi.testclient import TestClient
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from tests.web.operating import Answer, Operator, line_of, runtime_of, until, words
 from tests.web.people import Staff
 from tests.web.test_api import Program

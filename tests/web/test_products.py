@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.errors import StorageError
 from app.historian.events import Delivery, Told, attribute, store
 from app.historian.export import verify_export

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sqlalchemy import Connection
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.errors import StorageError
 from app.historian import record_query
 from app.historian.export import verify_export

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from app.access.audit import Filter
+from app.access.audit.search import Filter
 from app.access.sessions import hash_of
 from app.errors import StorageError
 from app.settings import Settings

@@ -1,0 +1,77 @@
+"""Anchors tell of a cut that nothing else tells of, and hang together."""
+
+from pathlib import Path
+
+from app.access.access import Access
+from app.access.audit.anchoring import ANCHOR_LINES
+from app.access.audit.chain import signed
+from app.clock import ManualClock
+from app.db import Database
+from tests.access.audit.filled import LINES, MARKS, filled, older, tamper
+from tests.access.conftest import boss
+from tests.virtual import inline
+
+
+async def test_an_anchor_tells_of_a_cut_that_came_before_the_head_was_lost(
+    access: Access, data: Path, clock: ManualClock
+) -> None:
+    await filled(access)
+    clock.advance(3601)
+    await access.audit.record("command", boss())
+    anchored = int((data / "audit.anchors").read_text().split()[0])
+    assert anchored == LINES + 1
+    tamper(data, "DELETE FROM audit WHERE seq > 12")
+    (data / "audit.head").unlink()
+    verdict = access.audit.check_now()
+    assert (verdict.bad, verdict.why) == (13, "cut")
+
+
+async def test_an_anchor_after_a_thousand_lines(access: Access, data: Path) -> None:
+    for _ in range(ANCHOR_LINES // 100):
+        await access.audit.with_entries(
+            lambda _connection: (None, [access.audit.entry("x", boss()) for _ in range(100)])
+        )
+    assert (data / "audit.anchors").read_text().startswith(f"{ANCHOR_LINES} ")
+    assert access.audit.check_now().ok
+
+
+async def test_everything_older_put_back_is_found_by_an_anchor_elsewhere(
+    data: Path, clock: ManualClock, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    database = Database(data / "pogon.db", "pogon", inline)
+    access = Access(database, clock, data, anchors=[told.append], threads=inline)
+    copied = await older(access, data)
+    clock.advance(3601)
+    await access.audit.record("command", boss())
+    tamper(data, "DELETE FROM audit WHERE seq > 12")
+    for name in MARKS:
+        if name in copied:
+            (data / name).write_bytes(copied[name])
+    (data / "audit.anchors").unlink()
+    assert access.audit.check_now().ok  # nothing on this machine tells
+    (tmp_path / "copied").write_text("\n".join(told))
+    verdict = access.audit.check_now(tmp_path / "copied")
+    assert (verdict.bad, verdict.why) == (13, "cut")
+    access.close()
+
+
+async def test_anchors_hang_together(access: Access, data: Path, clock: ManualClock) -> None:
+    for _ in range(4):
+        clock.advance(3601)
+        await access.audit.record("command", boss())
+    path = data / "audit.anchors"
+    lines = path.read_text().splitlines()
+    assert len(lines) == 4
+    for wrong in ([*lines[:1], *lines[2:]], lines[1:], [lines[1], lines[0], *lines[2:]], [*lines, lines[0]]):
+        path.write_text("\n".join(wrong) + "\n")
+        assert access.audit.check_now().why == "anchor"
+    path.write_text("\n".join(lines) + "\n")
+    assert access.audit.check_now().ok
+
+
+async def test_anchors_of_the_first_versions_are_understood(access: Access, data: Path) -> None:
+    await filled(access, 3)
+    mac = access.audit._anchoring._newest[1]
+    (data / "audit.anchors").write_text(f"3 5 {mac} {signed(access.audit._key, 'anchor', 3, mac, 5)}\n")
+    assert access.audit.check_now().ok
