@@ -39,7 +39,7 @@ from app.live.frames import Live
 from app.plant.changes import Change, compare, digest, renamed, same_line
 from app.plant.definitions import Equipment, Link, Plant, Point, Problem
 from app.plant.derive import Derivation
-from app.plant.events import Mark, RingEvent
+from app.plant.events import Mark, RingEvent, earlier
 from app.plant.retained import RetainedStates
 from app.plant.sequences import RUNNING
 from app.plant.system import COMMANDS, FRAME, HISTORY, SYSTEM, system_point, system_points
@@ -345,18 +345,15 @@ class Runtime:
         with suppress(StorageError):  # told by the history, which tries again
             await self.events.take(equipment, events, lost)
 
-    def _last_seen(self, item: Equipment) -> tuple[int, int] | None:
-        """Where the ring of a machine is to be read from: behind what both the alarms and the history have."""
-        mark = self._earliest(item, self.alarms.journal.last_event(item.id))
-        return None if mark is None else mark.seen
+    def _last_seen(self, item: Equipment) -> Sequence[Mark]:
+        """What the alarms and the history have of the ring of a machine."""
+        alarms, stored = self.alarms.journal.last_event(item.id), self.events.last(item.id)
+        return () if alarms is None or stored is None else (alarms, stored)
 
     def _stored_up_to(self, item: Equipment) -> Mark | None:
         """The last event of a machine that is in the journal of the alarms and in the history."""
-        return self._earliest(item, self.alarms.journal.stored_event(item.id))
-
-    def _earliest(self, item: Equipment, alarms: Mark | None) -> Mark | None:
-        stored = self.events.last(item.id)
-        return None if alarms is None or stored is None else min(alarms, stored, key=lambda mark: mark.time)
+        alarms, stored = self.alarms.journal.stored_event(item.id), self.events.last(item.id)
+        return None if alarms is None or stored is None else earlier(alarms, stored)
 
     @staticmethod
     def _log_events(item: Equipment, events: Sequence[RingEvent], lost: int) -> None:

@@ -207,7 +207,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         ring.tell(6, 500, after=0, request=41)
         await runtime._take_events(item, ring.drain(), 4)
         assert sorted(one.key for one in runtime.alarms.list.active()) == ["events_lost", "tolerance_2"]
-        assert runtime._last_seen(item) == (1, 10_003)
+        assert [(mark.boot, mark.sequence) for mark in runtime._last_seen(item)] == [(1, 10_003)] * 2
         assert runtime.tags.value(runtime.tags.handle("sys.events.c1")) > counted  # type: ignore[operator]
         now = runtime.clock.micros()
         ana = Person(7, "ana", "Ana Kos", frozenset({"engineer"}), permissions_of({"engineer"}), "")

@@ -190,7 +190,11 @@ def write(
         machines = [{"name": name} for name in marks]
         connection.execute(delete(event_mark_table).where(event_mark_table.c.equipment == bindparam("name")), machines)
         connection.execute(
-            insert(event_mark_table), [{"equipment": name, **asdict(mark)} for name, mark in marks.items()]
+            insert(event_mark_table),
+            [
+                {"equipment": name, "boot": mark.boot, "sequence": mark.sequence, "time": mark.time}
+                for name, mark in marks.items()
+            ],
         )
     return seq
 

@@ -91,6 +91,10 @@ class JournalQueue:
         self._marks[equipment] = self._new_marks[equipment] = mark
         self._unmarked += events
 
+    def met(self, equipment: str, mark: Mark) -> None:
+        """The ring of which the last event taken is was found again."""
+        self._marks[equipment] = mark
+
     # ---- how far it is --------------------------------------------------------------------------------
 
     @property

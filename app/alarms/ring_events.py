@@ -4,6 +4,7 @@ Source: reference/alarms.md section 11.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from app.alarms.conditions import EVENT_LATE, Happened
 from app.alarms.evaluation import Evaluation
@@ -14,7 +15,7 @@ from app.alarms.states import AlarmStates
 from app.alarms.system_alarms import SystemAlarms
 from app.alarms.watch import Watch, explain
 from app.clock import Clock
-from app.plant.events import RingEvent, is_new, mark_of
+from app.plant.events import RingEvent, begins_again, is_new, mark_of
 
 LATEST_SCAN = 10_000_000
 """A value shows what an event says at most this much later [µs]."""
@@ -52,8 +53,8 @@ class RingEvents:
         mark = self._journal.last_event(equipment)
         if mark is None:
             self._met.setdefault(equipment, wall)
-        elif events and is_new(events[0], mark) and events[0].sequence > mark.sequence:
-            lost = min(lost, events[0].sequence - mark.sequence - 1)
+        elif events and is_new(events[0], mark) and not begins_again(events[0], mark):
+            lost = min(lost, (events[0].sequence - mark.sequence) % 2**32 - 1)
         since = self._met.get(equipment, 0) - LONG_AGO
         if lost > 0 and (not events or is_new(events[0], mark)):
             self._lose(equipment, lost)
@@ -67,6 +68,8 @@ class RingEvents:
                 self._tell(equipment, event, wall)
         if taken and mark is not None:
             self._journal.reached(equipment, mark, taken)
+        elif events and mark is not None:
+            self._journal.met(equipment, replace(mark, ring=events[-1].ring))
 
     def _tell(self, equipment: str, event: RingEvent, wall: int) -> None:
         for watch in self._index.of_event(equipment, event.code):

@@ -20,7 +20,7 @@ from app.db import Database
 from app.errors import StorageError
 from app.historian import renames
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, RingEvent, begins_again, is_new, mark_of
+from app.plant.events import Mark, Ring, RingEvent, begins_again, is_new, mark_of
 from app.records.event import Event, packed, unpacked
 
 log = logging.getLogger(__name__)
@@ -226,20 +226,24 @@ class Events:
             raise StorageError("history.db: not written at the moment")
         waiting, told, number = self._waiting[:], self._told, self._taken
         now = self._clock.micros()
-        names, revision = self._now, self._revision
+        names, revision, before = self._now, self._revision, self._marks
 
         def work(connection: Connection) -> tuple[dict[str, Mark], list[Told], set[str]]:
             touched = renames.follow(connection, names)
+            rings = {equipment: mark.ring for equipment, mark in before.items()}
             for one in waiting:
-                if store(connection, one, self.folds, now):
+                if store(connection, one, self.folds, now, rings.get(one.equipment)):
                     touched.add(one.equipment)
+                if one.events:
+                    rings[one.equipment] = one.events[-1].ring
             rest = []
             for command in told:
                 if attribute(connection, command, self.folds):
                     touched.add(command.equipment)
                 elif now - command.ended <= LATE:
                     rest.append(command)
-            return marks(connection), rest, touched
+            found = {name: replace(mark, ring=rings.get(name)) for name, mark in marks(connection).items()}
+            return found, rest, touched
 
         try:
             found, rest, touched = await self._database.write(work)
@@ -296,13 +300,18 @@ def machine(connection: Connection, equipment: str) -> int:
     )
 
 
-def store(connection: Connection, delivery: Delivery, folds: Sequence[Fold], now: int) -> bool:
-    """Store those events that are new, and that some were lost. True when anything was new."""
+def store(
+    connection: Connection, delivery: Delivery, folds: Sequence[Fold], now: int, ring: Ring | None = None
+) -> bool:
+    """Store those events that are new, and that some were lost. True when anything was new.
+
+    `ring`: the one of which this program stored before; None = none yet.
+    """
     equipment = delivery.equipment
     row = connection.exec_driver_sql(
         "SELECT boot, sequence, time FROM event_mark WHERE equipment = ?", (equipment,)
     ).first()
-    mark = known = None if row is None else Mark(row[0], row[1], row[2])
+    mark = known = None if row is None else Mark(row[0], row[1], row[2], ring)
     fresh: list[RingEvent] = []
     again: list[RingEvent] = []
     for event in delivery.events:
@@ -316,10 +325,8 @@ def store(connection: Connection, delivery: Delivery, folds: Sequence[Fold], now
     told = [fold for fold in folds if equipment in fold.machines]
     # only before the first event of a delivery is anything missing: when that one is known, the loss is, too
     missing = delivery.lost if not fresh or fresh[0] is delivery.events[0] else 0
-    if (
-        known is not None and fresh and fresh[0].sequence > known.sequence
-    ):  # whoever counted may have known less than is stored
-        missing = min(missing, fresh[0].sequence - known.sequence - 1)
+    if known is not None and fresh and fresh[0] not in again:  # whoever counted may have known less than is stored
+        missing = min(missing, (fresh[0].sequence - known.sequence) % 2**32 - 1)
     if missing > 0:
         _note_gap(connection, equipment, missing, fresh[0] if fresh else None, mark, now)
         for fold in told:

@@ -11,6 +11,7 @@ import logging
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from app.errors import DeviceException, LinkError
 from app.links.bus_access import BusAccess
@@ -19,7 +20,7 @@ from app.links.host_event import HostEvent
 from app.links.schedule import Priority
 from app.links.station import Station
 from app.plant.definitions import Equipment, Scan
-from app.plant.events import Mark, is_new, mark_of
+from app.plant.events import Ring, earlier, is_new
 from app.registers import plc_map
 from app.registers.pdu import MAX_READ, WRITE_MULTIPLE
 from app.registers.plc_map import DeviceEvent, TimeQuality
@@ -119,10 +120,11 @@ class EventReader:
         """The event at `position`, to see whether the ring is still the same one."""
         self._suspect = True
         """Whether that is to be looked at."""
+        self._ring: Ring | None = None
         self._busy: object = None
         self._head: Head | None = None
         self._delivery: tuple[asyncio.Task[None], Sequence[HostEvent], DeviceEvent, int] | None = None
-        self._kept: deque[Mark] = deque()
+        self._kept: deque[HostEvent] = deque()
         """Of the events that were taken and are not known to be stored."""
         self._storable: int | None = None
         """Sequence of the last one that is; None until one is known."""
@@ -148,7 +150,7 @@ class EventReader:
             before._last,
             before._delivery,
         )
-        self._kept, self._storable = before._kept, before._storable
+        self._kept, self._storable, self._ring = before._kept, before._storable, before._ring
 
     async def end(self) -> None:
         """Whoever takes events is still given the time to finish with those that he has."""
@@ -234,6 +236,9 @@ class EventReader:
 
     async def _start(self, head: Head) -> int:
         """Sequence of the last event that needs not be taken."""
+        if self._clock.boots is None:
+            await self._read_clock()
+        self._ring = Ring(object(), 0, self._clock.boots or 0, head.newest)
         if self._bus.last_seen is not None:
             try:
                 known = self._bus.last_seen(self.equipment)
@@ -241,9 +246,16 @@ class EventReader:
                     known = await known
             except Exception:
                 log.exception("last event not known equipment=%s", self.equipment.id)
-                known = None
-            if known is not None:
-                return known[1]
+                known = ()
+            if any(self._ring.replaces(mark) for mark in known):
+                self._tell(
+                    "event ring is another one link=%s unit=%d newest=%d last taken=%s",
+                    head.newest,
+                    max(mark.sequence for mark in known),
+                )
+                return 0
+            if known:
+                return reduce(earlier, known).sequence
         if 0 < head.acknowledged <= head.newest:
             return head.acknowledged
         return max(0, head.oldest - 1)  # nobody ever took one: what is there is the beginning
@@ -251,6 +263,8 @@ class EventReader:
     def _begin_anew(self, head: Head) -> None:
         """The ring is not the one that was read before."""
         self._tell("event ring begins anew link=%s unit=%d newest=%d last taken=%s", head.newest, self.position)
+        assert self._ring is not None
+        self._ring = Ring(self._ring.reader, self._ring.number + 1, self._clock.boots or 0, head.newest)
         self.position, self._last = 0, None
         self._kept.clear()
         self._storable = None
@@ -308,6 +322,7 @@ class EventReader:
     async def _deliver(self, found: Sequence[DeviceEvent]) -> None:
         """Hand over until they are taken."""
         seen = self._bus.clock.micros()
+        assert self._ring is not None
         events = [
             HostEvent(
                 event.sequence,
@@ -318,6 +333,7 @@ class EventReader:
                 event.value,
                 event.snapshot,
                 self._clock.boot(event.time),
+                self._ring,
                 event.request,
             )
             for event in found
@@ -346,7 +362,7 @@ class EventReader:
             return False
         self.position, self._last = last.sequence, last
         self.lost -= lost
-        self._kept.extend(map(mark_of, events))
+        self._kept.extend(events)
         return True
 
     @property

@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 
 from app.plant.definitions import Equipment
-from app.plant.events import Mark
+from app.plant.events import Mark, Ring
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +24,15 @@ class HostEvent:
     """Raw words; what they mean is the type's."""
     boot: int
     """Start of the device that it belongs to."""
+    ring: Ring
+    """The ring that it was read from."""
     request: int = 0
     """Id of the command that caused it; 0 = none did, or the device does not say."""
 
 
 OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
 """Takes events in order, and how many were lost before the first; what it raises means: not taken."""
-LastSeen = Callable[[Equipment], Awaitable[tuple[int, int] | None] | tuple[int, int] | None]
-"""(boot, sequence) of the last event that was taken of a machine; None = nobody knows."""
+LastSeen = Callable[[Equipment], Awaitable[Sequence[Mark]] | Sequence[Mark]]
+"""The last event of a machine, for each of those who take them; nothing = one of them knows none."""
 StoredUpTo = Callable[[Equipment], Mark | None]
 """The last event of a machine that is stored wherever it belongs; None = none is."""

@@ -4,10 +4,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-RESTARTED = 1_000_000
-"""An event this much later than the last one is new although its number is not [µs]: the ring began again. Delivered again, an event has
-the time that it had, within the few ms of how well the device's clock is known."""
 HALF = 2**31
+HALF_OF_BOOTS = 2**15
+
+
+@dataclass(slots=True, eq=False)
+class Ring:
+    """A ring as the program that reads it knows it. Times say nothing about it: clocks are set, and those of devices start anew."""
+
+    reader: object
+    """Whoever reads it; nobody else numbers its rings."""
+    number: int = 0
+    """Rises when a ring counts from 1 again: its device has lost what it retains, or is another one."""
+    boots: int = 0
+    """How often the device had been switched on when this ring was met."""
+    newest: int = 0
+    """Sequence of its newest event then."""
+
+    def replaces(self, mark: "Mark") -> bool:
+        """Whether `mark` is of a ring that was before this one. Of a mark from a file only its numbers tell: they never go back."""
+        if mark.ring is not None and mark.ring.reader is self.reader:
+            return mark.ring.number < self.number
+        return _behind(self.newest, mark.sequence, HALF) or _behind(self.boots, mark.boot, HALF_OF_BOOTS)
 
 
 class RingEvent(Protocol):
@@ -37,6 +55,11 @@ class RingEvent(Protocol):
         ...
 
     @property
+    def ring(self) -> Ring:
+        """The ring that it was read from."""
+        ...
+
+    @property
     def request(self) -> int:
         """Id of the command that caused it; 0 = none did, or the device does not say."""
         ...
@@ -50,31 +73,32 @@ class Mark:
     sequence: int
     time: int
     """[µs UTC]"""
-
-    @property
-    def seen(self) -> tuple[int, int]:
-        """Boot and sequence, as a link asks for it."""
-        return self.boot, self.sequence
+    ring: Ring | None = None
+    """None: read from a file."""
 
 
 def mark_of(event: RingEvent) -> Mark:
     """The mark behind `event`."""
-    return Mark(event.boot, event.sequence, event.time)
+    return Mark(event.boot, event.sequence, event.time, event.ring)
 
 
-def is_new(event: RingEvent | Mark, mark: Mark | None) -> bool:
+def is_new(event: RingEvent, mark: Mark | None) -> bool:
     """Whether `event` comes after `mark`; numbers wrap after 2³²−1."""
-    return mark is None or _ahead(event, mark) or begins_again(event, mark)
+    return mark is None or begins_again(event, mark) or _behind(mark.sequence, event.sequence, HALF)
 
 
-def begins_again(event: RingEvent | Mark, mark: Mark) -> bool:
-    """Whether `event` is of a ring that counts from 1 again: its device has lost what it retains, or is another one.
-
-    The very event of the mark is none: delivered again, it has another time when the device's clock stood still meanwhile.
-    """
-    same = (event.boot, event.sequence) == (mark.boot, mark.sequence)
-    return not same and not _ahead(event, mark) and event.time > mark.time + RESTARTED
+def begins_again(event: RingEvent, mark: Mark) -> bool:
+    """Whether `event` is of a ring that replaces the one of `mark`."""
+    return event.ring.replaces(mark)
 
 
-def _ahead(event: RingEvent | Mark, mark: Mark) -> bool:
-    return 0 < (event.sequence - mark.sequence) % 2**32 < HALF
+def earlier(one: Mark, other: Mark) -> Mark:
+    """The mark that is further back."""
+    for first, second in ((one, other), (other, one)):
+        if first.ring is not None and first.ring.replaces(second):
+            return second
+    return one if _behind(one.sequence, other.sequence, HALF) else other
+
+
+def _behind(number: int, other: int, half: int) -> bool:
+    return 0 < (other - number) % (2 * half) < half

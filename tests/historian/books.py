@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from sqlalchemy import Connection
 
@@ -14,12 +15,15 @@ from app.historian.events import store as store_events
 from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
 from app.plant.definitions import Equipment, EquipmentType
+from app.plant.events import Ring
 from app.records.event import Event as Stored
 from app.records.record import Part, Record
 from app.records.snapshot import decode
 from tests.historian.rings import BEGIN, CONVEYOR, Event
 from tests.historian.sequence_rings import SEQUENCE
 
+RINGS: WeakKeyDictionary[RecordFold, dict[str, Ring]] = WeakKeyDictionary()
+"""The ring of each machine of which events were stored last."""
 PASSAGE, RUN, FORCE = CONVEYOR.records["passage"], SEQUENCE.records["run"], SEQUENCE.records["force"]
 
 
@@ -118,8 +122,11 @@ def everything(history: Database, *kinds: Any) -> list[Any]:
 
 
 def store(connection: Connection, fold: RecordFold, equipment: str, told: Sequence[Event], lost: int = 0) -> None:
-    """Events of one machine, after so many that were lost."""
-    store_events(connection, Delivery(equipment, tuple(told), lost), (fold,), BEGIN)
+    """Events of one machine, after so many that were lost; `fold` is that of one program."""
+    known = RINGS.setdefault(fold, {})
+    store_events(connection, Delivery(equipment, tuple(told), lost), (fold,), BEGIN, known.get(equipment))
+    if told:
+        known[equipment] = told[-1].ring
 
 
 def caused(events: Sequence[Event], code: int, request: int, word: int | None = None) -> list[Event]:

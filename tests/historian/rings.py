@@ -1,14 +1,19 @@
 """Machines that track products, and event rings made by hand."""
 
 from dataclasses import dataclass, field, replace
+from itertools import count
 
-from app.plant import types
+from app.plant import events, types
 from app.plant.definitions import Alarm, Equipment
 from app.registers.plc_map import real
 
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
 SECOND = 1_000_000
+READER = object()
+NUMBERS = count(1)
+NONE = events.Ring(READER, boots=1, newest=2**30)
+"""Of events that were not told by a `Ring`."""
 CONVEYOR = types.read_type("conveyor", ["en"])[0].type
 
 
@@ -25,11 +30,17 @@ class Event:
     boot: int = 1
     seen: int = 0
     request: int = 0
+    ring: events.Ring = NONE
 
 
 def snapshot(product: int = 0, second: int = 0, value: float = float("nan")) -> tuple[int, ...]:
     raw = real(value)
     return (product >> 16, product & 0xFFFF, second >> 16, second & 0xFFFF, raw >> 16, raw & 0xFFFF)
+
+
+def a_ring(boot: int) -> events.Ring:
+    """A ring that counts from 1, after all others that were made."""
+    return events.Ring(READER, next(NUMBERS), boot)
 
 
 @dataclass
@@ -40,6 +51,13 @@ class Ring:
     boot: int = 1
     sequence: int = 0
     events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.which = a_ring(self.boot)
+
+    def begin_anew(self) -> None:
+        """The device loses everything that it retains."""
+        self.sequence, self.which = 0, a_ring(self.boot)
 
     def tell(
         self,
@@ -54,7 +72,8 @@ class Ring:
         request: int = 0,
     ) -> Event:
         self.time += round(after * SECOND)
-        self.sequence += 1
+        self.sequence = self.which.newest = self.sequence % (2**32 - 1) + 1
+        self.which.boots = self.boot
         value = float(value)
         event = Event(
             self.sequence,
@@ -66,6 +85,7 @@ class Ring:
             self.boot,
             self.time,
             request,
+            self.which,
         )
         self.events.append(event)
         return event

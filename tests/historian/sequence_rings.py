@@ -1,7 +1,7 @@
 """Machines that run a sequence, and the event rings that the block itself makes: `Device` scans it as a real one does."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from app.blocks.sequence import (
     ALL,
@@ -14,7 +14,7 @@ from app.blocks.sequence import (
 from app.plant import types
 from app.plant.definitions import Equipment, SequenceDefinition, SequencePermissive, SequenceStep
 from app.registers.plc_map import real
-from tests.historian.rings import BEGIN, Event
+from tests.historian.rings import BEGIN, Event, a_ring
 
 SEQUENCE = types.read_type("sequence", ["en"])[0].type
 NO_BIT, POWER_UP = 0xFFFF, 18
@@ -57,7 +57,7 @@ class Device:
     abort: int = ALL
 
     def __post_init__(self) -> None:
-        self.words = [ALL] * self.steps
+        self.words, self.ring = [ALL] * self.steps, a_ring(self.boot)
         self.block = self._block()
         self.scan()
 
@@ -91,9 +91,9 @@ class Device:
         self, code: int, step: int = 0, value: float = 0.0, snapshot: tuple[int, ...] = (NO_BIT, 0, 0, 0, 0, 0)
     ) -> None:
         self.sequence += 1
-        self.events.append(
-            Event(self.sequence, self.time, int(code), step, float(value), snapshot, self.boot, self.time)
-        )
+        self.ring.newest, self.ring.boots = self.sequence, self.boot
+        told = Event(self.sequence, self.time, int(code), step, float(value), snapshot, self.boot, self.time)
+        self.events.append(replace(told, ring=self.ring))
 
     def start(self) -> None:
         self.scan()

@@ -137,6 +137,56 @@ async def test_redelivery_after_a_crash_changes_nothing(history: Database) -> No
         database.close()
 
 
+@pytest.mark.parametrize("back", range(1, 6))
+@pytest.mark.parametrize("shift", [-86_400.0, -3600.0, -1.5, 0.9, 1.5, 30.0, 3600.0, 86_400.0])
+@pytest.mark.parametrize("boots", [0, 1], ids=["same boot", "switched on since"])
+async def test_a_clock_that_was_set_while_the_server_was_down_doubles_nothing(
+    history: Database, shift: float, back: int, boots: int
+) -> None:
+    """Killed after the history and before the alarms' journal had the last `back` events: they come once more, with other times."""
+    witness = Witness("p1")
+    made, ring = kept(history, folds=[witness]), Ring()
+    for code in range(1, 6):
+        ring.tell(code)
+    told = ring.drain()
+    await made.take("p1", told)
+    again = kept(history, folds=[witness])
+    await again.load()
+    ring.boot += boots
+    ring.tell(6)
+    met = replace(ring.which, reader=object(), number=0)
+    moved = round(shift * SECOND)
+    await again.take(
+        "p1", [replace(e, time=e.time + moved, boot=ring.boot, ring=met) for e in [*told[-back:], *ring.drain()]]
+    )
+    assert sequences(history) == [1, 2, 3, 4, 5, 6]
+    assert [one for one in witness.told if one[0] != "done"] == [("put", n) for n in range(1, 7)]
+
+
+@pytest.mark.parametrize("shift", [-86_400.0, -1.5, 0.0, 3600.0])
+@pytest.mark.parametrize("restarted", [False, True])
+async def test_a_device_that_lost_everything_is_kept_whatever_the_clock_says(
+    history: Database, shift: float, restarted: bool
+) -> None:
+    made, ring = kept(history), Ring()
+    for code in (1, 2, 3):
+        ring.tell(code)
+    await made.take("p1", ring.drain())
+    if restarted:
+        made = kept(history)
+        await made.load()
+    ring.begin_anew()
+    ring.time += round(shift * SECOND)
+    ring.tell(4)
+    ring.tell(5)
+    told = ring.drain()
+    await made.take("p1", told)
+    await made.take("p1", told)
+    ring.tell(6)
+    await made.take("p1", [*told, *ring.drain()])
+    assert [event.code for event in stored(history)] == [1, 2, 3, 4, 5, 6]
+
+
 async def test_an_event_that_another_offset_gave_another_time_is_the_same(history: Database) -> None:
     made, ring = kept(history), Ring()
     ring.tell(1)
@@ -153,7 +203,7 @@ async def test_a_device_that_lost_everything_counts_from_one_and_is_kept(history
     for code in (1, 2, 3):
         ring.tell(code)
     await made.take("p1", ring.drain())
-    ring.sequence = 0  # boot and sequence as they were before
+    ring.begin_anew()  # boot and sequence are as they were before
     ring.tell(4, after=5)
     ring.tell(5)
     await made.take("p1", ring.drain())
@@ -174,7 +224,6 @@ async def test_a_sequence_that_wraps_goes_on(history: Database) -> None:
     ring.tell(1)
     ring.tell(2)
     await made.take("p1", ring.drain())
-    ring.sequence = 0
     ring.tell(3)
     await made.take("p1", ring.drain())
     assert sequences(history) == [2**32 - 2, 2**32 - 1, 1]

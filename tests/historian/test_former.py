@@ -18,6 +18,7 @@ from app.historian.record_export import RecordExport, RecordWish
 from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
 from app.plant.definitions import Plant
+from app.plant.events import Ring
 from app.plant.loader import read_plant
 from app.plant.texts import Texts
 from tests.historian import books
@@ -56,8 +57,15 @@ def stages(tmp_path_factory: pytest.TempPathFactory, plant: Plant) -> Iterator[d
 def tell(connection: Connection, plant: Plant) -> None:
     fold = RecordFold(plant.equipment.values())
     for equipment, portions in LATER.items():
+        met = next((events for events, _ in portions if events), [[0] * 7])[
+            -1
+        ]  # as a program that starts finds its ring
+        ring = Ring(object(), boots=met[6], newest=met[0])
         for events, lost in portions:
-            told = [Event(q, t, c, s, float("nan") if v is None else v, tuple(w), b) for q, t, c, s, v, w, b in events]
+            told = [
+                Event(q, t, c, s, float("nan") if v is None else v, tuple(w), b, ring=ring)
+                for q, t, c, s, v, w, b in events
+            ]
             if told or lost:
                 books.store(connection, fold, equipment, told, lost)
 

@@ -195,7 +195,7 @@ async def test_restart_in_mid_passage_goes_on_with_the_same_passage(kept: Record
     await again.load()
     mark = again.last("c1")
     assert mark is not None
-    assert mark.seen == (1, 4)
+    assert (mark.boot, mark.sequence) == (1, 4)
     await again.take("c1", events[4:])
     (one,) = ask(history)
     assert one.outcome == "unloaded"

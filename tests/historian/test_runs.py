@@ -254,7 +254,7 @@ async def test_restart_of_the_server_in_mid_run_goes_on_with_the_same_run(
     await again.load()
     mark = again.last("seq1")
     assert mark is not None
-    assert mark.seen == (1, device.sequence)
+    assert (mark.boot, mark.sequence) == (1, device.sequence)
     while device.block.running:
         device.scan()
     await again.take("seq1", device.drain())

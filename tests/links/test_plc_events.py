@@ -9,7 +9,7 @@ import pytest
 from app.links.events import DeviceClock, Head, HostEvent
 from app.links.plc import PlcUnit
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, mark_of
+from app.plant.events import Mark, begins_again, mark_of
 from app.registers import plc_map
 from app.registers.plc_map import long_words
 from app.sim.plc import EVENT_CAPACITY
@@ -50,11 +50,11 @@ class Taker:
 
 @asynccontextmanager
 async def followed(
-    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[int, int] | None = None
+    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[Mark, ...] = ()
 ) -> AsyncIterator[tuple[Line, FaultyBus]]:
     async with plant(device, kind, start=False) as (line, bus):
         line.link.on_events = taker
-        if last is not None:
+        if last:
             line.link.last_seen = lambda equipment: last
         task = asyncio.create_task(line.link.run())
         try:
@@ -208,8 +208,34 @@ async def test_it_begins_behind_what_the_owner_has_and_that_counts_more() -> Non
     for code in range(1, 6):
         device.event(code)
     device._acknowledged = 4
-    async with followed(device, taker, last=(1, 2)):
+    async with followed(device, taker, last=(Mark(1, 2, 0), Mark(1, 4, 0))):
         await until(lambda: taker.codes == [3, 4, 5])
+        assert sum(taker.lost) == 0
+
+
+@pytest.mark.parametrize(
+    ("marks", "told", "again"),
+    [
+        ([Mark(1, 5, 0), Mark(1, 5, 0)], [], False),
+        ([Mark(1, 2, 0), Mark(1, 5, 0)], [3, 4, 5], False),
+        ([Mark(1, 5, 10**16), Mark(1, 3, 0)], [4, 5], False),
+        ([Mark(1, 60, 0), Mark(1, 3, 0)], [1, 2, 3, 4, 5], True),
+        ([Mark(1, 60, 0), Mark(1, 61, 0)], [1, 2, 3, 4, 5], True),
+        ([Mark(2, 3, 0), Mark(2, 3, 0)], [1, 2, 3, 4, 5], True),
+    ],
+)
+async def test_a_ring_is_another_one_when_its_numbers_are_behind_what_is_known(
+    marks: list[Mark], told: list[int], again: bool
+) -> None:
+    device, taker = SmallPlc(), Taker()
+    for code in range(1, 6):
+        device.event(code)
+    async with followed(device, taker, last=tuple(marks)) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        await until(lambda: taker.codes == told)
+        device.event(6)
+        await until(lambda: taker.codes == [*told, 6])
+        assert any(begins_again(taker.events[0], mark) for mark in marks) is again
         assert sum(taker.lost) == 0
 
 
@@ -321,7 +347,7 @@ async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
         line.link.renew([small()])
         device.event(2)
         await until(lambda: taker.codes == [1, 2])
-        line.link.last_seen = lambda equipment: (1, 0)  # would begin anew
+        line.link.last_seen = lambda equipment: [Mark(1, 0, 0)]  # would begin anew
         line.link.renew([small(slots=10)])
         device.event(3)
         await until(lambda: taker.codes == [1, 2, 3])

@@ -399,10 +399,8 @@ async def events_are_stored(c: Checker) -> None:
     stored = Counter((row.name, row.sequence, row.code) for row in rows)
     missing = {(row.equipment, row.sequence - n) for row in holes for n in range(1, row.count + 1)}
     told = Counter((one.machine, one.sequence, one.code) for one in world.told)
-    # known: events handed over once more after a kill, when the clock was set in between, are taken for those of a new ring
-    was_set = any(action.kind == "clock" for action in world.script.actions)
     for key, count in stored.items():
-        if not told[key] or (count > told[key] and not was_set):
+        if count > told[key]:
             raise Fell("events_are_stored", f"{key} is stored {count} times, told {told[key]} times")
     for item in runtime.plant.equipment.values() if runtime.plant else ():
         mine = [one for one in world.told if one.machine == item.id and one.at < world.now - UNDER_WAY]

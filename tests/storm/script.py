@@ -147,10 +147,15 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
         case "reload":
             return {"machine": random.choice(("extra", machine))}
         case "restart":
-            return {"seconds": round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)}
+            return _away(random)
         case "kill":
-            seconds = round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)
-            return {"seconds": seconds, "point": random.choice((0, 1, 2, random.randrange(3, 60)))}
+            return {**_away(random), "point": random.choice((0, 1, 2, random.randrange(3, 60)))}
         case "stall":
             return {"seconds": round(random.choice((0.2, 0.4, 1.0, 2.5, 6.0)) * random.uniform(0.8, 1.2), 2)}
     raise ValueError(kind)
+
+
+def _away(random: Random) -> dict[str, float]:
+    """How long a server is away, and by how much the wall clock is set meanwhile [s]."""
+    seconds = round(random.choice((0.0, 0.5, 4.0)) * random.uniform(0.5, 1.5), 2)
+    return {"seconds": seconds, "clock": random.choice((0.0, 0.0, -3600.0, -2.0, 1.5, 30.0, 3600.0, 86400.0))}

@@ -650,7 +650,7 @@ class World:
             plant_file(self.machines, {name: wire.toml for name, wire in self.wires.items()}), "utf-8"
         )
 
-    async def _do_kill(self, seconds: float, point: int) -> None:
+    async def _do_kill(self, seconds: float, point: int, clock: float = 0.0) -> None:
         """Between two steps, or with the so-many-th statement of a database from now on."""
         if point:
             self.disks.doomed = point
@@ -660,13 +660,13 @@ class World:
                 await asyncio.sleep(0.01)
             self.disks.doomed = 0
         await self.kill()
-        await self._back(seconds)
+        await self._back(seconds, clock)
 
-    async def _do_restart(self, seconds: float) -> None:
+    async def _do_restart(self, seconds: float, clock: float = 0.0) -> None:
         await self.stop()
-        await self._back(seconds)
+        await self._back(seconds, clock)
 
-    async def _back(self, seconds: float) -> None:
+    async def _back(self, seconds: float, clock: float) -> None:
         assert self.sim is not None
         self.disks.mend_all()
         moving = []
@@ -678,6 +678,8 @@ class World:
             task.cancel()
         await asyncio.gather(*moving, return_exceptions=True)
         self.troubled = self.now
+        if clock:
+            self.clock.step_wall(clock)
         await self.start()
 
     async def _do_stall(self, seconds: float) -> None:
