@@ -20,7 +20,7 @@ from app.files import read_text
 
 if TYPE_CHECKING:
     from app.access.access import Access
-    from app.access.people import Account
+    from app.access.accounts import Account
 
 user_cli = typer.Typer(
     no_args_is_help=True, help="People: add, passwd, role, factor-reset, list. Works beside a running server."

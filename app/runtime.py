@@ -175,7 +175,7 @@ class Runtime:
         self.tags.on_standstill(self._stood_still)
         self.access.subscribe(self._sessions_ended, self._rights_changed)
         self.access.sessions.subscribe_deeds(self._people_acted)
-        self.access.people.tell = lambda alarm, name: self.alarms.system.report(alarm, params={"account": name})
+        self.access.tell = lambda alarm, name: self.alarms.system.report(alarm, params={"account": name})
         self.keeper.keep("people", self.access.watch)
         self.keeper.keep("audit", self.access.audit_watch.run)
         self.keeper.keep("alarms", self.alarms.run)
@@ -228,7 +228,7 @@ class Runtime:
 
     async def _start_plant(self, plant: Plant) -> None:
         self.texts = Texts.read(plant)
-        self.access.people.plant_name = " ".join(plant.name.values())
+        self.access.passwords.plant_name = " ".join(plant.name.values())
         memory = [name for name, link in plant.links.items() if link.simulated]
         if memory:
             self.sim = SimPlant(plant, self.clock, links=memory)
@@ -646,7 +646,7 @@ class Runtime:
         gone = set(self.links) - set(links)
         accumulated = self._derivation.retained() if self._derivation and self._derivation is not derivation else {}
         self.plant, self.problems, self.texts, self.sim = plant, [], texts, sim
-        self.access.people.plant_name = " ".join(plant.name.values())
+        self.access.passwords.plant_name = " ".join(plant.name.values())
         self.links.clear()
         self.links.update(links)
         derivation.restore(accumulated)

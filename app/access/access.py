@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from app import chance
+from app.access.accounts import Accounts
 from app.access.audit.audit import Audit
 from app.access.audit.watch import AuditWatch
 from app.access.factors import Factors
@@ -15,10 +16,12 @@ from app.access.first_code import FirstCode
 from app.access.former import check_former
 from app.access.keys import check_files, lock, read_key
 from app.access.keys import prepare as prepare_files
+from app.access.own_account import OwnAccount
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
 from app.access.roles import Person
 from app.access.sessions import Sessions
+from app.access.signin import SignIn
 from app.access.throttle import Throttle
 from app.access.tokens import Tokens
 from app.clock import Clock
@@ -72,7 +75,9 @@ class Access:
         self.sessions = Sessions(db, clock, self.audit, factor_roles)
         self.tokens = Tokens(db, clock, self.audit)
         self.factors = Factors(db, clock, self.audit, self.sessions, self.throttle, data)
-        self.people = People(
+        self.factors.tell = self._tell
+        accounts = Accounts(clock, self.audit)
+        self.sign_in = SignIn(
             db,
             clock,
             self.audit,
@@ -80,10 +85,28 @@ class Access:
             self.passwords,
             self.throttle,
             self.first_code,
+            self.factors,
+            accounts,
+            self._tell,
+        )
+        self.own = OwnAccount(db, self.audit, self.sessions, self.passwords, self.throttle, accounts, self._tell)
+        self.people = People(
+            db,
+            self.audit,
+            self.sessions,
+            self.passwords,
+            self.throttle,
+            self.first_code,
             self.tokens,
             self.factors,
+            accounts,
+            self._tell,
         )
-        self.factors.tell = lambda alarm, name: self.people.tell(alarm, name)
+        self.tell: Callable[[str, str], None] = lambda alarm, name: None
+        """Told what people who look after the plant should know at once: `account_locked` or `admin_added`, and whose account."""
+
+    def _tell(self, alarm: str, name: str) -> None:
+        self.tell(alarm, name)
 
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""

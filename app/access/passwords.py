@@ -46,12 +46,22 @@ class Cost:
 
 
 class Passwords:
-    """Hashes and checks off the event loop."""
+    """Hashes and checks off the event loop, and knows what a password of this installation may not be made of."""
 
     def __init__(self, cost: Cost | None = None, threads: Threads = threads) -> None:
         cost = cost or Cost()
         self._hasher = Argon2Hasher(cost.passes, cost.memory, cost.lanes)
         self._threads = threads(AT_ONCE, "argon2")
+        self.plant_name = ""
+        """A password may not be made of it."""
+
+    def check(self, password: str, roles: Iterable[str], *names: str) -> None:
+        """`check_policy` with the `names` of the account and that of the plant.
+
+        Raises:
+            Refused: 422.
+        """
+        check_policy(password, roles, [*names, self.plant_name])
 
     def hash_now(self, password: str) -> str:
         """The argon2id hash, on the caller's thread."""

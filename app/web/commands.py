@@ -292,7 +292,7 @@ async def _ask(request: Request, operation: Operation, key: str, *, value: bool 
     try:
         if form["password"]:
             access = people_access(request)
-            await access.people.confirm(person, form["password"])
+            await access.own.confirm(person, form["password"])
             given["proven"] = True
         if value:
             progress = await gate.set_value(person, operation.id, key, form["argument"], **given)  # type: ignore[arg-type]

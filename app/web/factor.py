@@ -32,7 +32,7 @@ async def begin(request: Request) -> Response:
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["own_password"])
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         if await access.factors.of(person.id) is not None:
             raise Refused("access.factor.already", 409)
     except Refused as refused:
@@ -62,7 +62,7 @@ async def new_codes(request: Request) -> Response:
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["own_password", "code"])
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         codes = await access.factors.renew_codes(person, given["code"])
     except Refused as refused:
         return await factor_page(request, refused)
@@ -75,7 +75,7 @@ async def remove(request: Request) -> Response:
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["own_password", "code"])
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         await access.factors.remove(person, given["code"])
     except Refused as refused:
         return await factor_page(request, refused)

@@ -26,9 +26,9 @@ from starlette.websockets import WebSocket
 from app import chance
 from app.access.access import Access
 from app.access.audit.line import printable
-from app.access.people import HALF_LIFE
 from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
+from app.access.signin import HALF_LIFE
 from app.errors import ConfigurationError, Refused, StorageError
 from app.plant.definitions import Point, Scan
 from app.plant.system import FRAME, SYSTEM

@@ -133,7 +133,7 @@ async def set_language(request: Request, to: Annotated[str, Form()], next: Annot
     if to not in view_of(request).languages(request):
         raise HTTPException(400)
     if request.state.person is not None:
-        await people_access(request).people.prefer(request.state.person, language=to)
+        await people_access(request).own.prefer(request.state.person, language=to)
     return _kept(request, next, {language.COOKIE: to})
 
 
@@ -150,7 +150,7 @@ async def set_theme(
     if not chosen or (to and to not in THEMES) or (profile and profile not in PROFILES):
         raise HTTPException(400)
     if to and request.state.person is not None:
-        await people_access(request).people.prefer(request.state.person, theme=to)
+        await people_access(request).own.prefer(request.state.person, theme=to)
     return _kept(request, next, chosen)
 
 

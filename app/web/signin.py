@@ -11,9 +11,10 @@ from zoneinfo import ZoneInfo
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.access.people import Account, HalfIn, SignedIn
+from app.access.accounts import Account
 from app.access.roles import Person
 from app.access.sessions import Session
+from app.access.signin import HalfIn, SignedIn
 from app.errors import Refused
 from app.web import format as fmt
 from app.web import language
@@ -51,7 +52,7 @@ async def sign_in(request: Request) -> Response:
     """Take name and password, give a session."""
     access, given = people_access(request), await fields(request, ["name", "password"])
     try:
-        signed_in = await access.people.sign_in(
+        signed_in = await access.sign_in.with_password(
             given["name"], given["password"], address_of(request.scope), agent_of(request), session_id(request)
         )
     except Refused as refused:
@@ -66,7 +67,7 @@ async def sign_in(request: Request) -> Response:
 @router.get("/signin/code", dependencies=[allow("open")])
 async def code_page(request: Request, next: str = "/") -> Response:
     """The sheet for the code, once the password was right."""
-    if people_access(request).people.half(half_ticket(request), agent_of(request)) is None:
+    if people_access(request).sign_in.half(half_ticket(request), agent_of(request)) is None:
         return RedirectResponse(f"/signin?next={quote(language.local_path(next), safe='/')}", 303)
     return code_sheet(request, next)
 
@@ -76,9 +77,9 @@ async def give_code(request: Request) -> Response:
     """Take the code, give a session."""
     access, given, ticket = people_access(request), await fields(request, ["code"]), half_ticket(request)
     try:
-        signed_in = await access.people.give_code(ticket, given["code"], address_of(request.scope), agent_of(request))
+        signed_in = await access.sign_in.give_code(ticket, given["code"], address_of(request.scope), agent_of(request))
     except Refused as refused:
-        if access.people.half(ticket, agent_of(request)) is None:
+        if access.sign_in.half(ticket, agent_of(request)) is None:
             response = sign_in_sheet(request, given["next"], refused)
             half_cookie(response, request, "")
             return response
@@ -95,7 +96,7 @@ async def sign_out(request: Request) -> Response:
     if person is not None:
         await people_access(request).sessions.end(person, person.session, "signout")
     if ticket := half_ticket(request):
-        people_access(request).people.forget_half(ticket)
+        people_access(request).sign_in.forget_half(ticket)
     response = RedirectResponse("/" if guests_allowed(request.app) else "/signin", 303)
     forget_cookies(response, request)
     response.headers["Clear-Site-Data"] = '"cache", "storage"'
@@ -118,7 +119,7 @@ async def first(request: Request) -> Response:
     try:
         if given["password"] != given["again"]:
             raise Refused("access.password.differ", 422)
-        signed_in = await access.people.first(
+        signed_in = await access.sign_in.first(
             given["code"],
             given["name"],
             given["display"],
@@ -156,7 +157,7 @@ async def change_password(request: Request) -> Response:
     try:
         if given["password"] != given["again"]:
             raise Refused("access.password.differ", 422)
-        sid = await access.people.change_password(
+        sid = await access.own.change_password(
             person, given["current"], given["password"], agent_of(request), session_id(request)
         )
     except Refused as refused:

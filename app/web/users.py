@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 from fastapi import APIRouter, Path, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.access.people import Account
+from app.access.accounts import Account
 from app.access.roles import ROLES, Person, permissions_of
 from app.access.tokens import GRANTABLE, Token
 from app.errors import Refused
@@ -130,7 +130,7 @@ async def add(request: Request) -> Response:
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["name", "own_password"], ["display"], lists=["roles"])
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         account, initial = await access.people.add(
             person, given["name"], given["display"], await field_list(request, "roles")
         )
@@ -181,7 +181,7 @@ async def new_password(request: Request, key: Id) -> Response:
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["own_password"])
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         initial = await access.people.new_initial(person, key)
     except Refused as refused:
         return await users_page(request, refused)
@@ -228,7 +228,7 @@ async def create_token(request: Request) -> Response:
     try:
         if given["days"] not in map(str, LIVES):
             raise Refused("access.token_days", 422, most=max(LIVES))
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         token, secret = await access.tokens.create(
             person, given["name"], await field_list(request, "permissions"), int(given["days"])
         )
@@ -344,7 +344,7 @@ async def _changed(
     person, access = person_of(request), people_access(request)
     given = await fields(request, ["own_password", *(required or [])], lists=lists)
     try:
-        await access.people.confirm(person, given["own_password"])
+        await access.own.confirm(person, given["own_password"])
         await change(person, given)
     except Refused as refused:
         return await users_page(request, refused)

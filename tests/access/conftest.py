@@ -81,7 +81,7 @@ async def add(access: Access, name: str, *roles: str, password: str = PASSWORD) 
 
 async def enter(access: Access, name: str, password: str = PASSWORD, address: str = "10.0.0.9", old: str = "") -> str:
     """Sign in; returns the session id."""
-    return (await access.people.sign_in(name, password, address, AGENT, old)).sid
+    return (await access.sign_in.with_password(name, password, address, AGENT, old)).sid
 
 
 async def who(access: Access, sid: str, address: str = "10.0.0.9", agent: str = AGENT) -> Person | None:

@@ -23,8 +23,8 @@ from app.access.factors import (
     STEP,
     Factors,
 )
-from app.access.people import HALF_LIFE, MOST_HALF, HalfIn
 from app.access.roles import ENROLLING, Person
+from app.access.signin import HALF_LIFE, MOST_HALF, HalfIn
 from app.access.throttle import FREE_FAILURES
 from app.cli_access import terminal
 from app.clock import ManualClock
@@ -84,18 +84,18 @@ async def with_factor(access: Access, clock: ManualClock, name: str = "ana", *ro
 
 async def half_in(access: Access, name: str = "ana", password: str = PASSWORD) -> str:
     """The right password; returns what stands for it."""
-    half = await access.people.sign_in(name, password, ADDRESS, AGENT)
+    half = await access.sign_in.with_password(name, password, ADDRESS, AGENT)
     assert isinstance(half, HalfIn)
     return half.ticket
 
 
 async def give(access: Access, ticket: str, code: str) -> Person | None:
-    return await who(access, (await access.people.give_code(ticket, code, ADDRESS, AGENT)).sid)
+    return await who(access, (await access.sign_in.give_code(ticket, code, ADDRESS, AGENT)).sid)
 
 
 async def refused(access: Access, ticket: str, code: str) -> tuple[str, int]:
     with pytest.raises(Refused) as caught:
-        await access.people.give_code(ticket, code, ADDRESS, AGENT)
+        await access.sign_in.give_code(ticket, code, ADDRESS, AGENT)
     return said(caught)
 
 
@@ -258,7 +258,7 @@ async def test_a_wrong_password_says_the_same_with_and_without_factor(access: Ac
     answers = set()
     for name in ("ana", "ivo", "nobody"):
         with pytest.raises(Refused) as caught:
-            await access.people.sign_in(name, "wrong", ADDRESS, AGENT)
+            await access.sign_in.with_password(name, "wrong", ADDRESS, AGENT)
         answers.add(said(caught))
     assert answers == {("access.failed", 401)}
 
@@ -275,7 +275,7 @@ async def test_it_is_bound_to_the_browser(access: Access, clock: ManualClock) ->
     phone, _ = await with_factor(access, clock)
     ticket = await half_in(access)
     with pytest.raises(Refused, match=r"factor\.over"):
-        await access.people.give_code(ticket, phone.shows(), ADDRESS, "curl/8")
+        await access.sign_in.give_code(ticket, phone.shows(), ADDRESS, "curl/8")
     assert await give(access, ticket, phone.shows())
 
 
@@ -328,13 +328,13 @@ async def test_a_ticket_is_good_for_one_session(access: Access, clock: ManualClo
 
 async def test_the_session_of_before_stands_until_the_code(access: Access, clock: ManualClock) -> None:
     phone, _ = await with_factor(access, clock)
-    old = (await access.people.give_code(await half_in(access), phone.shows(), ADDRESS, AGENT)).sid
+    old = (await access.sign_in.give_code(await half_in(access), phone.shows(), ADDRESS, AGENT)).sid
     clock.advance(16 * 60)
-    half = await access.people.sign_in("ana", PASSWORD, ADDRESS, AGENT, old)
+    half = await access.sign_in.with_password("ana", PASSWORD, ADDRESS, AGENT, old)
     assert isinstance(half, HalfIn)
     idle = await who(access, old)
     assert idle and idle.idle and idle.may("stop")
-    fresh = (await access.people.give_code(half.ticket, phone.shows(), ADDRESS, AGENT)).sid
+    fresh = (await access.sign_in.give_code(half.ticket, phone.shows(), ADDRESS, AGENT)).sid
     assert await who(access, old) is None
     assert await who(access, fresh)
 
@@ -342,8 +342,8 @@ async def test_the_session_of_before_stands_until_the_code(access: Access, clock
 async def test_no_more_than_a_number_of_sign_ins_wait(access: Access, clock: ManualClock) -> None:
     await with_factor(access, clock)
     tickets = [await half_in(access) for _ in range(MOST_HALF + 3)]
-    assert len(access.people._halves) == MOST_HALF
-    assert access.people.half(tickets[-1], AGENT) and not access.people.half(tickets[0], AGENT)
+    assert len(access.sign_in._halves) == MOST_HALF
+    assert access.sign_in.half(tickets[-1], AGENT) and not access.sign_in.half(tickets[0], AGENT)
 
 
 async def test_an_initial_password_is_used_up_by_the_code_and_not_before(access: Access, clock: ManualClock) -> None:
@@ -354,7 +354,7 @@ async def test_an_initial_password_is_used_up_by_the_code_and_not_before(access:
     person = await give(access, await half_in(access, password=initial), phone.shows())
     assert person and person.must_change and person.permissions == {"account"}
     with pytest.raises(Refused, match="failed"):
-        await access.people.sign_in("ana", initial, ADDRESS, AGENT)
+        await access.sign_in.with_password("ana", initial, ADDRESS, AGENT)
 
 
 # ---- guessing ---------------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ async def test_guessing_codes_is_slowed_down_alarmed_and_not_freed_by_the_passwo
 ) -> None:
     told: list[tuple[str, str]] = []
     phone, codes = await with_factor(access, clock)
-    access.people.tell = lambda alarm, name: told.append((alarm, name))
+    access.tell = lambda alarm, name: told.append((alarm, name))
     for number in range(FREE_FAILURES):
         assert await refused(access, await half_in(access), phone.wrong(number)) == ("access.factor.wrong", 401)
     assert told == [("account_locked", "ana")]
@@ -394,7 +394,7 @@ async def test_a_stranger_at_the_sign_in_cannot_lock_the_codes(access: Access, c
     ticket = await half_in(access)
     for _ in range(FREE_FAILURES + 3):
         with pytest.raises(Refused):
-            await access.people.sign_in(name, "wrong", ADDRESS, AGENT)
+            await access.sign_in.with_password(name, "wrong", ADDRESS, AGENT)
     assert await give(access, ticket, phone.shows())
 
 
@@ -403,7 +403,7 @@ async def test_an_administrator_lets_codes_be_tried_again(access: Access, clock:
     key = next(account.id for account in await access.people.all() if account.name == "ana")
     for number in range(FREE_FAILURES + 2):
         with pytest.raises(Refused):
-            await access.people.give_code(await half_in(access), phone.wrong(number), ADDRESS, AGENT)
+            await access.sign_in.give_code(await half_in(access), phone.wrong(number), ADDRESS, AGENT)
     await access.people.unlock(boss(), key)
     assert await give(access, await half_in(access), phone.shows())
 
@@ -519,7 +519,7 @@ async def test_shown_keys_do_not_pile_up(access: Access) -> None:
 
 async def test_a_second_enrolment_replaces_nothing(access: Access, clock: ManualClock) -> None:
     phone, _ = await with_factor(access, clock)
-    sid = (await access.people.give_code(await half_in(access), phone.shows(), ADDRESS, AGENT)).sid
+    sid = (await access.sign_in.give_code(await half_in(access), phone.shows(), ADDRESS, AGENT)).sid
     person = await who(access, sid)
     assert person is not None
     other = Phone(access.factors.begin(person), clock)
@@ -643,7 +643,7 @@ async def test_an_initial_password_comes_before_the_factor(access: Access) -> No
     sid = await enter(access, "ana", initial)
     person = await who(access, sid)
     assert person and person.must_change and not person.must_enrol and person.permissions == {"account"}
-    fresh = await access.people.change_password(person, initial, PASSWORD, AGENT, sid)
+    fresh = await access.own.change_password(person, initial, PASSWORD, AGENT, sid)
     person = await who(access, fresh)
     assert person and person.must_enrol and person.permissions == ENROLLING
 
@@ -770,7 +770,7 @@ async def test_a_database_that_takes_nothing_signs_nobody_in(
     with monkeypatch.context() as broken:
         broken.setattr(access.audit, "with_entries", full)
         with pytest.raises(StorageError):
-            await access.people.give_code(ticket, code, ADDRESS, AGENT)
+            await access.sign_in.give_code(ticket, code, ADDRESS, AGENT)
     assert await give(access, ticket, code), "the code was not used up"
 
 

@@ -169,7 +169,7 @@ async def test_a_changed_password_ends_all_sessions_but_the_one_it_was_changed_i
     here, there = await enter(access, "ana"), await enter(access, "ana")
     person = await who(access, here)
     assert person is not None
-    fresh = await access.people.change_password(person, PASSWORD, "sedam zelenih biciklista", AGENT, here)
+    fresh = await access.own.change_password(person, PASSWORD, "sedam zelenih biciklista", AGENT, here)
     assert [await who(access, sid) is not None for sid in (here, there, fresh)] == [False, False, True]
 
 
@@ -181,7 +181,7 @@ async def test_the_own_password_cannot_be_guessed_from_an_open_session(access: A
     said = []
     for _ in range(7):
         with pytest.raises(Refused) as caught:
-            await access.people.change_password(person, "wrong", "sedam zelenih biciklista", AGENT, sid)
+            await access.own.change_password(person, "wrong", "sedam zelenih biciklista", AGENT, sid)
         said.append(caught.value.status)
     assert said == [401] * 5 + [429] * 2
 

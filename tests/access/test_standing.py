@@ -228,5 +228,5 @@ async def test_ones_own_new_password_leaves_ones_tokens(access: Access) -> None:
     eva = await who(access, sid)
     assert eva is not None
     _, secret = await access.tokens.create(eva, "script", ["view"], 30)
-    await access.people.change_password(eva, "tri plave ladice u kutu", "sedam zelenih ormara iza", "x", sid)
+    await access.own.change_password(eva, "tri plave ladice u kutu", "sedam zelenih ormara iza", "x", sid)
     assert await access.tokens.find(secret) is not None

@@ -405,7 +405,7 @@ class World:
     async def _do_enter(self, who: str) -> None:
         if self.down:
             return
-        signed = await self.runtime.access.people.sign_in(who, PASSWORD, ADDRESS, AGENT, self.sids.get(who, ""))
+        signed = await self.runtime.access.sign_in.with_password(who, PASSWORD, ADDRESS, AGENT, self.sids.get(who, ""))
         self.sids[who] = signed.sid
 
     async def _do_leave(self, who: str) -> None:

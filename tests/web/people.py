@@ -43,7 +43,7 @@ class Staff:
     def enter(self, name: str, *roles: str) -> str:
         """Sign `name` in: the browser has a new session now."""
         self.add(name, *(roles or ("operator",)))
-        sid: str = self.wait(self.access.people.sign_in, name, PASSWORD, "127.0.0.1", AGENT).sid
+        sid: str = self.wait(self.access.sign_in.with_password, name, PASSWORD, "127.0.0.1", AGENT).sid
         self.have(sid)
         return sid
 

@@ -11,7 +11,7 @@ from pyotp import TOTP
 
 from app.access.audit.search import Filter
 from app.access.factors import STEP
-from app.access.people import HALF_LIFE
+from app.access.signin import HALF_LIFE
 from app.settings import Settings
 from app.web.factor import QUIET, provisioning, qr_code
 from tests.virtual import house
@@ -113,7 +113,7 @@ def test_without_its_ticket_a_sign_in_begins_with_the_password(staff: Staff, way
         staff.have()
         staff.client.cookies.set("half", "A" * 43)
     elif way == "late":
-        staff.access.people._clock.advance(HALF_LIFE)  # type: ignore[attr-defined]
+        staff.access.sign_in._clock.advance(HALF_LIFE)  # type: ignore[attr-defined]
     else:
         staff.post("/signout")
     assert staff.client.get("/signin/code?next=/equipment/m1").headers["location"] == "/signin?next=/equipment/m1"

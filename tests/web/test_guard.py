@@ -12,9 +12,9 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocketDisconnect
 
 from app.access.audit.search import Filter
-from app.access.people import HalfIn
 from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
 from app.access.sessions import IDLE_AFTER
+from app.access.signin import HalfIn
 from app.access.tables import factor_table
 from app.clock import ManualClock
 from app.errors import ConfigurationError
@@ -208,14 +208,14 @@ def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
             clock.advance(IDLE_AFTER + 1)
             monkeypatch.setattr(staff.access.sessions, "_clock", clock)
         staff.access.people._db.run(lambda connection: put_factor(connection, key))
-        half = staff.wait(staff.access.people.sign_in, "careful", PASSWORD, "127.0.0.1", "testclient", old)
+        half = staff.wait(staff.access.sign_in.with_password, "careful", PASSWORD, "127.0.0.1", "testclient", old)
         assert isinstance(half, HalfIn)
         staff.have(old)
         staff.client.cookies.set("half", half.ticket)
     elif kind == "initial":
         name = f"new{staff.wait(staff.access.people.count)}"
         _, initial = staff.wait(staff.access.people.add, BOSS, name, "", ["engineer"])
-        staff.have(staff.wait(staff.access.people.sign_in, name, initial, "127.0.0.1", "testclient").sid)
+        staff.have(staff.wait(staff.access.sign_in.with_password, name, initial, "127.0.0.1", "testclient").sid)
     else:
         staff.enter(f"the-{kind}", kind)
 

@@ -523,7 +523,7 @@ def test_accounts_are_reviewed_on_a_page_and_as_csv(staff: Staff) -> None:
     staff.add("old.one", "viewer")
     gone = staff.add("gone.one", "operator")
     staff.wait(staff.access.people.disable, BOSS, gone, True)
-    staff.access.people._clock.advance(91 * 86_400)  # type: ignore[attr-defined]
+    staff.access.sign_in._clock.advance(91 * 86_400)  # type: ignore[attr-defined]
     staff.enter("chief")
     staff.client.cookies.set("pogon_lang", "en")
     page = staff.client.get("/users/review")
