@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection
 
-from app.historian import query
+from app.historian import query, sealed
 from app.historian.store import GAP_AFTER, HOUR, MINUTE
 
 BY_MINUTES = 2 * HOUR
@@ -82,6 +82,9 @@ def _add(connection: Connection, number: int, begin: int, end: int, table: str, 
 
 
 def _of_samples(connection: Connection, number: int, begin: int, end: int, out: Aggregate) -> None:
+    if sealed.spans(connection, number, begin - GAP_AFTER, end):
+        _of_packed(connection, number, begin, end, out)
+        return
     low, high, area, good, count = connection.exec_driver_sql(
         """
         WITH part AS (
@@ -104,6 +107,22 @@ def _of_samples(connection: Connection, number: int, begin: int, end: int, out: 
     out.note(low, high)
     out.weigh(area, good)
     out.count += count
+
+
+def _of_packed(connection: Connection, number: int, begin: int, end: int, out: Aggregate) -> None:
+    before, rows = query.at(connection, number, begin - 1), query.page(connection, number, begin - 1, end, -1)
+    out.count += len(rows)
+    if before is not None and before[0] >= begin - GAP_AFTER:
+        rows.insert(0, before)
+    for index, (time, value, quality) in enumerate(rows):
+        then = rows[index + 1][0] if index + 1 < len(rows) else end
+        elapsed = min(then, time + GAP_AFTER, end) - max(time, begin)
+        if value is None or quality & 3 > 1 or elapsed <= 0:
+            continue
+        figure = None if isinstance(value, str) else value
+        out.note(figure, figure)
+        if quality & 3 == 0:
+            out.weigh(None if figure is None else figure * elapsed, elapsed)
 
 
 def _of_roll_ups(

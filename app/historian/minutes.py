@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection
 
+from app.historian import sealed
+
 MINUTE = 60_000_000
 """[µs]"""
 Row = tuple[int, int, float | None, str | None, int]
@@ -20,6 +22,7 @@ RollUp = tuple[
     int, int, float | None, float | None, int, float | None, int, float | None, int, float | None, int, int, int, int
 ]
 
+LATEST = 2**62
 Held = tuple[int, float | None, int, bool]
 """time, number, quality word of a sample; whether it has a value"""
 
@@ -122,6 +125,8 @@ class Minutes:
     def take(self, connection: Connection, rows: Sequence[Row], now: int) -> int | None:
         """Samples that are about to be stored; the oldest time of those that are left to the roll-up from samples, None: of none.
 
+        As long as it is not known up to when roll-ups are written, all are left to it.
+
         Of a minute that was written already the new roll-up is written at once, so that a server killed now leaves none that is wrong.
         """
         self._latest = max(now, self._latest, max(row[1] for row in rows))
@@ -156,7 +161,7 @@ class Minutes:
         if late:
             upsert(connection, [*self._done, *(cell.row() for cell in late.values())])
             self._done.clear()
-        return left
+        return min(row[1] for row in rows) if self.reached is None else left
 
     def covers(self, mark: int | None) -> bool:
         """Whether all is known from `mark` on, up to which roll-ups are written: nobody has set it back, and nothing is missing."""
@@ -189,11 +194,8 @@ class Minutes:
 
     def _cell(self, connection: Connection, number: int, before: Held | None) -> Minute:
         """A point whose first sample is seen now: what held until then, stored or about to be (`before`)."""
-        row = connection.exec_driver_sql(
-            "SELECT t, v, q, v IS NOT NULL OR s IS NOT NULL FROM sample WHERE point = ? ORDER BY t DESC LIMIT 1",
-            (number,),
-        ).first()
-        stored: Held = (0, None, 2, False) if row is None else (row[0], row[1], row[2], bool(row[3]))
+        row = sealed.last(connection, number, LATEST)
+        stored: Held = (0, None, 2, False) if row is None else (row[0], row[1], row[3], row[1:3] != (None, None))
         time, value, quality, valid = stored if before is None or before[0] < stored[0] else before
         cell = self._cells[number] = Minute(number, self._gap, time, value, quality, valid and quality & 3 < 2)
         return cell

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 from sqlalchemy import Connection
 
+from app.historian import sealed
+from app.historian.packing import NUMBER, Packed
 from app.historian.store import GAP_AFTER, HOUR, MINUTE, RAMP
 from app.plant.definitions import Kind
 
@@ -143,29 +145,17 @@ def page(
     connection: Connection, number: int, after: int, end: int, limit: int
 ) -> list[tuple[int, float | str | None, int]]:
     """The first `limit` samples with after < time < end."""
-    return [
-        (t, s if v is None else v, q)
-        for t, v, s, q in connection.exec_driver_sql(
-            "SELECT t, v, s, q FROM sample WHERE point = ? AND t > ? AND t < ? ORDER BY t LIMIT ?",
-            (number, after, end, limit),
-        )
-    ]
+    return [(t, s if v is None else v, q) for t, v, s, q in sealed.samples(connection, number, after + 1, end, limit)]
 
 
 def count(connection: Connection, number: int, begin: int, end: int) -> int:
     """How many samples `raw` would give."""
-    return int(
-        connection.exec_driver_sql(
-            "SELECT count(*) FROM sample WHERE point = ? AND t >= ? AND t < ?", (number, begin, end)
-        ).scalar_one()
-    )
+    return sealed.count(connection, number, begin, end)
 
 
 def at(connection: Connection, number: int, time: int) -> tuple[int, float | str | None, int] | None:
     """The sample that held at `time` [µs UTC]: its own time, value, quality word; None when there is none."""
-    row = connection.exec_driver_sql(
-        "SELECT t, v, s, q FROM sample WHERE point = ? AND t <= ? ORDER BY t DESC LIMIT 1", (number, time)
-    ).first()
+    row = sealed.last(connection, number, time)
     return None if row is None else (row[0], row[2] if row[1] is None else row[1], row[3])
 
 
@@ -232,11 +222,17 @@ def _cells(connection: Connection, number: int, begin: int, end: int, step: int,
     inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
     if inner >= outer:
         return _cells(connection, number, begin, end, step, finer)
-    out = _cells(connection, number, begin, inner, step, finer)
-    for part in (
+    return _joined(
+        _cells(connection, number, begin, inner, step, finer),
         _of_roll_ups(connection, number, inner, outer, step, table),
         _cells(connection, number, outer, end, step, finer),
-    ):
+    )
+
+
+def _joined(*parts: list[_Cell]) -> list[_Cell]:
+    """Parts that follow one another; the last column of one may be the first of the next."""
+    out: list[_Cell] = []
+    for part in parts:
         if out and part and out[-1].index == part[0].index:
             out[-1].join(part.pop(0))
         out += part
@@ -244,6 +240,37 @@ def _cells(connection: Connection, number: int, begin: int, end: int, step: int,
 
 
 def _of_samples(connection: Connection, number: int, begin: int, end: int, step: int) -> list[_Cell]:
+    parts, since = [], begin
+    for first, last in sealed.spans(connection, number, begin, end):
+        first, last = max(first, begin), min(last + 1, end)
+        parts.append(_of_rows(connection, number, since, first, step))
+        parts.append(_of_packed(sealed.together(connection, number, first, last), step))
+        since = last
+    return _joined(*parts, _of_rows(connection, number, since, end, step))
+
+
+def _of_packed(part: Packed, step: int) -> list[_Cell]:
+    out: list[_Cell] = []
+    at, count = 0, len(part)
+    while at < count:
+        index = part.times[at] // step
+        to = part.place((index + 1) * step)
+        numbers, qualities = part.numbers[at:to], part.qualities[at:to]
+        first, last = part.number(at), part.number(to - 1)
+        known = (
+            [n for n, kind in zip(numbers, part.kinds[at:to], strict=True) if kind == NUMBER] if part.kinds else numbers
+        )
+        low, high = (min(known), max(known)) if known else (None, None)
+        worst = max(quality & 3 for quality in qualities)
+        times = part.times
+        out.append(_Cell(index, low, high, times[at], first, times[to - 1], last, qualities[-1] & 3, worst, to - at))
+        at = to
+    return out
+
+
+def _of_rows(connection: Connection, number: int, begin: int, end: int, step: int) -> list[_Cell]:
+    if begin >= end:
+        return []
     return [
         _Cell(*row)
         for row in connection.exec_driver_sql(
@@ -279,11 +306,8 @@ def _of_roll_ups(connection: Connection, number: int, begin: int, end: int, step
 
 
 def _before(connection: Connection, number: int, begin: int) -> tuple[int, float | None, int] | None:
-    row = connection.exec_driver_sql(
-        "SELECT t, v, q FROM sample WHERE point = ? AND t < ? AND t >= ? ORDER BY t DESC LIMIT 1",
-        (number, begin, begin - GAP_AFTER),
-    ).first()
-    return None if row is None else (row[0], row[1], row[2] & 3)
+    row = sealed.last(connection, number, begin - 1)
+    return None if row is None or row[0] < begin - GAP_AFTER else (row[0], row[1], row[3] & 3)
 
 
 def _ramp(connection: Connection, number: int) -> int:
@@ -294,10 +318,8 @@ def _ramp(connection: Connection, number: int) -> int:
 
 def _after(connection: Connection, number: int, end: int, ramp: int) -> tuple[int, float | None] | None:
     """The sample at or behind `end` to which a line may lead."""
-    row = connection.exec_driver_sql(
-        "SELECT t, v FROM sample WHERE point = ? AND t >= ? AND t < ? ORDER BY t LIMIT 1", (number, end, end + ramp)
-    ).first()
-    return None if row is None else (row[0], row[1])
+    rows = sealed.samples(connection, number, end, end + ramp, 1)
+    return (rows[0][0], rows[0][1]) if rows else None
 
 
 def _drawn(

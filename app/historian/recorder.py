@@ -18,7 +18,7 @@ from sqlalchemy import Connection
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import store
+from app.historian import sealed, store
 from app.historian.minutes import Minutes
 from app.historian.store import DAY, GAP_AFTER, HEARTBEAT, HOUR, RAMP, SETTLED, Row
 from app.plant.definitions import Kind, Point
@@ -189,6 +189,8 @@ class Recorder:
         """Of the database to which the numbers of the tracks belong."""
         self._used: int | None = None
         self._warned = False
+        self._sealed = 0
+        """What is older is packed [µs UTC]."""
         self._retry_at = 0.0
         self._rates: deque[tuple[float, int]] = deque(maxlen=21)
         self._unsubscribe = tags.subscribe(self.take)
@@ -246,7 +248,7 @@ class Recorder:
     def growth(self) -> float | None:
         """By how much the history grows at the rate of the last 24 h [bytes per day]; None while that is not known."""
         size = self.size
-        if size is None or size.since is None or size.oldest is None or not size.grown_today:
+        if size is None or size.since is None or size.oldest is None or size.grown_today <= 0:
             return None
         elapsed = self.measured - max(size.since, size.oldest, self.measured - DAY)
         return size.grown_today / elapsed * DAY if elapsed >= HOUR // 60 else None
@@ -359,6 +361,18 @@ class Recorder:
         done = False
         while not done:
             done = await self._database.write(lambda connection: store.roll_up(connection, settled, self._minutes))
+        await self._seal()
+
+    async def _seal(self) -> None:
+        """Pack what is old enough, once an hour."""
+        before = (self._clock.micros() - sealed.YOUNG) // HOUR * HOUR
+        if before == self._sealed:
+            return
+        point: int | None = 0
+        while point is not None:
+            first = point
+            point = await self._database.write(lambda connection: sealed.seal(connection, before, first))  # noqa: B023
+        self._sealed = before
 
     async def measure(self) -> None:
         """Bring `size` up to date.
@@ -368,7 +382,7 @@ class Recorder:
         """
         now = self._clock.micros()
         used = await self._database.read(store.used)
-        grown = 0 if self._used is None else max(0, used - self._used)
+        grown = 0 if self._used is None else used - self._used
         self._used = used
         if not self.full:
             await self._database.write(lambda connection: store.note_growth(connection, now, grown))

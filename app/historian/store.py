@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from app.historian import events, records
+from app.historian import events, records, sealed
 from app.historian.minutes import MINUTE as MINUTE
 from app.historian.minutes import Minutes
 from app.historian.minutes import Row as Row
@@ -133,13 +133,15 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
         begin = connection.execute(text("SELECT t FROM mark WHERE name = :n"), {"n": table}).scalar()
         known = table == "minute" and minutes is not None and minutes.covers(begin)
         if begin is None:
-            oldest = _oldest(connection, source)
+            oldest = _oldest(connection, source) if source == "minute" else _first_sample(connection)
             begin = now if oldest is None else oldest
         begin = begin // width * width
         end = reached // width * width if known else min(reached // width * width, begin + ROLL_UP_AT_ONCE)
         done = done and end == reached // width * width
         if begin < end and not known:
             for first, last in _portions(connection):
+                if source == "sample":
+                    sealed.unseal(connection, first, last, begin - GAP_AFTER, end)
                 span = {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width, "first": first, "last": last}
                 connection.execute(text(statement), span)
         reached = max(begin, end)
@@ -269,11 +271,13 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
     before = before // HOUR * HOUR
     removed, done = 0, True
     for (number,) in connection.exec_driver_sql("SELECT id FROM point").all():
+        packed, open_from = sealed.cut(connection, number, before, at_once)
+        removed += packed
         bound = connection.exec_driver_sql(
             "SELECT t FROM sample WHERE point = ? AND t < ? ORDER BY t LIMIT 1 OFFSET ?", (number, before, at_once)
         ).scalar()
-        limit = before if bound is None else bound
-        done = done and bound is None
+        limit = min(time for time in (before, bound, open_from) if time is not None)
+        done = done and bound is None and open_from is None
         for table, width in (("minute", MINUTE), ("hour", HOUR)):
             connection.exec_driver_sql(
                 f"DELETE FROM {table} WHERE point = ? AND t < ?", (number, limit // width * width)
@@ -296,11 +300,16 @@ def _portions(connection: Connection) -> list[tuple[int, int]]:
 
 def _first(connection: Connection) -> int | None:
     """Time of the oldest thing that is kept: a sample, an event, a record."""
-    sample = _oldest(connection, "sample")
+    sample = _first_sample(connection)
     return min(
         (time for time in (sample, *(part.oldest(connection) for part in (events, records))) if time is not None),
         default=None,
     )
+
+
+def _first_sample(connection: Connection) -> int | None:
+    times = (_oldest(connection, "sample"), sealed.oldest(connection))
+    return min((time for time in times if time is not None), default=None)
 
 
 def _oldest(connection: Connection, table: str) -> int | None:

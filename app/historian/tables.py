@@ -27,6 +27,19 @@ sample = Table(
 )
 """What was recorded: time [µs UTC], number or text, quality word. A bad sample has neither number nor text."""
 
+block = Table(
+    "block",
+    history_tables,
+    Column("id", Integer, primary_key=True),
+    Column("point", Integer, nullable=False),
+    Column("t", BigInteger, nullable=False),
+    Column("last", BigInteger, nullable=False),
+    Column("count", Integer, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+    Index("ix_block_point", "point", "t"),
+)
+"""Samples of hours that are over, packed (packing.py): `count` of one point, from the time `t` to `last` [µs UTC]."""
+
 
 def _roll_up(name: str) -> Table:
     return Table(
@@ -71,7 +84,7 @@ mark = Table(
     Column("name", String, primary_key=True),
     Column("t", BigInteger, nullable=False),
 )
-"""Up to when roll-ups are written [µs UTC]; a late sample sets it back."""
+"""Up to when roll-ups are written [µs UTC], which a late sample sets back; up to when anything is sealed."""
 
 volume = Table(
     "volume",

@@ -20,7 +20,7 @@ from sqlalchemy import Connection, event
 from app.db import Database
 from app.historian import query, recorder, store
 from app.historian.recorder import Recorder, Track
-from app.historian.store import DAY, HEARTBEAT, RAMP, Row
+from app.historian.store import DAY, HEARTBEAT, HOUR, RAMP, Row
 from app.plant.definitions import Kind, Point
 from app.tags.database import Tag
 from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
@@ -274,6 +274,24 @@ async def test_roll_ups_are_made_while_it_runs(history: Database) -> None:
     assert history.run(lambda c: c.exec_driver_sql("SELECT sum(count) FROM minute").scalar()) >= 540
     assert made.size is not None
     assert made.size.rows_today == len(rows_of(history))
+
+
+async def test_hours_that_are_over_are_packed_and_say_what_they_said(history: Database) -> None:
+    source, made = await recording(history, point())
+    for second in range(5 * 3600):
+        source.publish(m1_speed=second * 7919 % 1000)
+        source.clock.advance(1)
+        if second % 600 == 599:
+            await made.flush()
+    before, used = rows_of(history), history.run(store.used)
+    await made.look_after()
+    await made.look_after()
+    assert rows_of(history) == before
+    stored = history.run(lambda connection: connection.exec_driver_sql("SELECT count(*), min(t) FROM sample").one())
+    assert stored[0] < 0.65 * len(before)
+    assert stored[1] > source.clock.micros() - 3 * HOUR
+    assert history.run(store.used) < 0.7 * used
+    assert made.growth is None or made.growth < 0.7 * 24 / 5 * used
 
 
 async def test_history_above_its_quota_is_cut_oldest_first(history: Database) -> None:
