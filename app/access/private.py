@@ -15,10 +15,7 @@ def write_private(path: Path, text: str, *, exclusive: bool = False) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-    except OSError:
+        if not exclusive or not path.exists():
+            temporary.replace(path)
+    finally:
         temporary.unlink(missing_ok=True)
-        raise
-    if exclusive and path.exists():
-        temporary.unlink()
-    else:
-        temporary.replace(path)

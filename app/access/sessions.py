@@ -3,16 +3,15 @@
 Only SHA-256 of the id is stored. Rights are read from the database with every request, so a change of roles, a disabled account or a
 closed session acts on the next one, also when the command line made it. What goes on without requests (a button that is held, a command
 that waits for its turn, a socket) asks `standing`, which follows the database by half a second (`renew`, in this process at once).
-
-Idleness and the end of a session count on the monotonic clock, so that a step of the wall clock neither ends nor prolongs one; only over
-a restart the stored times, of the wall clock, say how long it has been. Source: reference/security.md section 4.4.
+When a session ends and when it is idle is in `session_times`, what it allows in `session_person`. Source: reference/security.md
+section 4.4.
 """
 
 import hashlib
 import re
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection, Select, delete, insert, literal_column, select, update
@@ -20,18 +19,16 @@ from sqlalchemy import Connection, Select, delete, insert, literal_column, selec
 from app import chance
 from app.access.audit.audit import Audit
 from app.access.audit.line import printable
-from app.access.roles import ACTING, ENROLLING, FORCED, IDLE, Person, permissions_of
+from app.access.roles import Person
+from app.access.session_person import person_of, watching
+from app.access.session_times import SessionTimes, lifetime
 from app.access.tables import factor_table, person_table, role_table, session_table
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
 
-IDLE_AFTER = 15 * 60.0
-"""Without a deed for so long a session only watches [s]."""
 IDLE_WARNING = 60.0
 """So long before that the page says so [s]."""
-SHIFT, SHIFT_WITH_POWER, WATCHING = 12 * 3600.0, 8 * 3600.0, 30 * 86_400.0
-"""A session ends after a shift for an operator, 8 h for an engineer or administrator, 30 days for a viewer [s]."""
 LIMITS = {"viewer": 10, "operator": 3, "engineer": 2, "admin": 1}
 """Sessions at once; who has several roles has the largest of their limits."""
 TOUCH_PERIOD = 20.0
@@ -43,8 +40,6 @@ IN_USE = 120.0
 """A session that nobody asked for in so long is not followed [s]."""
 MOST_FAILURES = 6
 """After so many tries to follow the database in vain, what is known from before only allows to watch and to stop."""
-CLOCK_BACK = 60.0
-"""A stored time may be later than the wall clock by this [s]; above it the clock was set back while the server was down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +70,6 @@ class _Known:
         return self.roles, self.row.must_change, self.row.factor_since, self.row.name, self.row.display
 
 
-@dataclass(slots=True)
-class _Times:
-    """When a session was last active and when it ends, monotonic [s]."""
-
-    active: float
-    ends: float
-
-
 class Sessions:
     """Opens, finds and ends sessions."""
 
@@ -96,7 +83,7 @@ class Sessions:
         self._changed: list[Callable[[Collection[str]], None]] = []
         self._acted: list[Callable[[Collection[str]], None]] = []
         self._touched: dict[str, float] = {}
-        self._times: dict[str, _Times] = {}
+        self._times = SessionTimes(clock)
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._why: OrderedDict[str, str] = OrderedDict()
         self._failures = 0
@@ -122,7 +109,7 @@ class Sessions:
             StorageError: the database cannot be read.
         """
         for row in await self._db.read(lambda connection: connection.execute(select(session_table)).all()):
-            self._moments(row)
+            self._times.load(row)
 
     async def find(self, sid: str, address: str, agent: str) -> Person | None:
         """The person behind the id `sid`, with what is allowed now; None when there is no such session, or no more.
@@ -141,7 +128,7 @@ class Sessions:
             before = self._known.get(id_hash)
             if before is None or before.row.agent != family(agent):
                 raise
-            return _watching(self._person(before, address))
+            return watching(self._person(before, address))
         if known is None or known.row.agent != family(agent):
             return None
         return self._person(known, address)
@@ -172,18 +159,18 @@ class Sessions:
         A change that another process made is known after `renew`.
         """
         known = self._known.get(person.session)
-        if known is None or self._is_over(person.session):
+        if known is None or self._times.is_over(person.session):
             return None
         known.used = self._clock.monotonic()
         now = self._person(known, person.address)
-        return _watching(now) if self._failures >= MOST_FAILURES else now
+        return watching(now) if self._failures >= MOST_FAILURES else now
 
     async def renew(self) -> None:
         """Read again the sessions that are in use; tell whose are over and whose rights are others now. Called every half second.
 
         A database that cannot be read is borne for a while; then nobody may act any more.
         """
-        self.announce([id_hash for id_hash in self._known if self._is_over(id_hash)])
+        self.announce([id_hash for id_hash in self._known if self._times.is_over(id_hash)])
         oldest = self._clock.monotonic() - IN_USE
         wanted = [id_hash for id_hash, known in self._known.items() if known.used >= oldest]
         epoch = self._epoch
@@ -219,16 +206,16 @@ class Sessions:
 
     def touch(self, person: Person) -> None:
         """`person` has just done something: the idle time starts anew. An idle session stays idle."""
-        now, times = self._clock.monotonic(), self._times.get(person.session)
-        if times is None or person.idle or now - times.active >= IDLE_AFTER:
+        left = None if person.idle else self._times.acted(person.session)
+        if left is None:
             return
-        times.active = now
         self._tell(self._acted, [person.session])
+        now = self._clock.monotonic()
         if now - self._touched.get(person.session, float("-inf")) < TOUCH_PERIOD:
             return
         self._touched[person.session] = now
         active = self._clock.micros()
-        values = {"active": active, "until": active + round((times.ends - now) * 1e6)}
+        values = {"active": active, "until": active + round(left * 1e6)}
         change = update(session_table).where(session_table.c.id_hash == person.session).values(**values)
         self._db.submit(lambda connection: connection.execute(change) and None)
 
@@ -248,9 +235,8 @@ class Sessions:
         now, held = self._clock.micros(), frozenset(roles)
         session = session_table.c
         rows = connection.execute(select(session_table)).all()
-        over = [row.id_hash for row in rows if self._left(row) <= 0]
-        for gone in set(self._times) - {row.id_hash for row in rows}:
-            self._times.pop(gone, None)
+        over = [row.id_hash for row in rows if self._times.left(row) <= 0]
+        self._times.keep({row.id_hash for row in rows})
         connection.execute(delete(session_table).where(session.id_hash.in_([*over, replaces or ""])))
         limit = max((LIMITS[role] for role in held), default=1)
         kept = (
@@ -273,8 +259,7 @@ class Sessions:
                 agent=family(agent),
             )
         )
-        begun = self._clock.monotonic()
-        self._times[hash_of(sid)] = _Times(begun, begun + lifetime(held))
+        self._times.begin(hash_of(sid), held)
         return sid, crowded + ([replaces] if replaces else [])
 
     async def of(self, person_id: int | None = None) -> list[Session]:
@@ -287,7 +272,7 @@ class Sessions:
         if person_id is not None:
             query = query.where(session_table.c.person == person_id)
         rows = await self._db.read(lambda connection: connection.execute(query).all())
-        return [Session(**row._mapping) for row in rows if self._left(row) > 0]
+        return [Session(**row._mapping) for row in rows if self._times.left(row) > 0]
 
     async def end(self, by: Person, id_hash: str, kind: str = "session.ended") -> bool:
         """End one session; False when there is none.
@@ -334,7 +319,7 @@ class Sessions:
             found = (await self._db.read(lambda connection: _rows(connection, [id_hash]))).get(id_hash)
             if epoch == self._epoch:
                 break
-        if found is None or found[0].disabled or self._left(found[0]) <= 0:
+        if found is None or found[0].disabled or self._times.left(found[0]) <= 0:
             if id_hash in self._known:
                 self.announce([id_hash])
             return None
@@ -345,63 +330,7 @@ class Sessions:
         return known
 
     def _person(self, known: _Known, address: str) -> Person:
-        row, roles = known.row, known.roles
-        acting = bool(roles & ACTING)
-        quiet = self._clock.monotonic() - self._moments(row).active
-        moved = bool(roles & {"engineer", "admin"}) and address != row.address
-        idle = acting and (quiet >= IDLE_AFTER or moved)
-        allowed = permissions_of(roles)
-        if idle:
-            allowed &= IDLE
-        must_enrol = bool(roles & self._factor_roles) and row.factor_since is None and not row.must_change
-        if row.must_change:
-            allowed &= FORCED
-        elif must_enrol:
-            allowed &= ENROLLING
-        return Person(
-            id=row.id,
-            name=row.name,
-            display=row.display,
-            roles=roles,
-            permissions=allowed,
-            session=row.id_hash,
-            language=row.language,
-            theme=row.theme,
-            address=address,
-            idle=idle,
-            must_change=bool(row.must_change),
-            must_enrol=must_enrol,
-            idle_in=max(0.0, IDLE_AFTER - quiet) if acting and not idle else 0.0,
-        )
-
-    def _is_over(self, id_hash: str) -> bool:
-        times = self._times.get(id_hash)
-        return times is not None and times.ends <= self._clock.monotonic()
-
-    def _left(self, row: Any) -> float:
-        """How long the session may still last [s]."""
-        return self._moments(row).ends - self._clock.monotonic()
-
-    def _moments(self, row: Any) -> _Times:
-        """The times of a session on the monotonic clock; at first from what is stored.
-
-        A session never has more left than it had when it was last active; one that was active in what is now the future watches only.
-        """
-        times = self._times.get(row.id_hash)
-        if times is not None:
-            return times
-        now, wall = self._clock.monotonic(), self._clock.micros()
-        quiet = (wall - row.active) / 1e6
-        left = (row.until - max(wall, row.active, row.created)) / 1e6
-        if quiet < -CLOCK_BACK:
-            quiet = IDLE_AFTER
-        times = self._times[row.id_hash] = _Times(now - max(0.0, quiet), now + left)
-        return times
-
-
-def _watching(person: Person) -> Person:
-    """`person` with what is left when nobody knows more: watching and Stop."""
-    return replace(person, permissions=person.permissions & IDLE, idle=True, idle_in=0.0)
+        return person_of(known.row, known.roles, address, self._times.quiet(known.row), self._factor_roles)
 
 
 def _rows(connection: Connection, hashes: Collection[str]) -> dict[str, tuple[Any, frozenset[str]]]:
@@ -421,14 +350,6 @@ def _joined() -> Select[Any]:
 def hash_of(sid: str) -> str:
     """What is stored of an id or a token: SHA-256 [hex]; enough for 256 random bits."""
     return hashlib.sha256(sid.encode("utf-8", "replace")).hexdigest()
-
-
-def lifetime(roles: Iterable[str]) -> float:
-    """How long a session of somebody with `roles` lasts at most [s]."""
-    held = set(roles)
-    if held & {"engineer", "admin"}:
-        return SHIFT_WITH_POWER
-    return SHIFT if "operator" in held else WATCHING
 
 
 def end_all(connection: Connection, person_id: int) -> list[str]:

@@ -8,7 +8,8 @@ import pytest
 
 from app import chance
 from app.access.access import Access, prepare
-from app.access.sessions import ID_BYTES, IDLE_AFTER, family, hash_of
+from app.access.session_times import IDLE_AFTER
+from app.access.sessions import ID_BYTES, family, hash_of
 from app.clock import ManualClock
 from app.errors import Refused, StorageError
 from tests.access.conftest import AGENT, PASSWORD, OpenAccess, add, boss, enter, who

@@ -13,7 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from app.access.audit.search import Filter
 from app.access.roles import GUEST, PERMISSIONS, Person, permissions_of
-from app.access.sessions import IDLE_AFTER
+from app.access.session_times import IDLE_AFTER
 from app.access.signin import HalfIn
 from app.access.tables import factor_table
 from app.clock import ManualClock

@@ -6,7 +6,8 @@ import pytest
 
 from app.access.access import Access
 from app.access.roles import Person
-from app.access.sessions import IDLE_AFTER, MOST_FAILURES, SHIFT
+from app.access.session_times import IDLE_AFTER, SHIFT
+from app.access.sessions import MOST_FAILURES
 from app.clock import ManualClock
 from app.errors import StorageError
 from tests.access.conftest import OpenAccess, add, boss, enter, who

@@ -3,7 +3,7 @@
 import pytest
 
 from app.access.access import Access
-from app.access.sessions import IDLE_AFTER, SHIFT, SHIFT_WITH_POWER, WATCHING
+from app.access.session_times import IDLE_AFTER, SHIFT, SHIFT_WITH_POWER, WATCHING
 from app.clock import ManualClock
 from tests.access.conftest import OpenAccess, add, enter, who
 
