@@ -81,9 +81,9 @@ def create_app(settings: Settings, clock: Clock | None = None, threads: Threads 
 def dress(app: FastAPI, settings: Settings) -> None:
     """Give `app` our pages, our errors and the layer around everything; every route must say who may use it."""
     app.state.view = View(Assets(bundled("static")))
-    app.include_router(pages.router)
-    app.include_router(socket.router)
-    for part in (
+    rooms = (
+        pages,
+        socket,
         alarms,
         commands,
         parameters,
@@ -101,11 +101,10 @@ def dress(app: FastAPI, settings: Settings) -> None:
         instructor,
         communication,
         forces,
-    ):
-        app.include_router(part.router)
-    app.include_router(trends.router)
-    for router in description.ROUTERS:
-        app.include_router(router)
+        trends,
+    )
+    for router in (*(part.router for part in rooms), *description.ROUTERS):
+        app.router.routes.extend(router.routes)  # as they are: `include_router` would build each of them anew
     app.state.sockets = socket.Sockets(guard.may_watch_live)
     errors.install(app)
     guard.install(app)
