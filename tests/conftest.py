@@ -2,6 +2,7 @@
 
 import asyncio
 import atexit
+import gc
 import os
 import shutil
 import socket
@@ -36,8 +37,19 @@ settings.register_profile("house", deadline=None, suppress_health_check=[HealthC
 settings.load_profile("house")  # how long an example takes is the machine's affair
 
 ROOT = Path(__file__).resolve().parent.parent
-LONGEST = ("test_layout", "test_live", "test_commands", "test_sequence", "test_conveyor", "test_conveyor_by_hand")
-"""Files of browser tests that take a minute and more, the longest first, so that none of them begins when the other browser ends."""
+LONGEST = (
+    *(
+        "test_commands",
+        "test_live",
+        "test_sequence_tcp",
+        "test_sequence",
+        "test_conveyor",
+        "test_alarms",
+        "test_layout",
+    ),
+    *("test_trends", "test_sequence_engineering", "test_frame"),
+)
+"""Files of browser tests that take half a minute and more, the longest first, so that none begins when the other browsers end."""
 CHEAP = Cost(passes=1, memory=64, lanes=1)
 """A thousandth of what a hash of the product costs: for tests that are not about the cost."""
 NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
@@ -60,10 +72,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=_order)
 
 
+def pytest_collection_finish() -> None:
+    """What is there now stays until the end: thousands of tests are not looked through again at every search for garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 def _order(item: pytest.Item) -> tuple[bool, int]:
-    """Browsers last; of their files, each of which stays with one worker, the longest first."""
+    """Browsers last; of their files, each of which stays with one worker, the longest first; of tests in real time the slow ones."""
     name = item.path.stem
-    return item.get_closest_marker("browser") is not None, LONGEST.index(name) if name in LONGEST else len(LONGEST)
+    if item.get_closest_marker("browser"):
+        return True, LONGEST.index(name) if name in LONGEST else len(LONGEST)
+    return False, int(bool(item.get_closest_marker("real_time") and not item.get_closest_marker("slow")))
 
 
 def pytest_asyncio_loop_factories(
