@@ -28,8 +28,8 @@ setup: $(VENV)/.app static/vendor/.ready ## set up what is missing, start nothin
 dev: setup ## the same as run, restarting on every change
 	exec $(BIN)/watchfiles "$(BIN)/pogon run $(ARGS)" $(wildcard app templates plants migrations)
 
-test: setup $(VENV)/.test ## every test; T=tests/alarms a part, SEED=7 the order, ARGS=-x for pytest, JOBS=1 one after the other, TOGETHER=1 stages side by side
-	$(BIN)/python tools/run_tests.py --seed "$(SEED)" --jobs "$(JOBS)" --browsers "$(BROWSERS)" $(if $(TOGETHER),--together) $(T) -- $(ARGS)
+test: setup $(VENV)/.test ## every test; T=tests/alarms a part, SEED=7 the order, ARGS=-x for pytest, JOBS=1 one after the other, TOGETHER=1 or 0 stages side by side or not
+	$(BIN)/python tools/run_tests.py --seed "$(SEED)" --jobs "$(JOBS)" --browsers "$(BROWSERS)" $(if $(TOGETHER),$(if $(filter 0,$(TOGETHER)),--apart,--together)) $(T) -- $(ARGS)
 
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .

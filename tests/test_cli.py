@@ -148,6 +148,7 @@ def test_an_export_into_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -
     )
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_a_foreign_master_and_the_screen_see_the_same_motor(pogon_server: Start, free_port: int) -> None:
     server = pogon_server("--serve-modbus", f"127.0.0.1:{free_port}")

@@ -50,6 +50,7 @@ def stored(data: Path, *names: str) -> int:
     return int(count)
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., PogonServer], tmp_path: Path) -> None:
     server = pogon_server()

@@ -83,6 +83,7 @@ def wait(found: Callable[[], Any], limit: float = 60.0) -> Any:
     pytest.fail(f"not within {limit} s")
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, tmp_path: Path) -> None:
     """kill -9 three times while products run; the machine itself goes on in another process."""
@@ -126,6 +127,7 @@ def test_a_killed_server_misses_no_event_and_doubles_none(pogon_server: START, t
     assert "Traceback" not in server.log()
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("way", ["locked", "full"])
 async def test_killed_while_the_history_takes_nothing_it_misses_no_event(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.run_tests import ROOT, Result, Stage, main, report, run, side_by_side, stages, total, within
+from tools.run_tests import ROOT, SPIN, Result, Stage, has_room, main, report, run, side_by_side, stages, total, within
 
 PASSES, FAILS = "def test_a(): pass\n", "def test_b(): assert False\n"
 SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_c(): pass\n"
@@ -101,7 +101,7 @@ def test_the_closing_line_counts_all_stages_and_stands_alone() -> None:
     assert total([Result("a", 3)]) == "3 passed, 0 failed"
 
 
-ALL = [stage for lane in stages(2, 2) for stage in lane]
+ALL = [stage for lane in stages(2, 3, 4) for stage in lane]
 
 
 def test_every_test_is_in_exactly_one_stage() -> None:
@@ -151,6 +151,52 @@ def test_what_several_lanes_tell_comes_one_after_the_other(
     assert len([0 for one, following in pairwise(talk) if one != following]) == 1
 
 
+@pytest.mark.parametrize(("share", "room"), [(0.97, True), (0.7, False), (0.5, False)])
+def test_there_is_room_where_every_core_is_free(monkeypatch: pytest.MonkeyPatch, share: float, room: bool) -> None:
+    monkeypatch.setattr("tools.run_tests.SPIN", f"print({share})")
+    assert has_room(2) is room
+
+
+def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[str]) -> None:
+    exec(SPIN, {})
+    assert 0 < float(capfd.readouterr().out) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("asked", "room", "lanes", "jobs"),
+    [
+        ([], True, 3, (2, 3, 3)),
+        ([], False, 1, (2, 2, 2)),
+        (["--together"], False, 3, (2, 3, 3)),
+        (["--apart"], True, 1, (2, 2, 2)),
+        (["--jobs", "1", "--browsers", "1"], True, 3, (1, 1, 1)),
+        (["--browsers", "4"], False, 1, (2, 4, 2)),
+        (["tests/links"], True, 1, (2, 2, 2)),
+        (["--together", "tests/links"], False, 3, (2, 3, 3)),
+        (["--", "-k", "tcp"], True, 1, (2, 2, 2)),
+    ],
+)
+def test_where_nothing_else_runs_stages_run_side_by_side(
+    monkeypatch: pytest.MonkeyPatch, asked: list[str], room: bool, lanes: int, jobs: tuple[int, ...]
+) -> None:
+    seen: list[tuple[int, ...]] = []
+
+    def chosen(*processes: int) -> list[list[Stage]]:
+        seen.append(processes)
+        return stages(*processes)
+
+    def beside(several: list[list[object]]) -> list[Result]:
+        assert len(several) == lanes
+        return [Result("a", 1)]
+
+    monkeypatch.setattr("tools.run_tests.os.sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr("tools.run_tests.has_room", lambda _: room)
+    monkeypatch.setattr("tools.run_tests.stages", chosen)
+    monkeypatch.setattr("tools.run_tests.side_by_side", beside)
+    assert main(asked) == 0
+    assert seen == [jobs]
+
+
 def test_a_lane_alone_is_told_as_it_goes() -> None:
     heard: list[bool] = []
     side_by_side([[lambda aloud: heard.append(aloud) or Result("a")]])
@@ -197,7 +243,7 @@ def test_a_part_that_matches_no_test_fails(
 ) -> None:
     monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
     monkeypatch.setattr("tools.run_tests._check", lambda aloud: Result("check"))
-    monkeypatch.setattr("tools.run_tests.stages", lambda jobs, browsers: [[Stage("some", "not soak")]])
+    monkeypatch.setattr("tools.run_tests.stages", lambda *processes: [[Stage("some", "not soak")]])
     assert main(asked) == 1
     told = capfd.readouterr().out.splitlines()
     assert told[-1] == "0 passed, 1 failed"

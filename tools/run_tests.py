@@ -1,11 +1,11 @@
 """Run every stage of the tests, also after one that failed, and close with one line of counts (`make test`).
 
-    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together] [T ...] [-- arguments for pytest]
+    tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
 
-One stage after the other; with `--together` two lanes run side by side: in front what lives in real time, and waits a lot; behind, with
-less right to the processor, what lives in virtual time and does not mind. That is faster where nothing else runs. A stage that ran
-nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept in build/tests, as JUnit XML and,
-side by side, as it was told.
+Where nothing else runs two lanes run side by side: in front what lives in real time, and waits a lot, so with one process more than
+there are cores; behind, with less right to the processor, what lives in virtual time and does not mind. A busy machine does one stage
+after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept in
+build/tests, as JUnit XML and, side by side, as it was told.
 """
 
 import argparse
@@ -28,8 +28,16 @@ from xml.etree import ElementTree
 ROOT = Path(__file__).resolve().parent.parent
 LIMIT = 3600.0
 """A stage has ended by then, or it is ended [s]."""
-BEHIND = 5
+BEHIND = 10
 """How nice the lane behind is: in front the processor is there when something happens, and beside busy neighbours both get on."""
+SPIN = """import time
+began, used = time.monotonic(), time.process_time()
+while time.monotonic() < began + 0.5:
+    pass
+print((time.process_time() - used) / (time.monotonic() - began))"""
+"""Says how much of a core who wants all of it gets."""
+ROOM = 0.85
+"""So much of every core is free where nothing else runs."""
 PATIENCE = 1500
 """A test that steps back for others has ended by then, or it hangs [s]."""
 FAILED, INTERRUPTED, NOTHING = 1, 2, 5
@@ -74,14 +82,17 @@ class Result:
         self.complaints.append(why)
 
 
-def stages(jobs: int, browsers: int) -> list[list[Stage]]:
-    """What `make test` runs: the lane in front and the one behind, each one stage after the other."""
+def stages(jobs: int, browsers: int, waiting: int) -> list[list[Stage]]:
+    """What `make test` runs: the lane in front and the one behind, each one stage after the other.
+
+    `jobs` processes compute, `waiting` ones live in real time, `browsers` have a browser each.
+    """
     make = os.environ.get("MAKE", "make")
     front = [
         Stage(
             "real time",
             "not soak and not browser and real_time",
-            ("-n", str(jobs), "--dist", "worksteal"),
+            ("-n", str(waiting), "--dist", "worksteal"),
             says="mark.real_time",
         ),
         Stage(
@@ -108,15 +119,18 @@ def main(arguments: Sequence[str]) -> int:
     began, extra = time.monotonic(), [f"--randomly-seed={seed}", f"--hypothesis-seed={seed}", *options.pytest]
     absent = [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]
     part = bool(options.tests) or any(text.startswith(("-k", "-m")) for text in options.pytest)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    together = has_room(cores) if options.together is None and not absent and not part else bool(options.together)
+    jobs, waiting = options.jobs or cores, options.jobs or cores + together
     lanes: list[list[Callable[..., Result]]] = [
         [
             partial(run, stage, chosen, extra, part)
             for stage in lane
             if (chosen := within(stage, options.tests or ["tests"]))
         ]
-        for lane in (stages(options.jobs, options.browsers) if not absent else ())
+        for lane in (stages(jobs, options.browsers or cores + together, waiting) if not absent else ())
     ]
-    several = options.together and len([*filter(None, lanes)]) > 1
+    several = together and len([*filter(None, lanes)]) > 1
     results = side_by_side([[_check], *lanes] if several else [[_check, *chain(*lanes)]])
     if absent:
         results[0].went_wrong(f"there is no {' '.join(absent)}")
@@ -125,6 +139,12 @@ def main(arguments: Sequence[str]) -> int:
     print(f"\nall: done in {time.monotonic() - began:.0f} s")
     print(*report(results, seed), sep="\n", flush=True)
     return 1 if any(result.failed for result in results) else 0
+
+
+def has_room(cores: int) -> bool:
+    """Whether nothing else runs here: who wants all of every core gets it."""
+    spins = [subprocess.Popen([sys.executable, "-c", SPIN], stdout=subprocess.PIPE, text=True) for _ in range(cores)]
+    return min(float(spin.communicate()[0]) for spin in spins) > ROOM
 
 
 def side_by_side(lanes: Sequence[Sequence[Callable[..., Result]]]) -> list[Result]:
@@ -182,8 +202,8 @@ def run(
     sheet.unlink(missing_ok=True)
     kept = ["-o", "junit_family=xunit1", f"--junit-xml={sheet}"]
     command = [sys.executable, "-m", "pytest", "-m", stage.marks, *stage.options, *kept, *chosen, *extra]
-    if stage.nice and not aloud and shutil.which("nice"):
-        command = ["nice", "-n", str(stage.nice), *command, "--timeout", str(PATIENCE)]
+    if stage.nice and not aloud:
+        command = [*stepping_back(stage.nice), *command, "--timeout", str(PATIENCE)]
     if aloud:
         tell(head, end="")
         code = _ended(command, root, limit)
@@ -207,6 +227,11 @@ def run(
         result.went_wrong("no test ran")
     tell(f"{'' if aloud else head}{stage.name}: done in {time.monotonic() - began:.0f} s")
     return result
+
+
+def stepping_back(nice: int) -> list[str]:
+    """What a command begins with that has to be so nice."""
+    return ["nice", "-n", str(nice)] if nice and shutil.which("nice") else []
 
 
 def tell(text: str, end: str = "\n") -> None:
@@ -264,9 +289,8 @@ def _check(aloud: bool = True) -> Result:
     """`make check`; beside others it says something only if something is wrong."""
     result, pipe = Result("check"), None if aloud else subprocess.PIPE
     tell("check")
-    done = subprocess.run(
-        [os.environ.get("MAKE", "make"), "-s", "check"], cwd=ROOT, stdout=pipe, stderr=subprocess.STDOUT, text=True
-    )
+    command = [*stepping_back(0 if aloud else BEHIND), os.environ.get("MAKE", "make"), "-s", "check"]
+    done = subprocess.run(command, cwd=ROOT, stdout=pipe, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         tell(done.stdout or "", end="")
         result.went_wrong(f"make check ended with code {done.returncode}")
@@ -281,17 +305,15 @@ def _name(case: ElementTree.Element) -> str:
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
     split = list(arguments).index("--") if "--" in arguments else len(arguments)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seed", type=_number, help="order of the tests, and what they draw; another one each time")
     parser.add_argument("--jobs", type=_number, help="processes for the tests without a browser; as many as cores")
     parser.add_argument("--browsers", type=_number, help="browsers at once; as many as cores")
-    parser.add_argument(
-        "--together", action="store_true", help="two stages at once, for a machine with nothing else to do"
-    )
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--together", action="store_true", default=None, help="two stages at once, also on a busy machine")
+    how.add_argument("--apart", action="store_false", dest="together", help="one stage after the other")
     parser.add_argument("tests", nargs="*", help="files, folders, tests; all")
     options = parser.parse_args(arguments[:split])
-    options.jobs, options.browsers = options.jobs or cores, options.browsers or cores
     options.pytest = list(arguments[split + 1 :])
     return options
 

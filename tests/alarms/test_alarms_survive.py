@@ -35,6 +35,7 @@ def wait(what: Callable[[], Any], limit: float = 60.0) -> Any:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_a_killed_server_comes_back_with_its_alarms_and_tells_nothing_anew(
     pogon_server: Callable[..., PogonServer],

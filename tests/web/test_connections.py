@@ -345,6 +345,7 @@ class Visitor:
         self.sid = (answer.getheader("Set-Cookie") or "").split(";")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 async def test_a_flood_keeps_nobody_from_page_hold_and_stop(pogon_server: Callable[..., PogonServer]) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
