@@ -22,7 +22,9 @@ from app.commands.gate import Gate
 from app.commands.interlocks import met, stopped
 from app.commands.lifecycle import Progress
 from app.commands.lifecycle import State as Progressed
-from app.commands.open_sets import NEWEST, OBJECT, open_sets
+from app.commands.open_commands import NEWEST, open_commands
+from app.commands.open_sets import NEWEST as NEWEST_SETS
+from app.commands.open_sets import OBJECT, open_sets
 from app.commands.orders import AuditLine
 from app.commands.sets import FOUND_NEW, FOUND_OLD
 from app.commands.value_set import spelt
@@ -241,7 +243,7 @@ class Runtime:
             self.links[name] = self._link(link, self.on_link(name), bus)
         self._configure()
         self.gate = self._make_gate(plant)
-        await self._tell_open_sets(self.gate, plant)
+        await self._tell_what_is_open(self.gate, plant)
         self.keeper.keep("commands", self.gate.run)
         for name, register_link in self.links.items():
             self.keeper.keep(f"link.{name}", register_link.run)
@@ -286,14 +288,19 @@ class Runtime:
             params = {"values": spelt(progress.changes)} if mixed else None
             self.alarms.system.report("set_mixed", progress.equipment, mixed, params=params)
 
-    async def _tell_open_sets(self, gate: Gate, plant: Plant) -> None:
-        """Sets of setpoints that a former run of this server has not brought to an end."""
+    async def _tell_what_is_open(self, gate: Gate, plant: Plant) -> None:
+        """Commands and sets of setpoints that a former run of this server has not brought to an end."""
         try:
-            lines = await self.access.audit.find(Filter(object=OBJECT, kind="command"), NEWEST)
+            of_sets = await self.access.audit.find(Filter(object=OBJECT, kind="command"), NEWEST_SETS)
+            lines = await self.access.audit.find(Filter(kind="command"), NEWEST)
         except StorageError as error:
-            log.error("open sets not looked for reason=%s", error)
+            log.error("open commands not looked for reason=%s", error)
             return
-        gate.take_open_sets(open_sets(lines, plant.equipment))
+        sets = open_sets(of_sets, plant.equipment)
+        gate.take_open_sets(sets)
+        gate.take_open_commands(
+            open_commands(lines, plant.equipment, self.clock.micros(), {progress.id for progress in sets})
+        )
 
     async def _audited(self, line: AuditLine) -> None:
         """One line of the audit; who gave a command that a device knows by its id is also told to the history of events."""

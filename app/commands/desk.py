@@ -16,6 +16,7 @@ from app.commands.interlocks import Prepared
 from app.commands.job import Job
 from app.commands.lifecycle import Progress, State
 from app.commands.machine import Machine
+from app.commands.open_commands import OpenCommand
 from app.commands.orders import Audit, Foretell, Order, Writer
 from app.errors import Refused
 from app.tags.database import TagDatabase
@@ -90,6 +91,22 @@ class Desk:
         self.audit_lines.command(job.order, job.progress)
         self.tell_end(job.progress)
         self.mark(machine.item.id)
+
+    def tell_open(self, one: OpenCommand) -> None:
+        """A command of a former run is over, and nobody knows how."""
+        progress = one.progress
+        self.audit_lines.line(
+            None, f"{progress.equipment}.{progress.command}", one.old, one.new, progress, by=progress.person
+        )
+        machine = self.machines.get(progress.equipment)
+        if machine is None:
+            return
+        machine.last = progress
+        machine.history.append(progress)
+        self.tell_end(progress)
+        if one.stop:
+            self.alarm_stop(progress.equipment)
+        self.mark(progress.equipment)
 
     def tell_end(self, progress: Progress) -> None:
         """Tell whoever asked for ends."""

@@ -31,6 +31,7 @@ from app.commands.lifecycle import Progress, State
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
 from app.commands.nonce import Once
+from app.commands.open_commands import OpenCommand
 from app.commands.orders import LONGEST_REASON, Audit, Foretell, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
@@ -211,6 +212,11 @@ class Gate:
         """Tell that these sets of a former run may be half written, and what is found of them as soon as it can be read."""
         for progress in sets:
             self._sets.take_open(progress)
+
+    def take_open_commands(self, commands: Iterable[OpenCommand]) -> None:
+        """Tell that nobody knows what became of these commands of a former run. Nothing is sent."""
+        for one in commands:
+            self._desk.tell_open(one)
 
     def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[Reason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.

@@ -330,6 +330,14 @@ async def audit_is_whole(c: Checker) -> None:
     for id, count in ends.items():
         if count > 1 and world.asked.get(id, (0, "", ""))[2] != "stop":
             raise Fell("audit_is_whole", f"{world.asked.get(id, id)} has {count} lines that say how it ended")
+    sent = {json.loads(row.params).get("id", "") for row in rows if row.result == "sent"}
+    atwork = (
+        {one.progress.id for m in world.runtime.gate._desk.machines.values() for one in (m.job, m.set) if one}
+        if world.runtime.gate
+        else set()
+    )
+    for id in sent - set(ends) - atwork:
+        raise Fell("audit_is_whole", f"{world.asked.get(id, id)} was sent, and no line says how it ended")
     for at, progress in world.ended:
         if at > world.troubled and not ends[progress.id]:
             raise Fell("audit_is_whole", f"{progress.id} {progress.command} ended as {progress.state} without a line")
