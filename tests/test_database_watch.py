@@ -5,7 +5,7 @@ import shutil
 import sqlite3
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, closing
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -185,7 +185,7 @@ async def test_a_history_lost_while_the_server_was_stopped_is_an_alarm_with_the_
         await record(runtime, clock, 100)
         clock.advance(60)
         await runtime.files.look()
-        last = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+        last = datetime.fromtimestamp(clock.micros() / 1e6, UTC)
     fault(data)
     clock.advance(7200)
     async with running(data, clock) as runtime:
@@ -234,7 +234,7 @@ async def test_a_history_that_is_rubbish_at_the_start_is_put_aside_and_recorded_
         async with running(data, clock) as runtime:
             await record(runtime, clock, 100)
             await runtime.files.look()
-            last = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+            last = datetime.fromtimestamp(clock.micros() / 1e6, UTC)
     fault(data)
     found = contents(data)
     clock.advance(7200)
@@ -242,7 +242,7 @@ async def test_a_history_that_is_rubbish_at_the_start_is_put_aside_and_recorded_
         (params,) = alarms(runtime, "history_lost")
         assert (params["file"], params["loss"]) == ("history.db", f"@alarm.loss.{loss}")
         told = datetime.fromisoformat(f"{params['time']}+00:00")
-        begun = datetime.fromtimestamp(clock.micros() / 1e6, runtime._zone())
+        begun = datetime.fromtimestamp(clock.micros() / 1e6, UTC)
         assert abs(((last if known else begun) - told).total_seconds()) <= 120
         await runtime.files.look()
         await record(runtime, clock, 200)

@@ -14,6 +14,7 @@ from app.access.access import Access
 from app.access.roles import ROLES, Person, permissions_of
 from app.access.tokens import GRANTABLE
 from app.cli_access import terminal
+from app.running.page_tags import page_tags
 from app.settings import Settings
 from tests.virtual import HOST, VirtualClient, house
 
@@ -62,7 +63,7 @@ def use(client: VirtualClient, secret: str, number: int) -> None:
     for page in PAGES:
         assert client.get(page).status_code == 200, page
     for kind in ("overview", "equipment/m1"):
-        watcher = runtime.live.join(kind, runtime.page_names(kind))
+        watcher = runtime.live.join(kind, page_tags(kind, runtime.plant, runtime.points))
         for _ in range(5):
             client.run(watcher.next())
         runtime.live.leave(watcher)

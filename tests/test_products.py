@@ -22,6 +22,7 @@ from app.historian import record_query as query
 from app.historian.record_query import Wanted
 from app.links.events import head_of
 from app.registers import plc_map
+from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
 from tests.conftest import PogonServer, find_port
@@ -207,16 +208,16 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         ring.tell(1, 500, source=1, after=0)
         ring.tell(10, 500, source=2, value=3.25, after=0)
         ring.tell(6, 500, after=0, request=41)
-        await runtime._take_events(item, ring.drain(), 4)
+        await runtime.ring_events.take(item, ring.drain(), 4)
         assert sorted(one.key for one in runtime.alarms.list.active()) == ["events_lost", "tolerance_2"]
-        assert [(mark.boot, mark.sequence) for mark in runtime._last_seen(item)] == [(1, 10_003)] * 2
+        assert [(mark.boot, mark.sequence) for mark in runtime.ring_events.last_seen(item)] == [(1, 10_003)] * 2
         assert runtime.tags.value(runtime.tags.handle("sys.events.c1")) > counted  # type: ignore[operator]
         now = runtime.clock.micros()
         ana = Person(7, "ana", "Ana Kos", frozenset({"engineer"}), permissions_of({"engineer"}), "")
         for result, who, requests in (("refused", "Ivo", []), ("unknown", "Eva", [40]), ("confirmed", "Ana Kos", [41])):
             params = {"why": "fell down", "requested": now, "ended": now, "id": "x", "requests": requests}
             person = Person(**{**_fields(ana), "display": who})
-            await runtime._audited(
+            await runtime.command_ends.write(
                 AuditLine("command", person, "c1.delete_product", None, "product = 500", result, "", params)
             )
         await runtime.events.close()
@@ -225,7 +226,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
         told = await runtime.history.read(lambda connection: query.events(connection, [one.id]))
         assert (one.outcome, one.alarms) == ("deleted", (10,))
         assert [(step.person, step.reason) for step in told[one.id]] == [("", ""), ("", ""), ("Ana Kos", "fell down")]
-        assert "sys.events.c1" in runtime.page_names("records/passage")
+        assert "sys.events.c1" in page_tags("records/passage", runtime.plant, runtime.points)
     finally:
         await runtime.stop()
 
@@ -240,7 +241,7 @@ async def test_products_follow_a_machine_that_is_renamed(tmp_path: Path) -> None
         await until(lambda: len(arrivals(data, "c1")) >= 2)
         renamed = SIMULATED.replace("[equipment.c1]", '[equipment.line1]\nwas = "c1"')
         (plant / "plant.toml").write_text(renamed, "utf-8")
-        assert (await runtime.reload(None, (await runtime.look()).digest)).done
+        assert (await runtime.plant_files.reload(None, (await runtime.plant_files.look()).digest)).done
         await until(lambda: len(arrivals(data, "line1")) >= 4)
         assert arrivals(data, "c1") == []
     finally:
@@ -281,7 +282,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(10, 500, source=2, value=3.25, after=0)
         async with asyncio.timeout(5):
-            await runtime._take_events(item, ring.drain(), 0)
+            await runtime.ring_events.take(item, ring.drain(), 0)
         runtime._tell_alarms()
         assert sorted(one.key for one in runtime.alarms.list.active()) == ["history_full", "tolerance_2"]
         assert runtime.events.waiting >= 1

@@ -12,7 +12,9 @@ from typing import Any
 
 import pytest
 
-from app import bundled, runtime
+from app import bundled
+from app.plant.texts import Texts
+from app.running import next_plant, plant_files
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
@@ -46,8 +48,8 @@ class Plant:
     async def take(self, text: str) -> Any:
         """Write the file and take it, as a person does who reads the changes first."""
         self.write(text)
-        seen = await self.runtime.look()
-        return await self.runtime.reload(None, seen.digest)
+        seen = await self.runtime.plant_files.look()
+        return await self.runtime.plant_files.reload(None, seen.digest)
 
     def good(self, name: str) -> bool:
         tags = self.runtime.tags
@@ -112,7 +114,7 @@ async def test_a_clock_that_was_set_while_a_machine_is_taken_away_keeps_nobody_f
         await plant.until(lambda: plant.good("m3.frequency"))
         await asyncio.sleep(1)
         plant.write(DEMO)
-        seen = await runtime.look()
+        seen = await runtime.plant_files.look()
         heard: list[int] = []
         runtime.tags.on_standstill(lambda still: heard.append(len(runtime.tags)))
         before, exchange = len(runtime.tags), runtime._exchange_plant
@@ -122,7 +124,7 @@ async def test_a_clock_that_was_set_while_a_machine_is_taken_away_keeps_nobody_f
             exchange(*given)
 
         runtime._exchange_plant = late  # type: ignore[method-assign]
-        assert (await runtime.reload(None, seen.digest)).done
+        assert (await runtime.plant_files.reload(None, seen.digest)).done
         await asyncio.sleep(1)
         assert heard == [before]
     assert "told of a standstill and failed" not in caplog.text
@@ -153,7 +155,7 @@ async def test_a_machine_is_removed_and_comes_back_with_its_counters(tmp_path: P
     async with running(tmp_path) as plant:
         runtime = plant.runtime
         await plant.until(lambda: plant.good("m1.running_hours"))
-        runtime._derivation._by_name["m1.starts"].value = 41.0  # type: ignore[union-attr]
+        runtime.derived.derivation._by_name["m1.starts"].value = 41.0  # type: ignore[union-attr]
         second = DEMO.replace(DEMO[DEMO.index("# Keeps running") : DEMO.index("# Hold-to-run works")], "")
         answer = await plant.take(second)
         assert answer.done and [(c.kind, c.name) for c in answer.changes] == [("removed", "m1")]
@@ -181,9 +183,9 @@ async def test_broken_files_leave_the_plant_as_it_is(tmp_path: Path) -> None:
 async def test_only_the_changes_that_were_read_are_taken(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         plant.write(DEMO + M3)
-        seen = await plant.runtime.look()
+        seen = await plant.runtime.plant_files.look()
         plant.write(DEMO.replace("rated_current = 2.5", "rated_current = 3.5"))
-        answer = await plant.runtime.reload(None, seen.digest)
+        answer = await plant.runtime.plant_files.reload(None, seen.digest)
         assert not answer.done and answer.refused == "plant.refused.other"
         assert "m3.frequency" not in plant.runtime.tags
 
@@ -209,9 +211,12 @@ async def test_reading_and_comparing_never_hold_the_loop(tmp_path: Path, monkeyp
 
     async with running(tmp_path) as plant:
         monkeypatch.setattr(loop, "run_in_executor", put_aside)
-        for name in ("read_simulated", "compare", "digest", "Derivation"):
-            monkeypatch.setattr(runtime, name, watched(name, getattr(runtime, name)))
-        monkeypatch.setattr(runtime.Texts, "read", watched("Texts.read", runtime.Texts.read))
+        for module, name in (
+            *((plant_files, name) for name in ("read_simulated", "compare", "digest")),
+            (next_plant, "Derivation"),
+        ):
+            monkeypatch.setattr(module, name, watched(name, getattr(module, name)))
+        monkeypatch.setattr(Texts, "read", watched("Texts.read", Texts.read))
         assert (await plant.take(DEMO + M3)).done
         assert not on_loop
 
@@ -290,7 +295,7 @@ async def test_a_clash_on_the_served_port_is_told_before_anything_changes(tmp_pa
         assert not answer.done and "unit 1" in answer.error
         assert plant.good("m1.frequency")
         assert (await plant.take(DEMO + M3)).done
-        assert 3 in plant.runtime._served.devices  # type: ignore[union-attr]
+        assert 3 in plant.runtime.modbus._bus.devices  # type: ignore[union-attr]
 
 
 async def test_a_class_room_of_thirty_starts_and_polls_in_one_process(tmp_path: Path) -> None:
@@ -343,8 +348,8 @@ async def test_a_machine_that_runs_is_not_taken_away_without_a_word(tmp_path: Pa
         await plant.until(lambda: plant.good("m2.status") and plant.good("c1.state"))
         without = DEMO[: DEMO.index("[equipment.m1]")] + DEMO[DEMO.index("[equipment.c1]") :]
         plant.write(without)
-        seen = await runtime.look()
+        seen = await runtime.plant_files.look()
         warned = {change.name: [effect.key for effect in change.effects] for change in seen.changes}
         assert "machine_runs" in warned["m1"] and "machine_runs" not in warned["m2"]
-        taken = await runtime.reload(None, seen.digest)
+        taken = await runtime.plant_files.reload(None, seen.digest)
         assert taken.done, "that it ran or not is no other change"

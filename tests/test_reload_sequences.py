@@ -80,9 +80,9 @@ class Plant:
     async def change(self, **text: str) -> tuple[Change, bool]:
         """Write the files, read what differs and take it."""
         self.write(**text)
-        seen = await self.runtime.look()
+        seen = await self.runtime.plant_files.look()
         (change,) = seen.changes
-        return change, (await self.runtime.reload(None, seen.digest)).done
+        return change, (await self.runtime.plant_files.reload(None, seen.digest)).done
 
 
 @asynccontextmanager
@@ -142,17 +142,17 @@ async def test_a_sequence_that_stands_is_not_said_to_run(tmp_path: Path) -> None
 async def test_what_was_read_can_be_taken_although_a_sequence_ended_meanwhile(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         plant.write(one=BLINK.replace('key = "dark"', 'key = "dark"\nmaximum = 9'))
-        seen = await plant.runtime.look()
+        seen = await plant.runtime.plant_files.look()
         assert keys(seen.changes[0]) == ["sequence_runs", "sequence"]
         plant.device("seq1").write(16, plc_map.COMMAND, plc_map.request_words(Request(4, id=8)))
         await plant.until(lambda: plant.value("seq1.state") == 5)
-        assert (await plant.runtime.reload(None, seen.digest)).done
+        assert (await plant.runtime.plant_files.reload(None, seen.digest)).done
 
 
 async def test_a_mistake_in_a_definition_changes_nothing(tmp_path: Path) -> None:
     async with running(tmp_path) as plant:
         plant.write(one=BLINK.replace('key = "dark"', 'key = "bright"'))
-        seen = await plant.runtime.look()
+        seen = await plant.runtime.plant_files.look()
         assert [problem.file for problem in seen.problems] == ["sequences/one.toml"]
-        assert not (await plant.runtime.reload(None, seen.digest)).done
+        assert not (await plant.runtime.plant_files.reload(None, seen.digest)).done
         assert plant.value("seq1.state") == 1

@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = (
-    *(f"app/{room}/**/*.py" for room in ("web", "historian", "alarms", "commands", "links", "live")),
+    *(f"app/{room}/**/*.py" for room in ("web", "historian", "alarms", "commands", "links", "live", "running")),
     *("app/runtime.py", "app/main.py", "app/cli*.py"),
     *(f"templates/{folder}/**/*.html" for folder in ("layouts", "macros", "fragments", "pages")),
     *("static/js/*.js", "static/css/**/*.css"),
@@ -26,7 +26,12 @@ PACKAGES = ("app.blocks", "app.sim", "app.web.screens")
 """Of which a machine has modules."""
 STORIES: Mapping[str, str] = {
     **dict.fromkeys(
-        ("app/web/forces.py", "app/runtime.py", "templates/fragments/force_rows.html", "templates/pages/forces.html"),
+        (
+            "app/web/forces.py",
+            "app/running/page_tags.py",
+            "templates/fragments/force_rows.html",
+            "templates/pages/forces.html",
+        ),
         "forces",
     ),
     "app/cli.py": "tests of sequences",

@@ -552,6 +552,10 @@ class Plant:
         """Every point of every equipment by name."""
         return {point.name: point for item in self.equipment.values() for point in item.points.values()}
 
+    def on_link(self, name: str) -> list[Equipment]:
+        """The equipment behind the link `name`."""
+        return [item for item in self.equipment.values() if item.link == name]
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:

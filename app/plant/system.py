@@ -9,6 +9,8 @@ SYSTEM = "sys"
 
 COMMANDS = "commands"
 """`sys.commands.<equipment>` counts changes of what the commands of a machine look like: progress, reasons, control token."""
+EVENTS = "events"
+"""`sys.events.<equipment>` counts changes of what is kept of its events."""
 
 FRAME: Sequence[tuple[str, Kind, str, int, float]] = (
     ("loop_lag", Kind.ANALOG, "ms", 1, 20.0),

@@ -30,7 +30,7 @@ async def healthz(request: Request) -> JSONResponse:
     """200 while the loop is on time and every task alive, whatever the devices do: a pulled cable must not restart the HMI."""
     runtime: Runtime = request.app.state.runtime
     dead = sorted(kept.name for kept in runtime.keeper.kept.values() if not kept.alive)
-    well = not dead and runtime.loop_lag < LONGEST_LAG
+    well = not dead and runtime.sweep.loop_lag < LONGEST_LAG
     return JSONResponse({"status": "ok" if well else "ill", "tasks_down": dead}, 200 if well else 503)
 
 
@@ -84,7 +84,7 @@ class _Figures(Collector):
     ) -> Iterator[tuple[type[GaugeMetricFamily] | type[CounterMetricFamily], str, str, float, dict[str, str]]]:
         runtime, gauge, counter = self._runtime, GaugeMetricFamily, CounterMetricFamily
         yield gauge, "info", "Version of the server", 1, {"version": __version__}
-        yield gauge, "loop_lag_seconds", "How late the event loop is", runtime.loop_lag, {}
+        yield gauge, "loop_lag_seconds", "How late the event loop is", runtime.sweep.loop_lag, {}
         yield gauge, "tags", "Tags of the plant", len(runtime.tags), {}
         yield gauge, "watchers", "Browser tabs with live values", runtime.live.watchers, {}
         for kept in runtime.keeper.kept.values():
@@ -114,7 +114,7 @@ class _Figures(Collector):
                     alarms[priority, state],
                     {"priority": priority, "state": state},
                 )
-        for outcome, count in sorted(runtime.commands_ended.items()):
+        for outcome, count in sorted(runtime.command_ends.counts.items()):
             yield counter, "commands", "Commands that came to an end", count, {"state": outcome}
         yield from self._storage()
 

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
 from app.plant.changes import Change
-from app.runtime import Reading
+from app.running.plant_files import Reading
 from app.web.guard import address_of, allow, fields, person_of
 from app.web.signin import view_of
 
@@ -16,7 +16,7 @@ router = APIRouter()
 @router.get("/plant", dependencies=[allow("configure")])
 async def plant(request: Request) -> Response:
     """The files as they are now beside the plant that runs."""
-    return _page(request, await view_of(request).runtime(request).look())
+    return _page(request, await view_of(request).runtime(request).plant_files.look())
 
 
 @router.post("/plant", dependencies=[allow("configure")])
@@ -25,8 +25,8 @@ async def reload(request: Request) -> Response:
     given = await fields(request, ["digest"], ["read"])
     runtime = view_of(request).runtime(request)
     if not given["read"]:
-        return _page(request, await runtime.look(), 422, "plant.refused.unread")
-    reading = await runtime.reload(person_of(request), given["digest"], address_of(request.scope))
+        return _page(request, await runtime.plant_files.look(), 422, "plant.refused.unread")
+    reading = await runtime.plant_files.reload(person_of(request), given["digest"], address_of(request.scope))
     if reading.done:
         return RedirectResponse("/plant?done=1", 303)
     return _page(request, reading, 409, reading.refused)

@@ -181,7 +181,7 @@ def announcement(app: FastAPI, settings: Settings, port: int) -> str:
     code = access.first_code.text if access else ""
     lines = [f"Pogon is at {address} (Ctrl+C ends it)"]
     runtime = getattr(app.state, "runtime", None)
-    modbus = runtime.modbus_address if runtime else None
+    modbus = runtime.modbus.address if runtime else None
     if modbus:
         lines.append(f"Its simulated plant answers Modbus TCP at {':'.join(map(str, modbus))}")
     if code:

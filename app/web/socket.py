@@ -26,6 +26,7 @@ from app.access.roles import Person
 from app.commands.gate import Gate
 from app.errors import Refused
 from app.live.frames import Live, Watcher
+from app.running.page_tags import page_tags
 from app.web.guard import address_of, allow, permission_of_point
 from app.web.operation import RELEASE_CAUSES, Operation
 from app.web.security import host_of, is_own_origin
@@ -325,7 +326,7 @@ class _Conversation:
 
     async def subscribe(self, kind: str) -> None:
         try:
-            names = self.runtime.page_names(kind)
+            names = page_tags(kind, self.runtime.plant, self.runtime.points)
         except LookupError:
             raise _Refuse("unknown_kind") from None
         if not await self.sockets.may_watch(self.websocket, kind):

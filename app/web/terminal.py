@@ -20,7 +20,8 @@ from app.plant.changes import Change
 from app.plant.texts import Texts
 
 if TYPE_CHECKING:
-    from app.runtime import Reading, Runtime
+    from app.running.plant_files import Reading
+    from app.runtime import Runtime
 
 log = logging.getLogger(__name__)
 
@@ -100,7 +101,7 @@ async def _answer(runtime: "Runtime", line: bytes) -> dict[str, Any]:
         case {"reload": str(wish), "person": str(name)}:
             label = printable(f"terminal:{name}", 64)
             person = Person(0, label, label, frozenset(), frozenset(), "", address="terminal")
-            reading = await (runtime.look() if wish == LOOK else runtime.reload(person, wish))
+            reading = await (runtime.plant_files.look() if wish == LOOK else runtime.plant_files.reload(person, wish))
             return _told(reading)
     raise ValueError("unknown request")
 

@@ -26,6 +26,7 @@ from app.access.roles import Person, permitted
 from app.clock import to_datetime
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.texts import Texts
+from app.running.page_tags import force_names
 from app.web import format as fmt
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
@@ -116,7 +117,7 @@ class View:
         self._product = Texts.read()
 
     def page(self, request: Request, template: str, *, status: int = 200, title: str, **context: Any) -> HTMLResponse:
-        """`template` in the frame. `title` is the one h1; `kind` says which live page it is (runtime.page_names), `area` which tab."""
+        """`template` in the frame. `title` is the one h1; `kind` says which live page it is (running/page_tags.py), `area` which tab."""
         return self._render(request, template, status, {"title": title, **context}, frame=True)
 
     def fragment(self, request: Request, template: str, *, status: int = 200, **context: Any) -> HTMLResponse:
@@ -260,7 +261,7 @@ class View:
 
     def _counts(self, runtime: "Runtime", text: fmt.Text, diagnose: bool) -> list[dict[str, Any]]:
         tags = runtime.tags
-        forces = [name for name in runtime.force_names if name in tags]
+        forces = [name for name in force_names(runtime.plant) if name in tags]
         values = [tags.value(tags.handle(name)) for name in forces]
         some = sum(int(value) for value in values if isinstance(value, int | float))
         unknown = any(value is None for value in values)

@@ -22,6 +22,7 @@ from app.errors import LinkError, Refused
 from app.plant.definitions import Scan
 from app.plant.loader import read_plant
 from app.registers.codec import decode
+from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
 from app.sim import training
@@ -99,7 +100,7 @@ class Shift:
         """A page is opened, watched for a while and left."""
         while True:
             kind = self.chance.choice(["overview", *(f"equipment/{name}" for name in self.plant.equipment)])
-            watcher = self.runtime.live.join(kind, self.runtime.page_names(kind))
+            watcher = self.runtime.live.join(kind, page_tags(kind, self.runtime.plant, self.runtime.points))
             try:
                 async with asyncio.timeout(self.chance.uniform(0.5, 5.0)):
                     while True:
@@ -114,7 +115,7 @@ class Shift:
         """Whoever asks for health finds it."""
         while True:
             await asyncio.sleep(0.25)
-            self.most_lag = max(self.most_lag, self.runtime.loop_lag)
+            self.most_lag = max(self.most_lag, self.runtime.sweep.loop_lag)
             dead = [(kept.name, kept.error) for kept in self.runtime.keeper.kept.values() if kept.failures]
             assert not dead, dead
 

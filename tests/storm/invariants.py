@@ -248,8 +248,8 @@ def nothing_grows(c: Checker) -> None:
     tasks = [task for task in asyncio.all_tasks() if task not in world.tasks]
     if len(tasks) > MOST_TASKS:
         raise Fell("nothing_grows", f"{len(tasks)} tasks: {Counter(task.get_name().split('-')[0] for task in tasks)}")
-    if len(world.runtime._storing) > MOST_STORING:
-        raise Fell("nothing_grows", f"{len(world.runtime._storing)} deliveries of events wait")
+    if len(world.runtime.ring_events.storing) > MOST_STORING:
+        raise Fell("nothing_grows", f"{len(world.runtime.ring_events.storing)} deliveries of events wait")
     if world.now - c.weighed >= WEIGHED:
         c.weighed = world.now
         for name, size in sizes(world.runtime).items():

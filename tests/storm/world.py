@@ -27,6 +27,7 @@ from app.errors import PogonError
 from app.plant.definitions import Command, Equipment, Plant
 from app.plant.loader import read_plant
 from app.registers import plc_map
+from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
 from app.sim.bus import Bus
@@ -418,7 +419,7 @@ class World:
             return
         runtime = self.runtime
         kind = "overview"
-        watcher = runtime.live.join(kind, runtime.page_names(kind))
+        watcher = runtime.live.join(kind, page_tags(kind, runtime.plant, runtime.points))
         try:
             for _ in range(20):
                 async with asyncio.timeout(5):
@@ -628,7 +629,7 @@ class World:
             self.machines = before
             return
         self._write_plant()
-        reading = await self.runtime.look()
+        reading = await self.runtime.plant_files.look()
         if reading.problems:
             self.machines = before
             self._write_plant()
@@ -636,7 +637,7 @@ class World:
         person = await self.person("ada")
         if machine in self.machines:
             self._rebuild()
-        reading = await self.runtime.reload(person, reading.digest)
+        reading = await self.runtime.plant_files.reload(person, reading.digest)
         self.watch_devices()
         if reading.refused and reading.refused not in ("plant.refused.other", "plant.refused.nothing"):
             raise Fell("plant_reloads", f"{reading.refused} {reading.error}")

@@ -16,6 +16,7 @@ from app.access.audit.search import Filter
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.engine import AlarmEngine
 from app.alarms.watch import Standing
+from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
@@ -34,7 +35,7 @@ class Hall:
         self.client = client
         self.staff = Staff(client)
         self.runtime: Runtime = client.app.state.runtime  # type: ignore[attr-defined]
-        self.runtime._tell_alarms = lambda: None  # type: ignore[method-assign]  # here only tests tell
+        self.runtime.sweep.told = lambda: None  # here only tests tell
 
     @property
     def engine(self) -> AlarmEngine:
@@ -327,7 +328,7 @@ def test_a_new_alarm_changes_the_tag_that_pages_listen_to(hall: Hall) -> None:
     hall.tell("audit_broken")
     assert virtual.until(lambda: tags.sample("sys.alarms.revision").value != before)
     assert tags.sample("sys.alarms.unack_1").value == 1
-    assert "sys.alarms.revision" in hall.runtime.page_names("equipment/m1")
+    assert "sys.alarms.revision" in page_tags("equipment/m1", hall.runtime.plant, hall.runtime.points)
 
 
 def test_a_value_above_its_limit_is_written_with_its_limit(hall: Hall) -> None:

@@ -13,6 +13,7 @@ from fastapi.testclient import TestClient
 from app import bundled
 from app.access.audit.search import Filter
 from app.plant.loader import read_plant
+from app.running.page_tags import page_tags
 from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS
 from app.web.drawing import Scale
@@ -156,9 +157,9 @@ def _in_their_order(line: TestClient) -> None:
 
 def test_only_the_page_of_the_line_carries_every_cell(line: TestClient) -> None:
     runtime = runtime_of(line)
-    assert "c1.product_1_head" in runtime.page_names("equipment/c1")
+    assert "c1.product_1_head" in page_tags("equipment/c1", runtime.plant, runtime.points)
     for kind in ("overview", "faceplate/c1", "parameters/c1"):
-        names = runtime.page_names(kind)
+        names = page_tags(kind, runtime.plant, runtime.points)
         assert "c1.products" in names and "c1.product_1_head" not in names
 
 

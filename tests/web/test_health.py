@@ -29,11 +29,11 @@ def test_healthy_while_all_tasks_run_and_ill_when_one_is_down(client: TestClient
 
 
 def test_a_late_loop_is_not_healthy(client: TestClient) -> None:
-    client.app.state.runtime.__class__.loop_lag = property(lambda self: 1.5, lambda self, value: None)  # type: ignore[attr-defined]
+    client.app.state.runtime.sweep.__class__.loop_lag = property(lambda self: 1.5, lambda self, value: None)  # type: ignore[attr-defined]
     try:
         assert client.get("/healthz").status_code == 503
     finally:
-        del client.app.state.runtime.__class__.loop_lag  # type: ignore[attr-defined]
+        del client.app.state.runtime.sweep.__class__.loop_lag  # type: ignore[attr-defined]
 
 
 def test_a_pulled_cable_is_not_ready_but_healthy(tmp_path: Path, free_port: int) -> None:

@@ -185,7 +185,7 @@ def test_the_page_storage_speaks_every_language(staff: Staff, lang: str) -> None
 
 def test_the_recorder_speaks_as_tags(staff: Staff) -> None:
     runtime = runtime_of(staff.client)
-    runtime._publish_system()
+    runtime.sweep.publish()
     tags = runtime.tags
     assert tags.sample("sys.history.full").value == 0
     assert isinstance(tags.sample("sys.history.fill").value, float)
@@ -198,7 +198,7 @@ def test_a_history_that_cannot_be_opened_does_not_stop_the_plant(
     (tmp_path / "data").chmod(0o700)
     client = start()
     runtime = runtime_of(client)
-    runtime._publish_system()
+    runtime.sweep.publish()
     assert runtime.tags.sample("sys.history.full").value == 1
     assert runtime.recorder.error
     assert client.get("/healthz").json()["tasks_down"] == []

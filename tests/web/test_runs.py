@@ -13,6 +13,7 @@ from app.historian import record_query
 from app.historian.export import verify_export
 from app.historian.record_query import Wanted
 from app.records.record import Part, Record
+from app.running.page_tags import page_tags
 from app.settings import Settings
 from tests.historian.books import RUN
 from tests.virtual import house
@@ -283,7 +284,7 @@ def test_a_sequence_that_runs_is_in_the_list_with_who_started_it(live: Staff) ->
         asked = staff.wait(runtime.history.read, lambda connection: record_query.people(connection, runs))
         return [each.person for one in asked.values() for each in one]
 
-    assert "sys.events.seq2" in runtime.page_names("records/run")
+    assert "sys.events.seq2" in page_tags("records/run", runtime.plant, runtime.points)
     ivo = Operator(staff, "ivo", ("operator",))
     assert until(lambda: runtime.tags.value(runtime.tags.handle("seq2.start_possible")) == 1)
     ivo.take("seq2")

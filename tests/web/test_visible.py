@@ -164,7 +164,7 @@ def test_figures_have_their_kind(staff: Staff) -> None:
 
 
 def test_commands_that_ended_are_counted(staff: Staff) -> None:
-    runtime(staff).commands_ended["confirmed"] += 3
+    runtime(staff).command_ends.counts["confirmed"] += 3
     families = {one.name: one for one in text_string_to_metric_families(staff.client.get("/metrics").text)}
     assert families["pogon_commands"].type == "counter"
     assert {

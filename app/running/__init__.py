@@ -1,0 +1,1 @@
+"""What runs while a plant runs: parts that each hold their own state; app/runtime.py builds and connects them."""

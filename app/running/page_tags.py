@@ -1,0 +1,68 @@
+"""Which tags a kind of page is sent."""
+
+from collections.abc import Collection
+
+from app.alarms.definitions import frame_names
+from app.plant.definitions import Equipment, Plant
+from app.plant.system import COMMANDS, EVENTS, FRAME, HISTORY, SYSTEM
+
+MOST_NAMED = 200
+"""Tags that a page may name itself."""
+
+
+def page_tags(kind: str, plant: Plant | None, known: Collection[str]) -> list[str]:
+    """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `tags/<name>,…`; the frame's in
+    each. Cells of tables are on the page of their machine only; the page of a sequence has the points of its machine, too.
+
+    `known`: every tag that there is.
+
+    Raises:
+        KeyError: no page is of this kind.
+    """
+    frame = [*(f"{SYSTEM}.{key}" for key, *_ in FRAME), *frame_names(), *force_names(plant)]
+    names = [] if plant is None else _names(kind, plant, known)
+    return list(dict.fromkeys(names + frame))
+
+
+def force_names(plant: Plant | None) -> list[str]:
+    """Tags that say how many permissives of each sequence are forced."""
+    items = plant.equipment.values() if plant else ()
+    return [item.points["forces"].name for item in items if item.sequence and "forces" in item.points]
+
+
+def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
+    head, _, rest = kind.partition("/")
+    match head:
+        case "overview":
+            machines = plant.equipment.values()
+            points = [point for item in machines for point in item.points.values()]
+            names = [point.name for point in points if point.scan != "once" and not point.table]
+            return names + [f"{SYSTEM}.{COMMANDS}.{key}" for key in plant.equipment]
+        case "equipment" | "faceplate" | "parameters":
+            return _of_machine(plant.equipment[rest], plant, whole=head == "equipment")
+        case "tags":
+            return [name for name in rest.split(",") if name in known][:MOST_NAMED]
+        case "frame":
+            return []
+        case "forces":
+            items = [item for item in plant.equipment.values() if item.sequence]
+            names = [point.name for item in items for point in item.points.values() if point.table == "force"]
+            names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
+            return names + [name for item in items if (name := f"{SYSTEM}.{EVENTS}.{item.id}") in known]
+        case "communication":
+            return [name for name in known if name.startswith(f"{SYSTEM}.")]
+        case "events" | "records":
+            return [name for key in plant.equipment if (name := f"{SYSTEM}.{EVENTS}.{key}") in known]
+        case "storage":
+            return [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
+    raise KeyError(kind)
+
+
+def _of_machine(item: Equipment, plant: Plant, *, whole: bool) -> list[str]:
+    """Of one machine; `whole`: with the cells of its tables, and the points of the machine that its sequence uses."""
+    names = [point.name for point in item.points.values() if whole or not point.table]
+    names.append(f"{SYSTEM}.{COMMANDS}.{item.id}")
+    names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")
+    if whole and item.machine in plant.equipment:
+        names += [point.name for point in plant.equipment[item.machine].points.values() if not point.table]
+    return names

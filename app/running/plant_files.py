@@ -1,0 +1,143 @@
+"""The plant files beside the plant that runs: what would change, and taking it."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from app.access.audit.audit import Audit
+from app.access.roles import Person
+from app.commands.interlocks import met, stopped
+from app.plant.changes import Change, compare, digest
+from app.plant.definitions import Plant, Problem
+from app.plant.sequences import RUNNING
+from app.sim.plant import read_simulated
+from app.tags.batch import Value
+from app.tags.database import TagDatabase
+from app.tags.quality import NO_DATA
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The plant files as they are now, beside the plant that runs."""
+
+    problems: tuple[Problem, ...] = ()
+    """What is wrong with them; then the running plant stays."""
+    changes: tuple[Change, ...] = ()
+    digest: str = ""
+    """Of the changes: what is given back to confirm them."""
+    first: bool = False
+    """Nothing runs yet: the plant starts."""
+    done: bool = False
+    """They were taken."""
+    refused: str = ""
+    """Text key of why they were not: `plant.refused.…`."""
+    error: str = ""
+    """What did not take them, for people who configure."""
+
+
+class PlantFiles:
+    """Reads `folder` anew; `running` is the plant that runs, `take` exchanges it."""
+
+    def __init__(
+        self,
+        folder: Path,
+        tags: TagDatabase,
+        audit: Callable[[], Audit],
+        *,
+        running: Callable[[], Plant | None],
+        take: Callable[[Plant, Person | None], Awaitable[None]],
+    ) -> None:
+        self._folder = folder
+        self._tags = tags
+        self._audit = audit
+        self._running = running
+        self._take = take
+        self._reloading = asyncio.Lock()
+
+    async def look(self) -> Reading:
+        """Read the plant files and compare them with what runs; nothing is changed."""
+        return (await self._look())[1]
+
+    async def reload(self, person: Person | None, confirm: str, address: str = "") -> Reading:
+        """Take the plant files if their changes are still those with the digest `confirm`; a running plant is never taken down.
+
+        What does not change runs on: links, values and their ages, virtual devices, alarms, commands. Files with problems, other
+        changes than those confirmed, or an error while taking them leave the plant as it was. Each try is one line of the audit.
+        """
+        async with self._reloading:
+            plant, reading = await self._look()
+            if reading.problems:
+                reading = replace(reading, refused="plant.refused.problems")
+            elif not reading.changes and not reading.first:
+                reading = replace(reading, refused="plant.refused.nothing")
+            elif reading.digest != confirm:
+                reading = replace(reading, refused="plant.refused.other")
+            elif plant is not None:
+                reading = await self._taken(plant, person, reading)
+            await self._audit().record(
+                "plant.reloaded",
+                person,
+                str(self._folder),
+                new=" · ".join(f"{change.kind} {change.name}" for change in reading.changes)[:400],
+                result="ok" if reading.done else "refused",
+                reason=reading.refused,
+                address=address,
+                changes=len(reading.changes),
+                problems=len(reading.problems),
+            )
+            return reading
+
+    async def _taken(self, plant: Plant, person: Person | None, reading: Reading) -> Reading:
+        try:
+            await self._take(plant, person)
+        except Exception as error:
+            log.exception("plant not reloaded")
+            return replace(reading, refused="plant.refused.failed", error=f"{type(error).__name__}: {error}")
+        log.info("plant reloaded changes=%d by=%s", len(reading.changes), person.name if person else "-")
+        return replace(reading, done=True)
+
+    async def _look(self) -> tuple[Plant | None, Reading]:
+        plant, problems = await asyncio.to_thread(read_simulated, self._folder)
+        running = self._running()
+        if plant is None:
+            return None, Reading(tuple(problems))
+        if running is None:
+            return plant, Reading(digest=digest([]), first=True)
+        busy = self._running_sequences(running), self._moving(running)
+        return plant, await asyncio.to_thread(_compared, running, plant, *busy)
+
+    def _running_sequences(self, plant: Plant) -> list[str]:
+        """Equipment whose sequence runs, suspended or not."""
+        found: list[str] = []
+        for id, item in plant.equipment.items():
+            ring = item.type.device.plc if item.sequence else None
+            name = f"{id}.{ring.status}" if ring else ""
+            if name in self._tags and self._tags.sample(name).value in RUNNING:
+                found.append(id)
+        return found
+
+    def _moving(self, plant: Plant) -> list[str]:
+        """Equipment that is seen not to stand, by what its Stop is confirmed by."""
+        found: list[str] = []
+        for id, item in plant.equipment.items():
+
+            def look(key: str, id: str = id) -> tuple[Value, int]:
+                name = f"{id}.{key}"
+                if name not in self._tags:
+                    return None, NO_DATA
+                sample = self._tags.sample(name)
+                return sample.value, sample.quality
+
+            if not item.sequence and met(stopped(item.type), look) is False:
+                found.append(id)
+        return found
+
+
+def _compared(old: Plant, new: Plant, running: Collection[str], moving: Collection[str]) -> Reading:
+    """What changes; with some thousand machines this takes a while."""
+    told = compare(old, new, running, moving)  # they come and go: what is confirmed is the change
+    return Reading((), tuple(told), digest(compare(old, new)))

@@ -1,0 +1,51 @@
+"""What the server itself has to say as alarms: links, programs, the clock of the simulation, audit, history, tasks."""
+
+import logging
+from collections.abc import Mapping
+
+from app.access.audit.audit import Audit
+from app.alarms.engine import AlarmEngine
+from app.historian.events import Events
+from app.historian.recorder import WARN_AT, Recorder
+from app.keeper import Kept
+from app.links.register_link import RegisterLink
+from app.links.statistics import State
+from app.plant.definitions import Plant
+from app.sim.plant import SimPlant
+
+log = logging.getLogger(__name__)
+
+SIMULATION_LATE = 1.0
+"""The virtual plant is behind by more than this [s]: an alarm."""
+SIMULATION_SLOW = 0.9
+"""Slower than this, compared with real time: an alarm."""
+
+
+def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, RegisterLink]) -> None:
+    """Links that are down; machines whose events are only here, or whose program stands still."""
+    tell = alarms.system.report
+    for name, link in links.items():
+        tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
+    for item in plant.equipment.values() if plant else ():
+        link_of = links.get(item.link)
+        count = link_of.only_here(item.id) if link_of else 0
+        tell("events_unstored", item.id, active=count > 0, params={"count": count})
+        tell("program_halted", item.id, active=link_of is not None and link_of.halted(item.id))
+
+
+def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:
+    """A simulation that is late, an audit or a history that is not written."""
+    tell = alarms.system.report
+    tell("simulation_late", active=sim is not None and (sim.lag > SIMULATION_LATE or sim.pace < SIMULATION_SLOW))
+    tell("audit_waiting", active=not audit.healthy)
+    tell("audit_broken", active=not audit.intact)
+    tell("history_full", active=recorder.full or events.failed)
+    tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
+    tell("disk_low", active=recorder.disk_low)
+
+
+def tell_of_task(alarms: AlarmEngine, task: Kept) -> None:
+    """A task that failed and is started again."""
+    alarms.system.report("task_down", active=not task.alive, params={"task": task.name})
+    if not task.alive:
+        log.warning("task down task=%s error=%s", task.name, task.error)
