@@ -20,7 +20,6 @@ from app.errors import ConfigurationError, StorageError
 from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.records import RecordFold
-from app.keeper import Keeper
 from app.links.register_link import RegisterLink
 from app.live.frames import Live
 from app.plant.changes import renamed
@@ -44,6 +43,7 @@ from app.running.tag_list import points_of, tag_of
 from app.settings import Settings
 from app.sim.bus import Bus
 from app.sim.plant import SimPlant, exchange, read_simulated
+from app.supervisor import Supervisor
 from app.tags.database import TagDatabase
 from app.threads import Threads, threads
 
@@ -63,7 +63,7 @@ class Runtime:
         self.tags = TagDatabase(self.clock)
         self.live = Live(self.tags, self.clock, settings.push_period)
         self.texts = Texts.read()
-        self.keeper = Keeper(lambda task: tell_of_task(self.alarms, task))
+        self.supervisor = Supervisor(lambda task: tell_of_task(self.alarms, task))
         self.plant: Plant | None = None
         self.problems: list[Problem] = []
         """What was wrong with the plant files when they were taken."""
@@ -79,7 +79,7 @@ class Runtime:
         self.sweep = Sweep(
             self.tags,
             self.clock,
-            values=lambda: system_values(self.keeper, self.links.values(), self.sim, self.live, self.recorder),
+            values=lambda: system_values(self.supervisor, self.links.values(), self.sim, self.live, self.recorder),
             told=self._tell_alarms,
             second=lambda: self.derived.pass_time(),
         )
@@ -123,11 +123,11 @@ class Runtime:
         await self.recorder.register(())  # the history has the newest schema before a link asks for the last events
         await self.events.load()
         await self.files.load()
-        self.keeper.keep("databases", self.files.run)
-        self.keeper.keep("people", self.access.watch)
-        self.keeper.keep("audit", self.access.audit_watch.run)
-        self.keeper.keep("alarms", self.alarms.run)
-        self.keeper.keep("alarm journal", self.alarms.journal.run)
+        self.supervisor.start("databases", self.files.run)
+        self.supervisor.start("people", self.access.watch)
+        self.supervisor.start("audit", self.access.audit_watch.run)
+        self.supervisor.start("alarms", self.alarms.run)
+        self.supervisor.start("alarm journal", self.alarms.journal.run)
         self.plant, self.problems = read_simulated(self.settings.plant)
         for problem in self.problems:
             log.error("%s: %s", self.settings.plant, problem)
@@ -135,17 +135,17 @@ class Runtime:
             await self._start_plant(self.plant)
         else:
             self._configure()
-        self.keeper.keep("sweep", self.sweep.run)  # not before there are tags that it publishes
-        self.keeper.keep("live", self.live.beat)
+        self.supervisor.start("sweep", self.sweep.run)  # not before there are tags that it publishes
+        self.supervisor.start("live", self.live.beat)
         await self._record()
-        self.keeper.keep("recorder", self.recorder.run)
-        self.keeper.keep("events", self.events.run)
+        self.supervisor.start("recorder", self.recorder.run)
+        self.supervisor.start("events", self.events.run)
 
     async def stop(self) -> None:
         """Stop what is held to run, end all tasks and close what is open."""
         if self.gate is not None:
             await self.gate.close()
-        await self.keeper.close()
+        await self.supervisor.close()
         await self.modbus.close()
         self.live.close()
         await self.alarms.close()
@@ -199,12 +199,12 @@ class Runtime:
         derivation = Derivation(plant)
         await self.derived.restore(derivation)
         self.derived.take(derivation)
-        self.keeper.keep("retained", self.derived.run)
+        self.supervisor.start("retained", self.derived.run)
         self.links.update(next_links({}, plant, self.sim.buses if self.sim else {}, self._link))
         self._configure()
         self.gate = self._make_gate(plant)
         await self.command_ends.resume(self.gate, plant)
-        self.keeper.keep("commands", self.gate.run)
+        self.supervisor.start("commands", self.gate.run)
         self._keep_running()
         await self.modbus.open(self.sim)
 
@@ -261,9 +261,9 @@ class Runtime:
             return
         new = await self._prepare(old, plant)
         for name in [name for name, link in self.links.items() if new.links.get(name) is not link]:
-            await self.keeper.drop(f"link.{name}")
+            await self.supervisor.end(f"link.{name}")
         if new.sim is not self.sim:
-            await self.keeper.drop("simulation")
+            await self.supervisor.end("simulation")
         former = self._as_it_runs(old)
         try:
             self._exchange_plant(new, person)
@@ -283,8 +283,8 @@ class Runtime:
         try:
             await self._start_plant(plant)
         except Exception:
-            for name in [name for name in self.keeper.kept if name.startswith("link.") or name in PLANT_TASKS]:
-                await self.keeper.drop(name)
+            for name in [name for name in self.supervisor.tasks if name.startswith("link.") or name in PLANT_TASKS]:
+                await self.supervisor.end(name)
             self.plant = self.sim = self.gate = None
             self.derived.take(None)
             self.links.clear()
@@ -337,11 +337,11 @@ class Runtime:
 
     def _keep_running(self) -> None:
         """The simulation and every link have a task."""
-        if self.sim is not None and "simulation" not in self.keeper.kept:
-            self.keeper.keep("simulation", self.sim.run)
+        if self.sim is not None and "simulation" not in self.supervisor.tasks:
+            self.supervisor.start("simulation", self.sim.run)
         for name, link in self.links.items():
-            if f"link.{name}" not in self.keeper.kept:
-                self.keeper.keep(f"link.{name}", link.run)
+            if f"link.{name}" not in self.supervisor.tasks:
+                self.supervisor.start(f"link.{name}", link.run)
 
     @property
     def simulated(self) -> bool:

@@ -29,7 +29,7 @@ async def running(data: Path, clock: ManualClock) -> AsyncIterator[Runtime]:
     runtime = Runtime(Settings(plant=data.parent / "no-plant", data=data), clock, inline)
     await runtime.start()
     for task in ("databases", "recorder", "sweep"):
-        await runtime.keeper.drop(task)
+        await runtime.supervisor.end(task)
     try:
         yield runtime
     finally:

@@ -79,7 +79,7 @@ async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_not
         runtime = plant.runtime
         await plant.until(lambda: plant.good("m1.frequency") and plant.good("m1.running_hours"))
         link, device = runtime.links["hall"], runtime.sim.devices["m1"]  # type: ignore[union-attr]
-        station, task = link.stations[1], runtime.keeper.kept["link.hall"].task
+        station, task = link.stations[1], runtime.supervisor.tasks["link.hall"].task
         hours = runtime.tags.sample("m1.running_hours").value
         heard: list[tuple[str, int]] = []
 
@@ -98,7 +98,7 @@ async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_not
         await asyncio.sleep(0.5)
         assert not [(name, quality) for name, quality in heard if name.startswith("m1.") and not is_good(quality)]
         assert (runtime.links["hall"], link.stations[1]) == (link, station)
-        assert runtime.keeper.kept["link.hall"].task is task and runtime.sim.devices["m1"] is device  # type: ignore[union-attr]
+        assert runtime.supervisor.tasks["link.hall"].task is task and runtime.sim.devices["m1"] is device  # type: ignore[union-attr]
         assert {"m1", "m2", "m3"} <= set(runtime.gate._desk.machines)  # type: ignore[union-attr]
         await runtime.links["hall"].write("m3", "f114", 7.0)
         await asyncio.sleep(0.1)  # the drive acts at its next step
@@ -267,7 +267,7 @@ async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path
         await plant.until(lambda: plant.good("m2.frequency"))
         assert (await plant.take(DEMO)).done
         await plant.until(lambda: plant.good("m2.frequency"))
-        assert "link.yard" not in runtime.keeper.kept and set(runtime.links) == {"hall", "line", "coil"}
+        assert "link.yard" not in runtime.supervisor.tasks and set(runtime.links) == {"hall", "line", "coil"}
 
 
 async def test_a_plant_that_was_broken_at_the_start_is_started_when_it_is_mended(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_the_whole_house_lives_the_same_minute_twice(tmp_path: Path) -> None:
         with house(Settings(data=data)) as client:
             client.pass_time(30)
             runtime = client.app.state.runtime  # type: ignore[attr-defined]
-            assert not [kept.name for kept in runtime.keeper.kept.values() if kept.failures]
+            assert not [task.name for task in runtime.supervisor.tasks.values() if task.failures]
             return [
                 (tag.name, runtime.tags.value(n), runtime.tags.quality(n)) for n, tag in enumerate(runtime.tags.tags)
             ]

@@ -7,11 +7,11 @@ from app.access.audit.audit import Audit
 from app.alarms.engine import AlarmEngine
 from app.historian.events import Events
 from app.historian.recorder import WARN_AT, Recorder
-from app.keeper import Kept
 from app.links.register_link import RegisterLink
 from app.links.statistics import State
 from app.plant.definitions import Plant
 from app.sim.plant import SimPlant
+from app.supervisor import SupervisedTask
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, reco
     tell("disk_low", active=recorder.disk_low)
 
 
-def tell_of_task(alarms: AlarmEngine, task: Kept) -> None:
+def tell_of_task(alarms: AlarmEngine, task: SupervisedTask) -> None:
     """A task that failed and is started again."""
     alarms.system.report("task_down", active=not task.alive, params={"task": task.name})
     if not task.alive:

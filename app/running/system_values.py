@@ -3,20 +3,20 @@
 from collections.abc import Collection
 
 from app.historian.recorder import Recorder
-from app.keeper import Keeper
 from app.links.register_link import RegisterLink
 from app.links.statistics import State
 from app.live.frames import Live
 from app.sim.plant import SimPlant
+from app.supervisor import Supervisor
 from app.tags.batch import Value
 
 
 def system_values(
-    tasks: Keeper, links: Collection[RegisterLink], sim: SimPlant | None, live: Live, recorder: Recorder
+    supervisor: Supervisor, links: Collection[RegisterLink], sim: SimPlant | None, live: Live, recorder: Recorder
 ) -> dict[str, Value]:
     """By the key of the point (`sys.<key>`); the lag of the simulation in ms."""
     return {
-        "tasks_failed": sum(not kept.alive for kept in tasks.kept.values()),
+        "tasks_failed": sum(not task.alive for task in supervisor.tasks.values()),
         "links_up": sum(link.statistics.state is State.UP for link in links),
         "links_total": len(links),
         "sim_lag": round(sim.lag * 1000, 1) if sim else 0.0,

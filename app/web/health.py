@@ -29,7 +29,7 @@ LONGEST_LAG = 1.0
 async def healthz(request: Request) -> JSONResponse:
     """200 while the loop is on time and every task alive, whatever the devices do: a pulled cable must not restart the HMI."""
     runtime: Runtime = request.app.state.runtime
-    dead = sorted(kept.name for kept in runtime.keeper.kept.values() if not kept.alive)
+    dead = sorted(task.name for task in runtime.supervisor.tasks.values() if not task.alive)
     well = not dead and runtime.sweep.loop_lag < LONGEST_LAG
     return JSONResponse({"status": "ok" if well else "ill", "tasks_down": dead}, 200 if well else 503)
 
@@ -87,9 +87,9 @@ class _Figures(Collector):
         yield gauge, "loop_lag_seconds", "How late the event loop is", runtime.sweep.loop_lag, {}
         yield gauge, "tags", "Tags of the plant", len(runtime.tags), {}
         yield gauge, "watchers", "Browser tabs with live values", runtime.live.watchers, {}
-        for kept in runtime.keeper.kept.values():
-            yield gauge, "task_alive", "1 while the task runs", float(kept.alive), {"task": kept.name}
-            yield counter, "task_failures", "How often it failed", kept.failures, {"task": kept.name}
+        for task in runtime.supervisor.tasks.values():
+            yield gauge, "task_alive", "1 while the task runs", float(task.alive), {"task": task.name}
+            yield counter, "task_failures", "How often it failed", task.failures, {"task": task.name}
         for name, link in runtime.links.items():
             numbers, of = link.statistics, {"link": name}
             yield gauge, "link_up", "1 when every unit answers", float(numbers.state is State.UP), of

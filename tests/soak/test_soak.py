@@ -116,7 +116,7 @@ class Shift:
         while True:
             await asyncio.sleep(0.25)
             self.most_lag = max(self.most_lag, self.runtime.sweep.loop_lag)
-            dead = [(kept.name, kept.error) for kept in self.runtime.keeper.kept.values() if kept.failures]
+            dead = [(task.name, task.error) for task in self.runtime.supervisor.tasks.values() if task.failures]
             assert not dead, dead
 
     @property
@@ -220,7 +220,7 @@ async def test_a_shift_of_faults_kills_nothing_costs_no_memory_and_ends_in_the_t
     while wrong := await differing_or_silent(runtime):
         assert asyncio.get_running_loop().time() < until, wrong
         await asyncio.sleep(1)
-    assert runtime.keeper.all_alive
+    assert runtime.supervisor.all_alive
     assert runtime.access.audit.healthy and runtime.access.audit.intact
     assert not runtime.recorder.full and runtime.recorder.dropped == 0
 

@@ -229,13 +229,13 @@ def control_is_lived(c: Checker) -> None:
 
 
 def nothing_dies(c: Checker) -> None:
-    """Every task of the keeper runs and never failed; nothing inside raised what nobody expected."""
+    """Every task of the supervisor runs and never failed; nothing inside raised what nobody expected."""
     world = c.world
     if world.errors:
         raise Fell("nothing_dies", " | ".join(world.errors[:3]))
     if world.down:
         return
-    for kept in world.runtime.keeper.kept.values():
+    for kept in world.runtime.supervisor.tasks.values():
         if kept.failures or kept.task is None or kept.task.done():
             raise Fell("nothing_dies", f"task {kept.name}: {kept.error or 'over'}")
 

@@ -21,8 +21,8 @@ def client(tmp_path: Path) -> Iterator[TestClient]:
 
 def test_healthy_while_all_tasks_run_and_ill_when_one_is_down(client: TestClient) -> None:
     assert client.get("/healthz").json()["status"] == "ok"
-    keeper = client.app.state.runtime.keeper  # type: ignore[attr-defined]
-    keeper.kept["live"].alive = False
+    supervisor = client.app.state.runtime.supervisor  # type: ignore[attr-defined]
+    supervisor.tasks["live"].alive = False
     answer = client.get("/healthz")
     assert answer.status_code == 503
     assert answer.json()["tasks_down"] == ["live"]

@@ -36,7 +36,9 @@ def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
         crew = Staff(client)
         runtime = runtime_of(client)
         for link in ("coil", "line"):
-            crew.wait(runtime.keeper.drop, f"link.{link}")  # the plant's own rings would go on with what is told here
+            crew.wait(
+                runtime.supervisor.end, f"link.{link}"
+            )  # the plant's own rings would go on with what is told here
         plant = runtime.plant
         assert plant is not None, runtime.problems
         fold = RecordFold(plant.equipment.values())

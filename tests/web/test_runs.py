@@ -31,7 +31,7 @@ def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
     with house(Settings(plant=runs_plant.write(folder / "plant"), data=folder / "data")) as client:
         crew = Staff(client)
         runtime = runtime_of(client)
-        crew.wait(runtime.keeper.drop, "link.coil")  # the plant's own ring would end the run that is open
+        crew.wait(runtime.supervisor.end, "link.coil")  # the plant's own ring would end the run that is open
         plant = runtime.plant
         assert plant is not None, runtime.problems
         crew.wait(runtime.history.write, lambda connection: runs_plant.fill(connection, plant))

@@ -45,5 +45,5 @@ def test_a_slow_database_at_the_start_makes_no_task_fail(start: Start, monkeypat
     monkeypatch.setattr(RetainedStates, "read", slow)
     client = start()
     pass_time(1)
-    kept = client.app.state.runtime.keeper.kept  # type: ignore[attr-defined]
+    kept = client.app.state.runtime.supervisor.tasks  # type: ignore[attr-defined]
     assert not [task.name for task in kept.values() if task.failures]

@@ -1,4 +1,4 @@
-"""The keeper of long tasks: an error is logged, counted and shown, and the task is started again; its neighbours never notice."""
+"""The supervisor of long tasks: an error is logged, counted and shown, and the task is started again; its neighbours never notice."""
 
 import asyncio
 import logging
@@ -13,8 +13,8 @@ LONGEST_PAUSE = 10.0
 
 
 @dataclass(slots=True)
-class Kept:
-    """One kept task."""
+class SupervisedTask:
+    """One long task."""
 
     name: str
     alive: bool = True
@@ -23,50 +23,49 @@ class Kept:
     task: asyncio.Task[None] | None = field(default=None, repr=False)
 
 
-class Keeper:
+class Supervisor:
     """Starts long tasks and keeps them running until `close`."""
 
-    def __init__(self, changed: Callable[[Kept], None] = lambda kept: None) -> None:
-        self.kept: dict[str, Kept] = {}
+    def __init__(self, changed: Callable[[SupervisedTask], None] = lambda task: None) -> None:
+        self.tasks: dict[str, SupervisedTask] = {}
         self._changed = changed
 
-    def keep(self, name: str, factory: Callable[[], Awaitable[None]]) -> None:
+    def start(self, name: str, factory: Callable[[], Awaitable[None]]) -> None:
         """Run `factory()` for ever; a task that returns is finished, one that raises is started again."""
-        kept = Kept(name)
-        self.kept[name] = kept
-        kept.task = asyncio.create_task(self._run(kept, factory), name=name)
+        self.tasks[name] = task = SupervisedTask(name)
+        task.task = asyncio.create_task(self._run(task, factory), name=name)
 
-    async def drop(self, name: str) -> None:
+    async def end(self, name: str) -> None:
         """End the task `name`, if there is one, and wait for it."""
-        kept = self.kept.pop(name, None)
-        if kept and kept.task:
-            kept.task.cancel()
-            await asyncio.gather(kept.task, return_exceptions=True)
+        task = self.tasks.pop(name, None)
+        if task and task.task:
+            task.task.cancel()
+            await asyncio.gather(task.task, return_exceptions=True)
 
     async def close(self) -> None:
         """End all tasks and wait for them."""
-        for name in list(self.kept):
-            await self.drop(name)
+        for name in list(self.tasks):
+            await self.end(name)
 
     @property
     def all_alive(self) -> bool:
         """Whether every task runs now."""
-        return all(kept.alive for kept in self.kept.values())
+        return all(task.alive for task in self.tasks.values())
 
-    async def _run(self, kept: Kept, factory: Callable[[], Awaitable[None]]) -> None:
+    async def _run(self, task: SupervisedTask, factory: Callable[[], Awaitable[None]]) -> None:
         pause = FIRST_PAUSE
         loop = asyncio.get_running_loop()
         while True:
             started = loop.time()
-            kept.alive = True
-            self._changed(kept)
+            task.alive = True
+            self._changed(task)
             try:
                 await factory()
                 return
             except Exception as error:
-                kept.alive, kept.failures, kept.error = False, kept.failures + 1, f"{type(error).__name__}: {error}"
-                log.exception("task failed task=%s failures=%d", kept.name, kept.failures)
-                self._changed(kept)
+                task.alive, task.failures, task.error = False, task.failures + 1, f"{type(error).__name__}: {error}"
+                log.exception("task failed task=%s failures=%d", task.name, task.failures)
+                self._changed(task)
             if loop.time() - started > 60:
                 pause = FIRST_PAUSE
             await asyncio.sleep(pause)
