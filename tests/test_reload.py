@@ -99,7 +99,7 @@ async def test_a_machine_is_added_and_its_neighbour_on_the_same_link_notices_not
         assert not [(name, quality) for name, quality in heard if name.startswith("m1.") and not is_good(quality)]
         assert (runtime.links["hall"], link.stations[1]) == (link, station)
         assert runtime.supervisor.tasks["link.hall"].task is task and runtime.sim.devices["m1"] is device  # type: ignore[union-attr]
-        assert {"m1", "m2", "m3"} <= set(runtime.gate._desk.machines)  # type: ignore[union-attr]
+        assert {"m1", "m2", "m3"} <= set(runtime.gate._state.machines)  # type: ignore[union-attr]
         await runtime.links["hall"].write("m3", "f114", 7.0)
         await asyncio.sleep(0.1)  # the drive acts at its next step
         await runtime.links["hall"].refresh("m3", ["f114"])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from app.access.roles import Person
-from app.commands.desk import Desk
+from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, State
 from app.commands.nonce import Nonces, Rate
@@ -19,20 +19,20 @@ MOST_APART = 5
 class Admission:
     """The door of the gate."""
 
-    def __init__(self, desk: Desk) -> None:
-        self.nonces = Nonces(desk.clock)
-        self.rate = Rate(desk.clock)
-        self._desk = desk
+    def __init__(self, state: CommandState) -> None:
+        self.nonces = Nonces(state.clock)
+        self.rate = Rate(state.clock)
+        self._state = state
         self._bursts: dict[tuple[str, str, str], _Burst] = {}
 
     def check_person(self, order: Order, prepared: Prepared) -> None:
         """Role, token, nonce: before anything is asked of the device."""
-        machine = self._desk.machines[order.equipment]
-        for found, status in self._desk.checks.standing(order.person, machine, prepared):
+        machine = self._state.machines[order.equipment]
+        for found, status in self._state.checks.lacking(order.person, machine, prepared):
             raise Refused(found.key, status, **found.params)
         assert order.person is not None
         self.nonces.use(order.person.session, order.nonce)
-        self._desk.control.touch(order.person.session, order.equipment)
+        self._state.control.touch(order.person.session, order.equipment)
 
     def within_rate(self, order: Order, prepared: Prepared | None) -> bool:
         """Whether the person has not asked too often; else that is a refusal."""
@@ -43,7 +43,7 @@ class Admission:
 
     def note_refusal(self, order: Order, prepared: Prepared | None, refusal: Refused) -> None:
         """One line in the trail, and in the history of the machine; what follows within a second is counted."""
-        now, owner = self._desk.clock.monotonic(), _owner(order.person) if order.person else ""
+        now, owner = self._state.clock.monotonic(), _owner(order.person) if order.person else ""
         key = (owner, refusal.reason, f"{order.equipment}.{order.key}")
         if key not in self._bursts and sum(known[0] == owner for known in self._bursts) >= MOST_APART:
             key = (owner, refusal.reason, "")
@@ -56,7 +56,7 @@ class Admission:
             order.person.display if order.person else "",
             State.REFUSED,
             order.asked,
-            ended=self._desk.clock.micros(),
+            ended=self._state.clock.micros(),
             reason=refusal.reason,
             params=refusal.params,
             argument=argument,
@@ -70,10 +70,10 @@ class Admission:
         if burst is not None:
             self._sum_up(burst)
         self._bursts[key] = _Burst(now)
-        machine = self._desk.machines.get(order.equipment)
+        machine = self._state.machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
-        self._desk.audit_lines.command(order, progress, refused=True)
+        self._state.audit_lines.command(order, progress, refused=True)
 
     def tick(self, now: float) -> None:
         """Write down what was counted, a line a second; the rest when the burst is over."""
@@ -97,7 +97,7 @@ class Admission:
             return
         order, progress = burst.last
         counted = replace(progress, params={**progress.params, "count": burst.count}) if burst.count > 1 else progress
-        self._desk.audit_lines.command(order, counted, refused=True)
+        self._state.audit_lines.command(order, counted, refused=True)
 
 
 @dataclass(slots=True)

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from app.commands import interlocks
 from app.commands.checks import holds
+from app.commands.command_state import CommandState
 from app.commands.delivery import refusal_of
-from app.commands.desk import Desk
 from app.commands.job import Job
 from app.commands.lifecycle import Facts, State, judge
 from app.commands.machine import Machine
@@ -23,8 +23,8 @@ ASK_AGAIN = 0.2
 class Following:
     """Commands that wait for their confirmation."""
 
-    def __init__(self, desk: Desk, sending: Sending, motion: HeldMotion) -> None:
-        self._desk = desk
+    def __init__(self, state: CommandState, sending: Sending, motion: HeldMotion) -> None:
+        self._state = state
         self._sending = sending
         self._motion = motion
 
@@ -33,7 +33,7 @@ class Following:
         if job.other is not None and not job.other.writing:
             job.other_is_through()
         if job.lease is not None and job.ending is None and job.lease.last - job.held > HOLD_TIMEOUT:
-            self._desk.hold.end(
+            self._state.hold.end(
                 job.lease, "write"
             )  # the button is held, but nothing gets through: the device has let go by itself
         if job.ending is not None:
@@ -52,15 +52,15 @@ class Following:
             return
         refusal = refusal_of(machine.item.type, answer)
         if refusal is not None:
-            self._desk.end(machine, job, *refusal)
+            self._state.end(machine, job, *refusal)
         elif answer.state is AnswerState.DONE and job.prepared.feedback is None:
-            self._desk.end(machine, job, State.CONFIRMED)
+            self._state.end(machine, job, State.CONFIRMED)
         elif answer.state is not AnswerState.DONE and not job.asking and now - job.last_ask >= ASK_AGAIN:
-            self._desk.spawn(self._desk.delivery.ask(machine, job), f"answer {machine.item.id}")
+            self._state.spawn(self._state.delivery.ask(machine, job), f"answer {machine.item.id}")
 
     def _follow_feedback(self, machine: Machine, job: Job, now: float, since: float) -> None:
-        fresh = self._desk.checks.read_since(machine, job.prepared.watched, since)
-        feedback = self._desk.checks.feedback(machine, job.prepared, job.progress.argument) if fresh else None
+        fresh = self._state.readings.read_since(machine, job.prepared.watched, since)
+        feedback = self._state.readings.feedback(machine, job.prepared, job.progress.argument) if fresh else None
         fault = self._fault(machine, job) if fresh and not feedback else ""
         verdict = judge(Facts(job.progress.state, now - since, job.progress.limit, feedback, job.before, bool(fault)))
         if verdict is None:
@@ -70,14 +70,14 @@ class Following:
         if job.lease is not None:
             self._motion.judge(machine, job, verdict)
         elif verdict is State.CONFIRMED:
-            self._desk.end(machine, job, verdict)
+            self._state.end(machine, job, verdict)
         elif verdict is State.FAILED:
-            self._desk.end(machine, job, verdict, "why.fault_appeared", {"label": fault})
+            self._state.end(machine, job, verdict, "why.fault_appeared", {"label": fault})
         elif verdict is State.UNKNOWN:
             key = "why.unknown_as_asked" if feedback else job.progress.reason
-            self._desk.end(machine, job, verdict, key, job.progress.params)
+            self._state.end(machine, job, verdict, key, job.progress.params)
         else:
-            self._desk.end(machine, job, verdict, *self._not_confirmed(machine, job))
+            self._state.end(machine, job, verdict, *self._not_confirmed(machine, job))
 
     def _not_confirmed(self, machine: Machine, job: Job) -> tuple[str, Mapping[str, object]]:
         """Why the time is up: what the device holds instead of what was written, or just that."""
@@ -85,33 +85,37 @@ class Following:
         seconds: dict[str, object] = {"seconds": round(job.progress.limit, 1)}
         if point is None or job.progress.argument is None:
             return "why.not_confirmed", seconds
-        value, word = self._desk.checks.look(machine)(point.key)
+        value, word = self._state.readings.look(machine)(point.key)
         if not is_good(word) or not isinstance(value, int | float):
             return "why.not_confirmed", seconds
         return "why.value_differs", {**seconds, "value": value, "unit": point.unit, "asked": job.progress.argument}
 
     def _follow_stop(self, machine: Machine, job: Job, now: float) -> None:
         waited = now - job.asked
-        if job.other is None and job.since is not None and self._desk.checks.stands(machine, job.prepared, job.since):
-            self._desk.end(machine, job, State.CONFIRMED)
+        if (
+            job.other is None
+            and job.since is not None
+            and self._state.readings.stands(machine, job.prepared, job.since)
+        ):
+            self._state.end(machine, job, State.CONFIRMED)
             if machine.restore:
-                self._desk.spawn(self._motion.restore(machine), f"restore {machine.item.id}")
+                self._state.spawn(self._motion.restore(machine), f"restore {machine.item.id}")
             return
         limit = job.progress.limit if job.echoed else STOP_LIMIT
         if waited >= limit:
-            self._desk.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)})
+            self._state.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)})
             machine.restore.clear()
-            self._desk.alarm_stop(machine.item.id)
+            self._state.alarm_stop(machine.item.id)
         elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:
             if job.other is None and job.since is None and job.last_write > float("-inf"):
                 job.stop_perhaps_heard(now)
-            self._desk.spawn(
+            self._state.spawn(
                 self._sending.write_stop(machine, job, job.progress.telegrams, job.prepared), f"stop {machine.item.id}"
             )
 
     def _fault(self, machine: Machine, job: Job) -> str:
         """Label of an interlock that was lost or of a drive fault that came since the command was written; empty = none."""
-        look = self._desk.checks.look(machine)
+        look = self._state.readings.look(machine)
         for alarm in job.quiet:
             if holds(alarm.expression, look):
                 return alarm.label

@@ -9,7 +9,7 @@ leaves one line in the audit trail when it is over, refused ones too, and one be
 (`Question`) is not a command yet.
 
 The parts, in the order of that road: `admission` (who may ask), `checks` (what must be true now), `sending` (telegrams), `following` (what
-became of them), `motion` (what lasts as long as a button is held); `desk` is what they share.
+became of them), `motion` (what lasts as long as a button is held); `state` is what they share.
 
 F113 of an E800 is written to EEPROM and RAM unless 0x2001 = 4 was written before; a command whose data lists that write first has it
 sent first. Nothing here knows an equipment type.
@@ -24,7 +24,7 @@ from app.access.roles import Person, Rights
 from app.clock import Clock
 from app.commands import interlocks, value_set
 from app.commands.admission import Admission
-from app.commands.desk import Desk
+from app.commands.command_state import CommandState
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, Reason
 from app.commands.lifecycle import Progress, State
@@ -35,6 +35,7 @@ from app.commands.open_commands import OpenCommand
 from app.commands.orders import LONGEST_REASON, Audit, Foretell, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
+from app.commands.set_follow_up import SetFollowUp
 from app.commands.sets import Sets
 from app.errors import Refused
 from app.plant.definitions import Condition, Plant
@@ -67,17 +68,18 @@ class Gate:
         now, None when the session is over: asked before everything that starts, goes on or is sent; `foretell` has a line on the disk
         before the telegram leaves, beside it for a Stop.
         """
-        self._desk = desk = Desk(
+        self._state = state = CommandState(
             tags, clock, writers, audit,
             dry_run=dry_run, on_stop_unconfirmed=on_stop_unconfirmed, rights=rights, foretell=foretell,
         )  # fmt: skip
-        self._admission = Admission(desk)
-        self._sending = Sending(desk)
-        self._sets = Sets(desk)
-        self._motion = HeldMotion(desk, self._admission, self._sending)
-        self._following = Following(desk, self._sending, self._motion)
-        self.control = desk.control
-        self.hold = desk.hold
+        self._admission = Admission(state)
+        self._sending = Sending(state)
+        self._follow_up = SetFollowUp(state)
+        self._sets = Sets(state, self._follow_up)
+        self._motion = HeldMotion(state, self._admission, self._sending)
+        self._following = Following(state, self._sending, self._motion)
+        self.control = state.control
+        self.hold = state.hold
         self.nonces = self._admission.nonces
         self._once: Once[Progress] = Once(clock)
         self._looked = float("-inf")
@@ -85,48 +87,23 @@ class Gate:
     @property
     def dry_run(self) -> bool:
         """Whether everything is judged and nothing sent."""
-        return self._desk.dry_run
+        return self._state.dry_run
 
     @property
     def on_stop_unconfirmed(self) -> Callable[[str], None]:
         """Called with a machine whose Stop was not read back."""
-        return self._desk.on_stop_unconfirmed
+        return self._state.on_stop_unconfirmed
 
     @on_stop_unconfirmed.setter
     def on_stop_unconfirmed(self, tell: Callable[[str], None]) -> None:
-        self._desk.on_stop_unconfirmed = tell
+        self._state.on_stop_unconfirmed = tell
 
     def configure(self, plant: Plant) -> None:
         """Take a plant, also after a reload. What is pending goes on for a machine that stays; for one that goes it is superseded."""
-        former, self._desk.machines = self._desk.machines, {}
-        for item in plant.equipment.values():
-            commands = {key: interlocks.prepare(item, command) for key, command in item.type.commands.items()}
-            machine = Machine(
-                item,
-                plant.links[item.link],
-                commands,
-                {
-                    key: interlocks.prepare(item, interlocks.setting(item, setpoint))
-                    for key, setpoint in item.type.setpoints.items()
-                },
-                next((prepared for prepared in commands.values() if prepared.command.stop), None),
-            )
-            old = former.pop(item.id, None)
-            if old is not None:
-                machine.job, machine.last, machine.history = old.job, old.last, old.history
-                machine.pulses, machine.restore, machine.restoring = old.pulses, old.restore, old.restoring
-                machine.counter, machine.set = old.counter, old.set
-                self._sets.stop(machine, "why.reloaded")
-            self._desk.machines[item.id] = machine
-        for gone in former.values():
-            self._sets.stop(gone, "why.reloaded")
-            if gone.job is not None:
-                if gone.job.lease is not None:
-                    self.hold.end(gone.job.lease, "reload")
-                self._desk.machines[gone.item.id] = gone
-                self._desk.end(gone, gone.job, State.SUPERSEDED, "why.reloaded")
-                del self._desk.machines[gone.item.id]
-        self.control.keep_only(frozenset(self._desk.machines))
+        former = self._state.configure(plant)
+        for machine in former:
+            self._sets.stop(machine, "why.reloaded")
+        self.control.keep_only(frozenset(self._state.machines))
 
     async def ask(
         self,
@@ -158,7 +135,7 @@ class Gate:
         """
         order = Order(
             person, equipment, command, argument, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
-            language, self._desk.clock.micros(), arguments,
+            language, self._state.clock.micros(), arguments,
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.commands.get(command))
 
@@ -181,7 +158,7 @@ class Gate:
         """Write the parameter or setpoint `setpoint` and read it back; otherwise as `ask`."""
         order = Order(
             person, equipment, setpoint, value, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
-            language, self._desk.clock.micros(),
+            language, self._state.clock.micros(),
         )  # fmt: skip
         return await self._admit(order, lambda machine: machine.setpoints.get(setpoint))
 
@@ -204,19 +181,18 @@ class Gate:
         person saw them at [EU]. Returns when the set is over, with what the device holds of each value."""
         order = Order(
             person, equipment, value_set.KEY, None, id or chance.token_hex(16), nonce, None, confirmed, proven, reason, address,
-            language, self._desk.clock.micros(), dict(values), dict(seen),
+            language, self._state.clock.micros(), dict(values), dict(seen),
         )  # fmt: skip
         return await self._admit(order, lambda machine: _parts(machine, values))
 
     def take_open_sets(self, sets: Iterable[Progress]) -> None:
         """Tell that these sets of a former run may be half written, and what is found of them as soon as it can be read."""
-        for progress in sets:
-            self._sets.take_open(progress)
+        self._follow_up.take_open(sets)
 
     def take_open_commands(self, commands: Iterable[OpenCommand]) -> None:
         """Tell that nobody knows what became of these commands of a former run. Nothing is sent."""
         for one in commands:
-            self._desk.tell_open(one)
+            self._state.tell_open(one)
 
     def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[Reason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.
@@ -224,8 +200,8 @@ class Gate:
         Raises:
             Refused: 404, no such machine or command.
         """
-        machine, prepared = self._desk.find(equipment, command)
-        return [found for found, _ in self._desk.checks.reasons(person, machine, prepared)]
+        machine, prepared = self._state.find(equipment, command)
+        return [found for found, _ in self._state.checks.reasons(person, machine, prepared)]
 
     def level(self, equipment: str, command: str) -> str:
         """Confirmation level of `command` now, C0–C4.
@@ -233,22 +209,22 @@ class Gate:
         Raises:
             Refused: 404, no such machine or command.
         """
-        machine, prepared = self._desk.find(equipment, command)
-        return interlocks.level(prepared, self._desk.checks.look(machine))[0]
+        machine, prepared = self._state.find(equipment, command)
+        return interlocks.level(prepared, self._state.readings.look(machine))[0]
 
     def permissives(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true to start: (condition, met or None for not known, since [µs UTC])."""
-        machine = self._desk.machines[equipment]
-        return [self._desk.checks.condition(machine, condition) for condition in machine.item.type.permissives]
+        machine = self._state.machines[equipment]
+        return [self._state.readings.condition(machine, condition) for condition in machine.item.type.permissives]
 
     def interlocks(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true at any time, as `permissives`."""
-        machine = self._desk.machines[equipment]
-        return [self._desk.checks.condition(machine, condition) for condition in machine.item.type.interlocks]
+        machine = self._state.machines[equipment]
+        return [self._state.readings.condition(machine, condition) for condition in machine.item.type.interlocks]
 
     def progress(self, equipment: str) -> Progress | None:
         """The command at work, else the last one that was carried out."""
-        machine = self._desk.machines.get(equipment)
+        machine = self._state.machines.get(equipment)
         if machine is None:
             return None
         at_work = machine.job or machine.set
@@ -256,7 +232,7 @@ class Gate:
 
     def history(self, equipment: str) -> Sequence[Progress]:
         """The last commands, newest first, refused ones too."""
-        machine = self._desk.machines.get(equipment)
+        machine = self._state.machines.get(equipment)
         return tuple(reversed(machine.history)) if machine else ()
 
     def subscribe(self, callback: Callable[[str], None]) -> Callable[[], None]:
@@ -264,13 +240,13 @@ class Gate:
 
         The returned function ends it.
         """
-        self._desk.subscribers.append(callback)
-        return lambda: self._desk.subscribers.remove(callback)
+        self._state.subscribers.append(callback)
+        return lambda: self._state.subscribers.remove(callback)
 
     def subscribe_ends(self, callback: Callable[[Progress], None]) -> Callable[[], None]:
         """Call `callback` with every command that is over (for the alarm "command not confirmed"); the returned function ends it."""
-        self._desk.enders.append(callback)
-        return lambda: self._desk.enders.remove(callback)
+        self._state.enders.append(callback)
+        return lambda: self._state.enders.remove(callback)
 
     async def run(self) -> None:
         """Follow what is pending, until cancelled."""
@@ -280,19 +256,19 @@ class Gate:
 
     def tick(self) -> None:
         """One look at everything that waits: leases, tokens, feedback, repeated stops, notices."""
-        now = self._desk.clock.monotonic()
+        now = self._state.clock.monotonic()
         self.hold.tick()
         self.control.tick()
         self._admission.tick(now)
-        for machine in list(self._desk.machines.values()):
+        for machine in list(self._state.machines.values()):
             if machine.job is not None:
                 self._following.follow(machine, machine.job, now)
         if now - self._looked >= LOOK:
             self._looked = now
-            for machine in self._desk.machines.values():
-                if self._desk.checks.watch(machine):
-                    self._desk.mark(machine.item.id)
-        self._desk.tell_marked(now)
+            for machine in self._state.machines.values():
+                if self._state.readings.watch(machine):
+                    self._state.changed(machine.item.id)
+        self._state.tell_changed(now)
 
     def session_ended(self, session: str) -> None:
         """The session is over: its motion stops, its tokens are free, its nonces are void."""
@@ -308,25 +284,25 @@ class Gate:
     async def close(self) -> None:
         """Stop what is held to run, give its telegrams a second, and end all tasks."""
         self._admission.close()
-        for machine in self._desk.machines.values():
+        for machine in self._state.machines.values():
             self._sets.stop(machine, "why.shutdown")
-        for machine in self._desk.machines.values():
+        for machine in self._state.machines.values():
             lease = self.hold.active(machine.item.id)
             if lease is not None:
                 self.hold.end(lease, "shutdown")
-        if self._desk.tasks:
-            await asyncio.wait(self._desk.tasks, timeout=1.0)
-        for machine in list(self._desk.machines.values()):
+        if self._state.tasks:
+            await asyncio.wait(self._state.tasks, timeout=1.0)
+        for machine in list(self._state.machines.values()):
             if machine.job is not None and not machine.job.progress.over:
-                self._desk.end(machine, machine.job, State.SUPERSEDED, "why.shutdown")
-        if self._desk.tasks:
-            await asyncio.wait(self._desk.tasks, timeout=2.0)
-        for task in list(self._desk.tasks):
+                self._state.end(machine, machine.job, State.SUPERSEDED, "why.shutdown")
+        if self._state.tasks:
+            await asyncio.wait(self._state.tasks, timeout=2.0)
+        for task in list(self._state.tasks):
             task.cancel()
-        await asyncio.gather(*self._desk.tasks, return_exceptions=True)
+        await asyncio.gather(*self._state.tasks, return_exceptions=True)
 
     async def _admit(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
-        machine = self._desk.machines.get(order.equipment)
+        machine = self._state.machines.get(order.equipment)
         prepared = choose(machine) if machine else None
         known, stop = self._once.known(order.id), prepared is not None and prepared.command.stop
         if not stop and not known and not self._admission.within_rate(order, prepared):
@@ -340,7 +316,7 @@ class Gate:
             self._admission.note_refusal(order, prepared, refusal)
             raise refusal
         if prepared.command.stop:
-            return await asyncio.shield(self._desk.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
+            return await asyncio.shield(self._state.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
         if len(order.reason) > LONGEST_REASON:
             raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
         owner = "" if order.person is None else f"{order.person.id} {order.person.session}"
@@ -360,11 +336,11 @@ class Gate:
         try:
             if not prepared.command.stop:
                 self._admission.check_person(order, prepared)
-                await self._desk.checks.renew(self._desk.machines[order.equipment], prepared)
-            machine = self._desk.machines[order.equipment]
+                await self._state.checks.renew(self._state.machines[order.equipment], prepared)
+            machine = self._state.machines[order.equipment]
             if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
                 return machine.job.progress  # the second click of a double click
-            plan = self._desk.checks.task(order, machine, prepared)
+            plan = self._state.checks.task(order, machine, prepared)
         except Question:
             raise
         except Refused as refusal:

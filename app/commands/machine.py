@@ -64,7 +64,13 @@ class Machine:
     handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))
     """Revision of the tags, and the handles of the points in it."""
     dirty: bool = True
-    told: float = float("-inf")
+    told_at: float = float("-inf")
+    """When anybody was told last that something changed [s, monotonic]."""
 
     def __post_init__(self) -> None:
         self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))
+
+    def go_on_from(self, old: "Machine") -> None:
+        """Take over what is at work on the machine and what was, when the plant is read anew."""
+        self.job, self.set, self.last, self.history = old.job, old.set, old.last, old.history
+        self.pulses, self.restore, self.restoring, self.counter = old.pulses, old.restore, old.restoring, old.counter

@@ -9,7 +9,7 @@ from app import chance
 from app.access.roles import ROLE_PERMISSION, Person
 from app.commands import interlocks
 from app.commands.admission import Admission
-from app.commands.desk import Desk
+from app.commands.command_state import CommandState
 from app.commands.hold import HoldToRun, Lease
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
@@ -39,13 +39,13 @@ HOLD_EVERY = 0.1
 class HeldMotion:
     """Hold-to-run, from the press to the machine that stands again."""
 
-    def __init__(self, desk: Desk, admission: Admission, sending: Sending) -> None:
-        self._desk = desk
+    def __init__(self, state: CommandState, admission: Admission, sending: Sending) -> None:
+        self._state = state
         self._admission = admission
         self._sending = sending
         self._admitted: dict[str, tuple[Order, Prepared, float]] = {}
-        desk.hold = HoldToRun(
-            desk.clock, admit=self._admit, start=self._start, stop=self._stop, lost=self._lost, kept=self._pass_on
+        state.hold = HoldToRun(
+            state.clock, admit=self._admit, start=self._start, stop=self._stop, lost=self._lost, kept=self._pass_on
         )
 
     async def _admit(
@@ -53,9 +53,9 @@ class HeldMotion:
     ) -> str:
         order = Order(
             person, equipment, command, None, id or chance.token_hex(16), nonce, None, confirmed, False, "", address, "en",
-            self._desk.clock.micros(),
+            self._state.clock.micros(),
         )  # fmt: skip
-        machine = self._desk.machines.get(equipment)
+        machine = self._state.machines.get(equipment)
         prepared = machine.commands.get(command) if machine else None
         try:
             if machine is None or prepared is None or not prepared.command.hold:
@@ -63,10 +63,10 @@ class HeldMotion:
             if not self._admission.within_rate(order, prepared):
                 raise Refused("why.rate", 429)
             self._admission.check_person(order, prepared)
-            await self._desk.checks.renew(machine, prepared)
-            machine = self._desk.machines[equipment]
-            self._desk.checks.task(order, machine, prepared)
-            if self._desk.dry_run:
+            await self._state.checks.renew(machine, prepared)
+            machine = self._state.machines[equipment]
+            self._state.checks.task(order, machine, prepared)
+            if self._state.dry_run:
                 raise Refused("why.dry_run", 409)
         except Question:
             raise
@@ -74,7 +74,7 @@ class HeldMotion:
             if refusal.reason != "why.rate":
                 self._admission.note_refusal(order, prepared, refusal)
             raise
-        now = self._desk.clock.monotonic()
+        now = self._state.clock.monotonic()
         self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[2] < REMEMBERED}
         self._admitted[order.id] = (order, prepared, now)
         return order.id
@@ -82,51 +82,51 @@ class HeldMotion:
     def _start(self, lease: Lease) -> None:
         """The first keep-alive: everything is judged again, then the motion begins."""
         order, prepared, _ = self._admitted.pop(lease.id)
-        machine = self._desk.machines[lease.equipment]
+        machine = self._state.machines[lease.equipment]
         try:
             former, machine.job = machine.job, _without_lease(machine.job)
             try:
-                plan = self._desk.checks.task(order, machine, prepared)
+                plan = self._state.checks.task(order, machine, prepared)
             finally:
                 machine.job = former
         except Refused as refusal:
             self._admission.note_refusal(order, prepared, refusal)
             raise
-        previous = self._desk.checks.previous(machine, prepared)
+        previous = self._state.readings.previous(machine, prepared)
         job = self._sending.begin(order, machine, prepared, plan)
-        job.lend(lease, self._desk.clock.monotonic())
+        job.lend(lease, self._state.clock.monotonic())
         for point, value in previous.items():
             machine.restore.setdefault(point, value)
-        self._desk.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
+        self._state.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
 
     def _pass_on(self, lease: Lease) -> None:
         """A keep-alive of the browser goes on to a device that watches request bits itself."""
-        machine = self._desk.machines.get(lease.equipment)
+        machine = self._state.machines.get(lease.equipment)
         job = machine.job if machine else None
         if machine is None or job is None or job.lease is not lease or not job.prepared.command.hold_bits:
             return
-        if not job.writing and self._desk.clock.monotonic() - job.last_hold >= HOLD_EVERY:
-            job.bits_sent(self._desk.clock.monotonic())
-            self._desk.spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
+        if not job.writing and self._state.clock.monotonic() - job.last_hold >= HOLD_EVERY:
+            job.bits_sent(self._state.clock.monotonic())
+            self._state.spawn(self._hold_on(machine, job), f"hold {lease.equipment}")
 
     async def _hold_on(self, machine: Machine, job: Job) -> None:
         """One more telegram with the bits. One that is lost is made up for by the next, as long as the device itself goes on."""
         with job.telegrams():
-            broke = await self._desk.delivery.send(machine, job, ())
+            broke = await self._state.delivery.send(machine, job, ())
         if job.ending is not None:
             job.stop_anew()
         elif broke is not None and broke[0] is State.FAILED and job.lease is not None:
-            self._desk.hold.end(job.lease, "write")
+            self._state.hold.end(job.lease, "write")
 
     def _stop(self, lease: Lease) -> None:
         """The motion ends: stop now, and go on stopping for 2 s and until it is read back."""
-        machine = self._desk.machines.get(lease.equipment)
+        machine = self._state.machines.get(lease.equipment)
         job = machine.job if machine else None
         if machine is None or job is None or job.lease is not lease:
             return
-        job.let_go(self._desk.clock.monotonic())
-        self._desk.mark(lease.equipment)
-        self._desk.spawn(
+        job.let_go(self._state.clock.monotonic())
+        self._state.changed(lease.equipment)
+        self._state.spawn(
             self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
             f"release {lease.equipment}",
         )
@@ -136,10 +136,10 @@ class HeldMotion:
         assert job.lease is not None
         if verdict is State.CONFIRMED:
             if not job.moved:
-                job.seen_moving(self._desk.clock.micros())
-                self._desk.mark(machine.item.id)
+                job.seen_moving(self._state.clock.micros())
+                self._state.changed(machine.item.id)
             return
-        self._desk.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")
+        self._state.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")
 
     def follow_ending(self, machine: Machine, job: Job, now: float, ending: float) -> None:
         """After the release of a hold-to-run. `since` counts from the first echo of the stop."""
@@ -148,16 +148,16 @@ class HeldMotion:
         limit = STOP_LIMIT
         if job.echoed and machine.stop:
             limit = max(STOP_LIMIT, job.progress.limit)
-        stands = job.since is not None and self._desk.checks.stands(machine, machine.stop, job.since)
+        stands = job.since is not None and self._state.readings.stands(machine, machine.stop, job.since)
         if waited >= HOLD_AFTER and stands and not job.writing:
             self._finish(machine, job, job.lease)
         elif waited >= limit:
             machine.restore.clear()
             params = {"seconds": round(limit, 1), "cause": job.lease.cause}
-            self._desk.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", params)
-            self._desk.alarm_stop(machine.item.id)
+            self._state.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", params)
+            self._state.alarm_stop(machine.item.id)
         elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
-            self._desk.spawn(
+            self._state.spawn(
                 self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
                 f"release {machine.item.id}",
             )
@@ -173,24 +173,24 @@ class HeldMotion:
         state = State.CONFIRMED if job.moved else State.UNCONFIRMED
         if lease.cause in ("fault", "write"):
             state = State.FAILED
-        self._desk.end(machine, job, state, f"hold.cause.{lease.cause}", params)
+        self._state.end(machine, job, state, f"hold.cause.{lease.cause}", params)
         if machine.restore:
-            self._desk.spawn(self.restore(machine), f"restore {machine.item.id}")
+            self._state.spawn(self.restore(machine), f"restore {machine.item.id}")
 
     def _lost(self, lease: Lease) -> str:
         """Why a motion that is held may not go on: token, role, values, conditions. Empty = it may."""
-        machine = self._desk.machines.get(lease.equipment)
+        machine = self._state.machines.get(lease.equipment)
         prepared = machine.commands.get(lease.command) if machine else None
         if machine is None or prepared is None:
             return "reload"
-        person = self._desk.rights(lease.person)
+        person = self._state.rights(lease.person)
         if person is None:
             return "session"
         if not person.may(ROLE_PERMISSION[prepared.command.role]):
             return "token"
-        if not self._desk.control.holds(lease.person, lease.equipment):
+        if not self._state.control.holds(lease.person, lease.equipment):
             return "token"
-        look, age = self._desk.checks.look(machine), self._desk.checks.age(machine)
+        look, age = self._state.readings.look(machine), self._state.readings.age(machine)
         if interlocks.stale(machine.item, machine.link, prepared.used, look, age):
             return "values"
         if interlocks.missing((*prepared.permissives, *prepared.interlocks), look, age=age):
@@ -208,16 +208,16 @@ class HeldMotion:
             return
         item, held = machine.item, dict(machine.restore)
         machine.restoring = True
-        self._desk.mark(item.id)
+        self._state.changed(item.id)
         try:
-            writer = self._desk.writers[item.link]
+            writer = self._state.writers[item.link]
             for point, value in held.items():
                 await writer.write(item.id, point, value)
             wrong = list(held)
             for attempt in range(RESTORE_READS):
                 await asyncio.sleep(RESTORE_AGAIN if attempt else 0)
                 await writer.refresh(item.id, wrong)
-                look = self._desk.checks.look(machine)
+                look = self._state.readings.look(machine)
                 wrong = [p for p in wrong if not _near(look(p)[0], held[p], item.points[p].decimals)]
                 if not wrong:
                     break
@@ -227,18 +227,16 @@ class HeldMotion:
         finally:
             machine.restoring = False
             machine.restore.clear()
-            self._desk.mark(item.id)
+            self._state.changed(item.id)
         for point in wrong:
-            now = self._desk.clock.micros()
+            now = self._state.clock.micros()
             progress = Progress(
                 chance.token_hex(16), item.id, point, item.points[point].label, "", State.UNCONFIRMED, now, ended=now,
                 reason="hold.not_restored", params={"value": held[point], "unit": item.points[point].unit},
                 argument=held[point],
             )  # fmt: skip
-            machine.history.append(progress)
-            machine.last = progress
-            self._desk.tell_end(progress)
-            self._desk.audit_lines.line(None, f"{item.id}.{point}", None, held[point], progress)
+            self._state.close(machine, progress)
+            self._state.audit_lines.line(None, f"{item.id}.{point}", None, held[point], progress)
 
 
 def _near(value: Value, wanted: float, decimals: int) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 from app.access.audit.line import Record
 from app.commands import value_set
 from app.commands.lifecycle import Progress
-from app.commands.sets import UNTOLD, left_open
+from app.commands.set_follow_up import UNTOLD, left_open
 from app.commands.value_set import Change, Stands
 from app.plant.definitions import Equipment
 

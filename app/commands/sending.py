@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from app.commands import interlocks
 from app.commands.checks import holds, is_pulse
-from app.commands.desk import Desk
+from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
 from app.commands.lifecycle import Progress, State
@@ -36,19 +36,19 @@ DRIVE_FAULT = "drive"
 class Sending:
     """Commands on their way down."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, state: CommandState) -> None:
+        self._state = state
 
     async def send(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
         """Carry out what was admitted; returns when it was written, or is unknown or failed."""
         if prepared.command.stop:
-            self._desk.hold.disarm(order.equipment)
+            self._state.hold.disarm(order.equipment)
         job = self.begin(order, machine, prepared, plan)
-        if self._desk.dry_run:
-            self._desk.end(machine, job, State.DRY_RUN, "why.dry_run")
+        if self._state.dry_run:
+            self._state.end(machine, job, State.DRY_RUN, "why.dry_run")
             return job.progress
         if prepared.command.stop:
-            line = self._desk.keep(self._desk.audit_lines.sent(order, job.progress), f"audit of {order.equipment}")
+            line = self._state.keep(self._state.audit_lines.sent(order, job.progress), f"audit of {order.equipment}")
             await self.write_stop(machine, job, plan.telegrams, job.prepared)
             await asyncio.wait([line], timeout=LINE_LIMIT)
         else:
@@ -59,8 +59,8 @@ class Sending:
 
     def begin(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Job:
         """The job of an admitted order, at work on its machine from now on; what was at work there is superseded."""
-        look = self._desk.checks.look(machine)
-        command, now = prepared.command, self._desk.clock.monotonic()
+        look = self._state.readings.look(machine)
+        command, now = prepared.command, self._state.clock.monotonic()
         assert order.person is not None
         job = Job(
             order,
@@ -90,7 +90,7 @@ class Sending:
             words=plan.words,
             expected=plan.expected,
         )
-        if self._desk.dry_run:
+        if self._state.dry_run:
             return job
         if machine.set is not None:
             machine.set.interrupt("why.set_stopped")
@@ -98,7 +98,7 @@ class Sending:
         machine.job = job
         if is_pulse(machine, prepared):
             machine.pulses[command.key] = now
-        self._desk.mark(machine.item.id)
+        self._state.changed(machine.item.id)
         return job
 
     def _supersede(self, machine: Machine, new: Job) -> None:
@@ -107,9 +107,9 @@ class Sending:
             return
         new.supersede(old)
         if old.lease is not None:
-            self._desk.hold.drop(old.lease, "stop")
+            self._state.hold.drop(old.lease, "stop")
         key = "why.superseded"
-        self._desk.end(
+        self._state.end(
             machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person}
         )
 
@@ -117,8 +117,8 @@ class Sending:
         """Send the telegrams in order; a Stop or a newer command in between ends it."""
         item = machine.item
         with job.telegrams():
-            if await self._desk.audit_lines.sent(job.order, job.progress):
-                broke = await self._desk.delivery.send(machine, job, telegrams)
+            if await self._state.audit_lines.sent(job.order, job.progress):
+                broke = await self._state.delivery.send(machine, job, telegrams)
             else:
                 broke = State.FAILED, NO_AUDIT, {}
         if job.ending is not None:
@@ -128,36 +128,36 @@ class Sending:
         elif broke is not None:
             self._broke(machine, job, *broke)
         else:
-            job.accepted(self._desk.clock.monotonic(), self._desk.clock.micros())
-            self._desk.mark(item.id)
+            job.accepted(self._state.clock.monotonic(), self._state.clock.micros())
+            self._state.changed(item.id)
             self.read_back(machine, job)
             if job.prepared.feedback is None and (job.answer is None or job.answer.state is AnswerState.DONE):
-                self._desk.end(machine, job, State.CONFIRMED)
+                self._state.end(machine, job, State.CONFIRMED)
 
     def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
-            job.in_doubt(self._desk.clock.monotonic(), self._desk.clock.micros(), reason, params)
-            self._desk.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
+            job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
+            self._state.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
         elif state is State.UNKNOWN:
-            job.in_doubt(self._desk.clock.monotonic(), self._desk.clock.micros(), reason, params)
-            self._desk.mark(machine.item.id)
+            job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
+            self._state.changed(machine.item.id)
             self.read_back(machine, job)
         else:
-            self._desk.end(machine, job, state, reason, params)
+            self._state.end(machine, job, state, reason, params)
 
     def read_back(self, machine: Machine, job: Job) -> None:
         """Have the feedback read now where no scan brings it."""
         item = machine.item
-        job.read_back(self._desk.clock.monotonic())
+        job.read_back(self._state.clock.monotonic())
         unknown = job.progress.state is State.UNKNOWN
         keys = [k for k in job.prepared.watched if unknown or item.points[k].scan in (Scan.PAGE, Scan.ONCE, Scan.SLOW)]
         if keys:
-            self._desk.spawn(self._refresh(machine, keys), f"read back {item.id}")
+            self._state.spawn(self._refresh(machine, keys), f"read back {item.id}")
 
     async def _refresh(self, machine: Machine, keys: Sequence[str]) -> None:
         try:
-            await self._desk.writers[machine.item.link].refresh(machine.item.id, keys)
+            await self._state.writers[machine.item.link].refresh(machine.item.id, keys)
         except (LinkError, KeyError) as error:
             log.info("read back failed equipment=%s error=%s", machine.item.id, error)
 
@@ -165,19 +165,19 @@ class Sending:
         self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]], stop: Prepared | None
     ) -> None:
         """Send a stop once more, before everything that waits on the link; what goes wrong is tried again by `following`."""
-        item, now = machine.item, self._desk.clock.monotonic()
+        item, now = machine.item, self._state.clock.monotonic()
         with job.stop_telegrams(now):
             try:
-                if not await self._desk.delivery.stop(machine, job, telegrams):
+                if not await self._state.delivery.stop(machine, job, telegrams):
                     return
             except (LinkError, Refused, KeyError) as error:
                 log.info("stop not answered equipment=%s error=%s", item.id, error)
                 return
         if job.progress.over:
             return
-        if job.stop_echoed(self._desk.clock.monotonic(), self._desk.clock.micros()):
-            self._desk.mark(item.id)
+        if job.stop_echoed(self._state.clock.monotonic(), self._state.clock.micros()):
+            self._state.changed(item.id)
         watched = stop.watched if stop else ()
         slow = [key for key in watched if item.points[key].scan is not Scan.FAST]
         if slow:
-            self._desk.spawn(self._refresh(machine, slow), f"read back {item.id}")
+            self._state.spawn(self._refresh(machine, slow), f"read back {item.id}")

@@ -17,19 +17,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from app import chance
 from app.commands import value_set
+from app.commands.command_state import CommandState
 from app.commands.delivery import Outcome, outcome_of
-from app.commands.desk import Desk
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, State, advance
 from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order, Task
+from app.commands.set_follow_up import UNREAD, UNTOLD, SetFollowUp, read_now, standing_params, value_now
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
 from app.links.contract import LateAnswerDue
 from app.links.schedule import PERMIT
-from app.tags.quality import is_good
 
 log = logging.getLogger(__name__)
 
@@ -37,17 +36,9 @@ FIRST_PAUSE, LAST_PAUSE = 0.02, 0.5
 """Between two reads of a value that is not there yet [s]."""
 RESTORE_LIMIT = 10.0
 """Longest wait for a device that is silent before its former values are given up [s]."""
-SETTLE = 2.0
-"""A device that is back has answered with good values for so long before they are believed [s]."""
-FOUND_EVERY = 1.0
-"""Between two looks at values that could not be read [s]."""
 NO_AUDIT = "why.no_audit"
-RESTORED, MIXED, UNREAD = "why.set_restored", "why.set_mixed", "why.set_unread"
-"""Ends of a set: all former values stand; some new, some old; some cannot be read."""
-FOUND_NEW, FOUND_OLD, FOUND_MIXED = "why.set_found_new", "why.set_found_old", "why.set_found_mixed"
-"""What was found of a set whose values could not be read when it ended, or during which the server was killed."""
-UNTOLD = frozenset({UNREAD})
-"""Ends after which the values are still to be read."""
+RESTORED, MIXED = "why.set_restored", "why.set_mixed"
+"""Ends of a set, besides `UNREAD`: all former values stand; some new, some old."""
 
 Failure = tuple[str, Mapping[str, object]]
 """Why a set does not go on: text key, what fills it."""
@@ -56,8 +47,9 @@ Failure = tuple[str, Mapping[str, object]]
 class Sets:
     """The sets of all machines; at most one at work on each."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, state: CommandState, follow_up: SetFollowUp) -> None:
+        self._state = state
+        self._follow_up = follow_up
 
     async def send(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
         """Write an admitted set; returns when it is over. It goes on when the caller goes away.
@@ -72,15 +64,15 @@ class Sets:
             changes=plan.changes,
         )  # fmt: skip
         job = SetJob(order, prepared, plan, progress)
-        if self._desk.dry_run:
+        if self._state.dry_run:
             self._end(machine, job, State.DRY_RUN, "why.dry_run", {})
             return job.progress
         if machine.job is not None:
             new = {"label": progress.label, "display": progress.person}
-            self._desk.end(machine, machine.job, State.SUPERSEDED, "why.superseded", new)
+            self._state.end(machine, machine.job, State.SUPERSEDED, "why.superseded", new)
         machine.set = job
-        self._desk.mark(order.equipment)
-        await asyncio.shield(self._desk.work(self._carry_out(machine, job), f"set {order.equipment}"))
+        self._state.changed(order.equipment)
+        await asyncio.shield(self._state.work(self._carry_out(machine, job), f"set {order.equipment}"))
         if job.progress.reason == NO_AUDIT:
             raise Refused(NO_AUDIT, 503)
         return job.progress
@@ -90,57 +82,11 @@ class Sets:
         if machine.set is not None:
             machine.set.interrupt(why)
 
-    def take_open(self, progress: Progress) -> None:
-        """A set of a former run whose end is not known: told as such, and followed up."""
-        machine = self._desk.machines.get(progress.equipment)
-        if machine is not None:
-            self._close(machine, replace(progress, ended=self._desk.clock.micros()))
-            self._desk.spawn(self.follow_up(progress.equipment, progress), f"set of {progress.equipment}")
-
-    async def follow_up(self, equipment: str, progress: Progress) -> None:
-        """Wait until the values of a set that nobody knows can be read, and tell once what stands where. Nothing is written."""
-        good_since: float | None = None
-        while True:
-            machine = self._desk.machines.get(equipment)
-            parts = self._parts(machine, progress) if machine is not None else None
-            if machine is None or parts is None:
-                return  # another plant: there is nothing to look at
-            now = self._desk.clock.monotonic()
-            if machine.set is None and await self._read(machine, list(parts), now - FOUND_EVERY):
-                good_since = now if good_since is None else good_since
-                if now - good_since >= SETTLE:
-                    break
-            else:
-                good_since = None
-            await asyncio.sleep(FOUND_EVERY)
-        changes = tuple(
-            value_set.judged(change, parts[change.key], self._value(machine, change.key)) for change in progress.changes
-        )
-        stands = {change.stands for change in changes}
-        state, reason = State.UNCONFIRMED, FOUND_MIXED
-        if stands == {Stands.NEW}:
-            state, reason = State.CONFIRMED, FOUND_NEW
-        elif stands == {Stands.OLD}:
-            state, reason = State.FAILED, FOUND_OLD
-        found = replace(
-            progress,
-            state=state,
-            reason=reason,
-            params=_params(changes),
-            changes=changes,
-            ended=self._desk.clock.micros(),
-        )
-        self._close(machine, found)
-        self._desk.audit_lines.line(
-            None, f"{equipment}.{value_set.KEY}", value_set.told(changes, old=True), value_set.told(changes, old=False),
-            found, by=found.person,
-        )  # fmt: skip
-
     # details
 
     async def _carry_out(self, machine: Machine, job: SetJob) -> None:
         try:
-            if not await self._desk.audit_lines.sent(job.order, job.progress):
+            if not await self._state.audit_lines.sent(job.order, job.progress):
                 self._end(machine, job, State.FAILED, NO_AUDIT, {})
                 return
             failure = await self._write(machine, job)
@@ -161,27 +107,27 @@ class Sets:
             if failure is not None:
                 return failure
             job.touched.append(step)
-            since = self._desk.clock.monotonic()
+            since = self._state.clock.monotonic()
             broke = await self._send(machine, job, {key: values[key] for key in step}, since + job.plan.limit, new=True)
             if broke is not None and broke[0] is not State.UNKNOWN:
                 job.touched.remove(step)
                 return broke[1], broke[2]
             if broke is None and job.progress.state is State.REQUESTED:
-                job.progress = advance(job.progress, State.ACCEPTED, self._desk.clock.micros())
-                self._desk.mark(machine.item.id)
+                job.progress = advance(job.progress, State.ACCEPTED, self._state.clock.micros())
+                self._state.changed(machine.item.id)
             failure = await self._there(machine, job, step, values, since)
             if failure is not None:
                 return failure if broke is None else (broke[1], broke[2])
             job.unsettled.difference_update(step)  # seen in effect: nothing of it is still to come
-        return await self._there(machine, job, list(values), values, self._desk.clock.monotonic())
+        return await self._there(machine, job, list(values), values, self._state.clock.monotonic())
 
     def _hindrance(self, machine: Machine, job: SetJob) -> Failure | None:
         """What keeps the set from going on: a Stop, a right, the token, a value or condition that is lost."""
         if job.stop:
             return job.stop, {}
-        if self._desk.machines.get(machine.item.id) is not machine:
+        if self._state.machines.get(machine.item.id) is not machine:
             return "why.reloaded", {}
-        reasons = self._desk.checks.reasons(job.order.person, machine, job.prepared, running=True)
+        reasons = self._state.checks.reasons(job.order.person, machine, job.prepared, running=True)
         if not reasons:
             return None
         first = reasons[0][0]
@@ -212,17 +158,17 @@ class Sets:
     async def _sent(self, machine: Machine, values: Mapping[str, float], until: float) -> bool:
         """Whether the step is written; False when it was not sent and the line is free for it now."""
         try:
-            await self._desk.writers[machine.item.link].write_set(machine.item.id, values)
+            await self._state.writers[machine.item.link].write_set(machine.item.id, values)
         except LinkError as error:
             late = error if isinstance(error, LateAnswerDue) else error.__cause__
-            if not isinstance(late, LateAnswerDue) or self._desk.clock.monotonic() + late.wait > until:
+            if not isinstance(late, LateAnswerDue) or self._state.clock.monotonic() + late.wait > until:
                 raise
             await asyncio.sleep(late.wait)
             return False
         return True
 
     def _may_go_on(self, machine: Machine, job: SetJob) -> bool:
-        return not job.stop and self._desk.may_go_on(job.order, job.prepared)
+        return not job.stop and self._state.may_go_on(job.order, job.prepared)
 
     async def _there(
         self, machine: Machine, job: SetJob, keys: Sequence[str], wanted: Mapping[str, float], since: float,
@@ -230,25 +176,25 @@ class Sets:
     ) -> Failure | None:  # fmt: skip
         """Wait until the device holds the `wanted` values of `keys`; why it does not."""
         parts = {part.command.key: part for part in job.prepared.parts}
-        until, pause = self._desk.clock.monotonic() + job.plan.limit, FIRST_PAUSE
+        until, pause = self._state.clock.monotonic() + job.plan.limit, FIRST_PAUSE
         while True:
-            read = await self._read(machine, keys, since)
+            read = await read_now(self._state, machine, keys, since)
             wrong = [
                 key for key in keys
-                if not read or not value_set.is_value(parts[key], self._value(machine, key) or 0.0, wanted[key])
+                if not read or not value_set.is_value(parts[key], value_now(self._state, machine, key) or 0.0, wanted[key])
             ]  # fmt: skip
             if not wrong:
                 return None
             if job.stop and not putting_back:
                 return job.stop, {}
-            if self._desk.clock.monotonic() >= until:
+            if self._state.clock.monotonic() >= until:
                 break
             await asyncio.sleep(pause)
             pause = min(2 * pause, LAST_PAUSE)
         change = next(change for change in job.plan.changes if change.key == wrong[0])
         if not read:
             return "why.set_not_read", {"label": change.label}
-        found = self._value(machine, change.key)
+        found = value_now(self._state, machine, change.key)
         return "why.set_differs", {
             "label": change.label,
             "value": found,
@@ -259,13 +205,13 @@ class Sets:
     async def _restore(self, machine: Machine, job: SetJob) -> None:
         """Write the former values of every step that may have arrived, the last one first, and read them back."""
         former = {change.key: change.old for change in job.plan.changes}
-        until = self._desk.clock.monotonic() + RESTORE_LIMIT
-        since = self._desk.clock.monotonic()
+        until = self._state.clock.monotonic() + RESTORE_LIMIT
+        since = self._state.clock.monotonic()
         for step in reversed(job.touched):
             if not await self._answers(machine, step, until):
                 job.unsettled |= set(step)
                 continue
-            since = self._desk.clock.monotonic()
+            since = self._state.clock.monotonic()
             broke = await self._send(machine, job, {key: former[key] for key in step}, until, new=False)
             if broke is not None:
                 log.warning("former values not taken equipment=%s reason=%s", machine.item.id, broke[1])
@@ -276,25 +222,12 @@ class Sets:
     async def _answers(self, machine: Machine, keys: Sequence[str], until: float) -> bool:
         """Whether the device answers with good values before `until`: nothing is sent into silence."""
         pause = FIRST_PAUSE
-        while not await self._read(machine, keys, float("-inf")):
-            if self._desk.clock.monotonic() >= until:
+        while not await read_now(self._state, machine, keys, float("-inf")):
+            if self._state.clock.monotonic() >= until:
                 return False
             await asyncio.sleep(pause)
             pause = min(2 * pause, LAST_PAUSE)
         return True
-
-    async def _read(self, machine: Machine, keys: Sequence[str], since: float) -> bool:
-        """Have `keys` read now; whether all are good and were read after `since` [s]."""
-        try:
-            await self._desk.writers[machine.item.link].refresh(machine.item.id, keys)
-        except (LinkError, Refused, KeyError) as error:
-            log.info("set not read equipment=%s error=%s", machine.item.id, error)
-            return False
-        return self._desk.checks.read_since(machine, keys, since)
-
-    def _value(self, machine: Machine, key: str) -> float | None:
-        value, word = self._desk.checks.look(machine)(key)
-        return float(value) if is_good(word) and isinstance(value, int | float) else None
 
     def _judged(self, machine: Machine, job: SetJob) -> tuple[Change, ...]:
         """What the device holds of each value. Of one that was never sent and cannot be read it is the former one."""
@@ -303,7 +236,7 @@ class Sets:
         uncertain = job.unsettled if machine.item.type.device.services else frozenset[str]()
         changes = []
         for change in job.plan.changes:
-            value = None if change.key in uncertain else self._value(machine, change.key)
+            value = None if change.key in uncertain else value_now(self._state, machine, change.key)
             if value is None and change.key not in touched:
                 changes.append(replace(change, found=change.old, stands=Stands.OLD))
             else:
@@ -320,7 +253,7 @@ class Sets:
             self._end(machine, job, State.FAILED, RESTORED, cause, changes)
         else:
             reason = UNREAD if Stands.UNKNOWN in stands else MIXED
-            self._end(machine, job, State.UNCONFIRMED, reason, {**cause, **_params(changes)}, changes)
+            self._end(machine, job, State.UNCONFIRMED, reason, {**cause, **standing_params(changes)}, changes)
 
     def _end(
         self,
@@ -331,44 +264,17 @@ class Sets:
         params: Mapping[str, object],
         changes: tuple[Change, ...] = (),
     ) -> None:
-        ended = advance(job.progress, state, self._desk.clock.micros(), end=True, reason=reason, params=params)
+        ended = advance(job.progress, state, self._state.clock.micros(), end=True, reason=reason, params=params)
         job.progress = replace(ended, changes=changes or ended.changes)
         self._release(machine, job)
-        self._close(machine, job.progress)
-        self._desk.audit_lines.command(job.order, job.progress)
+        self._state.close(machine, job.progress)
+        self._state.audit_lines.command(job.order, job.progress)
         if reason in UNTOLD:
-            self._desk.spawn(self.follow_up(machine.item.id, job.progress), f"set of {machine.item.id}")
+            self._follow_up.begin(job.progress)
 
     def _release(self, machine: Machine, job: SetJob) -> None:
         """The machine takes other commands again, also when the plant was read anew meanwhile."""
-        for known in (machine, self._desk.machines.get(machine.item.id, machine)):
+        for known in (machine, self._state.machines.get(machine.item.id, machine)):
             if known.set is job:
                 known.set = None
-                self._desk.mark(machine.item.id)
-
-    def _close(self, machine: Machine, progress: Progress) -> None:
-        machine = self._desk.machines.get(machine.item.id, machine)
-        machine.last = progress
-        machine.history.append(progress)
-        self._desk.tell_end(progress)
-        self._desk.mark(machine.item.id)
-
-    @staticmethod
-    def _parts(machine: Machine | None, progress: Progress) -> dict[str, Prepared] | None:
-        """The setpoints of a former set on its machine now; None when one is gone."""
-        if machine is None or not all(change.key in machine.setpoints for change in progress.changes):
-            return None
-        return {change.key: machine.setpoints[change.key] for change in progress.changes}
-
-
-def left_open(equipment: str, id: str, person: str, requested: int, changes: Sequence[Change]) -> Progress:
-    """A set that was being written when the server was killed, as the audit trail has it."""
-    return Progress(
-        id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, State.UNCONFIRMED, requested,
-        reason=UNREAD, params={"cause": "why.set_killed", **_params(changes)},
-        old=value_set.told(changes, old=True), changes=tuple(changes),
-    )  # fmt: skip
-
-
-def _params(changes: Sequence[Change]) -> dict[str, object]:
-    return {"values": value_set.standing(changes)}
+                self._state.changed(machine.item.id)

@@ -15,7 +15,7 @@ from app.commands.open_commands import NEWEST, open_commands
 from app.commands.open_sets import NEWEST as NEWEST_SETS
 from app.commands.open_sets import OBJECT, open_sets
 from app.commands.orders import AuditLine
-from app.commands.sets import FOUND_NEW, FOUND_OLD
+from app.commands.set_follow_up import FOUND_NEW, FOUND_OLD
 from app.commands.value_set import spelt
 from app.errors import StorageError
 from app.historian.events import Events, Told

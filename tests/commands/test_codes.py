@@ -91,7 +91,7 @@ async def test_an_answer_that_comes_late_confirms_nothing_before() -> None:
     stand = PlcStand()
     stand.link.door.clear()
     stand.plc.reply = "done"
-    task = stand.gate._desk.keep(stand.ask(ANA, "start", "k1"), "late")
+    task = stand.gate._state.keep(stand.ask(ANA, "start", "k1"), "late")
     await stand.pass_time(0.9)
     assert progress(stand).state is State.REQUESTED
     await stand.open_door()
@@ -208,7 +208,7 @@ async def test_a_stop_that_nothing_confirms_raises_the_alarm() -> None:
 async def test_a_stop_overtakes_a_code_that_is_still_on_its_way() -> None:
     stand = PlcStand()
     stand.link.door.clear()
-    task = stand.gate._desk.keep(stand.ask(ANA, "start", "k1"), "start")
+    task = stand.gate._state.keep(stand.ask(ANA, "start", "k1"), "start")
     await stand.pass_time(0.1)
     await stand.gate.ask(ANA, "k1", "stop")
     await stand.pass_time(0.3)

@@ -706,7 +706,7 @@ async def test_a_broken_audit_or_subscriber_does_not_keep_the_gate_from_working(
     def breaks(*anything: object, **more: object) -> None:
         raise RuntimeError("full")
 
-    stand.gate._desk.audit_lines._audit = breaks
+    stand.gate._state.audit_lines._audit = breaks
     stand.gate.subscribe(breaks)
     stand.gate.subscribe_ends(breaks)
     await stand.ask(ANA, "forward")
@@ -717,7 +717,7 @@ async def test_a_broken_audit_or_subscriber_does_not_keep_the_gate_from_working(
 async def test_a_start_over_a_table_of_bad_values_never_writes() -> None:
     """Any one value that a start uses, bad: nothing is written (the capture of the line proves it)."""
     stand = Stand()
-    used = stand.gate._desk.machines["m1"].commands["forward"].used
+    used = stand.gate._state.machines["m1"].commands["forward"].used
     assert {"status", "frequency", "f200", "f203", "frequency_setpoint", "f111", "f112", "f114"} <= set(used)
     for key in used:
         stand = Stand()

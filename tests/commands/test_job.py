@@ -37,7 +37,7 @@ def made(command: str = "forward", asked: float = 5.0) -> Job:
     stand = Stand()
     order = Order(ANA, "m1", command, None, "id", "", None, False, False, "", "", "en", 1)
     progress = Progress("id", "m1", command, "", "Ana", State.REQUESTED, 1)
-    return Job(order, stand.gate._desk.machines["m1"].commands[command], progress, None, (), (), asked)
+    return Job(order, stand.gate._state.machines["m1"].commands[command], progress, None, (), (), asked)
 
 
 def lease() -> Lease:

@@ -34,7 +34,7 @@ ORDERS = [
 async def ask(runtime: Runtime, machine: str, key: str, value: str | None) -> "asyncio.Task[object]":
     gate = runtime.gate
     assert gate is not None
-    gate._desk.rights = gate._desk.checks._rights = gate._desk.control._rights = lambda person: person
+    gate._state.rights = gate._state.checks._rights = gate._state.control._rights = lambda person: person
     gate.control.take(EVA, machine)
     nonce = gate.nonces.issue(EVA.session)
     if value is None:

@@ -11,7 +11,8 @@ from app.access.audit.line import Record
 from app.access.audit.search import Filter
 from app.access.roles import Person, permissions_of
 from app.commands.open_sets import open_sets
-from app.commands.sets import FOUND_MIXED, FOUND_NEW, FOUND_OLD, MIXED, RESTORED, UNREAD
+from app.commands.set_follow_up import FOUND_MIXED, FOUND_NEW, FOUND_OLD, UNREAD
+from app.commands.sets import MIXED, RESTORED
 from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.settings import Settings
@@ -43,7 +44,7 @@ def runtime_of(browser: VirtualClient) -> Runtime:
 async def begin_set(runtime: Runtime) -> "asyncio.Task[object]":
     gate = runtime.gate
     assert gate is not None
-    gate._desk.rights = gate._desk.checks._rights = gate._desk.control._rights = lambda person: person
+    gate._state.rights = gate._state.checks._rights = gate._state.control._rights = lambda person: person
     gate.control.take(EVA, "m1")
     values = {"frequency_setpoint": WANTED[0], "f905": WANTED[1]}
     nonce = gate.nonces.issue(EVA.session)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from app.commands import sets
+from app.commands import set_follow_up, sets
 from app.commands.lifecycle import Progress, State
 from app.commands.orders import Question
 from app.commands.value_set import Stands
@@ -375,7 +375,7 @@ async def test_a_cable_that_stays_out_leaves_what_is_not_known_and_it_is_told_wh
     cable = Cable(stand, KEYS[at], RAMPS[KEYS[at]], heard)
     asked = stand.begin_set(EVA, RAMPS)
     done = await stand.finish(asked)
-    assert (done.state, done.reason) == (State.UNCONFIRMED, sets.UNREAD)
+    assert (done.state, done.reason) == (State.UNCONFIRMED, set_follow_up.UNREAD)
     assert stands(done) == {key: "unknown" if number <= at else "old" for number, key in enumerate(KEYS)}
     sent = len(stand.link.writes)
     await stand.pass_time(30)
@@ -386,7 +386,13 @@ async def test_a_cable_that_stays_out_leaves_what_is_not_known_and_it_is_told_wh
     assert len(ended) == 2 and ended[1].id == done.id
     is_true(stand, ended[1])
     nothing = at == 0 and not heard
-    assert ended[1].reason == (sets.FOUND_OLD if nothing else sets.FOUND_NEW if at == 2 and heard else sets.FOUND_MIXED)
+    assert ended[1].reason == (
+        set_follow_up.FOUND_OLD
+        if nothing
+        else set_follow_up.FOUND_NEW
+        if at == 2 and heard
+        else set_follow_up.FOUND_MIXED
+    )
     first, second = stand.commands
     assert (first.params["id"], second.params["id"]) == (done.id, done.id)
     assert second.params["by"] == "Eva" and second.person == ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.commands import sets
+from app.commands import set_follow_up, sets
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
 from app.commands.orders import AuditLine
@@ -153,10 +153,10 @@ async def test_a_cable_out_at_any_telegram(kind: str, seconds: float, how: str, 
         it.bus.fault = nth(which, 1, how, seconds)
         done = await asyncio.wait_for(it.ask(NEW), 120)
         it.is_true(done)
-        if done.reason == sets.UNREAD:
+        if done.reason == set_follow_up.UNREAD:
             writes = it.device.commits
             await until(lambda: len(it.ended) == 2, 200)
-            assert it.ended[1].reason in (sets.FOUND_OLD, sets.FOUND_NEW)
+            assert it.ended[1].reason in (set_follow_up.FOUND_OLD, set_follow_up.FOUND_NEW)
             it.is_true(it.ended[1])
             assert it.device.commits == writes, "nothing is written when the device is back"
         assert it.lines[0] != ("command", "confirmed")
@@ -218,7 +218,7 @@ async def test_a_stop_in_the_middle_puts_it_back_and_what_stands_is_told() -> No
     async with bench("rtu") as it:
         asked = it.ask(NEW)
         await asyncio.sleep(0.01)
-        it.gate._desk.machines["p"].set.interrupt("why.set_stopped")  # type: ignore[union-attr]
+        it.gate._state.machines["p"].set.interrupt("why.set_stopped")  # type: ignore[union-attr]
         done = await asyncio.wait_for(asked, 60)
         it.is_true(done)
         assert STATUS and done.state in (State.FAILED, State.CONFIRMED)

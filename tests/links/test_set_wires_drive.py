@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.commands import sets
+from app.commands import set_follow_up, sets
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, State
 from app.commands.orders import AuditLine
@@ -150,7 +150,7 @@ async def test_a_cable_out_at_any_write(kind: str, seconds: float, how: str, whi
         if seconds < 10:
             assert (done.state, device.values) in ((State.FAILED, FORMER), (State.CONFIRMED, NEW))
             return
-        assert (done.state, done.reason) == (State.UNCONFIRMED, sets.UNREAD)
+        assert (done.state, done.reason) == (State.UNCONFIRMED, set_follow_up.UNREAD)
         writes = len(device.writes)
         await until(lambda: len(ended) == 2, 200)
         assert len(device.writes) == writes, "nothing is written when the device is back"

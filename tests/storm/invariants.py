@@ -332,7 +332,7 @@ async def audit_is_whole(c: Checker) -> None:
             raise Fell("audit_is_whole", f"{world.asked.get(id, id)} has {count} lines that say how it ended")
     sent = {json.loads(row.params).get("id", "") for row in rows if row.result == "sent"}
     atwork = (
-        {one.progress.id for m in world.runtime.gate._desk.machines.values() for one in (m.job, m.set) if one}
+        {one.progress.id for m in world.runtime.gate._state.machines.values() for one in (m.job, m.set) if one}
         if world.runtime.gate
         else set()
     )

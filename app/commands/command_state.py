@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from app.access.roles import ROLE_PERMISSION, Rights
 from app.clock import Clock
+from app.commands import interlocks
 from app.commands.audit_lines import AuditLines
 from app.commands.checks import Checks
 from app.commands.control_token import ControlToken
@@ -18,7 +19,9 @@ from app.commands.lifecycle import Progress, State
 from app.commands.machine import Machine
 from app.commands.open_commands import OpenCommand
 from app.commands.orders import Audit, Foretell, Order, Writer
+from app.commands.readings import Readings
 from app.errors import Refused
+from app.plant.definitions import Equipment, Plant
 from app.tags.database import TagDatabase
 
 log = logging.getLogger(__name__)
@@ -29,7 +32,7 @@ TELL = 0.1
 """Least time between two notices about one machine [s]."""
 
 
-class Desk:
+class CommandState:
     """The machines of one plant with the commands at work on them. `hold` is set by who leads motions (`motion.HeldMotion`)."""
 
     hold: HoldToRun
@@ -57,10 +60,33 @@ class Desk:
         self.audit_lines = AuditLines(audit, self.spawn, foretell)
         self.rights = rights
         self.control = ControlToken(
-            clock, moving=self.moving, changed=self.mark, journal=self.audit_lines.control, rights=rights
+            clock, moving=self.moving, changed=self.changed, journal=self.audit_lines.control, rights=rights
         )
         self.delivery = Delivery(writers, clock, self.may_go_on)
-        self.checks = Checks(tags, clock, writers, self.control, rights)
+        self.readings = Readings(tags, clock)
+        self.checks = Checks(self.readings, clock, writers, self.control, rights)
+
+    def configure(self, plant: Plant) -> list[Machine]:
+        """Take the machines of `plant`; those that were there before, with what is at work on them, are returned.
+
+        What is at work goes on for a machine that stays; for one that goes it is superseded.
+        """
+        former, self.machines = self.machines, {}
+        for item in plant.equipment.values():
+            machine = _machine(item, plant)
+            old = former.get(item.id)
+            if old is not None:
+                machine.go_on_from(old)
+            self.machines[item.id] = machine
+        for gone in former.values():
+            if gone.item.id in self.machines or gone.job is None:
+                continue
+            if gone.job.lease is not None:
+                self.hold.end(gone.job.lease, "reload")
+            self.machines[gone.item.id] = gone
+            self.end(gone, gone.job, State.SUPERSEDED, "why.reloaded")
+            del self.machines[gone.item.id]
+        return list(former.values())
 
     def may_go_on(self, order: Order, prepared: Prepared) -> bool:
         """Whether whoever gave an order still may give it."""
@@ -71,10 +97,10 @@ class Desk:
         """Whether somebody holds a button that moves the machine."""
         return self.hold.active(equipment) is not None
 
-    def tell_marked(self, now: float) -> None:
-        """Tell what was marked and was told too short ago to be told at once."""
+    def tell_changed(self, now: float) -> None:
+        """Tell of what changed too short after it was told to be told at once."""
         for machine in self.machines.values():
-            if machine.dirty and now - machine.told >= TELL:
+            if machine.dirty and now - machine.told_at >= TELL:
                 self._tell(machine, now)
 
     def end(
@@ -86,11 +112,8 @@ class Desk:
         job.end(state, self.clock.micros(), reason, params or {})
         if machine.job is job:
             machine.job = None
-        machine.last = job.progress
-        machine.history.append(job.progress)
         self.audit_lines.command(job.order, job.progress)
-        self.tell_end(job.progress)
-        self.mark(machine.item.id)
+        self.close(machine, job.progress)
 
     def tell_open(self, one: OpenCommand) -> None:
         """A command of a former run is over, and nobody knows how."""
@@ -101,33 +124,34 @@ class Desk:
         machine = self.machines.get(progress.equipment)
         if machine is None:
             return
-        machine.last = progress
-        machine.history.append(progress)
-        self.tell_end(progress)
+        self.close(machine, progress)
         if one.stop:
             self.alarm_stop(progress.equipment)
-        self.mark(progress.equipment)
 
-    def tell_end(self, progress: Progress) -> None:
-        """Tell whoever asked for ends."""
+    def close(self, machine: Machine, progress: Progress) -> None:
+        """Keep how a command or a set of `machine` ended, and tell whoever asked for ends."""
+        machine = self.machines.get(machine.item.id, machine)
+        machine.last = progress
+        machine.history.append(progress)
         for callback in tuple(self.enders):
             try:
                 callback(progress)
             except Exception:
                 log.exception("subscriber of command ends failed command=%s", progress.id)
+        self.changed(machine.item.id)
 
-    def mark(self, equipment: str) -> None:
+    def changed(self, equipment: str) -> None:
         """Something about the machine changed: tell at once, or with the next tick when that was just done."""
         machine = self.machines.get(equipment)
         if machine is None:
             return
         machine.dirty = True
         now = self.clock.monotonic()
-        if now - machine.told >= TELL:
+        if now - machine.told_at >= TELL:
             self._tell(machine, now)
 
     def _tell(self, machine: Machine, now: float) -> None:
-        machine.dirty, machine.told = False, now
+        machine.dirty, machine.told_at = False, now
         for callback in tuple(self.subscribers):
             try:
                 callback(machine.item.id)
@@ -174,3 +198,13 @@ class Desk:
             self.on_stop_unconfirmed(equipment)
         except Exception:
             log.exception("alarm for an unconfirmed stop failed equipment=%s", equipment)
+
+
+def _machine(item: Equipment, plant: Plant) -> Machine:
+    kind = item.type
+    commands = {key: interlocks.prepare(item, command) for key, command in kind.commands.items()}
+    setpoints = {
+        key: interlocks.prepare(item, interlocks.setting(item, setpoint)) for key, setpoint in kind.setpoints.items()
+    }
+    stop = next((prepared for prepared in commands.values() if prepared.command.stop), None)
+    return Machine(item, plant.links[item.link], commands, setpoints, stop)
