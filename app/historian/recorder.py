@@ -7,24 +7,23 @@ from what was seen than the dead-band; held from sample to sample it is neither,
 
 import asyncio
 import logging
-import math
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import TypeGuard
 
 from sqlalchemy import Connection
 
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import sealed, store
+from app.historian import store
 from app.historian.minutes import Minutes
-from app.historian.store import DAY, GAP_AFTER, HEARTBEAT, HOUR, RAMP, SETTLED, Row
+from app.historian.store import GAP_AFTER, Row
+from app.historian.track import Track
+from app.historian.upkeep import Upkeep
 from app.plant.definitions import Kind, Point
 from app.tags.batch import Batch, Value
 from app.tags.database import Standstill, TagDatabase
-from app.tags.quality import BAD, NO_DATA, Reason
+from app.tags.quality import BAD, NO_DATA
 
 log = logging.getLogger(__name__)
 
@@ -38,117 +37,6 @@ RETRY_PAUSE = 5.0
 """Pause between attempts while the disk does not take anything [s]."""
 BUFFER_LIMIT = 250_000
 """Rows kept in memory while the disk does not take them (about 40 MB); then the oldest are dropped, and it is told."""
-CARE_PERIOD = 60.0
-"""How often is rolled up, measured and cut [s]."""
-SLACK = 1 + 1e-9
-"""A difference of just the dead-band is not above it: 0.4 − 0.3 is more than 0.1 in binary."""
-WARN_AT = 0.8
-"""Part of the quota at which a warning is due."""
-LOW_DISK = 500_000_000
-"""Free bytes below which a warning is due."""
-CUT_TO = 0.95
-"""Part of the quota that is left when it was reached."""
-
-
-@dataclass(slots=True)
-class Track:
-    """What the recorder remembers of one point.
-
-    The suppressed samples since the stored one lie in a corridor: every line from the stored sample with a slope of `least` to `most`
-    passes them within the dead-band.
-    """
-
-    number: int
-    dead_band: float
-    linear: bool
-    """Drawn as a line between samples, so that corners count; else a value holds until the next one."""
-    value: Value = None
-    quality: int = -1
-    time: int = 0
-    held: Value = None
-    held_time: int = 0
-    """The last sample suppressed; 0 = none."""
-    least: float = -math.inf
-    most: float = math.inf
-
-    def take(self, time: int, value: Value, quality: int, seen: int, rows: list[Row]) -> None:
-        """Add to `rows` what has to be stored now that the point is `value`.
-
-        `seen` is when its source last made sure of the value before: until then it had not changed [µs UTC].
-        """
-        if self.linear and self.quality >= 0 and (self.held_time or self.time) < seen < time:
-            self._put(seen, self.held if self.held_time else self.value, self.quality, rows)
-        self._put(time, value, quality, rows)
-
-    def beat(self, now: int, rows: list[Row]) -> None:
-        """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it."""
-        if self.held_time and now - self.time >= RAMP and _is_number(self.held) and not self._within(self.held):
-            self.end(rows)
-        if self.quality >= 0 and now - self.time >= HEARTBEAT:
-            self._put(now, self.held if self.held_time else self.value, self.quality, rows)
-
-    def end(self, rows: list[Row]) -> None:
-        """Add the last sample suppressed, when there is one."""
-        if self.held_time:
-            rows.append(self._row(self.held_time, self.held, self.quality))
-            self._anchor(self.held_time, self.held, self.quality)
-
-    def _put(self, time: int, value: Value, quality: int, rows: list[Row]) -> None:
-        if quality == self.quality and 0 < time - self.time < HEARTBEAT and self._suppressed(time, value, rows):
-            return
-        if self.held_time and self.held_time < time:
-            rows.append(self._row(self.held_time, self.held, self.quality))
-        rows.append(self._row(time, value, quality))
-        self._anchor(time, value, quality)
-
-    def _suppressed(self, time: int, value: Value, rows: list[Row]) -> bool:
-        if not self.linear or not self.dead_band or not _is_number(value) or not _is_number(self.value):
-            if value != self.value:
-                return False
-            if self.linear:
-                self.held, self.held_time = value, time
-            return True
-        if not self._fits(time, value):
-            # the sample before becomes a corner, from which it may go on
-            if not self.held_time or self.held_time >= time:
-                return False
-            self.end(rows)
-            if not self._fits(time, value):
-                return False
-        slope, reach = (value - self.value) / (time - self.time), self.dead_band * SLACK / (time - self.time)
-        self.least, self.most = max(self.least, slope - reach), min(self.most, slope + reach)
-        self.held, self.held_time = value, time
-        return True
-
-    def _fits(self, time: int, value: float) -> bool:
-        """Whether (time, value) may be told by the line from the stored sample on."""
-        if time - self.time > RAMP and not self._within(value):
-            return False
-        change: float = value - self.value  # type: ignore[operator]
-        return math.isfinite(change) and (not self.held_time or self.least <= change / (time - self.time) <= self.most)
-
-    def _within(self, value: Value) -> bool:
-        return bool(abs(value - self.value) <= self.dead_band * SLACK)  # type: ignore[operator]
-
-    def _anchor(self, time: int, value: Value, quality: int) -> None:
-        self.time, self.value, self.quality = time, value, quality
-        self.held, self.held_time = None, 0
-        self.least, self.most = -math.inf, math.inf
-
-    def _row(self, time: int, value: Value, quality: int) -> Row:
-        if quality & 3 == BAD:
-            return (self.number, time, None, None, quality)
-        if isinstance(value, str):
-            return (self.number, time, None, value, quality)
-        if value is None:
-            return (self.number, time, None, None, quality & 0xF00 | NO_DATA)
-        if not math.isfinite(value):
-            return (self.number, time, None, None, quality & 0xF00 | Reason.OUT_OF_RANGE << 2 | BAD)
-        return (self.number, time, float(value), None, quality)
-
-
-def _is_number(value: Value) -> TypeGuard[float]:
-    return isinstance(value, int | float)
 
 
 class Recorder:
@@ -165,12 +53,6 @@ class Recorder:
         self.rows_stored = 0
         self.rows_per_second = 0.0
         """Rows stored per second, over about 10 s."""
-        self.size: store.Size | None = None
-        """As last measured; None before."""
-        self.measured = 0
-        """When [µs UTC]."""
-        self.quota = quota
-        self.keep_days = keep_days
         self._tags = tags
         self._database = database
         self._clock = clock
@@ -181,16 +63,13 @@ class Recorder:
         self._seen: dict[tuple[str, int], int] = {}
         self._rows: list[Row] = []
         self._minutes = Minutes(GAP_AFTER)
+        self.upkeep = Upkeep(database, clock, self._minutes, keep_days=keep_days, quota=quota)
         self._start = clock.micros()
         self._wanted: list[Point] = []
         self._opened = False
         self._begun = False
         self._id = 0
         """Of the database to which the numbers of the tracks belong."""
-        self._used: int | None = None
-        self._warned = False
-        self._sealed = 0
-        """What is older is packed [µs UTC]."""
         self._retry_at = 0.0
         self._rates: deque[tuple[float, int]] = deque(maxlen=21)
         self._unsubscribe = tags.subscribe(self.take)
@@ -234,42 +113,15 @@ class Recorder:
         self._map()
         self._take_as_it_stands()
 
-    @property
-    def fill(self) -> float:
-        """Part of the quota that is used, 0 to 1 and above."""
-        return self.size.used / self.quota if self.size else 0.0
-
-    @property
-    def disk_low(self) -> bool:
-        """Whether the disk itself is nearly full."""
-        return self.size is not None and self.size.free < LOW_DISK
-
-    @property
-    def growth(self) -> float | None:
-        """By how much the history grows at the rate of the last 24 h [bytes per day]; None while that is not known."""
-        size = self.size
-        if size is None or size.since is None or size.oldest is None or size.grown_today <= 0:
-            return None
-        elapsed = self.measured - max(size.since, size.oldest, self.measured - DAY)
-        return size.grown_today / elapsed * DAY if elapsed >= HOUR // 60 else None
-
-    @property
-    def quota_days(self) -> float | None:
-        """In how many days the quota is reached at that rate; None while that is not known."""
-        growth = self.growth
-        if growth is None or self.size is None:
-            return None
-        return max(0.0, (self.quota - self.size.used) / growth)
-
     def statistics(self) -> Mapping[str, Value]:
         """What the recorder tells of itself, as `sys.history.<key>`; None is not known yet.
 
         `full` 0 or 1, `fill` [% of the quota], `rows_per_second`, `dropped` rows, `quota_days` [d].
         """
-        days = self.quota_days
+        days = self.upkeep.quota_days
         return {
             "full": int(self.full),
-            "fill": round(100 * self.fill, 2),
+            "fill": round(100 * self.upkeep.fill, 2),
             "rows_per_second": round(self.rows_per_second, 1),
             "dropped": self.dropped,
             "quota_days": None if days is None else round(days, 1),
@@ -312,7 +164,7 @@ class Recorder:
         """Write twice a second what was taken; roll up, measure and cut once a minute."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._write())
-            group.create_task(self._care())
+            group.create_task(self.upkeep.run(lambda: not self.full, self._say))
 
     async def flush(self) -> None:
         """Write what waits. What the database does not take is kept and tried again."""
@@ -349,48 +201,6 @@ class Recorder:
             self._unregistered = []
             await self._register(waiting)
 
-    async def look_after(self) -> None:
-        """Measure, cut what is older than `keep_days` or above the quota, roll up.
-
-        Raises:
-            StorageError: the database did not take it.
-        """
-        await self.measure()
-        await self._cut()
-        settled = self._clock.micros() - SETTLED
-        done = False
-        while not done:
-            done = await self._database.write(lambda connection: store.roll_up(connection, settled, self._minutes))
-        await self._seal()
-
-    async def _seal(self) -> None:
-        """Pack what is old enough, once an hour."""
-        before = (self._clock.micros() - sealed.YOUNG) // HOUR * HOUR
-        if before == self._sealed:
-            return
-        point: int | None = 0
-        while point is not None:
-            first = point
-            point = await self._database.write(lambda connection: sealed.seal(connection, before, first))  # noqa: B023
-        self._sealed = before
-
-    async def measure(self) -> None:
-        """Bring `size` up to date.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
-        now = self._clock.micros()
-        used = await self._database.read(store.used)
-        grown = 0 if self._used is None else used - self._used
-        self._used = used
-        if not self.full:
-            await self._database.write(lambda connection: store.note_growth(connection, now, grown))
-        self.size, self.measured = await self._measured(), now
-        if self.fill >= WARN_AT and not self._warned:
-            log.warning("history fills up used=%d quota=%d days=%s", self.size.used, self.quota, self.quota_days)
-        self._warned = self.fill >= WARN_AT
-
     async def close(self) -> None:
         """Write what waits and stop following."""
         self._unsubscribe()
@@ -405,15 +215,6 @@ class Recorder:
         while True:
             await asyncio.sleep(FLUSH_PERIOD)
             await self.flush()
-
-    async def _care(self) -> None:
-        await asyncio.sleep(FLUSH_PERIOD)
-        while True:
-            try:
-                await self.look_after()
-            except StorageError as error:
-                self._say(error)
-            await asyncio.sleep(CARE_PERIOD)
 
     async def _append(self, rows: list[Row], now: int) -> None:
         start, id = self._start, self._id
@@ -493,37 +294,6 @@ class Recorder:
             sample = self._tags.read(handle)
             if track.quality < 0 and sample.time:
                 track.take(max(sample.time, self._start), sample.value, sample.quality, 0, self._rows)
-
-    async def _cut(self) -> None:
-        size = self.size
-        while size is not None and size.oldest is not None:
-            before = self._cut_before(size.used, size.oldest)
-            if before // HOUR * HOUR <= size.oldest:
-                return
-            removed = await self._remove(before)
-            log.warning("history cut samples=%d used=%d quota=%d", removed, size.used, self.quota)
-            size = self.size = await self._measured()
-            self._used = size.used
-
-    async def _remove(self, before: int) -> int:
-        removed, done = 0, False
-        while not done:
-            count, done = await self._database.write(lambda connection: store.cut(connection, before))
-            removed += count
-        return removed
-
-    def _cut_before(self, used: int, oldest: int) -> int:
-        """Everything older than this has to go [µs UTC]."""
-        now = self._clock.micros()
-        before = now - int(self.keep_days * DAY)
-        if used > self.quota:
-            part = 1 - CUT_TO * self.quota / used
-            before = max(before, oldest + max(HOUR, int((now - oldest) * part)))
-        return min(before, now - HOUR)
-
-    async def _measured(self) -> store.Size:
-        now, path = self._clock.micros(), self._database.path
-        return await self._database.read(lambda connection: store.size(connection, path, now))
 
     def _trim(self) -> None:
         excess = len(self._rows) - BUFFER_LIMIT

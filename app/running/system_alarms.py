@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from app.access.audit.audit import Audit
 from app.alarms.engine import AlarmEngine
 from app.historian.events import Events
-from app.historian.recorder import WARN_AT, Recorder
+from app.historian.recorder import Recorder
+from app.historian.upkeep import WARN_AT
 from app.links.register_link import RegisterLink
 from app.links.statistics import State
 from app.plant.definitions import Plant
@@ -40,8 +41,8 @@ def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, reco
     tell("audit_waiting", active=not audit.healthy)
     tell("audit_broken", active=not audit.intact)
     tell("history_full", active=recorder.full or events.failed)
-    tell("history_quota", active=recorder.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
-    tell("disk_low", active=recorder.disk_low)
+    tell("history_quota", active=recorder.upkeep.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
+    tell("disk_low", active=recorder.upkeep.disk_low)
 
 
 def tell_of_task(alarms: AlarmEngine, task: SupervisedTask) -> None:

@@ -125,8 +125,8 @@ class _Figures(Collector):
         yield gauge, "history_rows_per_second", "Rows that the history takes", recorder.rows_per_second, {}
         yield CounterMetricFamily, "history_dropped_rows", "Rows that the history could not take", recorder.dropped, {}
         yield gauge, "history_full", "1 while nothing can be stored", float(recorder.full), {}
-        yield gauge, "history_fill_ratio", "How much of its quota the history uses", recorder.fill, {}
-        if recorder.size is not None:
-            yield gauge, "history_bytes", "Size of the history", recorder.size.used, {}
-            yield gauge, "history_rows_today", "Rows stored since midnight", recorder.size.rows_today, {}
-            yield gauge, "disk_free_bytes", "Free on the disk of the history", recorder.size.free, {}
+        yield gauge, "history_fill_ratio", "How much of its quota the history uses", recorder.upkeep.fill, {}
+        if recorder.upkeep.size is not None:
+            yield gauge, "history_bytes", "Size of the history", recorder.upkeep.size.used, {}
+            yield gauge, "history_rows_today", "Rows stored since midnight", recorder.upkeep.size.rows_today, {}
+            yield gauge, "disk_free_bytes", "Free on the disk of the history", recorder.upkeep.size.free, {}

@@ -15,22 +15,22 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import Connection, event
+from sqlalchemy import event
 
 from app.db import Database
-from app.historian import query, recorder, store
-from app.historian.recorder import Recorder, Track
-from app.historian.store import DAY, HEARTBEAT, HOUR, RAMP, Row
+from app.historian import recorder, store
+from app.historian.recorder import Recorder
+from app.historian.store import HEARTBEAT, RAMP, Row
+from app.historian.track import Track
 from app.plant.definitions import Kind, Point
 from app.tags.database import Tag
 from app.tags.quality import COMM_FAILURE, GOOD, NO_DATA, STALE
 from tests.historian.conftest import Source, point
+from tests.historian.recording import QUOTA, recording, rows_of
 from tests.virtual import inline
 
 ROOT = Path(__file__).resolve().parents[2]
 BEGIN = 1_773_036_000_000_000
-QUOTA = 1 << 30
-
 signals = st.lists(
     st.tuples(
         st.integers(1, 5_000_000),
@@ -133,21 +133,6 @@ async def test_the_end_of_a_ramp_is_stored_within_a_second_and_a_half(history: D
 def test_the_last_suppressed_sample_is_the_corner_before_a_jump() -> None:
     rows = kept([(BEGIN, 0.0), (BEGIN + 1, 0.1), (BEGIN + 2, 0.2), (BEGIN + 3, 9.0)], 0.5)
     assert [(row[1] - BEGIN, row[2]) for row in rows] == [(0, 0.0), (2, 0.2), (3, 9.0)]
-
-
-async def recording(history: Database, *points: Point, **limits: Any) -> tuple[Source, Recorder]:
-    source = Source(*points)
-    made = Recorder(source.tags, history, source.clock, keep_days=400, quota=QUOTA, **limits)
-    await made.configure(points)
-    return source, made
-
-
-def rows_of(history: Database, name: str = "m1.speed") -> list[tuple[int, float | str | None, int]]:
-    def look(connection: Connection) -> list[tuple[int, float | str | None, int]]:
-        found = query.find(connection, name)
-        return list(query.raw(connection, found.number, 0, 1 << 62)) if found else []
-
-    return history.run(look)
 
 
 async def test_a_source_that_lists_only_changes_still_gives_true_corners(history: Database) -> None:
@@ -262,65 +247,6 @@ async def test_a_value_that_was_there_before_the_recorder_is_taken(history: Data
     await made.configure([point()])
     await made.close()
     assert rows_of(history) == [(source.clock.micros(), 7, GOOD)]
-
-
-async def test_roll_ups_are_made_while_it_runs(history: Database) -> None:
-    source, made = await recording(history, point())
-    for second in range(600):
-        source.publish(m1_speed=second)
-        source.clock.advance(1)
-    await made.flush()
-    await made.look_after()
-    assert history.run(lambda c: c.exec_driver_sql("SELECT sum(count) FROM minute").scalar()) >= 540
-    assert made.size is not None
-    assert made.size.rows_today == len(rows_of(history))
-
-
-async def test_hours_that_are_over_are_packed_and_say_what_they_said(history: Database) -> None:
-    source, made = await recording(history, point())
-    for second in range(5 * 3600):
-        source.publish(m1_speed=second * 7919 % 1000)
-        source.clock.advance(1)
-        if second % 600 == 599:
-            await made.flush()
-    before, used = rows_of(history), history.run(store.used)
-    await made.look_after()
-    await made.look_after()
-    assert rows_of(history) == before
-    stored = history.run(lambda connection: connection.exec_driver_sql("SELECT count(*), min(t) FROM sample").one())
-    assert stored[0] < 0.65 * len(before)
-    assert stored[1] > source.clock.micros() - 3 * HOUR
-    assert history.run(store.used) < 0.7 * used
-    assert made.growth is None or made.growth < 0.7 * 24 / 5 * used
-
-
-async def test_history_above_its_quota_is_cut_oldest_first(history: Database) -> None:
-    source, made = await recording(history, point())
-    made.quota = 400_000
-    for second in range(30_000):
-        source.publish(m1_speed=second)
-        source.clock.advance(1)
-    await made.flush()
-    newest = rows_of(history)[-1]
-    await made.look_after()
-    await made.look_after()
-    rows = rows_of(history)
-    assert made.size is not None
-    assert made.size.used <= made.quota
-    assert rows[-1] == newest
-    assert 5_000 < len(rows) < 30_000
-
-
-async def test_history_older_than_it_is_kept_is_cut(history: Database) -> None:
-    source, made = await recording(history, point())
-    made.keep_days = 2
-    for hour in range(24 * 4):
-        source.publish(m1_speed=hour)
-        source.clock.advance(3600)
-    await made.flush()
-    await made.look_after()
-    age = source.clock.micros() - rows_of(history)[0][0]
-    assert 2 * DAY <= age < 2 * DAY + store.HOUR * 2
 
 
 def limit_pages(database: Database, limit: Callable[[], int]) -> None:

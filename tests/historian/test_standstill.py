@@ -24,7 +24,7 @@ from app.tags.quality import BAD, GOOD, NO_DATA, STALE, Reason, is_good, reason
 from tests.alarms.test_engine import HOT, Plot
 from tests.conftest import PogonServer
 from tests.historian.conftest import point
-from tests.historian.test_recorder import rows_of
+from tests.historian.recording import rows_of
 from tests.plant.test_derive import START, _plant, run
 
 FAST, SLOW, NEVER = "m1.speed", "m1.heat", "m1.serial"

@@ -169,7 +169,7 @@ def test_no_language_lets_a_formula_out(staff: Staff) -> None:
 def test_the_page_storage_speaks_every_language(staff: Staff, lang: str) -> None:
     staff.enter("ivo", "operator")
     runtime = runtime_of(staff.client)
-    staff.wait(runtime.recorder.measure)
+    staff.wait(runtime.recorder.upkeep.measure)
     staff.client.cookies.set("pogon_lang", lang)
     for path in ("/storage", "/storage/figures"):
         page = staff.client.get(path)

@@ -3,7 +3,7 @@
 import pytest
 
 from app import bundled
-from app.historian.recorder import Track
+from app.historian.track import Track
 from app.plant.definitions import Kind, Point
 from app.plant.system import system_points
 from app.sim.plant import read_simulated

@@ -1,0 +1,113 @@
+"""Which samples of one point are stored: the dead-band as a corridor around the line that a trend draws. Pure."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeGuard
+
+from app.historian.store import HEARTBEAT, RAMP, Row
+from app.tags.batch import Value
+from app.tags.quality import BAD, NO_DATA, Reason
+
+SLACK = 1 + 1e-9
+"""A difference of just the dead-band is not above it: 0.4 − 0.3 is more than 0.1 in binary."""
+
+
+@dataclass(slots=True)
+class Track:
+    """What the recorder remembers of one point.
+
+    The suppressed samples since the stored one lie in a corridor: every line from the stored sample with a slope of `least` to `most`
+    passes them within the dead-band.
+    """
+
+    number: int
+    dead_band: float
+    linear: bool
+    """Drawn as a line between samples, so that corners count; else a value holds until the next one."""
+    value: Value = None
+    quality: int = -1
+    time: int = 0
+    held: Value = None
+    held_time: int = 0
+    """The last sample suppressed; 0 = none."""
+    least: float = -math.inf
+    most: float = math.inf
+
+    def take(self, time: int, value: Value, quality: int, seen: int, rows: list[Row]) -> None:
+        """Add to `rows` what has to be stored now that the point is `value`.
+
+        `seen` is when its source last made sure of the value before: until then it had not changed [µs UTC].
+        """
+        if self.linear and self.quality >= 0 and (self.held_time or self.time) < seen < time:
+            self._put(seen, self.held if self.held_time else self.value, self.quality, rows)
+        self._put(time, value, quality, rows)
+
+    def beat(self, now: int, rows: list[Row]) -> None:
+        """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it."""
+        if self.held_time and now - self.time >= RAMP and _is_number(self.held) and not self._within(self.held):
+            self.end(rows)
+        if self.quality >= 0 and now - self.time >= HEARTBEAT:
+            self._put(now, self.held if self.held_time else self.value, self.quality, rows)
+
+    def end(self, rows: list[Row]) -> None:
+        """Add the last sample suppressed, when there is one."""
+        if self.held_time:
+            rows.append(self._row(self.held_time, self.held, self.quality))
+            self._anchor(self.held_time, self.held, self.quality)
+
+    def _put(self, time: int, value: Value, quality: int, rows: list[Row]) -> None:
+        if quality == self.quality and 0 < time - self.time < HEARTBEAT and self._suppressed(time, value, rows):
+            return
+        if self.held_time and self.held_time < time:
+            rows.append(self._row(self.held_time, self.held, self.quality))
+        rows.append(self._row(time, value, quality))
+        self._anchor(time, value, quality)
+
+    def _suppressed(self, time: int, value: Value, rows: list[Row]) -> bool:
+        if not self.linear or not self.dead_band or not _is_number(value) or not _is_number(self.value):
+            if value != self.value:
+                return False
+            if self.linear:
+                self.held, self.held_time = value, time
+            return True
+        if not self._fits(time, value):
+            # the sample before becomes a corner, from which it may go on
+            if not self.held_time or self.held_time >= time:
+                return False
+            self.end(rows)
+            if not self._fits(time, value):
+                return False
+        slope, reach = (value - self.value) / (time - self.time), self.dead_band * SLACK / (time - self.time)
+        self.least, self.most = max(self.least, slope - reach), min(self.most, slope + reach)
+        self.held, self.held_time = value, time
+        return True
+
+    def _fits(self, time: int, value: float) -> bool:
+        """Whether (time, value) may be told by the line from the stored sample on."""
+        if time - self.time > RAMP and not self._within(value):
+            return False
+        change: float = value - self.value  # type: ignore[operator]
+        return math.isfinite(change) and (not self.held_time or self.least <= change / (time - self.time) <= self.most)
+
+    def _within(self, value: Value) -> bool:
+        return bool(abs(value - self.value) <= self.dead_band * SLACK)  # type: ignore[operator]
+
+    def _anchor(self, time: int, value: Value, quality: int) -> None:
+        self.time, self.value, self.quality = time, value, quality
+        self.held, self.held_time = None, 0
+        self.least, self.most = -math.inf, math.inf
+
+    def _row(self, time: int, value: Value, quality: int) -> Row:
+        if quality & 3 == BAD:
+            return (self.number, time, None, None, quality)
+        if isinstance(value, str):
+            return (self.number, time, None, value, quality)
+        if value is None:
+            return (self.number, time, None, None, quality & 0xF00 | NO_DATA)
+        if not math.isfinite(value):
+            return (self.number, time, None, None, quality & 0xF00 | Reason.OUT_OF_RANGE << 2 | BAD)
+        return (self.number, time, float(value), None, quality)
+
+
+def _is_number(value: Value) -> TypeGuard[float]:
+    return isinstance(value, int | float)
