@@ -1,0 +1,1 @@
+"""A SINAMICS drive on standard telegram 1. No registers yet."""
