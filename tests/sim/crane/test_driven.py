@@ -13,15 +13,15 @@ from app.sim.crane.driven import DrivenAxis, Faults
 from app.sim.crane.figures import HOIST
 
 DT = 0.02
-DATA = AxisData.of(HOIST).with_(acceleration=132.08, deceleration=132.08, brake_release=0.2, brake_close=0.1)
-"""The hoist, three times as quick, so that a run of seconds has many movements."""
-PLACES = Places(0.0, 250.0, 1250.0, 1500.0, 60.0, 20.32)
+DATA = AxisData.of(HOIST).with_(acceleration=352.0, deceleration=352.0, brake_release=0.2, brake_close=0.1)
+"""The hoist with ramps eight times as steep on a way of 400 mm, so that a run of seconds has many movements and gets to its ends."""
+PLACES = Places(0.0, 60.0, 340.0, 400.0, 15.0, 20.32)
 TIMES = Times(preset_hold=1.0, brake_open=0.6, magnetising=1.2, start=0.6, stop=2.0, brake_close=0.5, quick_stop=0.8)
-CREEP = 12.0
+CREEP = 6.0
 """Farthest beyond a stop switch from the slow speed: ramp, lag, scan, brake [mm]."""
-FULL = 110.0
-"""The same from the full speed [mm]."""
-SPEEDS = (0.0, 0.0, 20.32, -20.32, 50.8, -50.8, 132.08, -132.08)
+FULL = 20.0
+"""Farthest when the slow-down switch is dead: found by position 15 mm behind it, and stopped from the full speed [mm]."""
+SPEEDS = (0.0, 0.0, 20.32, 50.8, 132.08, 132.08)
 
 
 class Runs:
@@ -29,10 +29,12 @@ class Runs:
 
     def __init__(self, seed: int) -> None:
         self.random = random = Random(seed)
-        self.axis = DrivenAxis(DATA, PLACES, random.uniform(20.0, 1480.0), TIMES)
+        self.axis = DrivenAxis(DATA, PLACES, random.uniform(5.0, 395.0), TIMES)
         self.faults = self.axis.faults
         self.speed, self.run, self.acknowledge = 0.0, False, False
         self.moved = self.against = 0.0
+        self.way = random.choice((1, -1))
+        self.limit = False
         if random.random() < 0.3:
             # the switches are good or bad from the beginning, and one thing is bad at a time
             name = random.choice(["slow_dead", "stop_dead"])
@@ -43,7 +45,7 @@ class Runs:
 
     def go(self, scans: int) -> None:
         for _ in range(scans):
-            if self.random.random() < 0.04:
+            if self.random.random() < 0.03:
                 self.event()
             self.acknowledge = self.acknowledge and self.random.random() < 0.8
             self.scan()
@@ -52,7 +54,7 @@ class Runs:
         random, faults = self.random, self.faults
         match random.choice(["speed", "speed", "speed", "acknowledge", "fault", "heal", "heal"]):
             case "speed":
-                self.speed = random.choice(SPEEDS)
+                self.speed = random.choice(SPEEDS) * (self.way if random.random() < 0.75 else -self.way)
                 self.run = self.speed != 0 or random.random() < 0.1
             case "acknowledge":
                 self.acknowledge = True
@@ -89,8 +91,9 @@ class Runs:
         self.against = self.against + DT if talks and out.setpoint and not axis.is_open else 0.0
         assert self.against <= DT, "the drive pulls against its brake"
         self.moved += abs(axis.position - before)
+        self.limit |= bool(driven.limits.standing)
         beyond = max(axis.position - PLACES.high_stop, PLACES.low_stop - axis.position)
-        room = FULL if self.faults.slow_dead else CREEP + PLACES.tolerance if self.faults.stop_dead else CREEP
+        room = FULL if self.faults.slow_dead else PLACES.tolerance + CREEP if self.faults.stop_dead else CREEP
         assert beyond <= room, "passes the stop switch"
         if beyond > 0 and not self.faults.stop_dead and not axis.speed:
             end = End.HIGH if axis.position > PLACES.high_stop else End.LOW
@@ -99,12 +102,13 @@ class Runs:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_fault_or_timing_moves_it_where_it_must_not(seed: int) -> None:
-    moved = 0.0
+    moved, limits = 0.0, 0
     for one in range(40):
         run = Runs(1000 * seed + one)
         run.go(400)
         moved += run.moved
-    assert moved > 40 * 50.0, "and it does move"
+        limits += run.limit
+    assert moved > 40 * 50.0 and limits > 2, "and it does move, and gets to its limits"
 
 
 @pytest.mark.soak
