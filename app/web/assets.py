@@ -13,6 +13,7 @@ import logging
 import posixpath
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from fastapi import Request
@@ -67,6 +68,7 @@ class Asset:
     """One file as it is on disk now."""
 
     name: str
+    path: Path
     stamp: tuple[object, ...]
     hash: str
     content: bytes
@@ -138,14 +140,14 @@ class Assets:
         known = self._known.get(name)
         if known is None and not _allowed(name):
             return None
-        path = self._folder / name
+        path = known.path if known is not None else self._folder / name
         try:
             status = path.stat()
             stamp = (status.st_mtime_ns, status.st_size, status.st_ino, status.st_dev)
             if known is None or known.stamp != stamp:  # a page asks for forty files: what is known costs one look
                 if not path.is_file() or not path.resolve().is_relative_to(self._folder):
                     return None
-                known = self._known[name] = _packed(name, stamp, self._lasting(name, path.read_bytes()))
+                known = self._known[name] = _asset(name, path, stamp, self._lasting(name, path.read_bytes()))
         except (OSError, ValueError):
             return None
         return known
@@ -154,7 +156,8 @@ class Assets:
         parts = [part for part in map(self._find, JOINED[name]) if part is not None]
         stamp, known = tuple(part.hash for part in parts), self._known.get(name)
         if parts and (known is None or known.stamp != stamp):
-            known = self._known[name] = _packed(name, stamp, b"\n".join(part.content for part in parts))
+            content = b"\n".join(part.content for part in parts)
+            known = self._known[name] = _asset(name, self._folder / name, stamp, content)
         return known if parts else None
 
     def _lasting(self, name: str, content: bytes) -> bytes:
@@ -177,8 +180,14 @@ def _allowed(name: str) -> bool:
     )
 
 
-def _packed(name: str, stamp: tuple[object, ...], content: bytes) -> Asset:
-    packed = None
-    if Path(name).suffix in COMPRESSED and len(content) >= SMALLEST:
-        packed = gzip.compress(content, 9, mtime=0)
-    return Asset(name, stamp, hashlib.sha256(content).hexdigest()[:12], content, packed)
+def _asset(name: str, path: Path, stamp: tuple[object, ...], content: bytes) -> Asset:
+    packs = path.suffix in COMPRESSED and len(content) >= SMALLEST
+    return Asset(
+        name, path, stamp, hashlib.sha256(content).hexdigest()[:12], content, _packed(content) if packs else None
+    )
+
+
+@lru_cache(maxsize=256)
+def _packed(content: bytes) -> bytes:
+    """Once in a process, however many applications it has."""
+    return gzip.compress(content, 9, mtime=0)

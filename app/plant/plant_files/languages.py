@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -51,7 +52,7 @@ def read_timezone(head: Table) -> str:
     name = head.text("timezone")
     if not name:
         return "UTC"
-    zones = available_timezones()
+    zones = _zones()
     try:
         if name not in zones:
             raise ValueError(name)
@@ -61,3 +62,9 @@ def read_timezone(head: Table) -> str:
         head.note("timezone", name, "a time zone such as Europe/Zagreb" + (f" (perhaps {near})" if near else ""))
         return "UTC"
     return name
+
+
+@cache
+def _zones() -> frozenset[str]:
+    """Those of this machine; to look for them reads hundreds of folders."""
+    return frozenset(available_timezones())
