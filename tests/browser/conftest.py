@@ -28,11 +28,12 @@ def sessions() -> dict[str, StorageState]:
 def sit(
     browser: Browser, server: PogonServer, sessions: dict[str, StorageState], request: pytest.FixtureRequest
 ) -> Iterator[Sit]:
-    """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said.
+    """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said; with its MOVES things glide.
 
     Whatever a console complains of fails the test.
     """
-    seat = Sit(browser, server, sessions, request.module.WHO, request.module.HOME)
+    module = request.module
+    seat = Sit(browser, server, sessions, module.WHO, module.HOME, moves=getattr(module, "MOVES", False))
     yield seat
     seat.leave()
     assert not seat.complaints

@@ -12,7 +12,7 @@ from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving,
 from tests.conftest import PogonServer
 from tests.line_plant import plant
 
-WHO, HOME = "ivana", "/equipment/c1"
+WHO, HOME, MOVES = "ivana", "/equipment/c1", True
 PLANT = plant(
     'start = "automatic", automatic_speed = 70.0, unload_dwell = 0.2, interval = 3, shortest = 25, longest = 45'
 )

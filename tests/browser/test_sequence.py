@@ -11,7 +11,7 @@ from tests import coil_plant
 from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, serving, take
 from tests.conftest import PogonServer
 
-WHO, HOME = "ivana", "/equipment/seq1"
+WHO, HOME, MOVES = "ivana", "/equipment/seq1", True
 
 
 @pytest.fixture(scope="module")
