@@ -155,14 +155,15 @@ def _check_sums(plant: "Plant") -> str:
 
 def _tests_pass(plant: "Plant") -> bool:
     """Run the tests of every sequence, one that several machines share once for each kind of machine; one line for each test."""
-    from app.sim.sequence.tests import run_tests
+    from app.sim.type_tests import tests_of
 
     done = 0
     failed = 0
     seen: list[tuple[object, ...]] = []
     for item in plant.equipment.values():
         machine = plant.equipment.get(item.machine)
-        if item.sequence is None or not item.sequence.tests:
+        run_tests = tests_of(item.type.name)
+        if run_tests is None or item.sequence is None or not item.sequence.tests:
             continue
         kind = (item.sequence, machine and machine.type.name, machine and machine.options)
         if kind in seen:

@@ -8,7 +8,7 @@ import ast
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -24,19 +24,6 @@ COMMON = {"fall", "run", "sequence", "step"}
 """Machine words that mean something elsewhere, too: only their keys (`run.state`), folders and modules are names of a machine."""
 PACKAGES = ("app.blocks", "app.sim", "app.web.screens")
 """Of which a machine has modules."""
-STORIES: Mapping[str, str] = {
-    **dict.fromkeys(
-        (
-            "app/web/forces.py",
-            "app/running/page_tags.py",
-            "templates/fragments/force_rows.html",
-            "templates/pages/forces.html",
-        ),
-        "forces",
-    ),
-    "app/cli.py": "tests of sequences",
-}
-"""Files that still tell the story of one machine, and which: until records of all kinds take their place. Nothing is added here."""
 
 
 def main() -> int:
@@ -80,20 +67,14 @@ def machine_words(root: Path) -> set[str]:
     return words
 
 
-def named_machines(root: Path, stories: Mapping[str, str] = STORIES) -> Iterator[str]:
-    """Every place of a general room that names a machine; a story that is over and still excused."""
+def named_machines(root: Path) -> Iterator[str]:
+    """Every place of a general room that names a machine."""
     words = machine_words(root)
     of_types = {root / "app" / "web" / "screens" / f"{word}.py" for word in words}
     for path in sorted({path for pattern in ROOMS for path in root.glob(pattern)} - of_types):
+        found = in_python(path, words) if path.suffix == ".py" else in_text(path, words)
         name = path.relative_to(root).as_posix()
-        found = list(in_python(path, words) if path.suffix == ".py" else in_text(path, words))
-        if name not in stories:
-            yield from (f"{name}:{line}: names the machine word {word!r}" for line, word in found)
-        elif not found:
-            yield f"{name}: names no machine any more, so tools/check_house.py need not excuse it"
-    yield from (
-        f"{name}: excused by tools/check_house.py and not there" for name in stories if not (root / name).is_file()
-    )
+        yield from (f"{name}:{line}: names the machine word {word!r}" for line, word in found)
 
 
 def in_python(path: Path, words: set[str]) -> Iterator[tuple[int, str]]:

@@ -263,6 +263,27 @@ class PlcMap(UnitService):
 
 
 @dataclass(frozen=True, slots=True)
+class Interventions:
+    """The rows of a table are interventions of people in a machine: each stands until its time is over or somebody takes it back.
+
+    One page lists them for the whole plant (web/forces.py): what, who, why, how long still.
+    """
+
+    count: str
+    """Point: how many stand."""
+    remaining: str
+    """Column: time left [s]."""
+    owner: str
+    """Column: number of the person who asked, as it went with the command."""
+    record: str
+    """Kind of record that tells why; its number is the row's (web/screens, `row_name`)."""
+    release: str
+    """Command that takes one back; each of its arguments is the column of its name."""
+    release_all: str
+    """Command that takes all of them back."""
+
+
+@dataclass(frozen=True, slots=True)
 class TableMap:
     """A table of the device: fixed slots, of which the first `count` are read. Each cell is a point `<key>_<slot>_<column>`, slots from 1.
 
@@ -277,6 +298,8 @@ class TableMap:
     capacity: str
     """A number, or the name of an option of the equipment."""
     columns: Sequence[str] = ()
+    interventions: Interventions | None = None
+    """What its rows are, if they are that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,6 +412,11 @@ class EquipmentType:
     training: Training = field(default_factory=Training)
     symbol: str = "e-machine"
     """What its machines are drawn as, in static/symbols.svg."""
+
+    @property
+    def interventions(self) -> Mapping[str, Interventions]:
+        """Tables whose rows are interventions of people, by key."""
+        return {key: table.interventions for key, table in self.tables.items() if table.interventions}
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,7 @@ from app.plant.type_files.commands import CommandReader
 from app.plant.type_files.conditions import check_commands, read_checks, read_guards
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.device import read_actions, read_device, read_simulation_presets
+from app.plant.type_files.interventions import check_interventions
 from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
 from app.plant.type_files.points import Points
@@ -100,11 +101,13 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     sentences = Sentences()
     points = Points(name, options, sentences)
     points.read(files.open("points.toml", optional=False))
-    tables, columns = read_tables(files.open("tables.toml"), options, points, has_map=device.plc is not None)
+    table_file = files.open("tables.toml")
+    tables, columns = read_tables(table_file, options, points, has_map=device.plc is not None)
     for counting in {map.capacity for map in tables.values()} & set(options.ranges):
         options.check_whole(head, counting)
     setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
+    check_interventions(table_file, tables, points=points.found, commands=commands, records=kinds)
     guards = files.open("interlocks.toml")
     permissives, interlocks = read_guards(guards, sentences)
     checks = read_checks(files.open("checks.toml"), sentences, setpoints)

@@ -25,9 +25,9 @@ def page_tags(kind: str, plant: Plant | None, known: Collection[str]) -> list[st
 
 
 def force_names(plant: Plant | None) -> list[str]:
-    """Tags that say how many permissives of each sequence are forced."""
+    """Tags that say how many interventions stand in each machine that can have some."""
     items = plant.equipment.values() if plant else ()
-    return [item.points["forces"].name for item in items if item.sequence and "forces" in item.points]
+    return [item.points[of.count].name for item in items for of in item.type.interventions.values()]
 
 
 def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
@@ -45,8 +45,10 @@ def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
         case "frame":
             return []
         case "forces":
-            items = [item for item in plant.equipment.values() if item.sequence]
-            names = [point.name for item in items for point in item.points.values() if point.table == "force"]
+            items = [item for item in plant.equipment.values() if item.type.interventions]
+            names = [
+                point.name for item in items for point in item.points.values() if point.table in item.type.interventions
+            ]
             names += [f"{SYSTEM}.{COMMANDS}.{item.id}" for item in items]
             return names + [name for item in items if (name := f"{SYSTEM}.{EVENTS}.{item.id}") in known]
         case "communication":

@@ -36,6 +36,17 @@ class RowView:
         return float(cell.value) if cell and cell.usable and isinstance(cell.value, int | float) else None
 
 
+@dataclass(frozen=True, slots=True)
+class RowName:
+    """What a row is called."""
+
+    label: str
+    where: str
+    """Where in the machine that is."""
+    number: int
+    """Under which the records of its kind have it."""
+
+
 class TableView:
     """A table of a machine as it stands."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
+from app.running.page_tags import page_tags
 from app.web.points import EquipmentView
 from app.web.screens.sequence import SequenceView, sequence_of, sequences_for
 from tests import coil_plant
@@ -61,12 +62,18 @@ def test_a_page_is_whole_in_every_language(plant: TestClient, engineer: Operator
     assert 'style="' not in answer.text and not re.search(r"<script(?![^>]* src=)", answer.text)
 
 
+def tags_of(plant: TestClient, kind: str) -> set[str]:
+    """What a kind of page is sent."""
+    runtime = runtime_of(plant)
+    return set(page_tags(kind, runtime.plant, runtime.points))
+
+
 def test_the_page_of_a_sequence_has_the_points_of_its_machine(plant: TestClient) -> None:
-    names = runtime_of(plant).page_names("equipment/seq1")
-    assert {"cc1.horizontal", "cc1.coil_diameter", "seq1.step_8_elapsed", "sys.commands.seq1"} <= set(names)
-    assert "cc1.horizontal" not in runtime_of(plant).page_names("equipment/seq2")
-    assert {"seq1.forces", "seq2.forces"} <= set(runtime_of(plant).page_names("frame"))
-    assert "seq2.force_1_remaining" in runtime_of(plant).page_names("forces")
+    names = tags_of(plant, "equipment/seq1")
+    assert {"cc1.horizontal", "cc1.coil_diameter", "seq1.step_8_elapsed", "sys.commands.seq1"} <= names
+    assert "cc1.horizontal" not in tags_of(plant, "equipment/seq2")
+    assert {"seq1.forces", "seq2.forces"} <= tags_of(plant, "frame")
+    assert "seq2.force_1_remaining" in tags_of(plant, "forces")
 
 
 def test_the_list_of_forces_is_fetched_again_when_the_event_is_kept_that_tells_why(
@@ -76,7 +83,7 @@ def test_the_list_of_forces_is_fetched_again_when_the_event_is_kept_that_tells_w
     found = re.search(r'data-refetch="/forces/list" data-tags="([^"]*)"', engineer.get("/forces", fragment=False).text)
     told = {"sys.events.seq1", "sys.events.seq2"}
     assert found and told <= set(found[1].split())
-    assert told <= set(runtime_of(plant).page_names("forces"))
+    assert told <= tags_of(plant, "forces")
 
 
 def test_a_machine_knows_the_sequences_that_move_it(plant: TestClient) -> None:

@@ -31,6 +31,7 @@ class Hall:
     tags: TagDatabase = field(default_factory=lambda: TagDatabase(SystemClock()))
     simulated: bool = True
     plant: object = "a plant"
+    points: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self.clock = SystemClock()
@@ -38,16 +39,18 @@ class Hall:
         self.tags.configure([Tag(f"m1.{key}", key, "hall") for key in ("speed", "current", "status")])
         self.live = Live(self.tags, self.clock, 0.02)
 
-    def page_names(self, kind: str) -> list[str]:
-        if kind != "equipment/m1":
-            raise KeyError(kind)
-        return ["m1.speed", "m1.current"]
-
     def publish(self, **values: float) -> None:
         now = self.clock.micros()
         self.tags.publish(
             Batch("hall", 0, now, now, [self.tags.handle(f"m1.{key}") for key in values], list(values.values()))
         )
+
+
+def page_of_m1(kind: str, plant: object, known: object) -> list[str]:
+    """The only page there is."""
+    if kind != "equipment/m1":
+        raise KeyError(kind)
+    return ["m1.speed", "m1.current"]
 
 
 @dataclass
@@ -67,7 +70,8 @@ class Served:
 
 
 @pytest.fixture
-async def served() -> AsyncIterator[Served]:
+async def served(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Served]:
+    monkeypatch.setattr("app.web.socket.page_tags", page_of_m1)
     app = FastAPI()
     app.include_router(router)
     app.add_middleware(Gatekeeper)

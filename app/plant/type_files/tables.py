@@ -1,11 +1,13 @@
 """tables.toml: the tables of a Pogon PLC, their columns, and the points in their heads."""
 
 import re
+from dataclasses import replace
 
 from app.plant import plc
 from app.plant.definitions import TableMap
 from app.plant.tables import Table
 from app.plant.type_files.data import PointData
+from app.plant.type_files.interventions import read_interventions
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 from app.plant.type_files.options import Options
 from app.plant.type_files.points import Points
@@ -32,8 +34,8 @@ def read_tables(
             plc.check_columns(table, map, {name: register for name, register in registers.items() if register})
         for name, word in plc.HEAD_POINTS.items():
             points.add_head(table, f"{key}_{name}", f"table.{name}", map.address + word)
+        tables[key] = replace(map, interventions=read_interventions(table, map))
         table.done()
-        tables[key] = map
     for key in points.found:
         if plc.is_cell(key, tables):
             file.note(key, "points.toml", "no point whose key is that of a cell")

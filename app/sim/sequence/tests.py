@@ -33,26 +33,11 @@ from app.sim.device import DT
 from app.sim.plant import SimPlant
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.program import Machine, VirtualSequence
+from app.sim.type_tests import TestResult
 from app.tags.quality import GOOD, NO_DATA
 
 IDLE_TIME = 60.0
 """How long a test without timed rows goes on after the last of `when` [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class TestResult:
-    """What came of one test."""
-
-    __test__ = False  # not one of pytest's
-
-    name: str
-    ok: bool
-    happened: str
-    """What was expected and what happened instead; of a test that passed: how it ended."""
-    simulated: float
-    """[s]"""
-    took: float
-    """Computing time [s]; the only part that differs from run to run."""
 
 
 def run_tests(plant: Plant, equipment: Equipment | str) -> list[TestResult]:

@@ -6,6 +6,7 @@ Such a module may hold
 | --- | --- |
 | `NAMES` | what templates everywhere get, by name |
 | `check_asked` | (machine, command, what is given): refuses a dialog for what is not there |
+| `row_name` | (machine, table, row): what a row of a table is called |
 | `in_words`, `TOGETHER` | (machine, arguments): what some of them mean together; which they are |
 """
 
@@ -17,6 +18,7 @@ from typing import Any
 
 from app.plant.definitions import Command
 from app.web.points import EquipmentView
+from app.web.tables import RowName, RowView
 
 _MODULES: Mapping[str, ModuleType] = {
     found.name: import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__)
@@ -44,3 +46,10 @@ def in_words(machine: EquipmentView, arguments: Mapping[str, float]) -> tuple[st
     words = getattr(_MODULES.get(machine.type), "in_words", None)
     text: str = words(machine, arguments) if words else ""
     return text, getattr(_MODULES.get(machine.type), "TOGETHER", ()) if text else ()
+
+
+def row_name(machine: EquipmentView, table: str, row: RowView) -> RowName:
+    """What a row of a table is called; its number when the type has no name for it."""
+    name = getattr(_MODULES.get(machine.type), "row_name", None)
+    found: RowName = name(machine, table, row) if name else RowName(f"#{row.id}", "", row.id)
+    return found

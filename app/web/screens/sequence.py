@@ -13,7 +13,7 @@ from app.errors import Refused
 from app.plant.definitions import Command, SequenceDefinition, SequencePermissive
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
-from app.web.tables import RowView, TableView
+from app.web.tables import RowName, RowView, TableView
 
 MOST_NAMED = 3
 """So many missing permissives are named in one sentence; the others are counted."""
@@ -452,6 +452,17 @@ def in_words(machine: EquipmentView, arguments: Mapping[str, float]) -> str:
     named, text = definition.permissive(step, bit), machine.text
     label = machine.words(named.label) if named else text("sequence.screen.bit", n=bit)
     return f"{text('sequence.screen.in_step', n=step) if step else text('sequence.screen.abort')} · {label}"
+
+
+def row_name(machine: EquipmentView, table: str, row: RowView) -> RowName:
+    """The permissive that a row of forces or falls is about."""
+    sequence = sequence_of(machine)
+    step, bit = int(row.number("step") or 0), int(row.number("bit") or 0)
+    if sequence is None:
+        return RowName(f"#{row.id}", "", row.id)
+    text = machine.text
+    place = text("sequence.screen.bit_of", bit=bit, step=step) if step else text("sequence.screen.abort")
+    return RowName(sequence.label(step, bit), f"{place} · {sequence.title(step)}", step * BITS + bit)
 
 
 def sequence_of(equipment: EquipmentView) -> SequenceView | None:

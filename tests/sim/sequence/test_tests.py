@@ -10,7 +10,8 @@ from app.errors import ConfigurationError
 from app.plant.definitions import SequenceTest
 from app.sim.plant import SimPlant
 from app.sim.sequence.program import VirtualSequence
-from app.sim.sequence.tests import TestResult, run_tests
+from app.sim.sequence.tests import run_tests
+from app.sim.type_tests import TestResult
 from tests.sim.coil_car.line import TRANSPORT, plant, teaching
 
 START: Mapping[str, object] = {"at": 0.0, "command": "start"}

@@ -1,0 +1,58 @@
+"""`[<table>.interventions]` of tables.toml: a table whose rows are interventions of people, listed for the whole plant.
+
+[force.interventions]
+count = "forces"                    point: how many stand
+remaining = "remaining"             column: time left [s]
+owner = "owner"                     column: who asked, as in the command
+record = "force"                    kind of record that tells why
+release = "release"                 command that takes one back; its arguments are columns
+release_all = "release_all"         command that takes all back
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import fields
+
+from app.plant.definitions import Command, Interventions, TableMap
+from app.plant.tables import Table, one_of
+
+
+def read_interventions(table: Table, map: TableMap) -> Interventions | None:
+    """What a table says of its rows; None when they are no interventions."""
+    if not table.has("interventions"):
+        return None
+    row = table.table("interventions")
+    found = Interventions(**{field.name: row.text(field.name) for field in fields(Interventions)})
+    for key in ("remaining", "owner"):
+        _check(row, key, getattr(found, key), map.columns, f"a column of {map.key}")
+    row.done()
+    return found
+
+
+def check_interventions(
+    file: Table,
+    tables: Mapping[str, TableMap],
+    *,
+    points: Collection[str],
+    commands: Mapping[str, Command],
+    records: Collection[str],
+) -> None:
+    """What they name beside their own columns must be there."""
+    for key, map in tables.items():
+        if (of := map.interventions) is None:
+            continue
+        row = file.table(key).table("interventions")
+        _check(row, "count", of.count, points, "a point")
+        _check(row, "record", of.record, records, "a kind of record")
+        for name in ("release", "release_all"):
+            _check(row, name, getattr(of, name), commands, "a command")
+        release = commands.get(of.release)
+        for argument in release.arguments if release else ():
+            if argument.name not in map.columns:
+                row.note(
+                    "release", of.release, f"a command whose arguments are columns of {key}; {argument.name} is none"
+                )
+
+
+def _check(row: Table, key: str, name: str, known: Collection[str], what: str) -> None:
+    if name and name not in known:
+        row.note(key, name, f"{what}: {one_of(sorted(known), name)}")

@@ -1,0 +1,36 @@
+"""Tests that a plant folder holds for machines of a type: `sim/<type>/tests.py` runs them, for types that have such."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+
+from app.plant.definitions import Equipment, Plant
+
+
+@dataclass(frozen=True, slots=True)
+class TestResult:
+    """What came of one test."""
+
+    __test__ = False  # not one of pytest's
+
+    name: str
+    ok: bool
+    happened: str
+    """What was expected and what happened instead; of a test that passed: how it ended."""
+    simulated: float
+    """[s]"""
+    took: float
+    """Computing time [s]; the only part that differs from run to run."""
+
+
+RunTests = Callable[[Plant, Equipment], Sequence[TestResult]]
+
+
+def tests_of(kind: str) -> RunTests | None:
+    """What runs the tests of machines of the type `kind`; None when it has none."""
+    name = f"{__package__}.{kind}"
+    if find_spec(name) is None or find_spec(f"{name}.tests") is None:
+        return None
+    run: RunTests = import_module(f"{name}.tests").run_tests
+    return run
