@@ -5,11 +5,11 @@ Who sends, follows and ends commands reads the fields and tells what happened; e
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance
+from app.commands.lifecycle import Progress, State, advance, also_known_as
 from app.commands.orders import Order
 from app.plant.definitions import Alarm, Condition
 from app.registers.plc_map import Answer
@@ -112,8 +112,7 @@ class Job:
 
     def known_as(self, request: int) -> None:
         """The device knows it by this id."""
-        if request not in (0, *self.progress.requests):
-            self.progress = replace(self.progress, requests=(*self.progress.requests, request))
+        self.progress = also_known_as(self.progress, request)
 
     @contextmanager
     def asked_again(self, now: float) -> Iterator[None]:

@@ -91,6 +91,13 @@ class Progress:
         return f"fb.{self.state}"
 
 
+def also_known_as(progress: Progress, request: int) -> Progress:
+    """`progress`, which the device knows by the id `request`, too; 0 is none."""
+    if not request or request in progress.requests:
+        return progress
+    return replace(progress, requests=(*progress.requests, request))
+
+
 def advance(
     progress: Progress,
     state: State,

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from app import chance
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import Progress
+from app.commands.lifecycle import Progress, also_known_as
 from app.commands.orders import Order, Task
 from app.plant.definitions import Equipment, Link
 
@@ -30,6 +30,10 @@ class SetJob:
     """Points whose last write may still take effect: what is read of them now proves nothing."""
     stop: str = ""
     """Why no further new value is written (a text key); empty while nothing keeps it from going on."""
+
+    def known_as(self, request: int) -> None:
+        """The device knows one of its steps by this id."""
+        self.progress = also_known_as(self.progress, request)
 
     def interrupt(self, why: str) -> None:
         """Write no further new value, and put back what was changed; the first reason counts."""

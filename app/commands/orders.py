@@ -19,8 +19,10 @@ class Writer(Protocol):
         """Whether nothing real is behind it."""
         ...
 
-    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
+    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> int:
         """Write `value` [EU]; returns when the echo was checked. Urgent goes before everything that waits.
+
+        What comes back is the id by which the device knows this write in its own records; 0: it has none.
 
         Raises:
             LinkError: no valid answer; DeviceException: the device refused; Overtaken: never sent.
@@ -35,8 +37,8 @@ class Writer(Protocol):
         """
         ...
 
-    async def write_set(self, equipment: str, values: Mapping[str, float]) -> None:
-        """Write the values [EU] of one group; returns when the device has taken all of them.
+    async def write_set(self, equipment: str, values: Mapping[str, float]) -> int:
+        """Write the values [EU] of one group; returns when the device has taken all of them, the same as `write`.
 
         Raises:
             LinkError: as `write`; Rejected: the device took none.

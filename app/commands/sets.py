@@ -26,7 +26,7 @@ from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order, Task
 from app.commands.set_follow_up import UNREAD, UNTOLD, SetFollowUp, read_now, standing_params, value_now
 from app.commands.value_set import Change, Stands
-from app.errors import LinkError, Refused
+from app.errors import LinkError, NoAnswer, Refused
 from app.links.contract import LateAnswerDue
 from app.links.schedule import PERMIT
 
@@ -143,9 +143,11 @@ class Sets:
         permit = partial(self._may_go_on, machine, job) if new else None
         before = PERMIT.set(permit)
         try:
-            while not await self._sent(machine, values, until):
+            while not await self._sent(machine, job, values, until):
                 pass
         except (LinkError, Refused, KeyError) as error:
+            if isinstance(error, NoAnswer):
+                job.known_as(error.request)
             outcome = outcome_of(error, machine.item, told=False)
             if outcome[0] is State.UNKNOWN:
                 job.unsettled |= values.keys()
@@ -155,10 +157,10 @@ class Sets:
         job.unsettled.difference_update(values)
         return None
 
-    async def _sent(self, machine: Machine, values: Mapping[str, float], until: float) -> bool:
+    async def _sent(self, machine: Machine, job: SetJob, values: Mapping[str, float], until: float) -> bool:
         """Whether the step is written; False when it was not sent and the line is free for it now."""
         try:
-            await self._state.writers[machine.item.link].write_set(machine.item.id, values)
+            job.known_as(await self._state.writers[machine.item.link].write_set(machine.item.id, values))
         except LinkError as error:
             late = error if isinstance(error, LateAnswerDue) else error.__cause__
             if not isinstance(late, LateAnswerDue) or self._state.clock.monotonic() + late.wait > until:

@@ -103,10 +103,11 @@ class Orders:
         words = (bits & 0xFFFF, counter & 0xFFFF, *plc_map.long_words(plc_map.real(argument)))
         await self._write(plc_map.HOLD, words, urgent=urgent)
 
-    async def set(self, map: PlcMap, writes: Sequence[SetWrite]) -> None:
+    async def set(self, map: PlcMap, writes: Sequence[SetWrite]) -> int:
         """Put `writes` into the set of setpoints and have the device take it as a whole. Returns when it is in effect.
 
-        The others are as the device has them at that moment, so of two writes one after the other none is lost.
+        What comes back is the id under which the device knows this. The others are as the device has them at that moment, so of two writes
+        one after the other none is lost.
 
         Raises:
             Rejected: the device takes none of it, with its reason; nothing has changed.
@@ -147,6 +148,7 @@ class Orders:
             answer = await self._until_done(answer, name)
         if answer.state is not AnswerState.DONE:
             raise Rejected(name, answer.reason, answer.detail, answer.state.name.lower())
+        return answer.id
 
     # details
 

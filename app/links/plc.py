@@ -143,12 +143,13 @@ class PlcUnit:
         settings = self.map.settings
         return settings is not None and settings.address <= register.address < settings.address + settings.words
 
-    async def write(self, writes: Sequence[SetWrite]) -> None:
-        """Put `writes` into the set of setpoints and have the device take it as a whole (orders.py)."""
-        await self.orders.set(self.map, writes)
+    async def write(self, writes: Sequence[SetWrite]) -> int:
+        """Put `writes` into the set of setpoints and have the device take it as a whole (orders.py); the id that it knows this by."""
+        request = await self.orders.set(self.map, writes)
         settings = self.map.settings
         assert settings is not None
         self._bus.written(self._station, settings.address, settings.words)
+        return request
 
     # scans
 

@@ -156,12 +156,12 @@ class RegisterLink:
         self._equipment = {item.id: item for item in equipment}
         self._runner.change(stations)
 
-    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> None:
+    async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> int:
         """Write `value` [EU] to the point with key `point`; returns when the device has echoed it (accepted, not confirmed).
 
         Never repeated here. `urgent` (Stop) goes before everything, is also tried on a silent unit, and takes writes to the same
         unit that still wait out of the queue. A setpoint of a Pogon PLC is put into the set that is in effect
-        there, and the device takes the set as a whole; this returns when it has.
+        there, and the device takes the set as a whole; this returns when it has, the id by which it knows that (else 0).
 
         Raises:
             Rejected: the device took none of the set, with its own reason.
@@ -174,14 +174,14 @@ class RegisterLink:
         service = next((each for each in station.services if each.takes(register)), None)
         if service is not None:
             self._check_writable(station, urgent=urgent)
-            await service.write([(name, register, words)])
-            return
+            return await service.write([(name, register, words)])
         function = self._write_function(station, name, words)
         self._check_writable(station, urgent=urgent)
         if register.mask is not None and register.readable:
             words = await self._merged(station, register, words)
         await self._send(item.unit, register.address, words, function, urgent=urgent)
         self._runner.written(station, register.address, len(words))
+        return 0
 
     def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
         """`points` (keys) in the groups that the device takes all or none, in the order of their first; a register by itself is one.
@@ -198,8 +198,8 @@ class RegisterLink:
             groups.setdefault(key if service is None else id(service), []).append(key)
         return list(groups.values())
 
-    async def write_set(self, equipment: str, values: Mapping[str, float]) -> None:
-        """Have the device take the points of one group of `together` at once; otherwise as `write`.
+    async def write_set(self, equipment: str, values: Mapping[str, float]) -> int:
+        """Have the device take the points of one group of `together` at once; otherwise as `write`, and returns the same.
 
         Raises:
             Rejected: the device took none of them, with its own reason.
@@ -207,8 +207,7 @@ class RegisterLink:
         """
         if len(values) == 1:
             for point, value in values.items():
-                await self.write(equipment, point, value)
-            return
+                return await self.write(equipment, point, value)
         item = self._equipment_named(equipment)
         writes = [self._encoded(item, point, value) for point, value in values.items()]
         station = self._runner.stations[item.unit]
@@ -216,7 +215,7 @@ class RegisterLink:
         if service is None:
             raise LinkError(f"{item.id}: {', '.join(values)} are not taken as one set")
         self._check_writable(station, urgent=False)
-        await service.write(writes)
+        return await service.write(writes)
 
     async def order(
         self,

@@ -64,8 +64,8 @@ class Service(Protocol):
         """Whether a write to `register` goes through this service: those that it takes, it takes all or none."""
         ...
 
-    async def write(self, writes: Sequence[SetWrite]) -> None:
-        """Have the device take `writes` as a whole; returns when they are in effect.
+    async def write(self, writes: Sequence[SetWrite]) -> int:
+        """Have the device take `writes` as a whole; returns when they are in effect, the id by which the device knows that (0: none).
 
         Raises:
             Rejected: the device takes none of it, with its reason; nothing has changed.
