@@ -172,13 +172,9 @@ def keeping(plant: Plant | None, kind: str) -> list[Equipment]:
     return [item for item in plant.equipment.values() if kind in item.type.records] if plant else []
 
 
-def kinds(plant: Plant | None) -> dict[str, Kind]:
+def kinds(plant: Plant | None) -> Mapping[str, Kind]:
     """The kinds of all machines of the plant, by name."""
-    found: dict[str, Kind] = {}
-    for item in plant.equipment.values() if plant else ():
-        for name, kind in item.type.records.items():
-            found.setdefault(name, kind)
-    return found
+    return plant.records if plant else {}
 
 
 def names(plant: Plant | None, kind: Kind, equipment: str, label: Label) -> list[str]:

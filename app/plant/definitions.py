@@ -574,6 +574,12 @@ class Plant:
     types: Mapping[str, EquipmentType]
     texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     """Language → key → text, for the alarm rows of the plant file."""
+    records: Mapping[str, RecordKind] = field(init=False, compare=False)
+    """What its machines keep of their history, by name: no two of its types name a kind alike."""
+
+    def __post_init__(self) -> None:
+        kinds = {name: kind for item in self.equipment.values() for name, kind in item.type.records.items()}
+        object.__setattr__(self, "records", kinds)
 
     @property
     def points(self) -> Mapping[str, Point]:

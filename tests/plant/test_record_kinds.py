@@ -1,5 +1,6 @@
 """records.toml of an equipment type: what it may say, and how a mistake in it is told."""
 
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from app.plant import types
 from app.plant.definitions import Problem
+from app.plant.loader import read_plant
 from app.plant.record_kinds import read_kinds
 from app.plant.tables import Source
 from app.records.kind import Kind
@@ -129,3 +131,45 @@ def test_the_kinds_of_every_type_are_without_mistakes_and_say_everything(name: s
     assert list(data.type.records) == (list(tomllib.loads(file.read_text("utf-8"))) if file.is_file() else [])
     for texts in data.type.texts.values():
         assert {key for key in types.text_keys(data) if key.startswith("record.")} <= set(texts)
+
+
+TWO_TYPES = """
+[plant]
+name = "Hall"
+timezone = "UTC"
+languages = ["en"]
+[links.line]
+transport = "memory"
+[equipment.c1]
+type = "conveyor"
+link = "line"
+unit = 1
+label = "One"
+[equipment.c2]
+type = "belt"
+link = "line"
+unit = 2
+label = "Two"
+"""
+
+
+@pytest.mark.parametrize("renamed", [False, True])
+def test_two_types_of_a_plant_cannot_name_a_kind_of_records_alike(tmp_path: Path, renamed: bool) -> None:
+    """One list, one address, one table of texts and columns would be of both."""
+    for name in ("conveyor", "belt"):
+        shutil.copytree(types.EQUIPMENT / "conveyor", tmp_path / "types" / name)
+    if renamed:
+        for file in (tmp_path / "types" / "belt").glob("*.toml"):
+            file.write_text(file.read_text("utf-8").replace("passage", "transfer"), "utf-8")
+    (tmp_path / "plant").mkdir()
+    (tmp_path / "plant" / "plant.toml").write_text(TWO_TYPES, "utf-8")
+    plant, problems = read_plant(tmp_path / "plant", type_folder=tmp_path / "types")
+    if renamed:
+        assert problems == []
+        assert plant is not None
+        assert list(plant.records) == ["passage", "transfer"]
+        assert plant.records is plant.records, "computed once"
+    else:
+        assert [str(one) for one in problems] == [
+            "belt/records.toml: passage = a kind of records of conveyor, too: expected a name that no other type of the plant has"
+        ]
