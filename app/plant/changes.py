@@ -19,6 +19,8 @@ MOST_LINES = 40
 """Lines that the changes of one sequence take."""
 LONGEST_TABLE = 400
 """Of a table that one line shows [characters]."""
+PASSING = ("machine_runs", "sequence_runs")
+"""Effects that are told of what runs now: they come and go, the change stays the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,11 @@ def compare(old: Plant, new: Plant, running: Collection[str] = (), moving: Colle
 
 
 def digest(changes: Sequence[Change]) -> str:
-    """A short name of exactly these changes: what a person confirms is what they have read."""
-    return sha256(repr(list(changes)).encode()).hexdigest()[:16]
+    """A short name of exactly these changes: what a person confirms is what they have read, whatever runs at the moment."""
+    lasting = [
+        replace(one, effects=tuple(effect for effect in one.effects if effect.key not in PASSING)) for one in changes
+    ]
+    return sha256(repr(lasting).encode()).hexdigest()[:16]
 
 
 def renamed(old: Plant, new: Plant) -> dict[str, str]:

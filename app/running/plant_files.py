@@ -139,5 +139,5 @@ class PlantFiles:
 
 def _compared(old: Plant, new: Plant, running: Collection[str], moving: Collection[str]) -> Reading:
     """What changes; with some thousand machines this takes a while."""
-    told = compare(old, new, running, moving)  # they come and go: what is confirmed is the change
-    return Reading((), tuple(told), digest(compare(old, new)))
+    told = compare(old, new, running, moving)
+    return Reading((), tuple(told), digest(told))

@@ -93,6 +93,9 @@ def test_the_digest_stands_for_exactly_these_changes(demo: Plant, tmp_path: Path
     one = compare(demo, read(tmp_path, DEMO.replace("unit = 2", "unit = 9")))
     other = compare(demo, read(tmp_path, DEMO.replace("unit = 2", "unit = 8")))
     assert digest(one) == digest(list(one)) != digest(other)
+    for moving in ((), ("m2",), ("m2", "c1")):
+        told = compare(demo, read(tmp_path, DEMO.replace("unit = 2", "unit = 9")), (), moving)
+        assert digest(told) == digest(one), "what runs comes and goes"
 
 
 def test_a_line_is_the_same_whatever_it_is_called(demo: Plant) -> None:
