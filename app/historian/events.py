@@ -59,7 +59,10 @@ class Told:
 
 
 class Fold(ABC):
-    """What is made of the events of some machines while they are stored; its methods run on the database's thread."""
+    """What is made of the events of some machines while they are stored; its methods run on the database's thread.
+
+    `number` is that under which the events of a machine are stored.
+    """
 
     machines: frozenset[str] = frozenset()
     """Of whose events it is told."""
@@ -69,15 +72,15 @@ class Fold(ABC):
         """Take the machines of a plant."""
 
     @abstractmethod
-    def put(self, connection: Connection, equipment: str, event: Event) -> None:
+    def put(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         """A new event is stored."""
 
     @abstractmethod
-    def lose(self, connection: Connection, equipment: str, lost: int) -> None:
+    def lose(self, connection: Connection, equipment: str, number: int, lost: int) -> None:
         """So many events were lost before the next one."""
 
     @abstractmethod
-    def begin_again(self, connection: Connection, equipment: str, event: Event) -> None:
+    def begin_again(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         """The ring counts from 1 again with `event`, which is put next: the device knows nothing any more of what was under way."""
 
     def attributed(self, connection: Connection, equipment: str, event: Event) -> None:  # noqa: B027
@@ -327,17 +330,17 @@ def store(
     missing = delivery.lost if not fresh or fresh[0] is delivery.events[0] else 0
     if known is not None and fresh and fresh[0] not in again:  # whoever counted may have known less than is stored
         missing = min(missing, (fresh[0].sequence - known.sequence) % 2**32 - 1)
+    number = machine(connection, equipment)
     if missing > 0:
         _note_gap(connection, equipment, missing, fresh[0] if fresh else None, mark, now)
         for fold in told:
-            fold.lose(connection, equipment, missing)
-    number = machine(connection, equipment)
+            fold.lose(connection, equipment, number, missing)
     for event in fresh:
         kept = _insert(connection, number, equipment, event)
         for fold in told:
             if event in again:
-                fold.begin_again(connection, equipment, kept)
-            fold.put(connection, equipment, kept)
+                fold.begin_again(connection, equipment, number, kept)
+            fold.put(connection, equipment, number, kept)
     if fresh and mark is not None:
         connection.exec_driver_sql(
             "INSERT INTO event_mark (equipment, boot, sequence, time) VALUES (?, ?, ?, ?) ON CONFLICT (equipment) DO UPDATE "

@@ -187,12 +187,12 @@ def part_times(connection: Connection, kind: Kind, wanted: Wanted) -> list[PartT
         tuple(given),
     ).all()
     last = {
-        row[0]: row[1]
-        for row in connection.exec_driver_sql(
-            # the bare column is that of the row with the greatest time (SQLite)
-            f"SELECT p.key, p.seconds, max(r.begun) FROM {source} WHERE p.seconds IS NOT NULL GROUP BY p.key",
-            tuple(given),
-        )
+        key: connection.exec_driver_sql(  # the index has the newest first: it ends with the first one in which the part was done
+            f"SELECT p.seconds FROM record r CROSS JOIN record_part p ON p.record = r.id AND p.state = 'done' {where} "
+            "AND p.key = ? AND p.seconds IS NOT NULL ORDER BY r.begun DESC, r.id DESC LIMIT 1",
+            (*given, key),
+        ).scalar()
+        for _, key, *_ in rows
     }
     found = [PartTimes(row[0], row[1], Spread(row[2], row[3], row[4], row[5], last[row[1]])) for row in rows]
     return sorted(found, key=lambda one: (one.number, one.key))

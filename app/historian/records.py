@@ -73,29 +73,27 @@ class RecordFold(Fold):
         self._sources = {id: source for id, source in found if source is not None}
         self.machines = frozenset(self._sources)
 
-    def lose(self, connection: Connection, equipment: str, lost: int) -> None:
+    def lose(self, connection: Connection, equipment: str, number: int, lost: int) -> None:
         """So many events of a machine were lost before the next one."""
         if source := self._sources.get(equipment):
-            fold.lose(source.machine, Shelf(connection, equipment, source), lost)
+            fold.lose(source.machine, Shelf(connection, equipment, number, source), lost)
 
-    def begin_again(self, connection: Connection, equipment: str, event: Event) -> None:
+    def begin_again(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         """The ring of a machine counts from 1 again with `event`."""
         if source := self._sources.get(equipment):
-            fold.begin_again(source.machine, Shelf(connection, equipment, source), source.reading(event))
+            fold.begin_again(source.machine, Shelf(connection, equipment, number, source), source.reading(event))
 
-    def put(self, connection: Connection, equipment: str, event: Event) -> None:
+    def put(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         """A new event, which is stored already (`Event.id`)."""
         if source := self._sources.get(equipment):
-            fold.take(source.machine, Shelf(connection, equipment, source), source.reading(event))
+            fold.take(source.machine, Shelf(connection, equipment, number, source), source.reading(event))
 
 
 class Shelf:
     """The records of one machine, for one event: what was read is known until it is over."""
 
-    def __init__(self, connection: Connection, equipment: str, source: Source) -> None:
-        self._connection, self._equipment, self._source = connection, equipment, source
-        found = connection.exec_driver_sql("SELECT id FROM event_machine WHERE name = ?", (equipment,)).scalar()
-        self._machine = int(found) if found is not None else -1
+    def __init__(self, connection: Connection, equipment: str, number: int, source: Source) -> None:
+        self._connection, self._equipment, self._machine, self._source = connection, equipment, number, source
         self._known: dict[int, Record] = {}
 
     def latest(self, kind: Kind, number: int) -> Record | None:

@@ -70,13 +70,13 @@ class Witness(Fold):
     def configure(self, machines: Iterable[Equipment]) -> None:
         pass
 
-    def put(self, connection: Connection, equipment: str, event: Event) -> None:
+    def put(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         self.told.append(("put", event.sequence))
 
-    def lose(self, connection: Connection, equipment: str, lost: int) -> None:
+    def lose(self, connection: Connection, equipment: str, number: int, lost: int) -> None:
         self.told.append(("lose", lost))
 
-    def begin_again(self, connection: Connection, equipment: str, event: Event) -> None:
+    def begin_again(self, connection: Connection, equipment: str, number: int, event: Event) -> None:
         self.told.append(("again", event.sequence))
 
     def attributed(self, connection: Connection, equipment: str, event: Event) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import Connection
+from sqlalchemy.event import listen
 
 from app.db import Database
 from app.historian import record_query, records, store
@@ -134,6 +135,17 @@ def test_the_store_says_what_the_fold_says(history: Database, seed: int) -> None
             assert whole(history, kind) == [
                 (one, [(event.boot, event.sequence) for event in told]) for one, told in own
             ]
+
+
+@pytest.mark.parametrize("equipment", ["c1", "seq1"])
+def test_the_number_of_a_machine_is_looked_up_once_for_a_delivery(history: Database, equipment: str) -> None:
+    asked: list[str] = []
+    listen(history.engine, "before_cursor_execute", lambda *given: asked.append(given[2]))
+    portions = stories.products(3, 30) if equipment == "c1" else stories.runs(3, 5)
+    for portion in portions:
+        asked.clear()
+        tell(history, equipment, [portion])
+        assert sum("FROM event_machine WHERE name" in one for one in asked) <= 1
 
 
 @pytest.mark.parametrize("equipment", ["c1", "seq1"])
