@@ -8,8 +8,10 @@ from sqlalchemy import Connection
 
 from app.historian import event_search as search
 from app.historian.event_export import PAGE, ListExport, ListWish
+from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import Codes, Wanted
 from app.historian.events import has_ring
+from app.historian.export import iso
 from app.plant.definitions import Equipment, Plant
 from app.plant.texts import Texts
 from app.records.event import Event
@@ -39,6 +41,26 @@ class EventExport(ListExport[EventWish, Event]):
 
     title = "events of machines"
     stem = "events"
+
+    def __init__(self, wish: EventWish) -> None:
+        super().__init__(wish)
+        self._gaps: list[Gap] = []
+
+    def open(self, connection: Connection) -> None:
+        """Count what fits, and find what is missing."""
+        super().open(connection)
+        wanted = self.wish.wanted
+        self._gaps = gaps(connection, wanted.equipment, wanted.begin, wanted.end)
+
+    def _head(self) -> Iterator[str]:
+        yield from super()._head()
+        for gap in self._gaps:
+            places = (("after", gap.after), ("before", gap.before))
+            told = "".join(f" {word} {self._at(place)}" for word, place in places if place is not None)
+            yield f"lost: {gap.count} events of {gap.equipment}{told}"
+
+    def _at(self, place: Place) -> str:
+        return f"{iso(place.time, self.wish.zone)} (boot {place.boot}, sequence {place.sequence})"
 
     def _count(self, connection: Connection, most: int) -> int:
         return search.count(connection, self.wish.wanted, most)

@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from app.errors import Refused
 from app.historian import event_search as search
 from app.historian import events as history
+from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import GONE, Wanted
 from app.historian.event_sheet import EventExport, EventWish, coded, with_ring, worded, words
 from app.historian.export import FORMATS
@@ -34,6 +35,8 @@ PAGE = 100
 """Events on a page."""
 LONGEST_CODE = 5
 """Digits of a code: one word."""
+GAPS_SHOWN = 20
+"""Gaps of which a page tells where they are, the newest."""
 MOST_COUNTED = 100_000
 """More are not counted."""
 NAMES = ("equipment", "event", "since", "until", "q", "before")
@@ -236,14 +239,16 @@ async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict
     runtime = view_of(request).runtime(request)
     chosen = set_filters(typed)
 
-    def work(connection: Connection) -> tuple[list[Event], int, int]:
+    def work(connection: Connection) -> tuple[list[Event], int, int, list[Gap]]:
+        lost = history.lost(connection, wanted.equipment, wanted.begin, wanted.end)
         return (
             search.find(connection, wanted, PAGE + 1),
             search.count(connection, replace(wanted, before=None), MOST_COUNTED + 1),
-            history.lost(connection, wanted.equipment, wanted.begin, wanted.end),
+            lost,
+            gaps(connection, wanted.equipment, wanted.begin, wanted.end, GAPS_SHOWN) if lost else [],
         )
 
-    found, count, lost = await read(runtime, work)
+    found, count, lost, missing = await read(runtime, work)
     draw = EventWords(request)
     last = found[PAGE - 1] if len(found) > PAGE else None
     return {
@@ -251,6 +256,7 @@ async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict
         "found": min(count, MOST_COUNTED),
         "more": count > MOST_COUNTED,
         "lost": lost,
+        "gaps": [(one.equipment.removeprefix(GONE), draw.gap(one)) for one in missing],
         "several": not typed["equipment"],
         "older": "/events?" + urlencode(chosen | {"before": f"{last.time}-{last.id}"}) if last else "",
         "newest": "/events?" + urlencode(chosen) if typed["before"] else "",
@@ -314,6 +320,16 @@ class EventWords:
             person=shown_name(self.request, one.person),
             reason=shown_words(self.request, one.reason),
         )
+
+    def gap(self, one: Gap) -> str:
+        """How many events are missing, and between which two that are known."""
+        after, before = (self._place(place) if place else "" for place in (one.after, one.before))
+        where = "between" if after and before else "after" if after else "before"
+        return self.view.text(self.request, f"events.gap.{where}", n=one.count, after=after, before=before)
+
+    def _place(self, place: Place) -> str:
+        time = self.moment(place.time)
+        return self.view.text(self.request, "events.gap.place", time=time, boot=place.boot, n=place.sequence)
 
     def detail(self, one: Event) -> dict[str, Any]:
         item = self.item(one.equipment)

@@ -112,7 +112,12 @@ def test_programs_read_the_same_events_page_by_page(staff: Staff) -> None:
     assert (gap["value"], gap["raw"][1], gap["raw"][3]) == (4.5, 9, 8)
     (gone,) = get(staff, "/api/v1/events", equipment="gone").json()["events"]
     assert (gone["event"], gone["words"], gone["code"]) == ("7", {}, 7)
-    assert get(staff, "/api/v1/events", equipment="nobody").json() == {"events": [], "lost": 0, "next": None}
+    assert get(staff, "/api/v1/events", equipment="nobody").json() == {
+        "events": [],
+        "lost": 0,
+        "gaps": [],
+        "next": None,
+    }
 
 
 @pytest.mark.parametrize(
@@ -174,10 +179,42 @@ def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
     assert "data-live-list" in page and "data-live-list" not in rest
 
 
+def test_it_is_told_where_events_are_missing(staff: Staff) -> None:
+    """Between the machine's last event before and the first one after: on the page, for programs, in the file."""
+    staff.enter("eva", "engineer", "viewer")
+    span = {"from": "2026-03-09T00:00:00Z", "to": "2026-03-10T00:00:00Z", "equipment": "c1"}
+    answer = get(staff, "/api/v1/events", limit=200, **span).json()
+    first = answer["events"][-1]
+    assert answer["gaps"] == [
+        {
+            "equipment": "c1",
+            "count": 3,
+            "after": None,
+            "before": {name: first[name] for name in ("boot", "sequence", "time")},
+        }
+    ]
+    for language, words in (("en", "3 before"), ("hr", "3 prije"), ("de", "3 vor"), ("cs", "3 před")):
+        staff.client.cookies.set("pogon_lang", language)
+        page = get(staff, "/events", **MARCH).text
+        assert words in page and re.search(rf"{words} .*1, .*1\)", page), language
+    staff.client.cookies.delete("pogon_lang")
+    csv = get(staff, "/events/export.csv", **MARCH, locale="machine").text
+    assert f"# lost: 3 events of c1 before {first['time'][:10]}" in csv
+    assert "(boot 1, sequence 1)" in csv
+
+
+def test_whoever_has_no_menu_finds_the_events_beside_the_alarms(staff: Staff) -> None:
+    """The menu of who is signed in has them; a small screen has no tabs."""
+    staff.client.cookies.clear()
+    assert 'href="/events"' in get(staff, "/alarms").text
+    staff.enter("ana", "viewer")
+    assert get(staff, "/alarms").text.count('href="/events"') == 1
+
+
 def test_lost_events_are_told_and_a_machine_has_a_list_of_its_own(staff: Staff) -> None:
     staff.enter("ana", "viewer")
-    assert 'class="p-lost"' in get(staff, "/events", **MARCH).text
-    assert 'class="p-lost"' not in get(staff, "/events", **MARCH, equipment="gone").text
+    assert 'class="p-lost tap"' in get(staff, "/events", **MARCH).text
+    assert "p-lost" not in get(staff, "/events", **MARCH, equipment="gone").text
     assert count(get(staff, "/equipment/gone/events", **MARCH).text) == 1
     get(staff, "/equipment/nobody/events", 404)
 

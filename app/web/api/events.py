@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 from app.clock import to_datetime, to_micros
 from app.historian import event_search as search
 from app.historian import events as history
+from app.historian.event_gaps import MOST, Gap, Place, gaps
 from app.records.event import Event
 from app.records.snapshot import decode
 from app.web.event_list import in_order
@@ -44,11 +45,29 @@ class RingEventOut(BaseModel):
     reason: str
 
 
+class PlaceOut(BaseModel):
+    """A place in an event ring: the event that is there is known."""
+
+    boot: int
+    sequence: int
+    time: datetime
+
+
+class GapOut(BaseModel):
+    """Events that were overwritten before they were read."""
+
+    equipment: str
+    count: int
+    after: PlaceOut | None = Field(description="the last event before them; null: there is none")
+    before: PlaceOut | None = Field(description="the first event after them; null: none came")
+
+
 class EventsOut(BaseModel):
     """A page of events, newest first; `next` is the `before` of the next page."""
 
     events: list[RingEventOut]
     lost: int = Field(description="events of these machines and this time that were overwritten before they were read")
+    gaps: list[GapOut] = Field(description=f"where they are missing, newest first, at most {MOST}")
     next: str | None
 
 
@@ -76,16 +95,26 @@ async def events(
     typed = {"equipment": equipment, "event": event, "q": text.strip(), "before": before, "since": "", "until": ""}
     wanted = replace(wanted_of(request, typed), begin=since, end=until)
 
-    def work(connection: Connection) -> tuple[list[Event], int]:
-        return search.find(connection, wanted, limit + 1), history.lost(connection, equipment, since, until)
+    def work(connection: Connection) -> tuple[list[Event], int, list[Gap]]:
+        lost = history.lost(connection, equipment, since, until)
+        missing = gaps(connection, equipment, since, until) if lost else []
+        return search.find(connection, wanted, limit + 1), lost, missing
 
-    found, lost = await read(runtime_of(request), work)
+    found, lost, missing = await read(runtime_of(request), work)
     shown, draw = found[:limit], EventWords(request)
     return EventsOut(
         events=[_event(request, draw, one) for one in shown],
         lost=lost,
+        gaps=[
+            GapOut(equipment=one.equipment, count=one.count, after=_place(one.after), before=_place(one.before))
+            for one in missing
+        ],
         next=f"{shown[-1].time}-{shown[-1].id}" if len(found) > limit else None,
     )
+
+
+def _place(one: Place | None) -> PlaceOut | None:
+    return None if one is None else PlaceOut(boot=one.boot, sequence=one.sequence, time=to_datetime(one.time))
 
 
 def _event(request: Request, draw: EventWords, one: Event) -> RingEventOut:
