@@ -10,6 +10,7 @@ from app.errors import StorageError
 from app.historian import sealed, store
 from app.historian.minutes import Minutes
 from app.historian.store import DAY, HOUR, SETTLED
+from app.historian.written import Written
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +35,8 @@ class Upkeep:
         """As last measured; None before."""
         self.measured = 0
         """When [µs UTC]."""
+        self.written = Written()
+        """What the whole program gives to the disk."""
         self.quota = quota
         self.keep_days = keep_days
         self._database = database
@@ -113,6 +116,7 @@ class Upkeep:
             StorageError: the database cannot be read.
         """
         now = self._clock.micros()
+        self.written.note(self._clock.monotonic())
         used = await self._database.read(store.used)
         grown = 0 if self._used is None else used - self._used
         self._used = used

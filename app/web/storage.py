@@ -60,6 +60,7 @@ def _figures(request: Request, recorder: Recorder) -> dict[str, Any]:
             ("keep", fmt.quantity(recorder.upkeep.keep_days, fmt.shortest(recorder.upkeep.keep_days, 1), "d", lang)),
             ("oldest", moment(request, size.oldest) if size and size.oldest else unknown),
             ("growth", _per_day(amount, recorder.upkeep.growth, unknown)),
+            ("written", _per_day(amount, recorder.upkeep.written.per_day, unknown)),
             ("rows_today", fmt.number(size.rows_today, 0, lang) if size else unknown),
             ("rows_per_second", fmt.quantity(recorder.rows_per_second, 1, "1/s", lang)),
             ("reached", _reached(request, recorder, unknown)),
