@@ -5,6 +5,7 @@ import logging
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 from zoneinfo import ZoneInfo
@@ -50,8 +51,10 @@ async def series(request: Request) -> Response:
 
     The answer: `now`, `alive` (how far the recorder has come), `from`, `to`, `width`, and `series`, each with `tag`, `unit`, `kind`,
     `decimals`, `stepped` (a value holds until the next; else a line), `source`, `step` (width of a column), and columns of equal length:
-    `time`, `first`, `low`, `high`, `last`, `quality` (worst level 0 to 2), `count` (0: an edge or a break). All times are µs UTC. Draw
-    first, low, high, last of each column and lift the pen at every null. A text has `time` and `texts` instead, its changes.
+    `time` (the first, then how much later each is than the one before), `first`, `low`, `high`, `last` (each of these three only where it
+    differs from `first`), `quality` (worst level 0 to 2), `count` (0: an edge or a break; both one number when it is that of all
+    columns). All times are µs UTC. Draw first, low, high, last of each column and lift the pen at every null. A text has `time` and
+    `texts` instead, its changes.
     """
     runtime = runtime_of(request)
     tags = _tags(request, MOST_SERIES)
@@ -255,13 +258,31 @@ def _series(
         return head | _columns(query.Columns())
     if kind == Kind.TEXT:
         changes = query.texts(connection, known.number, begin, end, width)
-        return head | {"time": [time for time, _ in changes], "texts": [text for _, text in changes]}
+        return head | {"time": _later([time for time, _ in changes]), "texts": [text for _, text in changes]}
     return head | _columns(query.columns(connection, known.number, begin, end, width))
 
 
 def _columns(columns: query.Columns) -> dict[str, Any]:
-    names = ("source", "step", "time", "first", "low", "high", "last", "quality", "count")
-    return {name: getattr(columns, name) for name in names}
+    """As few digits as say it all: of a day in as many columns as a screen has pixels these are most of the answer."""
+    found: dict[str, Any] = {
+        "source": columns.source,
+        "step": columns.step,
+        "time": _later(columns.time),
+        "first": columns.first,
+    }
+    for name in ("low", "high", "last"):
+        values = getattr(columns, name)
+        if values != columns.first:
+            found[name] = values
+    for name in ("quality", "count"):
+        values = getattr(columns, name)
+        found[name] = values[0] if values and values.count(values[0]) == len(values) else values
+    return found
+
+
+def _later(times: list[int]) -> list[int]:
+    """The first time, then how much later each is than the one before."""
+    return [*times[:1], *(after - before for before, after in pairwise(times))]
 
 
 def _wish(request: Request, runtime: "Runtime") -> Wish:

@@ -15,6 +15,15 @@ const SYMBOLS = {
   4: (c, x, y, r) => c.arc(x, y, r, 0, 7),
 };
 
+/** A series of /history/series with all its columns: times are sent as distances, what is the same in all columns once or not at all. */
+export function unpacked(series) {
+  let at = 0;
+  const time = (series.time ?? []).map((later) => (at += later)), each = (value) => (Array.isArray(value) ? value : time.map(() => value));
+  if (!series.first) return { ...series, time };
+  const { first, low = first, high = first, last = first } = series;
+  return { ...series, time, first, low, high, last, quality: each(series.quality), count: each(series.count) };
+}
+
 export class Chart {
   /** Draw `pens` into `element`. options: zone, lang, mini, texts, letters (mini: names at the right end). */
   constructor(element, pens, options) {
@@ -32,10 +41,10 @@ export class Chart {
 
   /** An answer of /history/series; what arrived live before its end is in it. */
   take(answer) {
-    for (const series of answer.series) {
-      const pen = this.pen(series.tag);
+    for (const packed of answer.series) {
+      const pen = this.pen(packed.tag);
       if (!pen) continue;
-      pen.series = series;
+      const series = (pen.series = unpacked(packed));
       const last = series.time?.at(-1) ?? 0;
       const held = pen.fresh.findLast(([at]) => at <= last);
       pen.fresh = pen.fresh.filter(([at]) => at > last);

@@ -3,15 +3,17 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
 from fastapi.testclient import TestClient
+from sqlalchemy import Connection
 
 from app.errors import StorageError
-from app.historian import store
+from app.historian import query, store
 from app.historian.export import verify_export
 from app.runtime import Runtime
 from app.tags.quality import COMM_FAILURE, GOOD, Origin
@@ -56,10 +58,18 @@ def ask(client: TestClient, path: str, status: int = 200, **query: Any) -> Any:
     return answer
 
 
+def unpacked(series: dict[str, Any]) -> dict[str, Any]:
+    """All columns of a series, as chart.js unpacks them."""
+    time = list(accumulate(series["time"]))
+    same = {name: series.get(name, series["first"]) for name in ("low", "high", "last")}
+    each = {name: one if isinstance(one := series[name], list) else [one] * len(time) for name in ("quality", "count")}
+    return series | same | each | {"time": time}
+
+
 def test_a_series_has_columns_of_one_length_with_a_gap_where_it_was_bad(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     answer = orjson.loads(ask(staff.client, "series", tags="m1.speed,m1.current", width=60).content)
-    speed, current = answer["series"]
+    speed, current = map(unpacked, answer["series"])
     assert (speed["tag"], speed["unit"], speed["stepped"], speed["source"]) == ("m1.speed", "rpm", False, "sample")
     columns = [speed[name] for name in ("time", "first", "low", "high", "last", "quality", "count")]
     assert {len(column) for column in columns} == {len(speed["time"])}
@@ -71,13 +81,34 @@ def test_a_series_has_columns_of_one_length_with_a_gap_where_it_was_bad(staff: S
     assert (answer["from"], answer["to"], answer["width"]) == (BEGIN, BEGIN + 600_000_000, 60)
 
 
+def test_an_answer_says_everything_once_and_unpacks_to_what_was_asked(staff: Staff) -> None:
+    """At every width the same columns as the query gives; of single samples less than half of what they took."""
+    staff.enter("ana", "viewer")
+    runtime = runtime_of(staff.client)
+    for width in (1, 7, 60, 600, 4000):
+        for tag in ("m1.speed", "m1.current"):
+            answer = ask(staff.client, "series", tags=tag, width=width)
+            (series,) = orjson.loads(answer.content)["series"]
+
+            def work(connection: Connection, tag: str = tag, width: int = width) -> dict[str, Any]:
+                known = query.find(connection, tag)
+                assert known is not None
+                found = query.columns(connection, known.number, BEGIN, BEGIN + 600_000_000, width)
+                return {name: getattr(found, name) for name in found.__slots__}
+
+            wanted = staff.wait(runtime.history.read, work)
+            assert {name: unpacked(series)[name] for name in wanted} == wanted
+            if width == 4000 and tag == "m1.speed":
+                assert len(answer.content) < 0.5 * len(orjson.dumps(wanted))
+
+
 def test_live_values_become_history_at_once(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     runtime = runtime_of(staff.client)
     pass_time(1)
     staff.wait(runtime.recorder.flush)
     answer = orjson.loads(staff.client.get("/history/series?tags=m1.speed&from=-1m").content)
-    assert sum(answer["series"][0]["count"]) >= 1
+    assert sum(unpacked(answer["series"][0])["count"]) >= 1
     assert answer["alive"] > answer["now"] - 5_000_000
 
 
