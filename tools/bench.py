@@ -1,6 +1,7 @@
 """Measure the numbers that the design must not lose (`make bench`), each with the bare loop beside it.
 
-    tools/bench.py [--write] [values] [push] [commands] [line] [history] [browsers] [start] [costs] [conveyors] [products] [runs] [arc]
+    tools/bench.py [--write] [values] [push] [commands] [line] [history] [browsers] [start] [costs] [turns]
+[conveyors] [products] [runs] [arc]
 
 The load generator, the devices and the browsers run on the same cores as what is measured. `--write` puts what was measured into
 docs/performance.md. A measurement that fails is shown as failed, and the exit code is 1; a missed target is only shown.
@@ -32,6 +33,7 @@ MEASUREMENTS = (
     "browsers",
     "start",
     "costs",
+    "turns",
     "conveyors",
     "products",
     "runs",

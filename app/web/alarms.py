@@ -329,8 +329,9 @@ async def banner(request: Request) -> Response:
     runtime = view.runtime(request)
     if known is None or known[0] != engine.list.revision or known[1] is not runtime.texts:
         content = drawing(request).banner(may_view=True, may_acknowledge=may)
-        body = view.fragment(request, "fragments/banner_inside.html", alarms=content).body
-        known = cache[(lang, may)] = (engine.list.revision, runtime.texts, bytes(body))
+        revision = engine.list.revision
+        body = await view.markup(request, "fragments/banner_inside.html", alarms=content)
+        known = cache[(lang, may)] = (revision, runtime.texts, body)
     return Response(known[2], media_type="text/html; charset=utf-8")
 
 

@@ -4,6 +4,7 @@ Numbers are tags and kept true by the socket. What is a list (exceptions by name
 again every few seconds. The page is of level 4: operators, engineers and administrators (app/access/roles.py, `diagnose`).
 """
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
@@ -94,7 +95,7 @@ async def communication(request: Request) -> Response:
     plant_of(request)
     view = view_of(request)
     opened = request.query_params.get("open", "")
-    links = [_link_view(request, link, opened) for link in plant_of(request).links.values()]
+    links = [await _link_view(request, link, opened) for link in plant_of(request).links.values()]
     link_name, _, unit = opened.rpartition(".")
     rows = _word_rows(request, link_name, _number(unit)) if link_name else []
     chosen = request.query_params.get("link", "")
@@ -174,13 +175,17 @@ def _number(text: str, default: int = 0) -> int:
     return int(text)
 
 
-def _link_view(request: Request, link: Link, opened: str) -> LinkView:
+async def _link_view(request: Request, link: Link, opened: str) -> LinkView:
     view, plant = view_of(request), plant_of(request)
     lang = language_of(request)
     running = view.runtime(request).links.get(link.name)
     serial = link.transport == "rtu"
     machines = [item for item in plant.equipment.values() if item.link == link.name]
     load = bus_load.load(link, _reads(running)) if running else None
+    units = []
+    for unit in sorted({item.unit for item in machines}):
+        units.append(_unit_view(request, link, unit, [item for item in machines if item.unit == unit], opened))
+        await asyncio.sleep(0)
     longest = max((n for reads in _reads(running) for n, _ in reads.fast), default=0) if running else 0
     return LinkView(
         link=link,
@@ -195,10 +200,7 @@ def _link_view(request: Request, link: Link, opened: str) -> LinkView:
         ],
         asked=_milliseconds(load.asked, lang) if load else "",
         limit=fmt.number(bus_load.arithmetic_limit(link, longest), 1, lang) if serial and longest else "",
-        units=[
-            _unit_view(request, link, unit, [item for item in machines if item.unit == unit], opened)
-            for unit in sorted({item.unit for item in machines})
-        ],
+        units=units,
     )
 
 

@@ -5,6 +5,7 @@ and `to`, the rulers `a` and `b`, the selected pen `pen`, pens that are `off`, a
 /history/series (app/web/history.py).
 """
 
+import asyncio
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -143,6 +144,7 @@ async def points(request: Request) -> Response:
     groups: list[tuple[str, str, list[tuple[str, str, str, bool]]]] = []
     left = MOST_FOUND
     for equipment in plant.equipment.values():
+        await asyncio.sleep(0)
         machine = view.machine(request, equipment)
         found = []
         for key, point in equipment.points.items():

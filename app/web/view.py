@@ -5,6 +5,7 @@ A language has an environment of its own, so that macros say `_("nav.home")` whe
 bring (app/web/screens) everywhere, and the names of `_surroundings` on a page.
 """
 
+import asyncio
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +18,10 @@ from zoneinfo import ZoneInfo
 from babel import Locale
 from fastapi import Request
 from fastapi.responses import HTMLResponse
-from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
+from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined, meta
 from jinja2.bccache import Bucket
 from starlette.requests import HTTPConnection
+from starlette.types import Receive, Scope, Send
 
 from app import bundled
 from app.access.roles import Person, permitted
@@ -43,6 +45,8 @@ THEME_COOKIE = "pogon_theme"
 PROFILES = ("desk", "panel-10", "panel-9", "panel-7", "gloves")
 PROFILE_COOKIE = "pogon_profile"
 
+PIECE = 8192
+"""So much of a page is drawn in a turn of the loop [characters]: some 4 ms."""
 HTMX = {
     "mode": "same-origin",
     "history": False,
@@ -96,6 +100,8 @@ class Compiled(BytecodeCache):
 
     def __init__(self) -> None:
         self._code: dict[tuple[str, str], CodeType | None] = {}
+        self.ready: set[str] = set()
+        """Templates of which everything that they name is compiled."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
         bucket.code = self._code.get((bucket.key, bucket.checksum))
@@ -105,6 +111,48 @@ class Compiled(BytecodeCache):
 
 
 COMPILED = Compiled()
+
+
+class Drawn(HTMLResponse):
+    """A page that is drawn when it is sent, a piece in each turn of the loop: a plant of hundreds of machines holds nobody up."""
+
+    def __init__(self, environment: Environment, template: str, context: Mapping[str, Any], status: int) -> None:
+        super().__init__(None, status)
+        self._environment = environment
+        self._template = template
+        self._context = context
+
+    async def draw(self) -> bytes:
+        """The whole of it."""
+        if self._template not in COMPILED.ready:
+            await asyncio.to_thread(_compile, self._environment, self._template)
+            COMPILED.ready.add(self._template)
+        pieces, since = list[str](), 0
+        for piece in self._environment.get_template(self._template).generate(self._context):
+            pieces.append(piece)
+            since += len(piece)
+            if since >= PIECE:
+                since = 0
+                await asyncio.sleep(0)
+        return "".join(pieces).encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.body = await self.draw()
+        self.headers["content-length"] = str(len(self.body))
+        await super().__call__(scope, receive, send)
+
+
+def _compile(environment: Environment, template: str) -> None:
+    """Compile `template` and all that it names."""
+    todo, seen = [template], set[str]()
+    while todo:
+        name = todo.pop()
+        if name in seen or environment.loader is None:
+            continue
+        seen.add(name)
+        environment.get_template(name)
+        source = environment.loader.get_source(environment, name)[0]
+        todo += [found for found in meta.find_referenced_templates(environment.parse(source)) if found]
 
 
 class View:
@@ -123,6 +171,10 @@ class View:
     def fragment(self, request: Request, template: str, *, status: int = 200, **context: Any) -> HTMLResponse:
         """`template` alone, for htmx."""
         return self._render(request, template, status, context, frame=False)
+
+    async def markup(self, request: Request, template: str, **context: Any) -> bytes:
+        """`template` alone, to be kept and sent more than once."""
+        return await self._render(request, template, 200, context, frame=False).draw()
 
     def text(self, request: HTTPConnection, key: str, /, **params: object) -> str:
         """The product's text `key` in the language of `request`."""
@@ -146,9 +198,7 @@ class View:
         runtime = self.runtime(request)
         return runtime.texts if runtime.plant else self._product
 
-    def _render(
-        self, request: Request, template: str, status: int, context: dict[str, Any], *, frame: bool
-    ) -> HTMLResponse:
+    def _render(self, request: Request, template: str, status: int, context: dict[str, Any], *, frame: bool) -> "Drawn":
         lang = language_of(request)
         environment = self._environment(self._texts(request), lang)
         values: dict[str, Any] = {
@@ -158,7 +208,7 @@ class View:
         }
         if frame:
             values |= self._surroundings(request, lang, context)
-        return HTMLResponse(environment.get_template(template).render(values | context), status)
+        return Drawn(environment, template, values | context, status)
 
     def _environment(self, texts: Texts, lang: str) -> Environment:
         known = self._environments.get(lang)

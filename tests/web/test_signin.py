@@ -185,7 +185,7 @@ def test_signing_out_ends_the_session_on_the_server(staff: Staff) -> None:
 
 def test_an_idle_person_signs_in_again_where_they_were(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     staff.enter("idler", "operator")
-    monkeypatch.setattr("app.access.sessions.IDLE_AFTER", 0.0)
+    monkeypatch.setattr("app.access.session_person.IDLE_AFTER", 0.0)
     assert staff.client.get("/").status_code == 200
     sheet = staff.client.get("/signin?next=/equipment/m1").text
     assert 'value="idler"' in sheet

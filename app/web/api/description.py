@@ -4,6 +4,7 @@ A program sends `Authorization: Bearer <token>` (made on the page of tokens); a 
 `X-CSRF-Token`. Numbers are plain JSON numbers in the unit of the tag, times ISO 8601 UTC with µs. The socket is in docs/api.md.
 """
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
@@ -65,7 +66,7 @@ class ErrorOut(BaseModel):
 @router.get("/openapi.json", dependencies=[allow("configure")], include_in_schema=False)
 async def openapi(request: Request) -> Response:
     """The description of this interface."""
-    return Response(described(), media_type="application/json")
+    return Response(await asyncio.to_thread(described), media_type="application/json")
 
 
 @cache
