@@ -32,8 +32,8 @@ from app.errors import ConfigurationError, DeviceException
 from app.sim import training
 from app.sim.device import DT
 from app.sim.eura_e800 import training as own
-from app.sim.eura_e800.load import Load
-from app.sim.eura_e800.motor import MOTOR_SETS, SQRT3, InductionMotor, rated_point
+from app.sim.induction_motor import MOTOR_SETS, SQRT3, InductionMotor, rated_point
+from app.sim.load import Load
 from app.sim.training import LineFault, TrainingRegisters, is_training
 
 REGISTERS: Mapping[int, tuple[str, float, str]] = MappingProxyType(

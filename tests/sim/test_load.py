@@ -4,7 +4,7 @@ from itertools import pairwise
 from random import Random
 from statistics import mean, pstdev
 
-from app.sim.eura_e800.load import Load
+from app.sim.load import Load
 
 
 def run(seed: int, steps: int) -> list[float]:

@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from app.sim.eura_e800.motor import MOTOR_SETS, InductionMotor, MotorData, operating_point, rated_point
+from app.sim.induction_motor import MOTOR_SETS, InductionMotor, MotorData, operating_point, rated_point
 
 SETS = list(MOTOR_SETS.items())
 BOTH = pytest.mark.parametrize("data", MOTOR_SETS.values(), ids=MOTOR_SETS)
