@@ -46,6 +46,10 @@ class Inputs(NamedTuple):
     """The motor has its flux: only then does operation begin."""
     cause: Reaction | None = None
     """Reaction of the strongest fault whose cause is there now; None = no cause."""
+    pulses_released: bool = True
+    """Second source of the coast stop (p0845): a terminal that the control word cannot overrule."""
+    no_emergency_stop: bool = True
+    """Second source of the quick stop (p0849)."""
 
 
 STOPPING = frozenset({State.RAMP_STOP, State.QUICK_STOP})
@@ -81,12 +85,16 @@ class StateMachine:
     """Of the fault that stands."""
     control: int = 0
     """The word that holds."""
+    released: bool = True
+    no_emergency_stop: bool = True
+    """The second sources as of the last step."""
 
     def step(self, inputs: Inputs) -> State:
         """Take one control word and what the motor does."""
         before = self.control
         if inputs.control & Control.BY_PLC:
             self.control = inputs.control & 0xFFFF
+        self.released, self.no_emergency_stop = inputs.pulses_released, inputs.no_emergency_stop
         acknowledged = bool(self.control & ~before & Control.ACKNOWLEDGE)
         if inputs.cause is not None:
             self.faulted, self.reaction = True, max(self.reaction, inputs.cause)
@@ -108,10 +116,11 @@ class StateMachine:
             status |= Status.OPERATION_ENABLED
         if self.faulted:
             status |= Status.FAULT
-        if self.control & Control.NO_COAST_STOP and self.reaction is not Reaction.OFF2:
+        if self.control & Control.NO_COAST_STOP and self.released and self.reaction is not Reaction.OFF2:
             status |= Status.NO_COAST_STOP
         if (
             self.control & Control.NO_QUICK_STOP
+            and self.no_emergency_stop
             and self.state is not State.QUICK_STOP
             and self.reaction is not Reaction.OFF3
         ):
@@ -120,11 +129,13 @@ class StateMachine:
 
     def _next(self, inputs: Inputs) -> State:
         word, state = self.control, self.state
-        coast = not word & Control.NO_COAST_STOP or self.reaction is Reaction.OFF2
-        quick = not word & Control.NO_QUICK_STOP or self.reaction is Reaction.OFF3
+        no_coast = word & Control.NO_COAST_STOP and self.released
+        no_quick = word & Control.NO_QUICK_STOP and self.no_emergency_stop
+        coast = not no_coast or self.reaction is Reaction.OFF2
+        quick = not no_quick or self.reaction is Reaction.OFF3
         off = not word & Control.ON or self.reaction is Reaction.OFF1
-        released = word & Control.NO_COAST_STOP and word & Control.NO_QUICK_STOP and not word & Control.ON
-        may_leave = State.READY_TO_SWITCH_ON if released and not self.faulted else State.INHIBITED
+        leaving = no_coast and no_quick and not word & Control.ON and not self.faulted
+        may_leave = State.READY_TO_SWITCH_ON if leaving else State.INHIBITED
         if state is State.INHIBITED:
             return may_leave
         if state in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):

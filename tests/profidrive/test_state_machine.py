@@ -152,3 +152,25 @@ def test_nothing_but_the_way_over_s2_and_s3_gives_pulses() -> None:
             road.append(machine.step(Inputs(word, standstill=False)))
         for before, after in pairwise(road):
             assert after not in {S4, *STOPPING} or before in {S3, S4, *STOPPING}
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize(
+    ("bit", "name"), [(Control.NO_COAST_STOP, "pulses_released"), (Control.NO_QUICK_STOP, "no_emergency_stop")]
+)
+def test_a_second_source_stops_like_its_bit_in_the_word_and_the_word_cannot_overrule_it(
+    state: State, bit: Control, name: str
+) -> None:
+    for word, still, cause in product(
+        (ENABLES, RUN, RUN & ~Control.ENABLE_OPERATION), (False, True), (None, *Reaction)
+    ):
+        by_word, by_terminal = StateMachine(state=state), StateMachine(state=state)
+        inputs = Inputs(word, still, cause=cause)
+        assert by_word.step(inputs._replace(control=word & ~bit)) is by_terminal.step(inputs._replace(**{name: False}))
+        assert by_word.status == by_terminal.status and not by_terminal.status & bit << 3
+
+
+def test_a_second_source_acts_while_the_control_is_elsewhere() -> None:
+    machine = StateMachine(state=S4, control=RUN)
+    assert machine.step(Inputs(IGNORED, standstill=False, no_emergency_stop=False)) is S5B
+    assert machine.step(Inputs(IGNORED, standstill=False, pulses_released=False)) is S1

@@ -6,7 +6,7 @@ from app.blocks.drive_control import DriveControl, Inputs, Outputs, Times
 from app.blocks.limit_switches import Allowed, LimitSwitches, Places, Switches
 from app.profidrive.scaling import Scaling
 from app.sim.crane.axis import Axis, AxisData
-from app.sim.sinamics.drive import VirtualDrive
+from app.sim.sinamics.axis_drive import VirtualDrive
 
 
 @dataclass(slots=True)
