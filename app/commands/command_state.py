@@ -62,8 +62,8 @@ class CommandState:
         self.control = ControlToken(
             clock, moving=self.moving, changed=self.changed, journal=self.audit_lines.control, rights=rights
         )
-        self.delivery = Delivery(writers, clock, self.may_go_on)
         self.readings = Readings(tags, clock)
+        self.delivery = Delivery(writers, clock, self.may_go_on, self.readings)
         self.checks = Checks(self.readings, clock, writers, self.control, rights)
 
     def configure(self, plant: Plant) -> list[Machine]:

@@ -4,17 +4,20 @@ A code is answered by the device itself (registers/plc_map.py): accepted, runnin
 command that is proven not to have arrived has failed. Nothing is sent twice here.
 """
 
+import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
 from app.clock import Clock
+from app.commands import interlocks
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
 from app.commands.lifecycle import State
 from app.commands.machine import Machine
 from app.commands.orders import MapWriter, Order, Writer
+from app.commands.readings import Readings
 from app.errors import (
     BadAnswer,
     DeviceException,
@@ -27,7 +30,8 @@ from app.errors import (
     Withdrawn,
 )
 from app.links.schedule import PERMIT
-from app.plant.definitions import Equipment, EquipmentType
+from app.plant.definitions import Equipment, EquipmentType, Scan, Write
+from app.plant.expression import parse
 from app.registers.plc_map import Answer, AnswerState
 
 log = logging.getLogger(__name__)
@@ -37,6 +41,8 @@ MAY_HAVE_ACTED = (5, 11)
 TAKEN = (AnswerState.ACCEPTED, AnswerState.RUNNING, AnswerState.DONE)
 REFUSED = (AnswerState.REJECTED, AnswerState.FAILED, AnswerState.EXPIRED)
 LARGEST_COUNTER = 0xFFFF
+LOOK_AGAIN = 0.05
+"""Between two looks at what a telegram waits for [s]."""
 
 Outcome = tuple[State, str, Mapping[str, object]]
 """What became of a command that was not simply taken: state, text key, what fills it."""
@@ -47,12 +53,17 @@ class Delivery:
     """The one place from which the gate writes."""
 
     def __init__(
-        self, writers: Mapping[str, Writer], clock: Clock, may_go_on: Callable[[Order, Prepared], bool]
+        self,
+        writers: Mapping[str, Writer],
+        clock: Clock,
+        may_go_on: Callable[[Order, Prepared], bool],
+        readings: Readings,
     ) -> None:
         """`writers` by link, looked up at every write; `may_go_on`: whether whoever gave an order still may."""
         self._writers = writers
         self._clock = clock
         self._may_go_on = may_go_on
+        self._readings = readings
 
     async def send(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> Outcome | None:
         """Send the command; None = every telegram was echoed, or the device has accepted the code. A Stop in between ends it.
@@ -78,7 +89,13 @@ class Delivery:
                 if not job.progress.over and job.ending is None:
                     await self._bits(machine, job, command.hold_bits)
                 return None
-            for point, value in telegrams:
+            steps = command.writes if len(command.writes) == len(telegrams) else ()
+            for number, (point, value) in enumerate(telegrams):
+                step = steps[number] if steps else Write(point, "")
+                if step.when and not self._readings.says(machine, step.when):
+                    continue
+                if step.after and (late := await self._wait(machine, job, step)) is not None:
+                    return late
                 if job.progress.over or job.ending is not None:
                     return None
                 if not self._may_go_on(job.order, job.prepared):
@@ -91,6 +108,24 @@ class Delivery:
                 job.known_as(error.request)
             return outcome_of(error, machine.item, told=bool(command.code))
         return None
+
+    async def _wait(self, machine: Machine, job: Job, step: Write) -> Outcome | None:
+        """Until the device says what `step` comes after; why it is not written if it does not, or may not be any more."""
+        began = self._clock.monotonic()
+        points = machine.item.points
+        keys = interlocks.sources(points, parse(step.after).names)
+        slow = [key for key in keys if points[key].scan is not Scan.FAST]
+        while not self._readings.says(machine, step.after, began):
+            if job.progress.over or job.ending is not None:
+                return None
+            if self._clock.monotonic() - began >= step.within:
+                return State.FAILED, "why.not_ready", {"seconds": round(step.within, 1)}
+            if slow:
+                await self._writers[machine.item.link].refresh(machine.item.id, slow)
+            await asyncio.sleep(LOOK_AGAIN)
+        look = self._readings.look(machine)
+        lost = next((each for each in job.guarded if interlocks.met(each, look) is False), None)
+        return (State.FAILED, "why.fault_appeared", {"label": lost.label}) if lost else None
 
     async def stop(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> bool:
         """Send a Stop, or the release of a hold-to-run, before everything that waits. False: the device did not take it.

@@ -88,6 +88,8 @@ def prepare(item: Equipment, command: Command) -> Prepared:
     names |= feedback.names if feedback else frozenset()
     names |= {command.argument} if command.argument else set()
     names |= {write.point for write in (*command.writes, *command.release) if write.value == "previous"}
+    for sentence in (sentence for write in command.writes for sentence in (write.when, write.after) if sentence):
+        names |= expression.parse(sentence).names
     watched = sources(item.points, feedback.names if feedback else ())
     return Prepared(command, setpoint, point, permissives, interlocks, feedback, watched, sources(item.points, names))
 

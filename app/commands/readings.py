@@ -105,6 +105,13 @@ class Readings:
             return None
         return prepared.feedback.true(self.look(machine), argument=argument, age=self.age(machine))
 
+    def says(self, machine: Machine, sentence: str, since: float | None = None) -> bool | None:
+        """Whether `sentence` holds; None = not known, with `since` also while a value that it uses was not read after that."""
+        keys = interlocks.sources(machine.item.points, expression.parse(sentence).names)
+        if since is not None and not self.read_since(machine, keys, since):
+            return None
+        return expression.parse(sentence).true(self.look(machine), age=self.age(machine))
+
     def read_since(self, machine: Machine, keys: Sequence[str], since: float) -> bool:
         """Whether every one of `keys` is good and was read after `since`.
 

@@ -111,6 +111,12 @@ class Write:
     value: str
     """A number; `argument` for what the person entered; `option:<name>` for an option of the equipment; `previous` for what the
     point held before the command wrote it."""
+    when: str = ""
+    """Sentence: it is left out unless that holds as the command is sent; empty = always written."""
+    after: str = ""
+    """Sentence that must hold before it is written, by values read after the write before it; empty = at once."""
+    within: float = 2.0
+    """How long that is waited for [s]; then the command has failed."""
 
 
 @dataclass(frozen=True, slots=True)

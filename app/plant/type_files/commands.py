@@ -39,7 +39,7 @@ class CommandReader:
         command = Command(
             key=key,
             label=table.text("label", f"command.{key}"),
-            writes=tuple(self._writes(table, "writes")),
+            writes=tuple(self._writes(table, "writes", steps=not table.flag("stop"))),
             feedback=table.text("feedback", *([""] if code else [])),
             timeout=timeout,
             level=table.text("level", "C1", choices=LEVELS),
@@ -144,8 +144,14 @@ class CommandReader:
             row.note(bound, value, "a number or an expression over points")
         return "" if value is None else str(value)
 
-    def _writes(self, table: Table, key: str) -> Iterator[Write]:
+    def _writes(self, table: Table, key: str, *, steps: bool = False) -> Iterator[Write]:
+        """`steps`: whether they may depend on what the device says; a Stop and a release wait for nothing."""
         for row in table.rows(key):
+            when, after = (row.text(name, "") if steps else "" for name in ("when", "after"))
+            for name, sentence in (("when", when), ("after", after)):
+                if sentence:
+                    self.sentences.add(row, name, sentence)
+            within = float(row.number("within", 2.0, 0.1, 60)) if after else 2.0
             point, value = row.text("point"), row.raw("value")
             if point and not self._is_writable(point):
                 row.note("point", point, f"a point of {self.owner} with a writable register")
@@ -159,7 +165,7 @@ class CommandReader:
             ):
                 row.note("value", value, "a number, argument, option:<name> or previous")
             row.done()
-            yield Write(point, str(value))
+            yield Write(point, str(value), when, after, within)
 
     def _is_writable(self, point: str) -> bool:
         register = self.points[point].point.register if point in self.points else None

@@ -14,6 +14,8 @@ class PointData:
     point: Point
     bounds: dict[str, str] = field(default_factory=dict)
     """Field of the point (`low`, `high`, `scale_low`, `scale_high`, `dead_band`, `normal.0`, `normal.1`) → expression."""
+    part: bool = False
+    """It shows bits of the word of another point."""
 
 
 @dataclass(frozen=True, slots=True)

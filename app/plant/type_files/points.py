@@ -75,7 +75,7 @@ class Points:
 
     def _build(self, key: str, table: Table, **given: Any) -> PointData:
         kind = Kind(table.text("kind", given.get("kind", "analog"), choices=[kind.value for kind in Kind]))
-        register = None
+        register = self._part(table) if table.has("part_of") else None
         if "address" in given or table.has("address"):
             register = read_register(table, writable=given.get("writable", False), address=given.get("address"))
         derived = self._derived(table.table("derived")) if table.has("derived") else None
@@ -106,8 +106,24 @@ class Points:
         if not re.fullmatch(KEY, name) or key in expression.RESERVED:  # a column may be called age: its cells are not
             table.note("", name, f"{KEY_EXPECTED}, not a word of the grammar")
         if register is None and derived is None:
-            table.note("", NONE, "a point with `address` or with `derived`")
-        return PointData(point, bounds)
+            table.note("", NONE, "a point with `address`, `part_of` or `derived`")
+        return PointData(point, bounds, part=table.has("part_of"))
+
+    def _part(self, table: Table) -> Register | None:
+        """`part_of = "status_word"`: bits of a point that is whole before it; what is written is always the whole."""
+        of = table.text("part_of")
+        whole = self.found[of].point.register if of in self.found else None
+        if table.has("address"):
+            table.note("address", table.raw("address"), "no address where there is `part_of`: it lies where that does")
+        if whole is None or whole.mask is not None or whole.type is not Type.U16 or not whole.readable:
+            table.note("part_of", of, "a point above with a whole u16 register that is read")
+            return None
+        return Register(
+            whole.address,
+            table=whole.table,
+            mask=table.whole("mask", 1, 1, 0xFFFF),
+            shift=table.whole("shift", 0, 0, 15),
+        )
 
     def _derived(self, table: Table) -> Derived:
         kind = table.text("kind", choices=KINDS)

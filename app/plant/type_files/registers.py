@@ -44,10 +44,11 @@ def read_register(table: Table, *, writable: bool, address: int | None = None) -
 
 
 def check_registers(points: Iterable[PointData], sources: Sequence[Source]) -> None:
-    """Two points may share words only when they split the same words into parts; noted in the file of the second."""
+    """Two points may share words only when they split the same words into parts, or one says that it is a part of the other; noted in the
+    file of the second."""
     taken: dict[tuple[str, int], PointData] = {}
     for data in points:
-        register = data.point.register
+        register = None if data.part else data.point.register
         for address in range(register.address, register.address + register.words) if register else ():
             other = taken.setdefault((register.table if register else "", address), data)
             if other is not data and register and not _splits(other.point.register, register):

@@ -1,4 +1,4 @@
-"""The drive of an axis behind telegram 1: states, magnetising, stops, faults; its motion is that of the axis (`sim/crane`), not a motor's here."""
+"""The drive of an axis behind telegram 1: states, magnetising, stops, faults; its motion is the axis' (`sim/crane`)."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
