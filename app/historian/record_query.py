@@ -72,8 +72,10 @@ class PartTimes:
 def find(connection: Connection, kind: Kind, wanted: Wanted, limit: int) -> list[Record]:
     """The newest `limit` records that `wanted` lets through, newest first, without their parts."""
     where, given = _where(kind, wanted)
+    # few have a number or a key: they are found and sorted, rather than all read in their order until enough of them were met
+    order = "+r.begun DESC, r.id DESC" if _by_machine(kind, wanted) else "r.begun DESC, r.id DESC"
     rows = connection.exec_driver_sql(
-        f"SELECT {COLUMNS}, m.name FROM {ROWS} {where} ORDER BY r.begun DESC, r.id DESC LIMIT ?", (*given, limit)
+        f"SELECT {COLUMNS}, m.name FROM {ROWS} {where} ORDER BY {order} LIMIT ?", (*given, limit)
     )
     return [from_row(row[:-1], row[-1]) for row in rows]
 
@@ -225,6 +227,9 @@ def _portions(numbers: Iterable[int]) -> list[list[int]]:
 
 def _where(kind: Kind, wanted: Wanted) -> tuple[str, list[object]]:
     own = [_sentence(kind, kind.filters[name], asked) for name, asked in wanted.given.items()]
+    machines = (
+        ["r.machine IN (SELECT id FROM event_machine)"] if not wanted.equipment and _by_machine(kind, wanted) else []
+    )
     return filtered(
         (
             ("r.kind = ?", kind.name),
@@ -235,7 +240,16 @@ def _where(kind: Kind, wanted: Wanted) -> tuple[str, list[object]]:
             *((sentence, value) for sentence, value in own if value is not None),
             ("(r.begun, r.id) < (?, ?)", wanted.before),
         ),
-        (sentence for sentence, value in own if value is None),
+        [*machines, *(sentence for sentence, value in own if value is None)],
+    )
+
+
+def _by_machine(kind: Kind, wanted: Wanted) -> bool:
+    """Whether what is asked for has an index for each machine: a number, or a key that is chosen."""
+    return any(
+        (filter.how == "choice" and asked != ANY and filter.of == kind.key)
+        or (filter.how == "is" and filter.of == "number")
+        for filter, asked in ((kind.filters[name], asked) for name, asked in wanted.given.items())
     )
 
 

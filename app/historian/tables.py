@@ -174,6 +174,7 @@ record = Table(
     Index("ix_record_machine", "machine", "kind", "begun"),
     Index("ix_record_number", "machine", "kind", "number"),
     Index("ix_record_open", "machine", "kind", sqlite_where=text("outcome = 'open'")),
+    Index("ix_record_outcome", "kind", "outcome", "begun"),
     Index("ix_record_key", "machine", "kind", "key", sqlite_where=text("key <> ''")),
 )
 """What became of one thing on a machine (records/record.py): `machine` as in `event`, `alarms` codes (` 10 20 `), `fields` what its kind

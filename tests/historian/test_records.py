@@ -272,6 +272,8 @@ def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
         (PASSAGE, {"begin": 5, "end": 9}, "ix_record_begun"),
         (RUN, {"equipment": "s", "begin": 5}, "ix_record_machine"),
         (RUN, {"before": (5, 1)}, "ix_record_begun"),
+        (RUN, {"outcome": "aborted"}, "ix_record_outcome"),
+        (PASSAGE, {"outcome": "lost", "begin": 5}, "ix_record_outcome"),
     ],
 )
 def test_a_page_is_read_by_an_index_and_sorts_nothing(
@@ -289,6 +291,28 @@ def test_a_page_is_read_by_an_index_and_sorts_nothing(
     found = history.run(plan)
     assert index in found
     assert "TEMP B-TREE" not in found
+
+
+@pytest.mark.parametrize(
+    ("kind", "wanted", "index"),
+    [
+        (PASSAGE, {"given": {"product": 7}}, "ix_record_number"),
+        (PASSAGE, {"given": {"product": 7}, "equipment": "c1"}, "ix_record_number"),
+        (RUN, {"given": {"first_out": "s3.pressure_ok"}}, "ix_record_key"),
+        (RUN, {"given": {"first_out": "s3.pressure_ok"}, "equipment": "s"}, "ix_record_key"),
+    ],
+)
+def test_what_few_have_is_found_by_an_index(history: Database, kind: Any, wanted: dict[str, Any], index: str) -> None:
+    """Not by reading all until enough of them were met: after a year that is everything."""
+    asked: list[tuple[str, Any]] = []
+
+    def plan(connection: Connection) -> str:
+        listen(connection, "before_cursor_execute", lambda *given: asked.append((given[2], given[3])))
+        record_query.find(connection, kind, Wanted(**wanted), 50)
+        statement, given = asked[0]
+        return " ".join(str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", given))
+
+    assert index in history.run(plan)
 
 
 def test_records_are_cut_with_the_rest_of_the_history(history: Database) -> None:
