@@ -23,7 +23,7 @@ from tests.conftest import PogonServer
 from tests.historian import books, stories
 from tests.historian.former import plant as line_and_sequences
 from tests.historian.rings import Ring, conveyor
-from tests.web import runs_plant
+from tests.web import sequence_plant
 
 
 class Done(NamedTuple):
@@ -207,13 +207,13 @@ def test_products_go_home_without_a_server(tmp_path: Path) -> None:
 
 @pytest.mark.real_time
 def test_runs_go_home_without_a_server(tmp_path: Path) -> None:
-    folder = runs_plant.write(tmp_path / "plant")
+    folder = sequence_plant.write(tmp_path / "plant")
     plant, problems = read_plant(folder)
     assert plant is not None, problems
     database = Database(tmp_path / "history.db", "history")
     database.migrate()
     begin = time.time_ns() // 1000 - 1_200_000_000
-    database.run(lambda connection: runs_plant.fill(connection, plant, 1, begin))
+    database.run(lambda connection: sequence_plant.fill(connection, plant, 1, begin))
     database.close()
     done = pogon(tmp_path, "export", "--records", "run:seq1", "--locale", "de", "--plant", str(folder))
     assert done.returncode == 0, done.stderr

@@ -1,7 +1,6 @@
 """Measure the numbers that the design must not lose (`make bench`), each with the bare loop beside it.
 
-    tools/bench.py [--write] [values] [push] [commands] [line] [history] [browsers] [start] [costs] [turns]
-[conveyors] [products] [runs] [arc]
+    tools/bench.py [--write] [NAME ...]
 
 The load generator, the devices and the browsers run on the same cores as what is measured. `--write` puts what was measured into
 docs/performance.md. A measurement that fails is shown as failed, and the exit code is 1; a missed target is only shown.
@@ -35,8 +34,8 @@ MEASUREMENTS = (
     "costs",
     "turns",
     "conveyors",
-    "products",
-    "runs",
+    "passage_records",
+    "run_records",
     "arc",
 )
 LIMIT = 180.0

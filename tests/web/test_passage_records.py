@@ -172,7 +172,7 @@ def test_the_export_is_the_golden_file(staff: Staff, lang: str, tmp_path: Path) 
     assert (found.ok, found.rows) == (True, 8)
     lines = answer.content.decode().split("\r\n")
     kept = [line for line in lines if not line.startswith(("# created", "# sha256", "# Pogon", "# plant"))]
-    golden = GOLDEN / f"products.{lang}.csv"
+    golden = GOLDEN / f"records.passage.{lang}.csv"
     assert "\n".join(kept) == golden.read_text("utf-8")
     assert not any(cell.startswith(("=", "+", "@")) for line in kept for cell in re.split("[;,]", line))
     if lang != "machine":

@@ -17,7 +17,7 @@ from app.running.page_tags import page_tags
 from app.settings import Settings
 from tests.historian.books import RUN
 from tests.virtual import house
-from tests.web import runs_plant
+from tests.web import sequence_plant
 from tests.web.operating import Operator, runtime_of, until
 from tests.web.people import Staff
 
@@ -28,13 +28,13 @@ MARCH: dict[str, Any] = {"since": "2026-03-09T00:00", "until": "2026-03-10T00:00
 @pytest.fixture(scope="module")
 def staff(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
     folder = tmp_path_factory.mktemp("runs")
-    with house(Settings(plant=runs_plant.write(folder / "plant"), data=folder / "data")) as client:
+    with house(Settings(plant=sequence_plant.write(folder / "plant"), data=folder / "data")) as client:
         crew = Staff(client)
         runtime = runtime_of(client)
         crew.wait(runtime.supervisor.end, "link.coil")  # the plant's own ring would end the run that is open
         plant = runtime.plant
         assert plant is not None, runtime.problems
-        crew.wait(runtime.history.write, lambda connection: runs_plant.fill(connection, plant))
+        crew.wait(runtime.history.write, lambda connection: sequence_plant.fill(connection, plant))
         yield crew
 
 
@@ -131,7 +131,7 @@ def test_one_is_told_in_every_language(staff: Staff, lang: str) -> None:
     times = get(staff, "/records/run", **MARCH, view="steps").text
     detail = get(staff, f"/records/run/detail/{one.id}").text
     assert not re.search(r"\[[a-z]{2}\]|\[(runs|event|unit)\.", page + detail + times)
-    pressure = re.search(rf'{lang} = "([^"]+)"', runs_plant.PRESSURE)
+    pressure = re.search(rf'{lang} = "([^"]+)"', sequence_plant.PRESSURE)
     assert pressure
     assert pressure[1] in page
     assert detail.count(pressure[1]) == 4, "first-out, two falls, a force"
@@ -139,7 +139,7 @@ def test_one_is_told_in_every_language(staff: Staff, lang: str) -> None:
     assert re.search(r"\b6[12]\b", detail), "the value behind it"
     assert "=Ana; Kos" in detail
     assert "coil not round" in detail
-    assert runs_plant.STEPS["drive"][["hr", "en", "de", "cs"].index(lang)] in detail
+    assert sequence_plant.STEPS["drive"][["hr", "en", "de", "cs"].index(lang)] in detail
     staff.client.cookies.delete("pogon_lang")
 
 
@@ -215,7 +215,7 @@ def test_the_export_is_the_golden_file(staff: Staff, lang: str, tmp_path: Path) 
     assert checked.ok
     lines = answer.content.decode().split("\r\n")
     kept = [line for line in lines if not line.startswith(("# created", "# sha256", "# Pogon", "# plant"))]
-    golden = GOLDEN / f"runs.{lang}.csv"
+    golden = GOLDEN / f"records.run.{lang}.csv"
     assert "\n".join(kept) == golden.read_text("utf-8")
     assert not any(cell.startswith(("=", "+", "@")) for line in kept for cell in re.split("[;,]", line))
     with_mark = get(staff, "/records/run/export.csv", locale=lang, bom="1", outcome="timed_out", **MARCH)
@@ -270,7 +270,7 @@ def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest
 
 @pytest.fixture
 def live(tmp_path: Path) -> Iterator[Staff]:
-    with house(Settings(plant=runs_plant.write(tmp_path / "plant"), data=tmp_path / "data")) as client:
+    with house(Settings(plant=sequence_plant.write(tmp_path / "plant"), data=tmp_path / "data")) as client:
         client.pass_time(1.0)  # the first scans
         yield Staff(client)
 

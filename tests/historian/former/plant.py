@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.web import runs_plant
+from tests.web import sequence_plant
 
 LINE = """
 [links.line]
@@ -23,7 +23,7 @@ label = { hr = "Traka 2", en = "Conveyor 2", de = "Band 2", cs = "Pás 2" }
 
 def write(folder: Path) -> Path:
     """Its folder."""
-    runs_plant.write(folder)
+    sequence_plant.write(folder)
     with (folder / "plant.toml").open("a", encoding="utf-8") as file:
         file.write(LINE)
     return folder
