@@ -36,6 +36,10 @@ class AxisData:
     """Deceleration of a quick stop as a multiple of the ramp's (assumed)."""
     coast: float = 20.0
     """Deceleration without torque and brake [mm/s²], friction (assumed)."""
+    fall: float = 0.0
+    """Acceleration downwards without torque and brake [mm/s²]: the load on a hoist; 0 = none."""
+    safety_speed: float = 0.0
+    """Above it the safety brake falls in, whatever the control does [mm/s]; 0 = none."""
 
     @classmethod
     def of(cls, figures: Mapping[str, Figure]) -> Self:
@@ -51,6 +55,8 @@ class AxisData:
             brake_release=value["brake_release"],
             brake_close=value["brake_close"],
             brake_deceleration=value["brake_deceleration"],
+            fall=value.get("fall", 0.0),
+            safety_speed=value.get("over_speed", 0.0) * speed,
         )
 
     def with_(self, **changes: float) -> Self:
@@ -60,7 +66,11 @@ class AxisData:
 
 @dataclass(slots=True)
 class Axis:
-    """Moves by what the drive is told while the brake is open; a closed brake holds it, or brings it to a stop."""
+    """Moves by what the drive is told while the brake is open; a closed brake holds it, or brings it to a stop.
+
+    The brake holds until it is fully open, and again from when it is fully closed. The safety brake is the crane's own: it falls in at
+    over-speed and stays until somebody lifts it.
+    """
 
     data: AxisData
     position: float = 0.0
@@ -73,11 +83,16 @@ class Axis:
     """Fault: the brake stays as it is."""
     strain: float = 0.0
     """How long the drive has worked against a closed brake [s]: has to stay 0."""
+    safety_brake: bool = False
+    """Has fallen in."""
+    holds: bool = field(init=False)
+    """A brake does."""
     _ramp: Ramp = field(init=False)
     _waiting: deque[float] = field(init=False, default_factory=deque)
 
     def __post_init__(self) -> None:
         self._ramp = Ramp(self.data.acceleration, self.data.deceleration)
+        self.holds = self.brake < 1.0
 
     def step(
         self, setpoint: float, open_brake: bool, dt: float, *, torque: bool = True, quick_stop: bool = False
@@ -88,9 +103,10 @@ class Axis:
         setpoint = self._waiting.popleft() if len(self._waiting) > round(data.dead_time / dt) else 0.0
         self._move_brake(open_brake, dt)
         before = self.speed
+        self.safety_brake |= 0 < data.safety_speed < abs(before)
         if not torque:
             self._ramp.speed = 0.0
-            self.speed = approach(before, 0.0, 0.0, data.coast * dt)
+            self.speed = before - data.fall * dt if data.fall else approach(before, 0.0, 0.0, data.coast * dt)
         else:
             if self._ramp.speed == 0.0 and not setpoint and not before:
                 pass
@@ -102,7 +118,7 @@ class Axis:
             self.speed = self._ramp.speed + (before - self._ramp.speed) * keep
             if abs(self.speed) < 1e-4 and not self._ramp.speed:
                 self.speed = 0.0
-        if not self.is_open:
+        if self.holds or self.safety_brake:
             if torque and abs(self._ramp.speed) > 0.5 and not before:
                 self.strain += dt
             self.speed = approach(before, 0.0, 0.0, data.brake_deceleration * dt)
@@ -125,3 +141,4 @@ class Axis:
         time = self.data.brake_release if open_brake else self.data.brake_close
         change = dt / time if time else 1.0
         self.brake = min(1.0, self.brake + change + 1e-9) if open_brake else max(0.0, self.brake - change - 1e-9)
+        self.holds = self.brake <= 0.0 or (self.holds and self.brake < 1.0)

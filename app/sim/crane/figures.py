@@ -55,6 +55,8 @@ HOIST: Mapping[str, Figure] = MappingProxyType(
         "brake_release": _assumed(0.6, "s", "command to feedback"),
         "brake_close": _assumed(0.2, "s", "command to closed"),
         "brake_deceleration": _assumed(400, "mm/s²", "closed brake on the moving axis"),
+        "fall": _assumed(190, "mm/s²", "full load, no torque, open brake: 3586 Nm on 20 kgm² of each motor"),
+        "over_speed": _assumed(1.15, "", "of the greatest speed, where the safety brakes fall in"),
         "rope_length_at_top": _assumed(3000, "mm", "rope between trolley and hook in the highest position"),
         "rope_strain": _assumed(0.0018, "", "at full load; safety factor 8, 1770 N/mm², 105 kN/mm²"),
         "rope_damping": _assumed(0.02, "", "part of critical"),

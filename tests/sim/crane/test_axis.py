@@ -79,3 +79,44 @@ def test_encoder_shows_whole_pulses_also_below_zero() -> None:
     for position, pulses in ((0.0, 0), (0.3, 0), (0.32, 1), (-0.1, -1), (1000.0, 3203)):
         axis.position = position
         assert axis.measured == pytest.approx(pulses * 0.3122)
+
+
+def test_a_brake_holds_until_it_is_open_and_again_when_it_is_closed() -> None:
+    axis = Axis(IDEAL.with_(brake_release=0.1, brake_close=0.1))
+    for _ in range(9):
+        axis.step(0.0, True, 0.01)
+    assert axis.holds and not axis.is_open
+    axis.step(0.0, True, 0.01)
+    assert not axis.holds and axis.is_open
+    for _ in range(9):
+        axis.step(0.0, False, 0.01)
+    assert not axis.holds and not axis.is_open, "the feedback is gone before the brake holds"
+    axis.step(0.0, False, 0.01)
+    assert axis.holds
+
+
+def test_a_load_without_torque_and_brake_falls_and_the_brake_catches_it() -> None:
+    axis = Axis(AxisData.of(HOIST), brake=1.0)
+    for _ in range(20):
+        axis.step(0.0, False, 0.01, torque=False)
+    assert axis.holds and axis.speed == pytest.approx(-190 * 0.19, abs=5.0)
+    for _ in range(50):
+        axis.step(0.0, False, 0.01, torque=False)
+    assert axis.speed == 0.0 and -12.0 < axis.position < -4.0
+
+
+def test_the_safety_brake_falls_in_at_over_speed_without_anybody_and_stays() -> None:
+    axis = Axis(AxisData.of(HOIST), brake=1.0, stuck=True)
+    top = 0.0
+    for _ in range(300):
+        axis.step(0.0, False, 0.01, torque=False)
+        top = max(top, abs(axis.speed))
+    assert axis.safety_brake and axis.speed == 0.0 and not axis.holds
+    assert top == pytest.approx(1.15 * 132.08, abs=4.0) and -150.0 < axis.position < -60.0
+    for _ in range(300):
+        axis.step(50.0, True, 0.01)
+    assert axis.speed == 0.0
+    axis.safety_brake = False
+    for _ in range(300):
+        axis.step(50.0, True, 0.01)
+    assert axis.speed == pytest.approx(50.0, abs=0.1)
