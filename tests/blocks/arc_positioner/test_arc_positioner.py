@@ -48,9 +48,9 @@ def test_any_lift_is_within_two_millimetres_and_below_the_original(seed: int) ->
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("seed", range(1000, 1400))
+@pytest.mark.parametrize("seed", range(1000, 1200))
 def test_hundreds_of_lifts_are_within_two_millimetres_and_below_the_original(seed: int) -> None:
-    compare(anyhow(Random(seed), longest=1e5))
+    compare(anyhow(Random(seed), longest=3e4))
 
 
 def anyhow(random: Random, longest: float) -> Case:
