@@ -90,7 +90,7 @@ class LimitSwitches:
     - Beyond the place of a switch by more than the tolerance without it, the switch has failed: alarm, and nothing towards that end. So has
       the slow-down switch when the stop switch comes before it. A switch that is hit far inside its place is obeyed and told.
     - An alarm can be acknowledged only after moving away: its switches released and the position inside. Until then nothing moves towards
-      that end; away from it everything is allowed.
+      that end; away from it everything is allowed. An acknowledgement that is held from before does not count.
     - Without a position (encoder bad) no switch can be watched: lowest manual speed both ways.
 
     Source: thesis 002, limit logic (reference/theses-facts.md section 2). The stuck switch, slow-down judged by the stop switch and the
@@ -100,9 +100,12 @@ class LimitSwitches:
     places: Places
     alarms: dict[End, set[Alarm]] = field(default_factory=lambda: {End.LOW: set(), End.HIGH: set()})
     """That stand, unacknowledged."""
+    _seen: bool = True
+    """An acknowledgement that is there at the first scan is not new."""
 
     def step(self, low: Switches, high: Switches, position: float | None, *, acknowledge: bool = False) -> Allowed:
-        """One scan; `position` [mm], None = the encoder is bad."""
+        """One scan; `position` [mm], None = the encoder is bad; `acknowledge` counts when it comes."""
+        acknowledge, self._seen = acknowledge and not self._seen, acknowledge
         if position is not None and not isfinite(position):
             position = None
         speeds = {}

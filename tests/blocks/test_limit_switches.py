@@ -74,6 +74,16 @@ def test_an_alarm_is_acknowledged_only_after_moving_away(end: End, hit: Switches
     assert not block.standing
 
 
+def test_an_acknowledgement_that_is_held_while_moving_away_does_not_count() -> None:
+    block = LimitSwitches(PLACES)
+    for position in (10000.0, 9500.0, 5000.0, 5000.0):
+        at(block, End.HIGH, Switches(position > 9000, position >= 10000), position, acknowledge=True)
+    assert block.standing
+    at(block, End.HIGH, OFF, 5000.0)
+    at(block, End.HIGH, OFF, 5000.0, acknowledge=True)
+    assert not block.standing
+
+
 def test_speed_is_cut_towards_the_end_only() -> None:
     allowed = Allowed(low=20.0, high=0.0, healthy=True)
     assert [allowed.limit(speed) for speed in (-100.0, -5.0, 0.0, 5.0)] == [-20.0, -5.0, 0.0, 0.0]

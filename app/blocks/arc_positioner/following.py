@@ -22,7 +22,7 @@ class Phase(Enum):
 
     OFF = "off"
     BRAKES = "brakes"
-    """Waits until both brakes are open."""
+    """Waits until both brakes are open and nothing holds it."""
     MOVING = "moving"
     HELD = "held"
     """Stands on the path and goes on when it is released."""
@@ -171,6 +171,8 @@ class ArcFollower:
     """+1 or -1."""
     _offset: float = 0.0
     """From the circle where the move began [mm]."""
+    _strayed: bool = False
+    """It stops for a path error, not because the start was dropped."""
     _angle: float = nan
     _started: bool = True
     """A start that is there already at the first scan is not new."""
@@ -197,11 +199,11 @@ class ArcFollower:
         if taken and self.phase in (Phase.OFF, Phase.DONE, Phase.FAULT):
             self.circle = Circle.through(inputs.position, inputs.start_angle, inputs.radius)
             self._angle = inputs.start_angle
-        if not inputs.start and self.phase in TRAVELS:
-            self.phase = Phase.STOPPING
-        elif not inputs.start:
+        if not inputs.start and self.phase in (Phase.MOVING, Phase.HELD):
+            self.phase, self._strayed = Phase.STOPPING, False
+        elif not inputs.start and self.phase is not Phase.STOPPING:
             self.phase, self.fault = Phase.OFF, Fault.NONE
-        elif started and self.phase not in TRAVELS:
+        if started and self.phase not in TRAVELS:
             self._plan(inputs)
         error, speed = self._follow(inputs, dt), Point(0.0, 0.0)
         if self.phase in TRAVELS:
@@ -265,7 +267,7 @@ class ArcFollower:
 
     def _follow(self, inputs: Inputs, dt: float) -> float:
         """Advance on the path; gives the path error [mm]."""
-        if self.phase is Phase.BRAKES and all(inputs.brakes_open) and not inputs.stop_switch:
+        if self.phase is Phase.BRAKES and all(inputs.brakes_open) and not inputs.stop_switch and not inputs.hold:
             self.phase = Phase.MOVING
         elif self.phase in TRAVELS:
             self._supervise(inputs, _distance(self._reference(0.0)[0], inputs.position))
@@ -297,9 +299,9 @@ class ArcFollower:
         elif error >= 2 * self.stop_error:
             self.phase, self.fault = Phase.FAULT, Fault.PATH_ERROR
         elif self.phase is Phase.STOPPING and self._rate.speed <= 0 and self._rate.acceleration == 0:
-            self.phase, self.fault = (Phase.FAULT, Fault.PATH_ERROR) if inputs.start else (Phase.OFF, Fault.NONE)
+            self.phase, self.fault = (Phase.FAULT, Fault.PATH_ERROR) if self._strayed else (Phase.OFF, Fault.NONE)
         elif error >= self.stop_error:
-            self.phase = Phase.STOPPING
+            self.phase, self._strayed = Phase.STOPPING, True
         elif self.phase is not Phase.STOPPING:
             self.phase = Phase.HELD if inputs.hold else Phase.MOVING
 

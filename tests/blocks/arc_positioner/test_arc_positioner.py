@@ -201,6 +201,29 @@ def test_hold_stands_on_the_path_and_goes_on() -> None:
     assert standing and lift.result.phase is Phase.DONE and lift.result.worst <= 1.0
 
 
+def test_held_before_it_moves_it_waits_with_open_brakes() -> None:
+    lift = Lift(Case(SLOWER, 1000))
+    lift.hold = True
+    for _ in range(300):
+        lift.step()
+        assert lift.command == (0.0, 0.0)
+    assert lift.result.phase is Phase.BRAKES and lift.trolley.is_open and lift.hoist.is_open
+    lift.hold = False
+    assert lift.run().phase is Phase.DONE
+
+
+def test_a_start_that_comes_back_while_it_stops_is_not_a_path_error_and_does_not_count() -> None:
+    lift = Lift(Case(SLOWER, 1500))
+    for n in range(2500):
+        lift.start = not 900 < n < 1000
+        lift.step()
+    assert (lift.result.phase, lift.result.fault) == (Phase.OFF, Fault.NONE) and not lift.command.x
+    lift.start = False
+    lift.step()
+    lift.start = True
+    assert lift.run().phase is Phase.DONE
+
+
 @pytest.mark.parametrize("how", ["start dropped", "commands lost"])
 def test_a_lift_broken_off_goes_on_from_where_it_stands(how: str) -> None:
     lift = Lift(Case(SLOWER, 1500))
@@ -230,7 +253,7 @@ def test_a_jammed_axis_ends_in_an_alarm_with_both_axes_stopped(axis: int) -> Non
         if ended := lift.step():
             break
     assert ended and (lift.result.phase, lift.result.fault) == (Phase.FAULT, Fault.PATH_ERROR)
-    assert lift.result.worst < 30.0
+    assert lift.result.worst < 40.0, "20 mm, and what the other axis needs until its brake has it"
 
 
 @pytest.mark.parametrize(
