@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Sequence
 
 from app.alarms.index import AlarmIndex
-from app.alarms.lifecycle import ANNUNCIATED, HIDDEN, State
+from app.alarms.lifecycle import ANNUNCIATED, HIDDEN, AlarmState
 from app.alarms.watch import Standing, Watch, standing
 from app.clock import Clock
 
@@ -53,6 +53,6 @@ class AlarmList:
 
     def _all(self) -> Sequence[Standing]:
         if self._drawn[0] != self.revision:
-            found = [self.of(watch) for watch in self._index if watch.life.state is not State.NORMAL]
+            found = [self.of(watch) for watch in self._index if watch.life.state is not AlarmState.NORMAL]
             self._drawn = (self.revision, sorted(found, key=lambda one: one.order))
         return self._drawn[1]

@@ -12,7 +12,7 @@ from app.alarms.conditions import Happened, Told, Truth
 from app.alarms.event_params import untold
 from app.alarms.first_out import place
 from app.alarms.index import AlarmIndex
-from app.alarms.lifecycle import Event, State
+from app.alarms.lifecycle import AlarmState, Event
 from app.alarms.occurrences import Occurrences
 from app.alarms.states import AlarmStates
 from app.alarms.watch import CHATTER_WINDOW, Watch, explain, number
@@ -122,7 +122,10 @@ class Evaluation:
             self._states.apply(watch, Event.RETURN, at=at)
             return
         now = self._clock.monotonic()
-        calm = watch.life.state is State.NORMAL and now - (watch.raises[-1] if watch.raises else -1e9) > CHATTER_WINDOW
+        calm = (
+            watch.life.state is AlarmState.NORMAL
+            and now - (watch.raises[-1] if watch.raises else -1e9) > CHATTER_WINDOW
+        )
         watch.count = 1 if calm else watch.count + 1
         watch.raises.append(now)
         self._occurrences.begin(watch)
@@ -160,7 +163,7 @@ class Evaluation:
         if isinstance(watch.condition, Happened) and watch.condition.sentence is None:
             return
         known = truth is not None or all(self._tags.quality(handle) & 0xFF == NO_DATA for handle in watch.handles)
-        if known is watch.known or (watch.life.state is State.NORMAL and known is False):
+        if known is watch.known or (watch.life.state is AlarmState.NORMAL and known is False):
             return
         watch.known = known
         self._states.apply(watch, Event.QUALITY, detail="known" if known else "unknown")
@@ -171,7 +174,7 @@ class Evaluation:
             told = watch.condition
             if watch is root or isinstance(told, Told) or (isinstance(told, Happened) and told.sentence is None):
                 continue  # no value of the device decides it
-            if active and watch.life.state is not State.NORMAL:
+            if active and watch.life.state is not AlarmState.NORMAL:
                 self._states.apply(watch, Event.SUPPRESS, detail=root.alarm.key)
             elif not active and watch.life.suppressed and self.free(watch, root):
                 freed.append(watch)

@@ -6,7 +6,7 @@ Source: reference/alarms.md section 6.
 
 from collections.abc import Iterable
 
-from app.alarms.lifecycle import State
+from app.alarms.lifecycle import AlarmState
 from app.alarms.watch import Watch
 
 TRIP = "drive"
@@ -35,7 +35,7 @@ def place(watch: Watch, members: Iterable[Watch]) -> list[Watch]:
 
 def in_stop(one: Watch, at: int) -> bool:
     """Whether an alarm is part of the group that stands at `at` [µs UTC]."""
-    if not one.ordinal or one.life.state is State.NORMAL:
+    if not one.ordinal or one.life.state is AlarmState.NORMAL:
         return False
     return one.alarm.alarm_class == TRIP or (
         one.alarm.event > 0 and (one.life.active or at - one.first_true < STOP_SPAN)

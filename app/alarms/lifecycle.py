@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 
-class State(StrEnum):
+class AlarmState(StrEnum):
     """Displayed state, by its letter."""
 
     NORMAL = "A"
@@ -105,7 +105,7 @@ class Life:
         return self.shelved + self.suppressed + self.out_of_service
 
     @property
-    def state(self) -> State:
+    def state(self) -> AlarmState:
         """The displayed state."""
         return displayed(self)
 
@@ -204,8 +204,8 @@ REFUSED: Mapping[tuple[Event, str], str] = {
 class Step:
     """What an event did."""
 
-    before: State
-    after: State
+    before: AlarmState
+    after: AlarmState
     life: Life
     entry: Entry | None = None
     """None: nothing happened, and the journal says nothing."""
@@ -217,15 +217,21 @@ class Step:
     """Text key of the reason, for what a person asked."""
 
 
-def displayed(life: Life) -> State:
+def displayed(life: Life) -> AlarmState:
     """The letter of the layers; what hides an alarm goes before what it is, out of service before suppressed before shelved."""
     if life.hidden:
-        return State.OUT_OF_SERVICE if life.out_of_service else State.SUPPRESSED if life.suppressed else State.SHELVED
+        return (
+            AlarmState.OUT_OF_SERVICE
+            if life.out_of_service
+            else AlarmState.SUPPRESSED
+            if life.suppressed
+            else AlarmState.SHELVED
+        )
     if life.active:
-        return State.ACKNOWLEDGED if life.acked else State.UNACKNOWLEDGED
+        return AlarmState.ACKNOWLEDGED if life.acked else AlarmState.UNACKNOWLEDGED
     if life.latched:
-        return State.LATCHED if life.acked else State.LATCHED_UNACKNOWLEDGED
-    return State.NORMAL if life.acked else State.RETURNED
+        return AlarmState.LATCHED if life.acked else AlarmState.LATCHED_UNACKNOWLEDGED
+    return AlarmState.NORMAL if life.acked else AlarmState.RETURNED
 
 
 def step(life: Life, event: Event, traits: Traits) -> Step:
@@ -246,7 +252,7 @@ def step(life: Life, event: Event, traits: Traits) -> Step:
     )
 
 
-def _row(life: Life, state: State, event: Event, traits: Traits) -> Row | None:
+def _row(life: Life, state: AlarmState, event: Event, traits: Traits) -> Row | None:
     for row in _BY_EVENT.get((event, state), ()):
         if all(_fact(life, traits, name) is wanted for name, wanted in (row.when or {}).items()):
             return row

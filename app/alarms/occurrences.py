@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 
-from app.alarms.lifecycle import State
+from app.alarms.lifecycle import AlarmState
 from app.alarms.watch import Answer, Watch
 
 REMEMBERED = 10_000
@@ -44,7 +44,7 @@ class Occurrences:
     def standing(self, occurrence: int) -> Watch | None:
         """The alarm whose present occurrence this is; None = it is over."""
         watch = self._present.get(occurrence)
-        return watch if watch is not None and watch.life.state is not State.NORMAL else None
+        return watch if watch is not None and watch.life.state is not AlarmState.NORMAL else None
 
     def acknowledged(self, watch: Watch) -> None:
         """Remember by whom and when the occurrence of `watch` was acknowledged."""

@@ -5,7 +5,7 @@ from app.alarms.alarm_list import AlarmList
 from app.alarms.annunciations import Annunciations
 from app.alarms.event_params import completed
 from app.alarms.journal_queue import JournalQueue
-from app.alarms.lifecycle import AUDIBLE, Event, State, Step, step
+from app.alarms.lifecycle import AUDIBLE, AlarmState, Event, Step, step
 from app.alarms.occurrences import Occurrences
 from app.alarms.watch import Watch, record, spoken, written
 from app.clock import Clock
@@ -102,7 +102,7 @@ class AlarmStates:
 
     def arm(self, watch: Watch) -> None:
         """Let an acknowledged alarm that asks for it come back after its time."""
-        if watch.alarm.realarm and watch.life.state is State.ACKNOWLEDGED:
+        if watch.alarm.realarm and watch.life.state is AlarmState.ACKNOWLEDGED:
             self._realarms[watch.id] = watch
         else:
             self._realarms.pop(watch.id, None)

@@ -6,7 +6,7 @@ from app.alarms.conditions import Told
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.evaluation import Evaluation
 from app.alarms.index import AlarmIndex
-from app.alarms.lifecycle import State
+from app.alarms.lifecycle import AlarmState
 from app.alarms.states import AlarmStates
 from app.alarms.watch import Watch
 from app.plant import expression
@@ -74,7 +74,7 @@ class SystemAlarms:
     def is_raised(self, key: str, about: str = "") -> bool:
         """Whether the alarm `key` about a machine or another thing is not normal."""
         watch = self._index.get(_id(key, about))
-        return watch is not None and watch.life.state is not State.NORMAL
+        return watch is not None and watch.life.state is not AlarmState.NORMAL
 
     def seen(self, watch: Watch) -> None:
         """Somebody acknowledged `watch`: what only happened, and no sentence ends, is over by that."""

@@ -10,7 +10,7 @@ from app.access.roles import Person
 from app.alarms.conditions import Condition, Delay, Happened
 from app.alarms.event_params import of_event
 from app.alarms.journal import Record
-from app.alarms.lifecycle import UNACKED, Life, State, Step, Traits
+from app.alarms.lifecycle import UNACKED, AlarmState, Life, Step, Traits
 from app.plant.definitions import Alarm
 from app.plant.events import RingEvent
 from app.plant.texts import Texts
@@ -42,7 +42,7 @@ class Standing:
     params: Mapping[str, object]
     priority: int
     alarm_class: str
-    state: State
+    state: AlarmState
     life: Life
     known: bool
     """False while the inputs of its condition are not: flag Q."""
@@ -84,16 +84,16 @@ class Standing:
         return (not self.unacked, self.priority, -self.first_true, self.id)
 
 
-SYMBOLS: Mapping[State, str] = {
-    State.NORMAL: "none",
-    State.UNACKNOWLEDGED: "unack",
-    State.ACKNOWLEDGED: "ack",
-    State.RETURNED: "rtn",
-    State.LATCHED_UNACKNOWLEDGED: "rtn",
-    State.LATCHED: "latch",
-    State.SHELVED: "shlv",
-    State.SUPPRESSED: "supp",
-    State.OUT_OF_SERVICE: "oos",
+SYMBOLS: Mapping[AlarmState, str] = {
+    AlarmState.NORMAL: "none",
+    AlarmState.UNACKNOWLEDGED: "unack",
+    AlarmState.ACKNOWLEDGED: "ack",
+    AlarmState.RETURNED: "rtn",
+    AlarmState.LATCHED_UNACKNOWLEDGED: "rtn",
+    AlarmState.LATCHED: "latch",
+    AlarmState.SHELVED: "shlv",
+    AlarmState.SUPPRESSED: "supp",
+    AlarmState.OUT_OF_SERVICE: "oos",
 }
 
 

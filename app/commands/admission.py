@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from app.access.roles import Person
 from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.nonce import Nonces, Rate
 from app.commands.orders import Order
 from app.errors import Refused
@@ -54,7 +54,7 @@ class Admission:
             order.key,
             prepared.command.label if prepared else "",
             order.person.display if order.person else "",
-            State.REFUSED,
+            ProgressState.REFUSED,
             order.asked,
             ended=self._state.clock.micros(),
             reason=refusal.reason,

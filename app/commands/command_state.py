@@ -15,7 +15,7 @@ from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.open_commands import OpenCommand
 from app.commands.orders import Audit, Foretell, Order, Writer
@@ -84,7 +84,7 @@ class CommandState:
             if gone.job.lease is not None:
                 self.hold.end(gone.job.lease, "reload")
             self.machines[gone.item.id] = gone
-            self.end(gone, gone.job, State.SUPERSEDED, "why.reloaded")
+            self.end(gone, gone.job, ProgressState.SUPERSEDED, "why.reloaded")
             del self.machines[gone.item.id]
         return list(former.values())
 
@@ -104,7 +104,12 @@ class CommandState:
                 self._tell(machine, now)
 
     def end(
-        self, machine: Machine, job: Job, state: State, reason: str = "", params: Mapping[str, object] | None = None
+        self,
+        machine: Machine,
+        job: Job,
+        state: ProgressState,
+        reason: str = "",
+        params: Mapping[str, object] | None = None,
     ) -> None:
         """The command of `job` is over."""
         if job.progress.over:

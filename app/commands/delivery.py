@@ -14,7 +14,7 @@ from app.clock import Clock
 from app.commands import interlocks
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.commands.machine import Machine
 from app.commands.orders import MapWriter, Order, Writer
 from app.commands.readings import Readings
@@ -44,9 +44,9 @@ LARGEST_COUNTER = 0xFFFF
 LOOK_AGAIN = 0.05
 """Between two looks at what a telegram waits for [s]."""
 
-Outcome = tuple[State, str, Mapping[str, object]]
+Outcome = tuple[ProgressState, str, Mapping[str, object]]
 """What became of a command that was not simply taken: state, text key, what fills it."""
-RIGHT_ENDED: Outcome = (State.FAILED, "why.right_ended", {})
+RIGHT_ENDED: Outcome = (ProgressState.FAILED, "why.right_ended", {})
 
 
 class Delivery:
@@ -119,13 +119,13 @@ class Delivery:
             if job.progress.over or job.ending is not None:
                 return None
             if self._clock.monotonic() - began >= step.within:
-                return State.FAILED, "why.not_ready", {"seconds": round(step.within, 1)}
+                return ProgressState.FAILED, "why.not_ready", {"seconds": round(step.within, 1)}
             if slow:
                 await self._writers[machine.item.link].refresh(machine.item.id, slow)
             await asyncio.sleep(LOOK_AGAIN)
         look = self._readings.look(machine)
         lost = next((each for each in job.guarded if interlocks.met(each, look) is False), None)
-        return (State.FAILED, "why.fault_appeared", {"label": lost.label}) if lost else None
+        return (ProgressState.FAILED, "why.fault_appeared", {"label": lost.label}) if lost else None
 
     async def stop(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> bool:
         """Send a Stop, or the release of a hold-to-run, before everything that waits. False: the device did not take it.
@@ -176,25 +176,25 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
     """What an error of the link says about a command; `told`: it was a code, of which a link proves that it did not arrive."""
     match error:
         case DeviceException() if error.code in MAY_HAVE_ACTED:
-            return State.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
+            return ProgressState.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
         case DeviceException():
-            return State.FAILED, "why.device_refused", {"code": error.code}
+            return ProgressState.FAILED, "why.device_refused", {"code": error.code}
         case Overtaken():
-            return State.SUPERSEDED, "why.overtaken", {}
+            return ProgressState.SUPERSEDED, "why.overtaken", {}
         case Withdrawn():
             return RIGHT_ENDED
         case Refused():  # the link knows better than we that its device is live
-            return State.FAILED, "why.writes_off", error.params
+            return ProgressState.FAILED, "why.writes_off", error.params
         case NotTaken():
-            return State.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
+            return ProgressState.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case Rejected():
             return rejection(item.type, error.reason, error.detail, error.state)
         case LinkError() if told and not isinstance(error, NoAnswer | BadAnswer):
-            return State.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
+            return ProgressState.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case LinkError():
-            return State.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
+            return ProgressState.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}
         case _:
-            return State.FAILED, "why.no_link", {"link": item.link}
+            return ProgressState.FAILED, "why.no_link", {"link": item.link}
 
 
 def refusal_of(kind: EquipmentType, answer: Answer) -> Outcome | None:
@@ -209,8 +209,8 @@ def rejection(kind: EquipmentType, reason: int, detail: int, state: str) -> Outc
     params: dict[str, object] = {"code": reason, "detail": detail, "answer": state}
     name = kind.reasons.get(reason)
     if name is None:
-        return State.FAILED, "why.device_rejected_code", params
-    return State.FAILED, "why.device_rejected", {**params, "label": f"reason.{name}"}
+        return ProgressState.FAILED, "why.device_rejected_code", params
+    return ProgressState.FAILED, "why.device_rejected", {**params, "label": f"reason.{name}"}
 
 
 def owner_of(job: Job) -> int:

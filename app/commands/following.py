@@ -7,7 +7,7 @@ from app.commands.checks import holds
 from app.commands.command_state import CommandState
 from app.commands.delivery import refusal_of
 from app.commands.job import Job
-from app.commands.lifecycle import Facts, State, judge
+from app.commands.lifecycle import Facts, ProgressState, judge
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
 from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
@@ -40,7 +40,7 @@ class Following:
             self._motion.follow_ending(machine, job, now, job.ending)
         elif job.prepared.command.stop:
             self._follow_stop(machine, job, now)
-        elif job.progress.state in (State.ACCEPTED, State.UNKNOWN) and job.since is not None:
+        elif job.progress.state in (ProgressState.ACCEPTED, ProgressState.UNKNOWN) and job.since is not None:
             self._follow_answer(machine, job, now)
             if not job.progress.over:
                 self._follow_feedback(machine, job, now, job.since)
@@ -54,7 +54,7 @@ class Following:
         if refusal is not None:
             self._state.end(machine, job, *refusal)
         elif answer.state is AnswerState.DONE and job.prepared.feedback is None:
-            self._state.end(machine, job, State.CONFIRMED)
+            self._state.end(machine, job, ProgressState.CONFIRMED)
         elif answer.state is not AnswerState.DONE and not job.asking and now - job.last_ask >= ASK_AGAIN:
             self._state.spawn(self._state.delivery.ask(machine, job), f"answer {machine.item.id}")
 
@@ -69,11 +69,11 @@ class Following:
             return
         if job.lease is not None:
             self._motion.judge(machine, job, verdict)
-        elif verdict is State.CONFIRMED:
+        elif verdict is ProgressState.CONFIRMED:
             self._state.end(machine, job, verdict)
-        elif verdict is State.FAILED:
+        elif verdict is ProgressState.FAILED:
             self._state.end(machine, job, verdict, "why.fault_appeared", {"label": fault})
-        elif verdict is State.UNKNOWN:
+        elif verdict is ProgressState.UNKNOWN:
             key = "why.unknown_as_asked" if feedback else job.progress.reason
             self._state.end(machine, job, verdict, key, job.progress.params)
         else:
@@ -97,13 +97,15 @@ class Following:
             and job.since is not None
             and self._state.readings.stands(machine, job.prepared, job.since)
         ):
-            self._state.end(machine, job, State.CONFIRMED)
+            self._state.end(machine, job, ProgressState.CONFIRMED)
             if machine.restore:
                 self._state.spawn(self._motion.restore(machine), f"restore {machine.item.id}")
             return
         limit = job.progress.limit if job.echoed else STOP_LIMIT
         if waited >= limit:
-            self._state.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)})
+            self._state.end(
+                machine, job, ProgressState.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)}
+            )
             machine.restore.clear()
             self._state.alarm_stop(machine.item.id)
         elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:

@@ -27,7 +27,7 @@ from app.commands.admission import Admission
 from app.commands.command_state import CommandState
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, Reason
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
 from app.commands.nonce import Once
@@ -294,7 +294,7 @@ class Gate:
             await asyncio.wait(self._state.tasks, timeout=1.0)
         for machine in list(self._state.machines.values()):
             if machine.job is not None and not machine.job.progress.over:
-                self._state.end(machine, machine.job, State.SUPERSEDED, "why.shutdown")
+                self._state.end(machine, machine.job, ProgressState.SUPERSEDED, "why.shutdown")
         if self._state.tasks:
             await asyncio.wait(self._state.tasks, timeout=2.0)
         for task in list(self._state.tasks):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance, also_known_as
+from app.commands.lifecycle import Progress, ProgressState, advance, also_known_as
 from app.commands.orders import Order
 from app.plant.definitions import Alarm, Condition
 from app.registers.plc_map import Answer
@@ -132,20 +132,20 @@ class Job:
 
     def accepted(self, now: float, at: int) -> None:
         """The device has echoed all telegrams (`at` [µs UTC])."""
-        self.progress = advance(self.progress, State.ACCEPTED, at)
+        self.progress = advance(self.progress, ProgressState.ACCEPTED, at)
         self.since = now
         self.echoed = True
 
     def in_doubt(self, now: float, at: int, reason: str, params: Mapping[str, object]) -> None:
         """Nobody knows whether a telegram arrived; what is read from now on tells. Of a held motion its end tells."""
-        self.progress = advance(self.progress, State.UNKNOWN, at, reason=reason, params=params)
+        self.progress = advance(self.progress, ProgressState.UNKNOWN, at, reason=reason, params=params)
         if self.lease is None:
             self.since = now
 
     def seen_moving(self, at: int) -> None:
         """A held motion is confirmed, and goes on."""
         self.moved = True
-        self.progress = advance(self.progress, State.CONFIRMED, at, end=False)
+        self.progress = advance(self.progress, ProgressState.CONFIRMED, at, end=False)
 
     def let_go(self, now: float) -> None:
         """The button is up: it stops from now on."""
@@ -158,9 +158,9 @@ class Job:
         self.echoed = True
         if self.since is None and self.other is None:
             self.since = now
-        if self.progress.state is not State.REQUESTED or self.lease is not None:
+        if self.progress.state is not ProgressState.REQUESTED or self.lease is not None:
             return False
-        self.progress = advance(self.progress, State.ACCEPTED, at)
+        self.progress = advance(self.progress, ProgressState.ACCEPTED, at)
         return True
 
     def stop_perhaps_heard(self, now: float) -> None:
@@ -177,6 +177,6 @@ class Job:
         if self.prepared.command.stop or self.ending is not None:
             self.stop_anew()
 
-    def end(self, state: State, at: int, reason: str, params: Mapping[str, object]) -> None:
+    def end(self, state: ProgressState, at: int, reason: str, params: Mapping[str, object]) -> None:
         """It is over (`at` [µs UTC])."""
         self.progress = advance(self.progress, state, at, end=True, reason=reason, params=params)

@@ -18,7 +18,7 @@ from enum import StrEnum
 from app.commands.value_set import Change
 
 
-class State(StrEnum):
+class ProgressState(StrEnum):
     """Where a command stands; its text is `fb.<state>`."""
 
     REQUESTED = "requested"
@@ -32,13 +32,16 @@ class State(StrEnum):
     SUPERSEDED = "superseded"
 
 
-_OUTCOMES = frozenset({State.CONFIRMED, State.FAILED, State.UNCONFIRMED, State.SUPERSEDED})
+_OUTCOMES = frozenset(
+    {ProgressState.CONFIRMED, ProgressState.FAILED, ProgressState.UNCONFIRMED, ProgressState.SUPERSEDED}
+)
 
-NEXT: Mapping[State, frozenset[State]] = {
-    State.REQUESTED: _OUTCOMES | {State.ACCEPTED, State.REFUSED, State.UNKNOWN, State.DRY_RUN},
-    State.ACCEPTED: _OUTCOMES | {State.UNKNOWN},
-    State.UNKNOWN: _OUTCOMES | {State.UNKNOWN},
-    State.CONFIRMED: _OUTCOMES,
+NEXT: Mapping[ProgressState, frozenset[ProgressState]] = {
+    ProgressState.REQUESTED: _OUTCOMES
+    | {ProgressState.ACCEPTED, ProgressState.REFUSED, ProgressState.UNKNOWN, ProgressState.DRY_RUN},
+    ProgressState.ACCEPTED: _OUTCOMES | {ProgressState.UNKNOWN},
+    ProgressState.UNKNOWN: _OUTCOMES | {ProgressState.UNKNOWN},
+    ProgressState.CONFIRMED: _OUTCOMES,
 }
 """State → states that may follow. Requested goes to confirmed only for a Stop whose echo was lost and whose effect is read back;
 confirmed goes on only for a hold-to-run, which is confirmed while it moves and ends when it has stopped."""
@@ -56,7 +59,7 @@ class Progress:
     """Text key of the command."""
     person: str
     """Name shown for who asked."""
-    state: State
+    state: ProgressState
     requested: int
     """When it was asked [µs UTC]."""
     accepted: int = 0
@@ -100,7 +103,7 @@ def also_known_as(progress: Progress, request: int) -> Progress:
 
 def advance(
     progress: Progress,
-    state: State,
+    state: ProgressState,
     at: int,
     *,
     end: bool | None = None,
@@ -114,11 +117,11 @@ def advance(
     """
     if progress.over or state not in NEXT.get(progress.state, ()):
         raise ValueError(f"command {progress.id}: {progress.state}{' (over)' * progress.over} does not become {state}")
-    ends = state not in (State.ACCEPTED, State.UNKNOWN) if end is None else end
+    ends = state not in (ProgressState.ACCEPTED, ProgressState.UNKNOWN) if end is None else end
     return replace(
         progress,
         state=state,
-        accepted=at if state is State.ACCEPTED else progress.accepted,
+        accepted=at if state is ProgressState.ACCEPTED else progress.accepted,
         ended=at if ends else 0,
         reason=reason or progress.reason,
         params=params if reason else progress.params,
@@ -129,7 +132,7 @@ def advance(
 class Facts:
     """What is known about a command that waits for its feedback."""
 
-    state: State
+    state: ProgressState
     waited: float
     """Since accepted, or since it became unknown [s]."""
     limit: float
@@ -142,17 +145,19 @@ class Facts:
     """A fault appeared since."""
 
 
-def judge(facts: Facts) -> State | None:
+def judge(facts: Facts) -> ProgressState | None:
     """What the command becomes now; None = it goes on waiting. Unknown is a verdict too, when time is up.
 
     A command whose telegram got no valid answer is confirmed only by a change: feedback that held before proves nothing.
     """
-    if facts.feedback and (facts.state is State.ACCEPTED or (facts.state is State.UNKNOWN and facts.before is False)):
-        return State.CONFIRMED
+    if facts.feedback and (
+        facts.state is ProgressState.ACCEPTED or (facts.state is ProgressState.UNKNOWN and facts.before is False)
+    ):
+        return ProgressState.CONFIRMED
     if facts.fault:
-        return State.FAILED
+        return ProgressState.FAILED
     if facts.waited < facts.limit:
         return None
-    if facts.state is State.UNKNOWN and facts.feedback is not False:
-        return State.UNKNOWN
-    return State.UNCONFIRMED
+    if facts.state is ProgressState.UNKNOWN and facts.feedback is not False:
+        return ProgressState.UNKNOWN
+    return ProgressState.UNCONFIRMED

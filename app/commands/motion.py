@@ -13,7 +13,7 @@ from app.commands.command_state import CommandState
 from app.commands.hold import HoldToRun, Lease
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.orders import Order, Question
 from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
@@ -115,7 +115,7 @@ class HeldMotion:
             broke = await self._state.delivery.send(machine, job, ())
         if job.ending is not None:
             job.stop_anew()
-        elif broke is not None and broke[0] is State.FAILED and job.lease is not None:
+        elif broke is not None and broke[0] is ProgressState.FAILED and job.lease is not None:
             self._state.hold.end(job.lease, "write")
 
     def _stop(self, lease: Lease) -> None:
@@ -131,15 +131,15 @@ class HeldMotion:
             f"release {lease.equipment}",
         )
 
-    def judge(self, machine: Machine, job: Job, verdict: State) -> None:
+    def judge(self, machine: Machine, job: Job, verdict: ProgressState) -> None:
         """What the feedback says of a motion that is held."""
         assert job.lease is not None
-        if verdict is State.CONFIRMED:
+        if verdict is ProgressState.CONFIRMED:
             if not job.moved:
                 job.seen_moving(self._state.clock.micros())
                 self._state.changed(machine.item.id)
             return
-        self._state.hold.end(job.lease, "fault" if verdict is State.FAILED else "unconfirmed")
+        self._state.hold.end(job.lease, "fault" if verdict is ProgressState.FAILED else "unconfirmed")
 
     def follow_ending(self, machine: Machine, job: Job, now: float, ending: float) -> None:
         """After the release of a hold-to-run. `since` counts from the first echo of the stop."""
@@ -154,7 +154,7 @@ class HeldMotion:
         elif waited >= limit:
             machine.restore.clear()
             params = {"seconds": round(limit, 1), "cause": job.lease.cause}
-            self._state.end(machine, job, State.UNCONFIRMED, "why.stop_not_confirmed", params)
+            self._state.end(machine, job, ProgressState.UNCONFIRMED, "why.stop_not_confirmed", params)
             self._state.alarm_stop(machine.item.id)
         elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
             self._state.spawn(
@@ -170,9 +170,9 @@ class HeldMotion:
             "stopped": lease.started_at + round(((job.ending or 0.0) - lease.started) * 1e6),
             "seconds": round((job.ending or 0.0) - lease.started, 2),
         }
-        state = State.CONFIRMED if job.moved else State.UNCONFIRMED
+        state = ProgressState.CONFIRMED if job.moved else ProgressState.UNCONFIRMED
         if lease.cause in ("fault", "write"):
-            state = State.FAILED
+            state = ProgressState.FAILED
         self._state.end(machine, job, state, f"hold.cause.{lease.cause}", params)
         if machine.restore:
             self._state.spawn(self.restore(machine), f"restore {machine.item.id}")
@@ -231,7 +231,7 @@ class HeldMotion:
         for point in wrong:
             now = self._state.clock.micros()
             progress = Progress(
-                chance.token_hex(16), item.id, point, item.points[point].label, "", State.UNCONFIRMED, now, ended=now,
+                chance.token_hex(16), item.id, point, item.points[point].label, "", ProgressState.UNCONFIRMED, now, ended=now,
                 reason="hold.not_restored", params={"value": held[point], "unit": item.points[point].unit},
                 argument=held[point],
             )  # fmt: skip

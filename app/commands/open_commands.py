@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from app.access.audit.line import Record
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.plant.definitions import Equipment
 
 SENT = "command.sent"
@@ -54,7 +54,7 @@ def _open(line: Record, id: str, plant: Mapping[str, Equipment], now: int) -> Op
     label = command.label if command is not None else point.label if point is not None else key
     asked = line.parameters.get("requested", "")
     progress = Progress(
-        id, equipment, key, label, line.person, State.UNKNOWN, int(asked) if asked.isdecimal() else line.time,
+        id, equipment, key, label, line.person, ProgressState.UNKNOWN, int(asked) if asked.isdecimal() else line.time,
         ended=now, reason=SERVER_ENDED,
     )  # fmt: skip
     return OpenCommand(progress, line.old, line.new, command is not None and command.stop)

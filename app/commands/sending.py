@@ -12,7 +12,7 @@ from app.commands.checks import holds, is_pulse
 from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.orders import Order, Task
 from app.errors import LinkError, Refused
@@ -45,7 +45,7 @@ class Sending:
             self._state.hold.disarm(order.equipment)
         job = self.begin(order, machine, prepared, plan)
         if self._state.dry_run:
-            self._state.end(machine, job, State.DRY_RUN, "why.dry_run")
+            self._state.end(machine, job, ProgressState.DRY_RUN, "why.dry_run")
             return job.progress
         if prepared.command.stop:
             line = self._state.keep(self._state.audit_lines.sent(order, job.progress), f"audit of {order.equipment}")
@@ -71,7 +71,7 @@ class Sending:
                 command.key,
                 command.label,
                 order.person.display,
-                State.REQUESTED,
+                ProgressState.REQUESTED,
                 order.asked,
                 argument=plan.argument,
                 old=plan.old,
@@ -110,7 +110,7 @@ class Sending:
             self._state.hold.drop(old.lease, "stop")
         key = "why.superseded"
         self._state.end(
-            machine, old, State.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person}
+            machine, old, ProgressState.SUPERSEDED, key, {"label": new.progress.label, "display": new.progress.person}
         )
 
     async def write(self, machine: Machine, job: Job, telegrams: Sequence[tuple[str, float]]) -> None:
@@ -120,7 +120,7 @@ class Sending:
             if await self._state.audit_lines.sent(job.order, job.progress):
                 broke = await self._state.delivery.send(machine, job, telegrams)
             else:
-                broke = State.FAILED, NO_AUDIT, {}
+                broke = ProgressState.FAILED, NO_AUDIT, {}
         if job.ending is not None:
             job.stop_anew()
         elif job.progress.over:
@@ -132,14 +132,16 @@ class Sending:
             self._state.changed(item.id)
             self.read_back(machine, job)
             if job.prepared.feedback is None and (job.answer is None or job.answer.state is AnswerState.DONE):
-                self._state.end(machine, job, State.CONFIRMED)
+                self._state.end(machine, job, ProgressState.CONFIRMED)
 
-    def _broke(self, machine: Machine, job: Job, state: State, reason: str, params: Mapping[str, object]) -> None:
+    def _broke(
+        self, machine: Machine, job: Job, state: ProgressState, reason: str, params: Mapping[str, object]
+    ) -> None:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
             job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
             self._state.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
-        elif state is State.UNKNOWN:
+        elif state is ProgressState.UNKNOWN:
             job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
             self._state.changed(machine.item.id)
             self.read_back(machine, job)
@@ -150,7 +152,7 @@ class Sending:
         """Have the feedback read now where no scan brings it."""
         item = machine.item
         job.read_back(self._state.clock.monotonic())
-        unknown = job.progress.state is State.UNKNOWN
+        unknown = job.progress.state is ProgressState.UNKNOWN
         keys = [k for k in job.prepared.watched if unknown or item.points[k].scan in (Scan.PAGE, Scan.ONCE, Scan.SLOW)]
         if keys:
             self._state.spawn(self._refresh(machine, keys), f"read back {item.id}")

@@ -9,7 +9,7 @@ from app import chance
 from app.commands import value_set
 from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
@@ -68,11 +68,11 @@ class SetFollowUp:
             for change in progress.changes
         )
         stands = {change.stands for change in changes}
-        state, reason = State.UNCONFIRMED, FOUND_MIXED
+        state, reason = ProgressState.UNCONFIRMED, FOUND_MIXED
         if stands == {Stands.NEW}:
-            state, reason = State.CONFIRMED, FOUND_NEW
+            state, reason = ProgressState.CONFIRMED, FOUND_NEW
         elif stands == {Stands.OLD}:
-            state, reason = State.FAILED, FOUND_OLD
+            state, reason = ProgressState.FAILED, FOUND_OLD
         found = replace(
             progress,
             state=state,
@@ -107,7 +107,7 @@ def value_now(state: CommandState, machine: Machine, key: str) -> float | None:
 def left_open(equipment: str, id: str, person: str, requested: int, changes: Sequence[Change]) -> Progress:
     """A set that was being written when the server was killed, as the audit trail has it."""
     return Progress(
-        id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, State.UNCONFIRMED, requested,
+        id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, ProgressState.UNCONFIRMED, requested,
         reason=UNREAD, params={"cause": "why.set_killed", **standing_params(changes)},
         old=value_set.told(changes, old=True), changes=tuple(changes),
     )  # fmt: skip

@@ -21,7 +21,7 @@ from app.commands import value_set
 from app.commands.command_state import CommandState
 from app.commands.delivery import Outcome, outcome_of
 from app.commands.interlocks import Prepared
-from app.commands.lifecycle import Progress, State, advance
+from app.commands.lifecycle import Progress, ProgressState, advance
 from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order, Task
 from app.commands.set_follow_up import UNREAD, UNTOLD, SetFollowUp, read_now, standing_params, value_now
@@ -59,17 +59,17 @@ class Sets:
         """
         assert order.person is not None
         progress = Progress(
-            order.id, order.equipment, prepared.command.key, prepared.command.label, order.person.display, State.REQUESTED,
+            order.id, order.equipment, prepared.command.key, prepared.command.label, order.person.display, ProgressState.REQUESTED,
             order.asked, old=plan.old, limit=plan.limit, telegrams=plan.telegrams, arguments=plan.arguments,
             changes=plan.changes,
         )  # fmt: skip
         job = SetJob(order, prepared, plan, progress)
         if self._state.dry_run:
-            self._end(machine, job, State.DRY_RUN, "why.dry_run", {})
+            self._end(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
             return job.progress
         if machine.job is not None:
             new = {"label": progress.label, "display": progress.person}
-            self._state.end(machine, machine.job, State.SUPERSEDED, "why.superseded", new)
+            self._state.end(machine, machine.job, ProgressState.SUPERSEDED, "why.superseded", new)
         machine.set = job
         self._state.changed(order.equipment)
         await asyncio.shield(self._state.work(self._carry_out(machine, job), f"set {order.equipment}"))
@@ -87,11 +87,11 @@ class Sets:
     async def _carry_out(self, machine: Machine, job: SetJob) -> None:
         try:
             if not await self._state.audit_lines.sent(job.order, job.progress):
-                self._end(machine, job, State.FAILED, NO_AUDIT, {})
+                self._end(machine, job, ProgressState.FAILED, NO_AUDIT, {})
                 return
             failure = await self._write(machine, job)
             if failure is None:
-                self._end(machine, job, State.CONFIRMED, "", {}, self._judged(machine, job))
+                self._end(machine, job, ProgressState.CONFIRMED, "", {}, self._judged(machine, job))
                 return
             log.warning("set not written equipment=%s reason=%s", machine.item.id, failure[0])
             await self._restore(machine, job)
@@ -109,11 +109,11 @@ class Sets:
             job.touched.append(step)
             since = self._state.clock.monotonic()
             broke = await self._send(machine, job, {key: values[key] for key in step}, since + job.plan.limit, new=True)
-            if broke is not None and broke[0] is not State.UNKNOWN:
+            if broke is not None and broke[0] is not ProgressState.UNKNOWN:
                 job.touched.remove(step)
                 return broke[1], broke[2]
-            if broke is None and job.progress.state is State.REQUESTED:
-                job.progress = advance(job.progress, State.ACCEPTED, self._state.clock.micros())
+            if broke is None and job.progress.state is ProgressState.REQUESTED:
+                job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
                 self._state.changed(machine.item.id)
             failure = await self._there(machine, job, step, values, since)
             if failure is not None:
@@ -149,7 +149,7 @@ class Sets:
             if isinstance(error, NoAnswer):
                 job.known_as(error.request)
             outcome = outcome_of(error, machine.item, told=False)
-            if outcome[0] is State.UNKNOWN:
+            if outcome[0] is ProgressState.UNKNOWN:
                 job.unsettled |= values.keys()
             return outcome
         finally:
@@ -252,16 +252,16 @@ class Sets:
         if "cause" in failure[1]:
             cause["deeper"] = failure[1]["cause"]
         if stands == {Stands.OLD}:
-            self._end(machine, job, State.FAILED, RESTORED, cause, changes)
+            self._end(machine, job, ProgressState.FAILED, RESTORED, cause, changes)
         else:
             reason = UNREAD if Stands.UNKNOWN in stands else MIXED
-            self._end(machine, job, State.UNCONFIRMED, reason, {**cause, **standing_params(changes)}, changes)
+            self._end(machine, job, ProgressState.UNCONFIRMED, reason, {**cause, **standing_params(changes)}, changes)
 
     def _end(
         self,
         machine: Machine,
         job: SetJob,
-        state: State,
+        state: ProgressState,
         reason: str,
         params: Mapping[str, object],
         changes: tuple[Change, ...] = (),

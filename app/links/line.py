@@ -12,7 +12,7 @@ from app.links.host_event import LastSeen, OnEvents, StoredUpTo
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
-from app.links.statistics import LinkStatistics, State, StatisticsPublisher, UnitStatistics
+from app.links.statistics import LinkState, LinkStatistics, StatisticsPublisher, UnitStatistics
 from app.plant.definitions import Link
 from app.registers.rtu import read_time, write_time
 from app.tags.database import TagDatabase
@@ -82,7 +82,7 @@ class Line:
 
     def written(self, station: Station, address: int, count: int) -> None:
         """What holds these registers is read again now."""
-        if station.state is State.UP:
+        if station.state is LinkState.UP:
             for block in station.around(3, address, address + count - 1):
                 self._schedule.at(block, self._now())
             self._wake()
@@ -144,7 +144,7 @@ class Line:
         if not self._heard:
             self._heard = True
             self._settle()
-        if station.state is State.DOWN:
+        if station.state is LinkState.DOWN:
             station.probe_now.set()
 
     def _wire(self, read: Block | None, words: int = 0, function: int = 6) -> float:
@@ -175,19 +175,19 @@ class Line:
             self.statistics.units[number].state = station.state
         statistics = self.statistics
         if not self._open:
-            statistics.state = State.CONNECTING if self._told_up is None else State.DOWN
-        elif State.CONFIGURATION in states:
-            statistics.state = State.CONFIGURATION
-        elif states and all(state is State.DOWN for state in states):
-            statistics.state = State.DOWN
-        elif State.DOWN in states:
-            statistics.state = State.SOME_SILENT
+            statistics.state = LinkState.CONNECTING if self._told_up is None else LinkState.DOWN
+        elif LinkState.CONFIGURATION in states:
+            statistics.state = LinkState.CONFIGURATION
+        elif states and all(state is LinkState.DOWN for state in states):
+            statistics.state = LinkState.DOWN
+        elif LinkState.DOWN in states:
+            statistics.state = LinkState.SOME_SILENT
         else:
-            statistics.state = State.CONNECTING if states and State.UP not in states else State.UP
+            statistics.state = LinkState.CONNECTING if states and LinkState.UP not in states else LinkState.UP
         statistics.simulated = self.link.simulated or (
             bool(states) and all(station.simulated for station in self.stations.values())
         )
-        if State.UP in states and self._open and self._heard:
+        if LinkState.UP in states and self._open and self._heard:
             self._note(up=True)
         self._publisher.publish()
 

@@ -20,7 +20,7 @@ from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.services import Service
 from app.links.station import Station
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.plant.definitions import Link, PlcMap, UnitService
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
@@ -101,7 +101,7 @@ class Outages(Line):
         asyncio.get_running_loop().call_soon(self._misconfigured, station)
 
     def _misconfigured(self, station: Station) -> None:
-        if station.state is not State.UP or self.stations.get(station.number) is not station:
+        if station.state is not LinkState.UP or self.stations.get(station.number) is not station:
             return
         station.end_tasks()
         for block in station.blocks:
@@ -110,7 +110,7 @@ class Outages(Line):
         self.attend(station, self._bring_up(station))
 
     def _to_configuration(self, station: Station) -> None:
-        station.state = State.CONFIGURATION
+        station.state = LinkState.CONFIGURATION
         self._publish_lost(station, CONFIGURATION)
         self._settle()
 
@@ -145,12 +145,12 @@ class Outages(Line):
 
     def _silent(self, station: Station, error: LinkError) -> None:
         """A unit in quarantine: bad at once, and from now on only probes."""
-        if station.state is State.DOWN or self.stations.get(station.number) is not station:
+        if station.state is LinkState.DOWN or self.stations.get(station.number) is not station:
             return
         station.end_tasks()
         for block in station.blocks:
             self._schedule.drop(block)
-        station.state = State.DOWN
+        station.state = LinkState.DOWN
         self._line_silent = True
         self._publish_lost(station, COMM_FAILURE)
         if self._several:
@@ -171,7 +171,7 @@ class Outages(Line):
 
     @property
     def _all_silent(self) -> bool:
-        return all(station.state is State.DOWN for station in self.stations.values())
+        return all(station.state is LinkState.DOWN for station in self.stations.values())
 
     async def _probe(self, station: Station) -> None:
         """Ask a silent unit for one register now and then, until it answers."""
@@ -234,12 +234,12 @@ class Outages(Line):
                     raise
                 continue  # another connection may do it; those that are closed as well are found by asking
             except NoAnswer as error:
-                station.state = State.CONNECTING
+                station.state = LinkState.CONNECTING
                 self.later(station, error)
                 return
             self._to_configuration(station)
             await asyncio.sleep(RECHECK)
-        station.state = State.UP
+        station.state = LinkState.UP
         for service in station.services:
             service.begin()
         station.tell_unreadable(self._tags, self.clock.micros())
@@ -310,7 +310,7 @@ class Outages(Line):
         now = self._now()
         station.tell_unreadable(self._tags, self.clock.micros())
         for block in station.blocks:
-            if id(block) not in before and station.state is State.UP:
+            if id(block) not in before and station.state is LinkState.UP:
                 self._schedule.at(block, now)
         self._wake()
 

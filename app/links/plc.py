@@ -28,7 +28,7 @@ from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.services import Seen, Service, SetWrite
 from app.links.station import Station
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.links.table_block import TableBlock
 from app.plant.definitions import PlcMap, Register
 from app.registers import plc_map
@@ -205,7 +205,7 @@ class PlcUnit:
             log.warning("device was restarted link=%s unit=%d boots=%d", *self._where, self.clock.boots)
             self.events.restarted()
             self._bus.attend(station, self.orders.begin())
-        if (restarted or changed) and station.state is State.UP:
+        if (restarted or changed) and station.state is LinkState.UP:
             now = asyncio.get_running_loop().time()
             for block in station.blocks:
                 if block.period == inf:
@@ -316,7 +316,7 @@ class PlcUnit:
 
     def _judge(self) -> None:
         station = self._station
-        if station.state is not State.UP or self._pulse.standing == station.halted:
+        if station.state is not LinkState.UP or self._pulse.standing == station.halted:
             return
         self._bus.halt(station, halted=self._pulse.standing)
         self._say_halted()

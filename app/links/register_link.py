@@ -20,7 +20,7 @@ from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Priority
 from app.links.services import SetWrite
 from app.links.station import Station
-from app.links.statistics import LinkStatistics, State
+from app.links.statistics import LinkState, LinkStatistics
 from app.links.statistics import statistic_names as statistic_names
 from app.links.transports import TRANSPORTS
 from app.plant.definitions import Equipment, Link, Point, Register
@@ -81,7 +81,7 @@ class RegisterLink:
     @property
     def up(self) -> bool:
         """Whether anybody behind the link answers."""
-        return self.statistics.state in (State.UP, State.SOME_SILENT)
+        return self.statistics.state in (LinkState.UP, LinkState.SOME_SILENT)
 
     @property
     def stations(self) -> Mapping[int, Station]:
@@ -129,7 +129,7 @@ class RegisterLink:
         """Whether the program behind a machine stands still while its unit answers; of several on a unit the first one tells."""
         item = self._equipment.get(equipment)
         station = self._runner.stations.get(item.unit) if item is not None else None
-        up = station is not None and station.state is State.UP and station.equipment[0].id == equipment
+        up = station is not None and station.state is LinkState.UP and station.equipment[0].id == equipment
         return up and station is not None and station.halted
 
     async def run(self) -> None:
@@ -248,7 +248,7 @@ class RegisterLink:
             LinkError: it could not be asked.
         """
         station, plc = self._plc_of(equipment)
-        if station.state is State.CONFIGURATION:
+        if station.state is LinkState.CONFIGURATION:
             raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
         return await plc.orders.answer(id)
 
@@ -274,7 +274,7 @@ class RegisterLink:
         item = self._equipment_named(equipment)
         names = {self._point_named(item, key).name for key in points}
         station = self._runner.stations[item.unit]
-        if station.state is State.DOWN and self._runner.connected:
+        if station.state is LinkState.DOWN and self._runner.connected:
             raise NoAnswer(f"link {self.name}: unit {item.unit} is silent")
         blocks = station.covering(names)
         missing = names.difference(*(block.names for block in blocks))
@@ -379,9 +379,9 @@ class RegisterLink:
     def _check_writable(self, station: Station, *, urgent: bool) -> None:
         if not self._runner.connected:
             raise NotConnected(f"link {self.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
-        if station.state is State.CONFIGURATION:
+        if station.state is LinkState.CONFIGURATION:
             raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
-        if station.state is not State.UP and not (urgent and station.may_write):
+        if station.state is not LinkState.UP and not (urgent and station.may_write):
             raise NoAnswer(f"link {self.name}: unit {station.number} is silent")
         if not station.may_write:
             raise Refused("command.writes_off", link=self.name)

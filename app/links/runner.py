@@ -21,7 +21,7 @@ from app.links.scan_block import ScanBlock
 from app.links.schedule import Job
 from app.links.services import Seen
 from app.links.station import Station
-from app.links.statistics import State, UnitStatistics
+from app.links.statistics import LinkState, UnitStatistics
 from app.plant.definitions import Link, Scan
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE
@@ -93,7 +93,7 @@ class LinkRunner(Outages):
         if station is None:
             return
         station.probe_now.set()
-        if station.state is State.UP:
+        if station.state is LinkState.UP:
             for block in station.blocks:
                 if block.failures or (block.quality or 0) & 3:
                     self._schedule.at(block, self._now() + SETTLE)
@@ -120,7 +120,7 @@ class LinkRunner(Outages):
             if self._open:
                 self.attend(station, self._bring_up(station))
             else:
-                station.state = State.DOWN if self._told_up is not None else State.CONNECTING
+                station.state = LinkState.DOWN if self._told_up is not None else LinkState.CONNECTING
         self._settle()
         self._wake()
 
@@ -129,7 +129,7 @@ class LinkRunner(Outages):
         fresh = names - self.demanded
         self.demanded = names
         for station in self.stations.values():
-            if station.state is State.UP:
+            if station.state is LinkState.UP:
                 for block in station.covering(fresh):
                     if block.scan is Scan.PAGE and not block.queued:
                         self._schedule.at(block, self._now())
@@ -195,7 +195,7 @@ class LinkRunner(Outages):
         if first:
             self._heard = False
             for station in self.stations.values():
-                station.state = State.CONNECTING
+                station.state = LinkState.CONNECTING
                 self.attend(station, self._bring_up(station))
             if not self.stations:
                 self._note(up=True)
@@ -216,7 +216,7 @@ class LinkRunner(Outages):
             fail(job, NotConnected(f"link {self.link.name}: {reason}"))
         for station in self.stations.values():
             station.end_tasks()
-            station.state = State.DOWN
+            station.state = LinkState.DOWN
             self._publish_lost(station, COMM_FAILURE)
         self._heard = False
         if reason != ENDED:
@@ -263,7 +263,7 @@ class LinkRunner(Outages):
         self._answered(station, started, job.liveness, self._wire(job.read, len(job.words), job.function))
         if job.scan is not None and self._answer_was_kept(standstills):
             fail(job, NoAnswer(f"unit {job.unit}: its answer waited while this program stood still"))
-        elif job.scan is not None and station is not None and station.state is State.UP and job.scan.alive:
+        elif job.scan is not None and station is not None and station.state is LinkState.UP and job.scan.alive:
             seen = Seen.WHOLE if job.scan.part is None else self._look(station, job.scan, words, started)
             if seen is Seen.TORN:
                 fail(job, Torn(f"unit {job.unit}: {job.scan.block.address:#06x} changed while it was read"))
@@ -311,7 +311,7 @@ class LinkRunner(Outages):
                 self._schedule.at(block, self._now(), first=True)
             return
         seen = Seen.WHOLE
-        if block.part is not None and station.state is State.UP and block.alive:
+        if block.part is not None and station.state is LinkState.UP and block.alive:
             seen = self._look(station, block, words, started)
             if seen in (Seen.TORN, Seen.PARTLY) and block.torn < TORN_TRIES and ticket == block.ticket:
                 block.torn += 1
@@ -322,7 +322,7 @@ class LinkRunner(Outages):
             self._again(block)
             if seen is Seen.TORN and not block.queued:  # what is read once is still wanted
                 self._schedule.at(block, self._now() + TORN_PAUSE)
-        if seen <= Seen.PARTLY and station.state is State.UP and block.alive:
+        if seen <= Seen.PARTLY and station.state is LinkState.UP and block.alive:
             self.publish(station, block, words, started)
 
     def _answer_was_kept(self, standstills: int) -> bool:

@@ -11,7 +11,7 @@ from app.links.map_plan import plan_map
 from app.links.planner import FUNCTIONS, Learned, Plan, Reading, Rows, overhead, plan, span_of
 from app.links.scan_block import ScanBlock
 from app.links.services import Service
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.links.table_block import TableBlock
 from app.plant.definitions import Device, Equipment, Link, Point, Scan
 from app.tags.batch import Batch
@@ -33,7 +33,7 @@ class Station:
     """Gives the next block number of the link."""
     marked: bool = False
     """Whether it says that it is simulated."""
-    state: State = State.CONNECTING
+    state: LinkState = LinkState.CONNECTING
     halted: bool = False
     """Whether its program stands still while it answers."""
     blocks: list[ScanBlock] = field(default_factory=list)

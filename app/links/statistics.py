@@ -65,7 +65,7 @@ SMOOTHING = 0.1
 """Share of the newest in a smoothed answer time."""
 
 
-class State(IntEnum):
+class LinkState(IntEnum):
     """Of a link, and of a unit (which is never SOME_SILENT)."""
 
     CONNECTING = 0
@@ -88,7 +88,7 @@ def statistic_names(link: Link | str, units: Iterable[int]) -> list[str]:
 class UnitStatistics:
     """One unit."""
 
-    state: State = State.CONNECTING
+    state: LinkState = LinkState.CONNECTING
     answer_time: float = 0.0
     """Smoothed [s]; 0 = never answered."""
     turnaround: float = 0.0
@@ -111,7 +111,7 @@ class UnitStatistics:
 class LinkStatistics:
     """One link."""
 
-    state: State = State.CONNECTING
+    state: LinkState = LinkState.CONNECTING
     telegrams: int = 0
     """Answered, refusals included."""
     busy: float = 0.0

@@ -10,7 +10,7 @@ from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_commands import NEWEST, open_commands
 from app.commands.open_sets import NEWEST as NEWEST_SETS
 from app.commands.open_sets import OBJECT, open_sets
@@ -59,7 +59,7 @@ class CommandEnds:
         plant = self._plant()
         if progress.changes:
             self._set_ended(progress)
-        elif progress.state in (State.UNCONFIRMED, State.UNKNOWN) and plant:
+        elif progress.state in (ProgressState.UNCONFIRMED, ProgressState.UNKNOWN) and plant:
             command = plant.equipment[progress.equipment].type.commands.get(progress.command)
             if command is None or not command.stop:
                 self._alarms.system.report(
@@ -82,7 +82,7 @@ class CommandEnds:
 
     def _set_ended(self, progress: Progress) -> None:
         """Values that nobody chose together are an alarm, until all are found to be new or all former ones."""
-        mixed = progress.state is State.UNCONFIRMED
+        mixed = progress.state is ProgressState.UNCONFIRMED
         if mixed or progress.reason in (FOUND_NEW, FOUND_OLD):
             params = {"values": spelt(progress.changes)} if mixed else None
             self._alarms.system.report("set_mixed", progress.equipment, mixed, params=params)

@@ -9,7 +9,7 @@ from app.historian.events import Events
 from app.historian.recorder import Recorder
 from app.historian.upkeep import WARN_AT
 from app.links.register_link import RegisterLink
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.plant.definitions import Plant
 from app.sim.plant import SimPlant
 from app.supervisor import SupervisedTask
@@ -26,7 +26,11 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
     """Links that are down; machines whose events are only here, or whose program stands still."""
     tell = alarms.system.report
     for name, link in links.items():
-        tell("link_down", active=link.statistics.state not in (State.UP, State.SOME_SILENT), params={"link": name})
+        tell(
+            "link_down",
+            active=link.statistics.state not in (LinkState.UP, LinkState.SOME_SILENT),
+            params={"link": name},
+        )
     for item in plant.equipment.values() if plant else ():
         link_of = links.get(item.link)
         count = link_of.only_here(item.id) if link_of else 0

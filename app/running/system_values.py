@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from app.historian.recorder import Recorder
 from app.links.register_link import RegisterLink
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.live.frames import Live
 from app.sim.plant import SimPlant
 from app.supervisor import Supervisor
@@ -17,7 +17,7 @@ def system_values(
     """By the key of the point (`sys.<key>`); the lag of the simulation in ms."""
     return {
         "tasks_failed": sum(not task.alive for task in supervisor.tasks.values()),
-        "links_up": sum(link.statistics.state is State.UP for link in links),
+        "links_up": sum(link.statistics.state is LinkState.UP for link in links),
         "links_total": len(links),
         "sim_lag": round(sim.lag * 1000, 1) if sim else 0.0,
         "sim_overruns": sim.overruns if sim else 0,

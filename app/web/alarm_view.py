@@ -11,7 +11,7 @@ from app.alarms.definitions import PRIORITIES
 from app.alarms.engine import AlarmEngine
 from app.alarms.event_params import completed
 from app.alarms.journal import HOUR, Record
-from app.alarms.lifecycle import State
+from app.alarms.lifecycle import AlarmState
 from app.alarms.watch import SYMBOLS, Standing, spoken
 from app.clock import Clock
 from app.plant.definitions import Kind, Plant, Point
@@ -20,16 +20,16 @@ from app.plant.texts import Texts
 from app.web import format as fmt
 
 PRIORITY_NAMES = {1: "critical", 2: "high", 3: "medium", 4: "low"}
-STATE_NAMES: Mapping[State, str] = {
-    State.NORMAL: "normal",
-    State.UNACKNOWLEDGED: "unack",
-    State.ACKNOWLEDGED: "ack",
-    State.RETURNED: "rtn",
-    State.LATCHED_UNACKNOWLEDGED: "latched_unack",
-    State.LATCHED: "latched",
-    State.SHELVED: "shelved",
-    State.SUPPRESSED: "suppressed",
-    State.OUT_OF_SERVICE: "oos",
+STATE_NAMES: Mapping[AlarmState, str] = {
+    AlarmState.NORMAL: "normal",
+    AlarmState.UNACKNOWLEDGED: "unack",
+    AlarmState.ACKNOWLEDGED: "ack",
+    AlarmState.RETURNED: "rtn",
+    AlarmState.LATCHED_UNACKNOWLEDGED: "latched_unack",
+    AlarmState.LATCHED: "latched",
+    AlarmState.SHELVED: "shelved",
+    AlarmState.SUPPRESSED: "suppressed",
+    AlarmState.OUT_OF_SERVICE: "oos",
 }
 """State → `alarm.state.<name>`."""
 MOST_MACHINES = 8
@@ -133,7 +133,7 @@ class Drawing:
             known=one.known,
             acked_by=self.shown_name(one.acked_by),
             acked_at=self.moment(one.acked_at) if one.acked_at else "",
-            resettable=one.state is State.LATCHED,
+            resettable=one.state is AlarmState.LATCHED,
         )
 
     def text(self, one: Standing, key: str = "") -> str:

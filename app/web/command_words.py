@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from zoneinfo import ZoneInfo
 
 from app.commands.interlocks import Reason
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.value_set import Change
 from app.errors import Refused
 from app.plant.definitions import Argument
@@ -143,9 +143,9 @@ class CommandWords:
             steps.append(f"{text('fb.accepted')} {self.time(progress.accepted)}")
         else:
             steps.append(f"{text('fb.requested')} {self.time(progress.requested)}")
-        if progress.over or progress.state is State.UNKNOWN:
+        if progress.over or progress.state is ProgressState.UNKNOWN:
             steps.append(f"{text(progress.text)} {self.time(progress.ended)}".rstrip())
-        because = self.because(progress) if progress.state is not State.CONFIRMED else ""
+        because = self.because(progress) if progress.state is not ProgressState.CONFIRMED else ""
         argument = ""
         if progress.argument is not None:
             command = self.equipment.equipment.type.commands.get(progress.command)
@@ -157,9 +157,14 @@ class CommandWords:
         who = f" · {self.named(progress.person)}" if progress.person else ""
         what = f"{self.equipment.id.upper()} {self.equipment.t(progress.label)}{argument}"
         line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"
-        kind = "done" if progress.state in (State.CONFIRMED, State.DRY_RUN) else "info"
-        if progress.state not in (State.CONFIRMED, State.DRY_RUN, State.REQUESTED, State.ACCEPTED):
-            kind = "info" if progress.state is State.SUPERSEDED else "error"
+        kind = "done" if progress.state in (ProgressState.CONFIRMED, ProgressState.DRY_RUN) else "info"
+        if progress.state not in (
+            ProgressState.CONFIRMED,
+            ProgressState.DRY_RUN,
+            ProgressState.REQUESTED,
+            ProgressState.ACCEPTED,
+        ):
+            kind = "info" if progress.state is ProgressState.SUPERSEDED else "error"
         return Story(
             f"{progress.id}.{progress.state}.{progress.over}",
             line,

@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException
 
 from app import bundled
 from app.commands.gate import Gate, Question
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
 from app.plant import expression
 from app.plant.definitions import Command
@@ -31,16 +31,16 @@ from app.web.tables import tables_of
 
 router = APIRouter()
 
-STATUS: Mapping[State, int] = {
-    State.REQUESTED: 202,
-    State.ACCEPTED: 202,
-    State.CONFIRMED: 200,
-    State.DRY_RUN: 200,
-    State.UNKNOWN: 503,
-    State.FAILED: 409,
-    State.UNCONFIRMED: 409,
-    State.SUPERSEDED: 409,
-    State.REFUSED: 409,
+STATUS: Mapping[ProgressState, int] = {
+    ProgressState.REQUESTED: 202,
+    ProgressState.ACCEPTED: 202,
+    ProgressState.CONFIRMED: 200,
+    ProgressState.DRY_RUN: 200,
+    ProgressState.UNKNOWN: 503,
+    ProgressState.FAILED: 409,
+    ProgressState.UNCONFIRMED: 409,
+    ProgressState.SUPERSEDED: 409,
+    ProgressState.REFUSED: 409,
 }
 """HTTP status of an answer by where the command stands (hmi-design.md section 11)."""
 

@@ -19,7 +19,7 @@ from app.errors import EXCEPTION_NAMES, Refused
 from app.links import bus_load
 from app.links.register_link import RegisterLink
 from app.links.scan_block import ScanBlock, words_of
-from app.links.statistics import ERROR_KINDS, State
+from app.links.statistics import ERROR_KINDS, LinkState
 from app.plant.definitions import Equipment, Link, Point, Scan
 from app.web import format as fmt
 from app.web.guard import allow
@@ -233,7 +233,7 @@ def _text(request: Request, view: View) -> fmt.Text:
 
 def _states(request: Request) -> dict[str, str]:
     view = view_of(request)
-    return {str(int(state)): view.text(request, f"communication.state.{state.name.lower()}") for state in State}
+    return {str(int(state)): view.text(request, f"communication.state.{state.name.lower()}") for state in LinkState}
 
 
 def _errors(request: Request) -> dict[str, str]:

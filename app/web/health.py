@@ -13,7 +13,7 @@ from prometheus_client.registry import Collector
 
 from app import __version__
 from app.addresses import is_loopback
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.web.guard import allow
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ async def healthz(request: Request) -> JSONResponse:
 async def readyz(request: Request) -> JSONResponse:
     """200 when the plant was read and every link has its devices; else 503 and what is missing."""
     runtime: Runtime = request.app.state.runtime
-    down = sorted(name for name, link in runtime.links.items() if link.statistics.state is not State.UP)
+    down = sorted(name for name, link in runtime.links.items() if link.statistics.state is not LinkState.UP)
     ready = runtime.plant is not None and not down
     told = {"status": "ok" if ready else "not ready", "plant": runtime.plant is not None, "links_down": down}
     return JSONResponse(told, 200 if ready else 503)
@@ -92,7 +92,7 @@ class _Figures(Collector):
             yield counter, "task_failures", "How often it failed", task.failures, {"task": task.name}
         for name, link in runtime.links.items():
             numbers, of = link.statistics, {"link": name}
-            yield gauge, "link_up", "1 when every unit answers", float(numbers.state is State.UP), of
+            yield gauge, "link_up", "1 when every unit answers", float(numbers.state is LinkState.UP), of
             yield gauge, "link_polls_per_second", "Telegrams answered", numbers.polls, of
             yield gauge, "link_scan_seconds", "Achieved time of a fast scan", numbers.scan_time, of
             yield gauge, "link_bus_share", "Share of the time with a telegram on its way", numbers.bus_share, of

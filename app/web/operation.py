@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 from starlette.requests import HTTPConnection
 
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.links.plc import PlcUnit
 from app.plant.definitions import Condition, Equipment
 from app.web import format as fmt
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from app.access.roles import Person
     from app.web.view import View
 
-DRAWN: Mapping[State, str] = {
-    State.REQUESTED: "requested",
-    State.ACCEPTED: "accepted",
-    State.UNKNOWN: "accepted",
-    State.CONFIRMED: "done",
-    State.DRY_RUN: "done",
+DRAWN: Mapping[ProgressState, str] = {
+    ProgressState.REQUESTED: "requested",
+    ProgressState.ACCEPTED: "accepted",
+    ProgressState.UNKNOWN: "accepted",
+    ProgressState.CONFIRMED: "done",
+    ProgressState.DRY_RUN: "done",
 }
 """`data-state` of a button; every other state is drawn as failed."""
 RELEASE_CAUSES = frozenset({"released", "closed", "left", "hidden", "dialog", "offline", "longest", "both"})
@@ -181,10 +181,10 @@ class Operation:
         if progress is None or progress.command != view.key or (reason and progress.over):
             return Button(view, url, line=reason or idle, reason=reason, look=look)
         state = DRAWN.get(progress.state, "failed")
-        if progress.over and progress.state is State.UNKNOWN:
+        if progress.over and progress.state is ProgressState.UNKNOWN:
             state = "failed"
         if not progress.over:
-            waits = progress.accepted if progress.state is State.ACCEPTED and not view.hold else 0
+            waits = progress.accepted if progress.state is ProgressState.ACCEPTED and not view.hold else 0
             line = f"{self.equipment.text(progress.text)} {self.words.time(progress.accepted or progress.requested)}"
             pattern = self.equipment.text("fb.waiting") if waits else ""
             return Button(view, url, state, line, reason, look, waits, progress.limit, pattern)

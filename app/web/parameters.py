@@ -16,7 +16,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.commands.orders import LONGEST_REASON
 from app.commands.value_set import MOST, Change, Stands
 from app.errors import LinkError, Refused
@@ -267,10 +267,10 @@ async def write(request: Request, key: str) -> Response:
         return _answered(
             request, operation, operation.words.refusal(refusal), "error", _refused_rows(operation, refusal)
         )
-    done = progress.state in (State.CONFIRMED, State.DRY_RUN)
-    written = progress.state is State.CONFIRMED
+    done = progress.state in (ProgressState.CONFIRMED, ProgressState.DRY_RUN)
+    written = progress.state is ProgressState.CONFIRMED
     text = operation.equipment.text("par.written", n=len(keys)) if written else operation.words.tell(progress).text
-    rows = [_row(operation, change, dry=progress.state is State.DRY_RUN) for change in progress.changes]
+    rows = [_row(operation, change, dry=progress.state is ProgressState.DRY_RUN) for change in progress.changes]
     return _answered(request, operation, text, "done" if done else "error", rows)
 
 

@@ -10,7 +10,7 @@ from app.access.roles import Person, permissions_of
 from app.alarms import journal
 from app.alarms.definitions import SYSTEM_ALARMS, alarm_points
 from app.alarms.engine import AlarmEngine
-from app.alarms.lifecycle import State
+from app.alarms.lifecycle import AlarmState
 from app.alarms.tables import journal_table, state_table
 from app.clock import ManualClock
 from app.db import Database
@@ -134,7 +134,7 @@ async def test_raise_time_is_when_it_first_was_true_and_annunciation_comes_after
     assert engine.evaluation.due == plot.clock.monotonic() + 10
     plot.wait(10)
     (one,) = engine.list.active()
-    assert (one.state, one.first_true, one.annunciated) == (State.UNACKNOWLEDGED, began, began + 10_000_000)
+    assert (one.state, one.first_true, one.annunciated) == (AlarmState.UNACKNOWLEDGED, began, began + 10_000_000)
     (record,) = await plot.records()
     assert (record.first_true, record.time, record.value, record.limit, record.unit) == (
         began,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.alarms.conditions import EVENT_LATE
-from app.alarms.lifecycle import Life, State
+from app.alarms.lifecycle import AlarmState, Life
 from app.clock import ManualClock
 from app.db import Database
 from app.plant.definitions import Alarm
@@ -52,7 +52,7 @@ async def test_an_event_raises_with_its_own_time_value_and_products(plot: Plot) 
     event = line.ring.tell(10, 7, source=2, value=2.125, second=6, other=1.5)
     line.deliver()
     (one,) = engine.list.active()
-    assert (one.state, one.first_true, one.value) == (State.RETURNED, event.time, 2.125)
+    assert (one.state, one.first_true, one.value) == (AlarmState.RETURNED, event.time, 2.125)
     assert dict(one.params) == {
         "product": 7,
         "products": "7",
@@ -179,7 +179,7 @@ async def test_the_clearing_event_ends_it_at_its_own_time(plot: Plot) -> None:
     over = line.ring.tell(21)
     line.deliver()
     (one,) = engine.list.active()
-    assert (one.state, one.returned) == (State.RETURNED, over.time)
+    assert (one.state, one.returned) == (AlarmState.RETURNED, over.time)
 
 
 async def test_a_value_older_than_the_event_does_not_end_it_and_a_false_one_does(plot: Plot) -> None:
@@ -218,7 +218,7 @@ async def test_a_lost_event_is_raised_by_its_value_two_seconds_later(plot: Plot)
     assert plot.letters == ""
     plot.wait(0.1)
     (one,) = engine.list.active()
-    assert (one.state, one.params["product"], one.params["event"]) == (State.UNACKNOWLEDGED, "–", 0)
+    assert (one.state, one.params["product"], one.params["event"]) == (AlarmState.UNACKNOWLEDGED, "–", 0)
 
 
 @pytest.mark.parametrize("over", [False, True])
@@ -265,7 +265,7 @@ async def test_a_second_event_while_it_stands_is_a_second_occurrence(plot: Plot)
     line.ring.tell(22, 2)
     line.deliver()
     (one,) = engine.list.active()
-    assert (one.state, one.params["product"]) == (State.UNACKNOWLEDGED, 2)
+    assert (one.state, one.params["product"]) == (AlarmState.UNACKNOWLEDGED, 2)
     assert await plot.story() == ["RAISED AB", "ACK BC", "RTN CA", "RAISED AB"]
 
 
@@ -371,7 +371,7 @@ async def test_lost_events_are_told_counted_and_what_only_they_could_end_is_not_
     line.deliver(lost=9)  # the link counts from what the history has: only two are new to the alarms
     found = {one.key: one for one in engine.list.active()}
     assert found["events_lost"].params == {"count": 7}
-    assert (found["held"].known, found["held"].state) == (True, State.RETURNED)
+    assert (found["held"].known, found["held"].state) == (True, AlarmState.RETURNED)
     await engine.acknowledge([found["events_lost"].occurrence], ANA)
     assert [one.key for one in engine.list.active()] == ["held"]
 

@@ -10,10 +10,10 @@ from app.alarms.lifecycle import (
     REFUSED,
     TRANSITIONS,
     UNACKED,
+    AlarmState,
     Entry,
     Event,
     Life,
-    State,
     Traits,
     displayed,
     step,
@@ -48,7 +48,9 @@ def test_every_state_and_event_does_what_a_row_says_or_nothing(event: Event) -> 
         assert not result.refused
         row = next(row for row in rows if row.entry is result.entry and fits(row.when, life, traits))
         assert row.to in ("*", str(result.after)) or (row.to == "=" and result.after is result.before)
-        assert result.annunciates <= (result.after is State.UNACKNOWLEDGED), "only what comes to B asks for attention"
+        assert result.annunciates <= (result.after is AlarmState.UNACKNOWLEDGED), (
+            "only what comes to B asks for attention"
+        )
 
 
 def fits(when: object, life: Life, traits: Traits) -> bool:

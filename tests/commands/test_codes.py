@@ -6,7 +6,7 @@ import pytest
 
 from app.commands.gate import Question
 from app.commands.interlocks import Reason, raw, wrong_argument
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.errors import LinkError, NoAnswer, Refused, Rejected
 from app.plant.definitions import Argument, Type
 from app.registers.plc_map import AnswerState
@@ -93,9 +93,9 @@ async def test_an_answer_that_comes_late_confirms_nothing_before() -> None:
     stand.plc.reply = "done"
     task = stand.gate._state.keep(stand.ask(ANA, "start", "k1"), "late")
     await stand.pass_time(0.9)
-    assert progress(stand).state is State.REQUESTED
+    assert progress(stand).state is ProgressState.REQUESTED
     await stand.open_door()
-    assert (await task).state is State.ACCEPTED
+    assert (await task).state is ProgressState.ACCEPTED
     await stand.pass_time(0.2)
     assert end(stand) == ("confirmed", "")
 
@@ -149,7 +149,7 @@ async def test_what_moves_is_bound_to_the_state_that_was_seen() -> None:
 async def test_a_command_in_a_dry_run_is_shown_and_not_sent() -> None:
     stand = PlcStand(dry_run=True)
     found = await stand.ask(ANA, "edit", "k1", arguments={"product": 5, "head": 100.5}, confirmed=True, reason="x")
-    assert found.state is State.DRY_RUN
+    assert found.state is ProgressState.DRY_RUN
     assert found.telegrams == (("code", 6.0), ("product", 5.0), ("head", 100.5))
     assert stand.plc.orders == []
 
@@ -171,7 +171,7 @@ async def test_a_stop_needs_nothing_and_is_confirmed_by_the_machine() -> None:
     stand = PlcStand()
     stand.set_drive("k1", state=1, moving=1)
     found = await stand.gate.ask(ANA, "k1", "stop")
-    assert found.state is State.ACCEPTED
+    assert found.state is ProgressState.ACCEPTED
     await stand.pass_time(0.3)
     assert end(stand) == ("confirmed", "")
     assert stand.plc.orders == [(STOP, (), 0, True)]
@@ -214,7 +214,7 @@ async def test_a_stop_overtakes_a_code_that_is_still_on_its_way() -> None:
     await stand.pass_time(0.3)
     assert not progress(stand).over  # the start may still arrive
     await stand.open_door()
-    assert (await task).state is State.SUPERSEDED
+    assert (await task).state is ProgressState.SUPERSEDED
     assert stand.line.values["moving"] == 1
     await stand.pass_time(1)
     assert end(stand) == ("confirmed", "")
@@ -360,7 +360,7 @@ async def test_a_set_of_setpoints_that_the_device_does_not_take_says_why() -> No
     stand = PlcStand()
     stand.link.spoil = lambda equipment, point, value: Rejected(point, 7, 3)
     found = await stand.set(EVA, "speed", 31, "k1", confirmed=True)
-    assert (found.state, found.reason) == (State.FAILED, "why.device_rejected")
+    assert (found.state, found.reason) == (ProgressState.FAILED, "why.device_rejected")
     assert (found.params["label"], found.params["detail"]) == ("reason.no_such_product", 3)
 
 

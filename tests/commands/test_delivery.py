@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app.commands.delivery import outcome_of
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.errors import Rejected
 from tests.links.plc_devices import small
 
@@ -14,6 +14,6 @@ def test_a_rejected_set_of_setpoints_has_failed_with_the_reason_of_the_device() 
     outcome = outcome_of(Rejected("p.b", 21, 2), item, told=False)
     assert outcome is not None
     state, text, params = outcome
-    assert (state, text) == (State.FAILED, "why.device_rejected")
+    assert (state, text) == (ProgressState.FAILED, "why.device_rejected")
     assert (params["label"], params["code"], params["detail"]) == ("reason.outside_limits", 21, 2)
     assert outcome_of(Rejected("p.b", 99), item, told=False)[1] == "why.device_rejected_code"

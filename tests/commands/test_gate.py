@@ -7,7 +7,7 @@ import pytest
 
 from app.access.roles import Person
 from app.commands.gate import Question
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused
 from app.plant.definitions import Scan
 from app.tags.batch import Batch
@@ -30,12 +30,12 @@ async def refusal(stand: Stand, who: object, command: str, **asked: object) -> R
 async def test_a_start_is_accepted_by_its_echo_and_confirmed_by_what_is_read_afterwards() -> None:
     stand = Stand()
     progress = await stand.ask(ANA, "forward")
-    assert (progress.state, progress.person, progress.telegrams) == (State.ACCEPTED, "Ana", (("command", 1.0),))
+    assert (progress.state, progress.person, progress.telegrams) == (ProgressState.ACCEPTED, "Ana", (("command", 1.0),))
     assert stand.state() == "accepted"
     await stand.pass_time(0.1)
     done = stand.gate.progress("m1")
     assert done is not None
-    assert (done.state, done.over) == (State.CONFIRMED, True)
+    assert (done.state, done.over) == (ProgressState.CONFIRMED, True)
     assert done.requested <= done.accepted < done.ended
     assert [(line.object, line.result, line.person) for line in stand.commands] == [("m1.forward", "confirmed", "ana")]
 
@@ -77,7 +77,7 @@ async def test_a_fault_that_appears_makes_it_failed_and_is_named() -> None:
     last = stand.gate.progress("m1")
     assert last is not None
     assert (last.state, last.reason, last.params["label"]) == (
-        State.FAILED,
+        ProgressState.FAILED,
         "why.fault_appeared",
         "alarm.overheat.label",
     )
@@ -88,7 +88,7 @@ async def test_a_lost_telegram_is_unknown_is_read_again_and_never_sent_again(err
     stand = Stand()
     stand.link.spoil = lambda *telegram: error
     progress = await stand.ask(ANA, "forward")
-    assert progress.state is State.UNKNOWN
+    assert progress.state is ProgressState.UNKNOWN
     assert progress.params["cause"] == f"link.error.{error.kind}"
     await settle()
     assert stand.link.refreshed
@@ -114,7 +114,7 @@ async def test_a_lost_telegram_stays_unknown_when_the_machine_already_was_as_ask
     await stand.pass_time(20)
     last = stand.gate.progress("m1")
     assert last is not None
-    assert (last.state, last.over, last.reason) == (State.UNKNOWN, True, "why.unknown_as_asked")
+    assert (last.state, last.over, last.reason) == (ProgressState.UNKNOWN, True, "why.unknown_as_asked")
 
 
 async def test_a_cable_pulled_during_a_start_leaves_it_unknown_and_nothing_is_sent_on_return() -> None:
@@ -139,7 +139,7 @@ async def test_a_reset_that_the_drive_refuses_with_exception_04_failed() -> None
     stand.set_drive(status=9)
     stand.link.spoil = lambda *telegram: DeviceException(4)
     progress = await stand.ask(ANA, "reset")
-    assert (progress.state, progress.reason, progress.params["code"]) == (State.FAILED, "why.device_refused", 4)
+    assert (progress.state, progress.reason, progress.params["code"]) == (ProgressState.FAILED, "why.device_refused", 4)
     stand.link.spoil = lambda *telegram: None
     assert (await refusal(stand, ANA, "reset")).reason == "why.too_soon"
     await stand.pass_time(5.1)
@@ -151,7 +151,7 @@ async def test_a_reset_that_the_drive_refuses_with_exception_04_failed() -> None
 async def test_a_write_overtaken_by_a_stop_was_never_sent() -> None:
     stand = Stand()
     stand.link.spoil = lambda *telegram: Overtaken("stop came first")
-    assert (await stand.ask(ANA, "forward")).state is State.SUPERSEDED
+    assert (await stand.ask(ANA, "forward")).state is ProgressState.SUPERSEDED
 
 
 async def test_a_newer_command_supersedes_the_pending_one() -> None:
@@ -170,7 +170,7 @@ async def test_one_command_at_a_time_is_written() -> None:
     await settle()
     assert (await refusal(stand, ANA, "reverse")).reason == "why.busy"
     stand.link.door.set()
-    assert (await first).state is State.ACCEPTED
+    assert (await first).state is ProgressState.ACCEPTED
 
 
 # who may
@@ -215,7 +215,7 @@ async def test_a_person_without_sign_in_or_after_idling_may_not_start_but_may_st
     idle = person("ana", idle=True)
     stand.gate.control.take(ANA, "m1")
     assert (await refusal(stand, idle, "forward")).reason == "why.idle"
-    assert (await stand.ask(idle, "stop")).state is State.ACCEPTED
+    assert (await stand.ask(idle, "stop")).state is ProgressState.ACCEPTED
 
 
 async def test_an_operator_may_not_write_parameters() -> None:
@@ -236,7 +236,7 @@ async def test_two_operators_and_the_token() -> None:
     await stand.pass_time(11)
     await stand.ask(IVO, "reverse", confirmed=True)
     assert (await refusal(stand, ANA, "forward", confirmed=True)).params["display"] == "Ivo"
-    assert (await stand.ask(ANA, "stop")).state is State.ACCEPTED  # Stop needs no token
+    assert (await stand.ask(ANA, "stop")).state is ProgressState.ACCEPTED  # Stop needs no token
     await stand.pass_time(0.2)
     assert stand.drive()["status"] == 0
     assert [line.result for line in stand.lines if line.kind == "control"] == ["taken", "taken_over"]
@@ -258,9 +258,9 @@ async def test_a_double_click_acts_once_and_leaves_one_line() -> None:
     results = await asyncio.gather(
         stand.ask(ANA, "forward", id="click", nonce=nonce), stand.ask(ANA, "forward", id="click", nonce=nonce)
     )
-    assert {result.state for result in results} == {State.ACCEPTED}
+    assert {result.state for result in results} == {ProgressState.ACCEPTED}
     await stand.pass_time(0.2)
-    assert (await stand.ask(ANA, "forward", id="click", nonce=nonce)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "forward", id="click", nonce=nonce)).state is ProgressState.ACCEPTED
     assert stand.link.sent() == [("command", 1.0)]
     assert len(stand.commands) == 1
 
@@ -286,7 +286,7 @@ async def test_a_command_six_seconds_late_is_refused_and_a_stop_is_not() -> None
     late = await refusal(stand, ANA, "forward", nonce=nonce)
     assert (late.reason, late.status) == ("why.expired", 410)
     assert stand.link.writes == []
-    assert (await stand.ask(ANA, "stop", nonce=nonce)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "stop", nonce=nonce)).state is ProgressState.ACCEPTED
 
 
 async def test_a_flood_is_cut_and_leaves_few_lines_while_stop_goes_through() -> None:
@@ -298,7 +298,7 @@ async def test_a_flood_is_cut_and_leaves_few_lines_while_stop_goes_through() -> 
     assert [line.reason for line in stand.commands] == ["why.expired", "why.rate"]
     await stand.pass_time(1.1)
     assert [line.params["reason_count"] for line in stand.commands[2:]] == [9, 289]
-    assert (await stand.ask(ANA, "stop")).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "stop")).state is ProgressState.ACCEPTED
 
 
 # what is possible
@@ -355,14 +355,14 @@ async def test_a_live_link_sends_nothing_until_the_plant_file_says_so() -> None:
         assert (await refusal(stand, ANA, command)).reason == "why.writes_off"
     assert stand.link.writes == []
     stand = Stand(plant=demo_plant(transport="tcp", writes=True))
-    assert (await stand.ask(ANA, "forward")).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "forward")).state is ProgressState.ACCEPTED
 
 
 async def test_a_dry_run_computes_shows_and_logs_and_confirms_nothing() -> None:
     stand = Stand(dry_run=True)
     for command in ("forward", "stop"):
         progress = await stand.ask(ANA, command)
-        assert (progress.state, progress.reason) == (State.DRY_RUN, "why.dry_run")
+        assert (progress.state, progress.reason) == (ProgressState.DRY_RUN, "why.dry_run")
         assert progress.telegrams
     stand.set_drive(status=1, frequency=40)
     await stand.pass_time(15)
@@ -392,7 +392,7 @@ async def test_reverse_while_running_asks_before_it_acts_and_a_question_leaves_n
     assert (question.value.reason, question.value.params["level"]) == ("why.confirm", "C2")
     assert question.value.params["label"] == "command.reverse"
     assert (stand.commands, stand.link.writes) == ([], [])
-    assert (await stand.ask(ANA, "reverse", id="r", confirmed=True)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "reverse", id="r", confirmed=True)).state is ProgressState.ACCEPTED
     stand = Stand()
     assert stand.gate.level("m1", "reverse") == "C1"
 
@@ -409,7 +409,7 @@ async def test_higher_levels_want_a_reason_and_the_password() -> None:
             await stand.ask(ANA, "reset", **given)
         told.append(question.value.reason)
     assert told == ["why.confirm", "why.reason_needed", "why.password_needed"]
-    assert (await stand.ask(ANA, "reset", confirmed=True, reason="test", proven=True)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "reset", confirmed=True, reason="test", proven=True)).state is ProgressState.ACCEPTED
     await stand.pass_time(0.2)
     assert stand.commands[0].params["why"] == "test"
 
@@ -420,7 +420,7 @@ async def test_higher_levels_want_a_reason_and_the_password() -> None:
 async def test_a_setpoint_is_parsed_checked_written_and_read_back() -> None:
     stand = Stand()
     progress = await stand.ask(ANA, "set_frequency", argument="41,25", language="hr", expected=40.0)
-    assert (progress.state, progress.argument, progress.old) == (State.ACCEPTED, 41.25, 40.0)
+    assert (progress.state, progress.argument, progress.old) == (ProgressState.ACCEPTED, 41.25, 40.0)
     await stand.pass_time(0.3)
     assert stand.state() == "confirmed"
     line = stand.commands[0]
@@ -457,7 +457,7 @@ async def test_the_limits_are_those_of_the_drive_now() -> None:
     stand = Stand()
     stand.set_drive(f111=45.0)
     assert (await refusal(stand, ANA, "set_frequency", argument=46.0)).params["max"] == 45.0
-    assert (await stand.ask(ANA, "set_frequency", argument=45.0)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "set_frequency", argument=45.0)).state is ProgressState.ACCEPTED
 
 
 async def test_a_setpoint_changed_meanwhile_is_not_overwritten() -> None:
@@ -484,7 +484,7 @@ async def test_a_big_jump_or_an_unusual_value_asks(old: float, new: float, why: 
             await stand.ask(ANA, "set_frequency", argument=new)
         asked = question.value.params
         assert (asked["why"], asked["old"], asked["new"], asked["difference"]) == (why, old, new, new - old)
-    assert (await stand.ask(ANA, "set_frequency", argument=new, confirmed=True)).state is State.ACCEPTED
+    assert (await stand.ask(ANA, "set_frequency", argument=new, confirmed=True)).state is ProgressState.ACCEPTED
 
 
 async def test_a_parameter_asks_shows_its_warning_and_is_read_back() -> None:
@@ -505,7 +505,7 @@ async def test_a_parameter_that_the_device_changes_on_its_own_is_not_confirmed_a
     await stand.pass_time(6)
     last = stand.gate.progress("m1")
     assert last is not None
-    assert (last.state, last.reason, last.params["value"]) == (State.UNCONFIRMED, "why.value_differs", 5.0)
+    assert (last.state, last.reason, last.params["value"]) == (ProgressState.UNCONFIRMED, "why.value_differs", 5.0)
 
 
 async def test_some_parameters_only_at_standstill_and_only_one_of_the_choices() -> None:
@@ -553,7 +553,7 @@ async def test_a_stop_that_is_not_read_back_in_ten_seconds_raises_the_alarm_and_
     stand = Stand()
     stand.set_drive(status=1, frequency=40.0)
     stand.link.spoil = lambda *telegram: NoAnswer("silence")
-    assert (await stand.ask(ANA, "stop")).state is State.REQUESTED
+    assert (await stand.ask(ANA, "stop")).state is ProgressState.REQUESTED
     await stand.pass_time(9.9)
     assert stand.alarms == []
     await stand.pass_time(0.2)
@@ -572,7 +572,7 @@ async def test_a_double_click_on_stop_is_one_stop() -> None:
     await stand.pass_time(0.2)
     assert stand.link.sent() == [("command", 3.0)]
     assert [line.result for line in stand.commands] == ["confirmed"]
-    assert (await stand.ask(ANA, "stop", id="s")).state is State.ACCEPTED  # and it may always be asked again
+    assert (await stand.ask(ANA, "stop", id="s")).state is ProgressState.ACCEPTED  # and it may always be asked again
 
 
 async def test_pressing_stop_again_does_not_put_the_alarm_off() -> None:
@@ -612,7 +612,7 @@ async def test_stop_overtakes_a_start_on_the_wire_and_is_only_done_after_it() ->
     assert stand.drive()["status"] == 1  # and it did
     await stand.pass_time(1)
     assert (stand.drive()["status"], stand.state()) == (0, "confirmed")
-    assert (await start).state is State.SUPERSEDED
+    assert (await start).state is ProgressState.SUPERSEDED
 
 
 async def test_stop_breaks_off_a_command_of_several_telegrams() -> None:
@@ -639,7 +639,7 @@ async def test_coasting_may_be_asked_again_at_once() -> None:
     stand = Stand()
     stand.set_drive(status=1, frequency=40.0)
     for _ in range(3):
-        assert (await stand.ask(ANA, "coast")).state is State.ACCEPTED
+        assert (await stand.ask(ANA, "coast")).state is ProgressState.ACCEPTED
         await stand.pass_time(0.2)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from app.access.roles import Person
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
@@ -132,7 +132,7 @@ class Line:
         await self.until(lambda: not self.gate.why_not(EVA, "c1", command))
         await self.ask(command, **asked)
         progress = await self.ended()
-        assert progress.state is State.CONFIRMED, progress
+        assert progress.state is ProgressState.CONFIRMED, progress
         return progress
 
 
@@ -171,8 +171,8 @@ async def test_automatic_is_started_and_stopped(line: Line) -> None:
     await line.done("start_automatic")
     assert line.value("automatic") == 1
     found = await line.gate.ask(ANA, "c1", "stop")
-    assert found.state is State.ACCEPTED
-    assert (await line.ended()).state is State.CONFIRMED
+    assert found.state is ProgressState.ACCEPTED
+    assert (await line.ended()).state is ProgressState.CONFIRMED
     assert (line.value("automatic"), line.value("moving")) == (0, 0)
     assert line.orders[0] == 1 and set(line.orders[1:]) == {2}, "only Stop is repeated, until it is read back"
 
@@ -180,22 +180,22 @@ async def test_automatic_is_started_and_stopped(line: Line) -> None:
 async def test_a_lost_echo_is_cleared_up_by_the_answers_and_nothing_is_sent_twice(line: Line) -> None:
     line.swallow[plc_map.COMMAND] = 1
     found = await line.ask("select_manual")
-    assert found.state is State.ACCEPTED
-    assert (await line.ended()).state is State.CONFIRMED
+    assert found.state is ProgressState.ACCEPTED
+    assert (await line.ended()).state is ProgressState.CONFIRMED
     assert line.orders == [3]
 
 
 async def test_a_telegram_that_never_arrived_has_failed_and_is_not_sent_again(line: Line) -> None:
     line.drop[plc_map.COMMAND] = 1
     found = await line.ask("select_manual")
-    assert (found.state, found.reason) == (State.FAILED, "why.not_arrived")
+    assert (found.state, found.reason) == (ProgressState.FAILED, "why.not_arrived")
     await asyncio.sleep(0.5)
     assert (line.orders, line.value("mode")) == ([], 0)
 
 
 async def test_the_device_says_in_its_own_words_why_not(line: Line) -> None:
     found = await line.ask("delete_product", arguments={"product": 77})
-    assert (found.state, found.reason) == (State.FAILED, "why.device_rejected")
+    assert (found.state, found.reason) == (ProgressState.FAILED, "why.device_rejected")
     assert found.params["label"] == "reason.no_such_product"
 
 
@@ -218,7 +218,7 @@ async def test_the_line_moves_while_the_button_is_held_and_stands_after_it(line:
     assert line.value("belt_speed_1") < 0
     line.gate.hold.release(lease, EVA.session)
     await line.until(lambda: line.value("moving") == 0, 1.5)
-    assert (await line.ended()).state is State.CONFIRMED
+    assert (await line.ended()).state is ProgressState.CONFIRMED
     assert line.bits[-1][0] == 0
     counters = [counter for _, counter in line.bits]
     assert len(set(counters)) == len(counters)
@@ -256,7 +256,7 @@ async def test_a_stop_over_a_held_button_wins(line: Line) -> None:
     lease = await press(line, "jog_forward")
     await hold(line, lease, 0.8)
     await line.gate.ask(ANA, "c1", "stop")
-    assert (await line.ended()).state is State.CONFIRMED
+    assert (await line.ended()).state is ProgressState.CONFIRMED
     assert line.value("moving") == 0
     assert line.bits[-1][0] == 0
     await asyncio.sleep(0.5)
@@ -266,7 +266,7 @@ async def test_a_stop_over_a_held_button_wins(line: Line) -> None:
 async def test_setpoints_are_taken_as_a_set_and_read_back(line: Line) -> None:
     nonce = line.gate.nonces.issue(EVA.session)
     await line.gate.set_value(EVA, "c1", "manual_speed", 12, nonce=nonce, confirmed=True)
-    assert (await line.ended()).state is State.CONFIRMED
+    assert (await line.ended()).state is ProgressState.CONFIRMED
     assert line.value("manual_speed") == pytest.approx(12)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from app.access.roles import Person
 from app.commands.gate import Gate, Question
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
@@ -92,7 +92,7 @@ class Hall:
         nonce = self.gate.nonces.issue(who.session)
         return await self.gate.ask(who, "m2", command, nonce=nonce, **asked)  # type: ignore[arg-type]
 
-    async def ended(self, state: State, limit: float = 30.0) -> Progress:
+    async def ended(self, state: ProgressState, limit: float = 30.0) -> Progress:
         """Wait until the command at work is over, and expect how."""
 
         def over() -> bool:
@@ -127,20 +127,20 @@ async def hall() -> AsyncIterator[Hall]:
 
 
 async def test_forward_setpoint_reverse_and_stop_are_accepted_and_confirmed(hall: Hall) -> None:
-    assert (await hall.ask("forward")).state is State.ACCEPTED
-    await hall.ended(State.CONFIRMED)
+    assert (await hall.ask("forward")).state is ProgressState.ACCEPTED
+    await hall.ended(ProgressState.CONFIRMED)
     assert (hall.value("status"), hall.value("frequency") > 0) == (1, True)
     await hall.until(lambda: hall.value("frequency") == 10.0)
     await hall.ask("set_frequency", argument="15,5", language="hr", expected=10.0, confirmed=True)
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     await hall.until(lambda: hall.value("frequency") == 15.5)
     with pytest.raises(Question):
         await hall.ask("reverse")
     await hall.ask("reverse", confirmed=True)
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     assert hall.value("status") == 2
     await hall.ask("stop", who=IVO)
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     assert hall.value("status") == 0
     assert [words for address, words in hall.captured if address == COMMAND][:2] == [1, 2]
     await hall.until(lambda: len(hall.lines) >= 4)  # lines are written beside the commands
@@ -161,14 +161,14 @@ async def test_a_drive_in_fault_does_not_start_and_is_reset_once_the_cause_is_go
     assert refused.value.params["label"] == "permissive.no_fault"
     assert len(hall.captured) == captured
     progress = await hall.ask("reset")
-    assert (progress.state, progress.params["code"]) == (State.FAILED, 4)
+    assert (progress.state, progress.params["code"]) == (ProgressState.FAILED, 4)
     await hall.cause(fault=0)
     await asyncio.sleep(5.1)
     await hall.ask("reset")
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     await hall.until(lambda: not hall.gate.why_not(ANA, "m2", "forward"))
     await hall.ask("forward")
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
 
 
 async def test_parameters_are_written_and_read_back(hall: Hall) -> None:
@@ -176,14 +176,14 @@ async def test_parameters_are_written_and_read_back(hall: Hall) -> None:
     hall.gate.control.take(EVA, "m2")
     nonce = hall.gate.nonces.issue(EVA.session)
     await hall.gate.set_value(EVA, "m2", "f114", "3,5", nonce=nonce, language="de", confirmed=True)
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     assert hall.value("f114") == 3.5
     assert (0x010E, 35) in hall.captured
 
 
 async def test_a_pulled_cable_makes_a_start_unknown_and_a_stop_is_tried_until_it_is_back(hall: Hall) -> None:
     await hall.ask("forward")
-    await hall.ended(State.CONFIRMED)
+    await hall.ended(ProgressState.CONFIRMED)
     await hall.cause(line=1)
     await hall.ask("stop")
     await hall.until(lambda: hall.value("status") != hall.value("status"))  # no value any more
@@ -194,7 +194,7 @@ async def test_a_pulled_cable_makes_a_start_unknown_and_a_stop_is_tried_until_it
     await asyncio.sleep(1.2)
     assert len(hall.captured) > before
     await hall.cause(line=0)
-    await hall.ended(State.CONFIRMED, limit=9)
+    await hall.ended(ProgressState.CONFIRMED, limit=9)
     assert 1 not in [words for address, words in hall.captured[before:] if address == COMMAND]
     assert hall.alarms == []
 
@@ -209,7 +209,7 @@ async def test_hold_to_run_moves_at_the_jog_frequency_stops_in_silence_and_resto
     assert 0 < hall.value("frequency") <= 5.0
     assert hall.value("frequency_setpoint") == 5.0
     await hall.until(lambda: hall.value("status") == 0, 3.0)  # nobody says anything any more
-    progress = await hall.ended(State.CONFIRMED)
+    progress = await hall.ended(ProgressState.CONFIRMED)
     assert progress.reason == "hold.cause.lost"
     await hall.until(lambda: hall.value("frequency_setpoint") == 10.0)
 

@@ -9,13 +9,13 @@ import pytest
 
 from app.access.roles import Person
 from app.commands.gate import Gate, Question
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
-from app.profidrive.state_machine import State as DriveState
+from app.profidrive.state_machine import ProgressState as DriveState
 from app.profidrive.words import ENABLES, RUN, Control
 from app.settings import bundled
 from app.sim import training
@@ -111,7 +111,7 @@ class Pump:
         nonce = self.gate.nonces.issue(who.session)
         return await self.gate.ask(who, "d1", command, nonce=nonce, **asked)  # type: ignore[arg-type]
 
-    async def done(self, command: str, state: State = State.CONFIRMED, **asked: object) -> Progress:
+    async def done(self, command: str, state: ProgressState = ProgressState.CONFIRMED, **asked: object) -> Progress:
         """Ask, and wait until it is over as expected."""
         await self.ask(command, **asked)  # type: ignore[arg-type]
 
@@ -203,7 +203,7 @@ async def test_a_fault_stops_it_and_is_acknowledged_by_an_edge_once_its_cause_is
         with pytest.raises(Refused) as refused:
             await it.ask("forward")
         assert refused.value.params["label"] == "interlock.no_fault"
-        await it.done("reset", State.UNCONFIRMED)
+        await it.done("reset", ProgressState.UNCONFIRMED)
         await it.cause(training.REG_MACHINE_FAULT, 0)
         await asyncio.sleep(5.1)
         it.words.clear()
@@ -243,7 +243,7 @@ async def test_a_drive_that_does_not_get_ready_is_not_switched_on() -> None:
         await it.until(lambda: it.value("stw1_no_coast_stop") == 0)
         await it.cause(own.REG_INTERLOCK, 1)
         it.words.clear()
-        progress = await it.done("forward", State.FAILED)
+        progress = await it.done("forward", ProgressState.FAILED)
         assert (progress.reason, progress.params["seconds"]) == ("why.not_ready", 3.0)
         assert it.words == [ENABLES], "the second telegram was never sent"
         assert it.drive.state is DriveState.INHIBITED
@@ -275,7 +275,7 @@ async def test_whoever_loses_the_right_while_a_start_waits_does_not_start() -> N
         it.gate._state.rights = lambda person: None  # type: ignore[attr-defined]
         await it.cause(own.REG_INTERLOCK, 0)
         progress = await start
-        assert progress.state is State.FAILED and RUN not in it.words
+        assert progress.state is ProgressState.FAILED and RUN not in it.words
 
 
 async def test_silence_trips_a_running_drive_by_its_own_watchdog() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from app.commands.hold import TTL
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.errors import NoAnswer, Refused
 from tests.commands.stand import ANA, IVO, SETTINGS, Stand, demo_plant
 
@@ -368,4 +368,4 @@ async def test_arming_needs_token_nonce_and_role_like_any_command() -> None:
     with pytest.raises(Refused) as refused:
         await stand.gate.hold.arm(ANA, "m1", "forward", nonce=stand.gate.nonces.issue(ANA.session))
     assert refused.value.status == 404
-    assert {line.result for line in stand.commands} == {State.REFUSED}
+    assert {line.result for line in stand.commands} == {ProgressState.REFUSED}

@@ -7,7 +7,7 @@ import pytest
 
 from app.commands.hold import Lease
 from app.commands.job import NEVER, Job
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import Order
 from tests.commands.stand import ANA, Stand
 
@@ -36,7 +36,7 @@ def test_nobody_else_writes_a_field_of_it(path: Path) -> None:
 def made(command: str = "forward", asked: float = 5.0) -> Job:
     stand = Stand()
     order = Order(ANA, "m1", command, None, "id", "", None, False, False, "", "", "en", 1)
-    progress = Progress("id", "m1", command, "", "Ana", State.REQUESTED, 1)
+    progress = Progress("id", "m1", command, "", "Ana", ProgressState.REQUESTED, 1)
     return Job(order, stand.gate._state.machines["m1"].commands[command], progress, None, (), (), asked)
 
 
@@ -47,7 +47,7 @@ def lease() -> Lease:
 def test_an_echo_counts_feedback_from_then_on() -> None:
     job = made()
     job.accepted(7.0, 70)
-    assert (job.since, job.echoed, job.progress.state, job.progress.accepted) == (7.0, True, State.ACCEPTED, 70)
+    assert (job.since, job.echoed, job.progress.state, job.progress.accepted) == (7.0, True, ProgressState.ACCEPTED, 70)
 
 
 def test_doubt_is_settled_by_what_is_read_later_but_of_a_held_motion_by_its_end() -> None:
@@ -55,7 +55,7 @@ def test_doubt_is_settled_by_what_is_read_later_but_of_a_held_motion_by_its_end(
     held.lend(lease(), 6.0)
     for job in (plain, held):
         job.in_doubt(7.0, 70, "why.unknown", {})
-        assert job.progress.state is State.UNKNOWN
+        assert job.progress.state is ProgressState.UNKNOWN
     assert (plain.since, held.since) == (7.0, None)
 
 
@@ -86,10 +86,10 @@ def test_a_button_let_go_is_a_stop_that_counts_from_its_own_echo() -> None:
     job.lend(lease(), 1.0)
     job.accepted(2.0, 20)
     job.seen_moving(30)
-    assert job.moved and job.progress.state is State.CONFIRMED and not job.progress.over
+    assert job.moved and job.progress.state is ProgressState.CONFIRMED and not job.progress.over
     job.let_go(4.0)
     assert (job.ending, job.since, job.echoed) == (4.0, None, False)
     assert not job.stop_echoed(5.0, 50)
     assert (job.since, job.echoed) == (5.0, True)
-    job.end(State.CONFIRMED, 60, "hold.cause.released", {})
+    job.end(ProgressState.CONFIRMED, 60, "hold.cause.released", {})
     assert job.progress.over

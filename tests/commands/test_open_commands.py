@@ -9,7 +9,7 @@ import pytest
 from app import bundled
 from app.access.audit.line import Record
 from app.access.audit.search import Filter
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.commands.open_commands import SERVER_ENDED, open_commands
 from app.errors import LinkError
 from app.plant.loader import read_plant
@@ -89,7 +89,7 @@ def test_a_command_that_a_killed_server_left_open_is_told_once_and_not_repeated(
         assert gate is not None and sent == []
         told = gate.progress(machine)
         assert told is not None
-        assert (told.id, told.state, told.reason, told.over) == ("the-order", State.UNKNOWN, SERVER_ENDED, True)
+        assert (told.id, told.state, told.reason, told.over) == ("the-order", ProgressState.UNKNOWN, SERVER_ENDED, True)
         assert told.label != key
         assert [one.id for one in gate.history(machine)] == ["the-order"]
         alarm = "stop_unconfirmed" if key == "stop" else "command_unconfirmed"
@@ -140,6 +140,6 @@ def test_open_is_what_was_sent_and_has_no_end(told: list[Record], expected: list
     found = open_commands(told, plant.equipment, 99, {"followed"})
     assert [one.progress.id for one in found] == expected
     for one in found:
-        assert one.progress.over and one.progress.state is State.UNKNOWN and one.progress.requested in (7, 17)
+        assert one.progress.over and one.progress.state is ProgressState.UNKNOWN and one.progress.requested in (7, 17)
         assert one.stop is (f"{one.progress.equipment}.{one.progress.command}" == "m1.stop")
         assert (one.old, one.new) == ("40", "45")

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.errors import DeviceException, LinkError, NoAnswer
 from tests.commands.plc_stand import STOP, PlcStand
 from tests.commands.stand import ANA
@@ -179,7 +179,7 @@ async def test_a_stop_over_a_hold_sends_the_code_and_clears_the_bits() -> None:
     pressed = await Pressed(stand).arm()
     await pressed.hold(0.5)
     found = await stand.gate.ask(ANA, "k1", "stop")
-    assert found.state is State.ACCEPTED
+    assert found.state is ProgressState.ACCEPTED
     assert stand.plc.orders == [(STOP, (), 0, True)]
     assert stand.plc.held[-1][0] == 0
     await stand.pass_time(1)

@@ -7,7 +7,7 @@ import pytest
 
 from app.access.roles import IDLE, Person, permissions_of
 from app.commands.control_token import ANSWER
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.errors import Refused
 from tests.commands.plc_stand import PlcStand
 from tests.commands.stand import ANA, IVO, Stand, settle
@@ -92,7 +92,7 @@ async def test_a_telegram_that_waits_for_the_wire_is_not_sent(end: Person | None
     stand.link.door.set()
     progress = await asked
     assert stand.drive()["frequency_setpoint"] == 40.0
-    assert (progress.state, progress.reason) == (State.FAILED, "why.right_ended")
+    assert (progress.state, progress.reason) == (ProgressState.FAILED, "why.right_ended")
     assert stand.commands[-1].reason == "why.right_ended"
 
 
@@ -116,7 +116,7 @@ async def test_a_code_that_waits_is_not_sent(command: str, end: Person | None) -
     stand.people[ANA.session] = end
     stand.link.door.set()
     progress = await asked
-    assert (progress.state, progress.reason) == (State.FAILED, "why.right_ended")
+    assert (progress.state, progress.reason) == (ProgressState.FAILED, "why.right_ended")
     assert stand.drive("k1")["moving"] == 0
 
 
@@ -137,7 +137,7 @@ async def test_a_stop_is_sent_whatever_became_of_the_right(end: Person | None) -
     stand.people[ANA.session] = end
     stand.link.door.clear()
     progress = await stand.gate.ask(ANA, "m1", "stop")
-    assert progress.state is State.ACCEPTED
+    assert progress.state is ProgressState.ACCEPTED
     assert stand.drive()["status"] == 0
 
 

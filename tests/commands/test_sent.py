@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.commands.sending import LINE_LIMIT
 from app.errors import Refused
 from tests.commands.plc_stand import PlcStand
@@ -43,8 +43,8 @@ async def test_while_the_disk_is_asked_the_machine_is_busy_and_a_stop_overtakes(
     await stand.pass_time(0.2)
     assert stand.link.sent()[0] == ("command", 3.0)  # its telegram has left, its line not yet
     stand.disk.set()
-    assert (await stop).state in (State.ACCEPTED, State.CONFIRMED)
-    assert (await asked).state is State.SUPERSEDED
+    assert (await stop).state in (ProgressState.ACCEPTED, ProgressState.CONFIRMED)
+    assert (await asked).state is ProgressState.SUPERSEDED
     assert ("frequency_setpoint", 41.0) not in stand.link.sent()
 
 

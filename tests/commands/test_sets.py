@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from app.commands import set_follow_up, sets
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import Question
 from app.commands.value_set import Stands
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Overtaken, Refused
@@ -37,7 +37,7 @@ def is_true(stand: Stand, progress: Progress) -> None:
         held = stand.drive()[change.key]
         told = {Stands.NEW: change.new, Stands.OLD: change.old, Stands.OTHER: change.found}
         assert change.stands is Stands.UNKNOWN or held == told[change.stands], (change, held)
-    expected = {State.CONFIRMED: {Stands.NEW}, State.FAILED: {Stands.OLD}}.get(progress.state)
+    expected = {ProgressState.CONFIRMED: {Stands.NEW}, ProgressState.FAILED: {Stands.OLD}}.get(progress.state)
     if expected is not None and progress.changes:
         assert {change.stands for change in progress.changes} == expected, progress
 
@@ -45,7 +45,7 @@ def is_true(stand: Stand, progress: Progress) -> None:
 async def test_a_set_is_written_in_order_read_back_and_confirmed() -> None:
     stand = Stand()
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, values(stand)) == (State.CONFIRMED, RAMPS)
+    assert (done.state, values(stand)) == (ProgressState.CONFIRMED, RAMPS)
     assert stand.link.sent() == list(RAMPS.items())
     assert stands(done) == dict.fromkeys(RAMPS, "new")
     read = [points for _, points in stand.link.refreshed]
@@ -78,7 +78,7 @@ async def test_there_is_one_line_before_the_first_telegram_and_one_with_every_va
 async def test_limits_hold_with_all_values_and_after_every_step(wanted: dict[str, float], order: list[str]) -> None:
     stand = Stand()
     done = await stand.set_all(EVA, wanted)
-    assert (done.state, values(stand, wanted)) == (State.CONFIRMED, wanted)
+    assert (done.state, values(stand, wanted)) == (ProgressState.CONFIRMED, wanted)
     sent = [point for point, _ in stand.link.sent()]
     assert sorted(sent) == sorted(order)
     held = dict(SETTINGS)
@@ -145,7 +145,7 @@ async def test_who_lacks_a_right_the_token_or_the_standstill_writes_nothing() ->
     with pytest.raises(Refused) as refused:
         await stand.set_all(EVA, {"f114": 6.0, "f106": 0.0})
     assert refused.value.reason == "why.condition"
-    assert (await stand.set_all(EVA, {"f114": 6.0})).state is State.CONFIRMED  # ramps may be set while it runs
+    assert (await stand.set_all(EVA, {"f114": 6.0})).state is ProgressState.CONFIRMED  # ramps may be set while it runs
 
 
 async def test_what_asks_back_does_so_once_for_the_whole_set() -> None:
@@ -159,7 +159,7 @@ async def test_what_asks_back_does_so_once_for_the_whole_set() -> None:
 async def test_a_dry_run_judges_and_sends_nothing() -> None:
     stand = Stand(dry_run=True)
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, stand.link.writes, stand.sent) == (State.DRY_RUN, [], [])
+    assert (done.state, stand.link.writes, stand.sent) == (ProgressState.DRY_RUN, [], [])
     assert done.telegrams == tuple(RAMPS.items())
 
 
@@ -184,16 +184,16 @@ async def test_nothing_but_a_stop_is_taken_beside_a_set_and_it_ends_the_set() ->
         await stand.gate.hold.arm(EVA, "m1", "jog_forward", nonce=stand.gate.nonces.issue(EVA.session), confirmed=True)
     assert refused.value.reason == "why.busy"
     stop = await stand.gate.ask(EVA, "m1", "stop")
-    assert stop.state is State.ACCEPTED
+    assert stop.state is ProgressState.ACCEPTED
     stand.link.door.set()
     done = await stand.finish(asked)
-    assert (done.state, done.reason) == (State.FAILED, sets.RESTORED)
+    assert (done.state, done.reason) == (ProgressState.FAILED, sets.RESTORED)
     assert done.params["cause"] in ("why.set_stopped", "why.right_ended")
     assert values(stand) == former()
     is_true(stand, done)
     await stand.pass_time(3)
     assert [line.result for line in stand.commands if line.object == "m1.stop"] == ["confirmed"]
-    assert (await stand.set_all(EVA, RAMPS)).state is State.CONFIRMED
+    assert (await stand.set_all(EVA, RAMPS)).state is ProgressState.CONFIRMED
 
 
 async def test_two_sets_of_one_machine_are_not_mixed() -> None:
@@ -205,7 +205,7 @@ async def test_two_sets_of_one_machine_are_not_mixed() -> None:
         await stand.set_all(EVA, {"f114": 9.0})
     assert refused.value.reason == "why.busy"
     stand.link.door.set()
-    assert (await stand.finish(first)).state is State.CONFIRMED
+    assert (await stand.finish(first)).state is ProgressState.CONFIRMED
 
 
 async def test_the_same_press_twice_is_one_set() -> None:
@@ -229,9 +229,9 @@ async def test_a_write_of_which_nobody_knows_is_looked_up(at: int, acted: bool, 
     done = await stand.set_all(EVA, RAMPS)
     is_true(stand, done)
     if acted:
-        assert (done.state, values(stand)) == (State.CONFIRMED, RAMPS)
+        assert (done.state, values(stand)) == (ProgressState.CONFIRMED, RAMPS)
     else:
-        assert (done.state, done.reason, values(stand)) == (State.FAILED, sets.RESTORED, former())
+        assert (done.state, done.reason, values(stand)) == (ProgressState.FAILED, sets.RESTORED, former())
 
 
 @pytest.mark.parametrize("at", range(3))
@@ -240,7 +240,7 @@ async def test_a_refused_value_puts_all_former_ones_back(at: int, error: LinkErr
     stand = Stand()
     stand.link.spoil = lambda equipment, point, value: error if value == RAMPS[KEYS[at]] else None
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, done.reason, values(stand)) == (State.FAILED, sets.RESTORED, former())
+    assert (done.state, done.reason, values(stand)) == (ProgressState.FAILED, sets.RESTORED, former())
     is_true(stand, done)
     written = KEYS[:at]
     assert stand.link.sent() == [
@@ -267,7 +267,7 @@ async def test_a_value_that_reads_back_otherwise_puts_all_former_ones_back(at: i
     stand = Stand()
     Clamps(stand, KEYS[at], 3.0)
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, done.reason, done.params["cause"]) == (State.FAILED, sets.RESTORED, "why.set_differs")
+    assert (done.state, done.reason, done.params["cause"]) == (ProgressState.FAILED, sets.RESTORED, "why.set_differs")
     assert values(stand) == former()
     is_true(stand, done)
 
@@ -283,7 +283,7 @@ async def test_a_later_value_that_changes_an_earlier_one_is_seen() -> None:
 
     stand.drives["m1"].take = clamped  # type: ignore[method-assign]
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, values(stand)) == (State.FAILED, former())
+    assert (done.state, values(stand)) == (ProgressState.FAILED, former())
     is_true(stand, done)
 
 
@@ -299,7 +299,7 @@ async def test_what_cannot_be_put_back_is_named_value_by_value(at: int, failing:
     ended: list[Progress] = []
     stand.gate.subscribe_ends(ended.append)
     done = await stand.set_all(EVA, RAMPS)
-    assert (done.state, done.reason) == (State.UNCONFIRMED, sets.MIXED)
+    assert (done.state, done.reason) == (ProgressState.UNCONFIRMED, sets.MIXED)
     assert stands(done) == {key: "new" if key == KEYS[failing] else "old" for key in RAMPS}
     assert done.params["values"] == ", ".join(
         f"{key.upper()} = {stand.drive()[key]:g} ({stands(done)[key]})" for key in RAMPS
@@ -360,7 +360,7 @@ async def test_a_cable_that_is_out_for_a_moment_leaves_all_former_values_or_all_
     await stand.pass_time(7)
     cable.put_back()
     done = await stand.finish(asked)
-    assert (done.state, done.reason, values(stand)) == (State.FAILED, sets.RESTORED, former())
+    assert (done.state, done.reason, values(stand)) == (ProgressState.FAILED, sets.RESTORED, former())
     is_true(stand, done)
 
 
@@ -375,7 +375,7 @@ async def test_a_cable_that_stays_out_leaves_what_is_not_known_and_it_is_told_wh
     cable = Cable(stand, KEYS[at], RAMPS[KEYS[at]], heard)
     asked = stand.begin_set(EVA, RAMPS)
     done = await stand.finish(asked)
-    assert (done.state, done.reason) == (State.UNCONFIRMED, set_follow_up.UNREAD)
+    assert (done.state, done.reason) == (ProgressState.UNCONFIRMED, set_follow_up.UNREAD)
     assert stands(done) == {key: "unknown" if number <= at else "old" for number, key in enumerate(KEYS)}
     sent = len(stand.link.writes)
     await stand.pass_time(30)
@@ -440,7 +440,7 @@ async def test_what_a_set_needs_it_needs_until_its_end(lose: Callable[[Stand], o
     await lose(stand)  # type: ignore[misc]
     read_on(stand)
     done = await stand.finish(asked)
-    assert (done.state, done.params["cause"]) == (State.FAILED, cause)
+    assert (done.state, done.params["cause"]) == (ProgressState.FAILED, cause)
     assert values(stand, ("f114", "f106")) == former(("f114", "f106"))
     is_true(stand, done)
 
@@ -453,7 +453,7 @@ async def test_a_server_that_stops_puts_back_what_it_can() -> None:
     read_on(stand)
     done = await stand.finish(asked)
     await closing
-    assert (done.state, done.params["cause"]) == (State.FAILED, "why.shutdown")
+    assert (done.state, done.params["cause"]) == (ProgressState.FAILED, "why.shutdown")
     assert values(stand) == former()
 
 
@@ -463,10 +463,10 @@ async def test_plant_files_read_anew_in_the_middle_put_the_former_values_back() 
     stand.gate.configure(stand.plant)
     read_on(stand)
     done = await stand.finish(asked)
-    assert (done.state, done.params["cause"]) == (State.FAILED, "why.reloaded")
+    assert (done.state, done.params["cause"]) == (ProgressState.FAILED, "why.reloaded")
     assert values(stand) == former()
     stand.gate.control.take(EVA, "m1")
-    assert (await stand.set_all(EVA, RAMPS)).state is State.CONFIRMED
+    assert (await stand.set_all(EVA, RAMPS)).state is ProgressState.CONFIRMED
 
 
 async def test_a_person_who_goes_away_does_not_stop_it() -> None:

@@ -16,7 +16,7 @@ import pytest
 from app.access.roles import Person
 from app.commands.admission import BURST
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.errors import LinkError, Refused
 from app.links.register_link import RegisterLink, statistic_names
@@ -37,7 +37,7 @@ PACE = 0.21
 """A person may give five commands a second [s]."""
 POINTS = ("f114", "f115", "f116", "f117")
 """The first two are scanned, the others are read when somebody wants to know."""
-END = (State.CONFIRMED, State.UNCONFIRMED, State.UNKNOWN, State.FAILED)
+END = (ProgressState.CONFIRMED, ProgressState.UNCONFIRMED, ProgressState.UNKNOWN, ProgressState.FAILED)
 
 
 def hasty(kind: EquipmentType, patience: float) -> EquipmentType:
@@ -88,7 +88,7 @@ def image(item: Equipment) -> dict[int, int]:
 class Tally:
     """What became of everything."""
 
-    ends: Counter[State] = field(default_factory=Counter)
+    ends: Counter[ProgressState] = field(default_factory=Counter)
     refusals: Counter[str] = field(default_factory=Counter)
     asked: dict[Slave, set[tuple[int, int, int]]] = field(default_factory=dict)
     """Unit, address and word of everything that anybody wanted written."""
@@ -168,7 +168,7 @@ class Hall:
     def _audit(self, line: AuditLine) -> None:
         if line.kind != "command":
             return
-        if line.result == State.REFUSED:  # those of a second are one line with their number
+        if line.result == ProgressState.REFUSED:  # those of a second are one line with their number
             self.tally.audited_refusals += int(line.params.get("reason_count", 1))
         else:
             self.tally.audited[line.params["id"]] += 1
@@ -181,12 +181,12 @@ class Hall:
         register, slave = self.register(item, key), self.slaves[item.link]
         assert progress.argument is not None
         word = encode(register, progress.argument)[0]
-        if progress.state is State.CONFIRMED:
+        if progress.state is ProgressState.CONFIRMED:
             age = self.tags.age(self.tags.handle(f"{item.id}.{key}"))
             since = asyncio.get_running_loop().time() - age - PATIENCE[self.transport]
             if not slave.held(item.unit, register.address, word, since):
                 self.tally.false.append(progress)
-        elif progress.state is State.FAILED and any(
+        elif progress.state is ProgressState.FAILED and any(
             (change.unit, change.address, change.asked) == (item.unit, register.address, word)
             for change in slave.changes[-400:]
         ):
@@ -293,9 +293,9 @@ def examine(hall: Hall, writes: int) -> None:
         executed = Counter((change.unit, change.address, change.asked) for change in slave.changes)
         assert max(executed.values()) == 1, "executed twice"
         assert set(executed) <= tally.asked[slave], "nobody asked for it"
-    assert tally.ends[State.CONFIRMED] > 0.35 * writes  # what arrived is told as arrived
-    assert tally.ends[State.UNCONFIRMED] > 0.05 * writes
-    assert tally.ends[State.FAILED] > 0
+    assert tally.ends[ProgressState.CONFIRMED] > 0.35 * writes  # what arrived is told as arrived
+    assert tally.ends[ProgressState.UNCONFIRMED] > 0.05 * writes
+    assert tally.ends[ProgressState.FAILED] > 0
     assert tally.refusals["why.rate"] == 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.commands.hold import CAUSES
-from app.commands.lifecycle import State
+from app.commands.lifecycle import ProgressState
 from app.plant.type_files.texts import flatten
 from tests.commands.stand import ROOT
 
@@ -28,7 +28,7 @@ def said() -> set[str]:
         "reload", "token", "values", "permissive"
     }  # fmt: skip
     causes |= CAUSES | {"session", "fault", "unconfirmed"}
-    return keys | {f"fb.{state}" for state in State} | {f"hold.cause.{cause}" for cause in causes}
+    return keys | {f"fb.{state}" for state in ProgressState} | {f"hold.cause.{cause}" for cause in causes}
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -7,7 +7,7 @@ import pytest
 from app.errors import DeviceException, LinkError
 from app.links.map_plan import plan_map
 from app.links.planner import NETWORK_OVERHEAD, Part, Rows
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.plant.definitions import Scan
 from app.registers import plc_map
 from app.tags.quality import CONFIGURATION as BAD_CONFIGURATION
@@ -223,7 +223,7 @@ async def test_another_device_gives_no_value_and_takes_no_write(kind: str, word:
         quality = WRONG if kind == "memory" else BAD_CONFIGURATION
         await until(lambda: line.quality("p.counter") & 0xFF == BAD_CONFIGURATION)
         assert line.quality("p.thing_40_id") & 0xFF == quality & 0xFF
-        assert line.link.statistics.state is State.CONFIGURATION
+        assert line.link.statistics.state is LinkState.CONFIGURATION
         for call in (
             line.link.order("p", 1),
             line.link.order("p", 2, urgent=True),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from app.errors import DeviceException, LinkError, NoAnswer, NotConnected, Overtaken, Refused
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.plant.definitions import Device, Link, Scan, Type
 from app.sim.bus import Bus, LineFaultMode
 from app.sim.server import TcpServer
@@ -274,12 +274,12 @@ async def test_a_pulled_cable_shows_within_one_time_out_and_a_second_and_heals_b
         assert [(line.value(f"m.v{n}"), line.quality(f"m.v{n}")) for n in range(5)] == 5 * [
             (None, COMM_FAILURE | SIMULATED)
         ]
-        assert line.link.statistics.state is State.DOWN
+        assert line.link.statistics.state is LinkState.DOWN
         told = [b for b in line.batches if b.source == "link.hall" and b.quality & 3]
         assert len(told) == 1
         device.line_fault.mode = LineFaultMode.NONE
         await until(lambda: line.value("m.v4") == 4 and is_good(line.quality("m.v4")))
-        assert line.link.statistics.state is State.UP
+        assert line.link.statistics.state is LinkState.UP
 
 
 async def test_one_lost_answer_is_asked_again_and_not_seen() -> None:
@@ -351,7 +351,7 @@ async def test_a_server_that_is_killed_and_comes_back_is_found_by_itself(caplog:
             await line.link.refresh("m", ["v0"])
         assert asyncio.get_running_loop().time() - began < 0.1
         await asyncio.sleep(1.0)
-        assert line.link.statistics.state is State.DOWN
+        assert line.link.statistics.state is LinkState.DOWN
         device.words[0] = 6
         server = await serving(bus, port)
         await until(lambda: line.value("m.v0") == 6 and is_good(line.quality("m.v0")))
@@ -366,7 +366,7 @@ async def test_no_server_at_all_is_told_once(caplog: pytest.LogCaptureFixture, f
     async with running([row("m", 1, 1, QUICK)], link=link) as line:
         await asyncio.sleep(1.5)
         assert line.quality("m.v0") == COMM_FAILURE
-        assert line.link.statistics.state is State.DOWN
+        assert line.link.statistics.state is LinkState.DOWN
         assert not line.link.simulated
     assert [m for m in caplog.messages if m.startswith("link ")] == [
         f"link down link=hall reason=127.0.0.1:{free_port}: no connection"
@@ -382,7 +382,7 @@ async def test_a_server_that_accepts_and_never_answers_is_down_and_told_once(cap
         device.line_fault.mode = LineFaultMode.SILENT
         await until(lambda: is_bad(line.quality("m.v0")))
         await asyncio.sleep(7)
-        assert line.link.statistics.state is State.DOWN
+        assert line.link.statistics.state is LinkState.DOWN
         device.line_fault.mode = LineFaultMode.NONE
         await until(lambda: is_good(line.quality("m.v0")))
     await server.close()
@@ -539,7 +539,7 @@ async def test_training_registers_of_another_make_are_a_configuration_error() ->
     server = await serving(Bus({1: device}))
     async with running([machine("m", 1, writable(), QUICK)], link=tcp_link(server, writes=True)) as line:  # type: ignore[arg-type]
         await until(lambda: line.quality("m.speed") == CONFIGURATION)
-        assert line.link.statistics.state is State.CONFIGURATION
+        assert line.link.statistics.state is LinkState.CONFIGURATION
         with pytest.raises(LinkError):
             await line.link.write("m", "command", 1)
     await server.close()
@@ -658,11 +658,11 @@ async def test_statistics_are_tags() -> None:
     device = RegisterDevice({0: 1})
     async with running([row("m", 1, 1, QUICK)], exchange=on_bus(Bus({1: device}))) as line:
         await until(lambda: line.value("sys.link.hall.polls") not in (None, 0.0))
-        assert line.value("sys.link.hall.state") == State.UP
+        assert line.value("sys.link.hall.state") == LinkState.UP
         assert line.value("sys.link.hall.simulated") == 1
         assert 30 < float(str(line.value("sys.link.hall.polls"))) < 60
         assert float(str(line.value("sys.link.hall.scan_time"))) == pytest.approx(20, abs=4)
         device.line_fault.mode = LineFaultMode.CABLE_PULLED
-        await until(lambda: line.value("sys.link.hall.unit1.state") == State.DOWN)
+        await until(lambda: line.value("sys.link.hall.unit1.state") == LinkState.DOWN)
         await until(lambda: line.value("sys.link.hall.last_error") == 2)
         assert float(str(line.value("sys.link.hall.unit1.timeouts"))) >= 2

@@ -10,7 +10,7 @@ import pytest
 
 from app.commands import set_follow_up, sets
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.commands.value_set import Stands
 from app.plant.definitions import Command, Plant, Setpoint, Write
@@ -53,7 +53,7 @@ class Bench:
         for change in progress.changes:
             told = {Stands.NEW: change.new, Stands.OLD: change.old, Stands.OTHER: change.found}
             assert change.stands is Stands.UNKNOWN or held[change.key] == told[change.stands], (change, held)
-        one = {State.CONFIRMED: {Stands.NEW}, State.FAILED: {Stands.OLD}}.get(progress.state)
+        one = {ProgressState.CONFIRMED: {Stands.NEW}, ProgressState.FAILED: {Stands.OLD}}.get(progress.state)
         assert one is None or {change.stands for change in progress.changes} == one, progress
         assert held in ({**FORMER, "d": 0.0}, {**FORMER, **NEW, "d": 0.0}), "a staging area gives no mixture"
 
@@ -123,7 +123,7 @@ def nth(which: str, number: int, kind: str, seconds: float = 0.0) -> Callable[[b
 async def test_a_set_is_one_commit_and_two_lines(kind: str) -> None:
     async with bench(kind) as it:
         done = await it.ask(NEW)
-        assert (done.state, it.device.commits) == (State.CONFIRMED, 1)
+        assert (done.state, it.device.commits) == (ProgressState.CONFIRMED, 1)
         it.is_true(done)
         assert it.lines[-2:] == [("command.sent", "sent"), ("command", "confirmed")]
 
@@ -138,7 +138,7 @@ async def test_one_spoiled_telegram_leaves_all_or_none(kind: str, how: str, whic
     async with bench(kind) as it:
         it.bus.fault = nth(which, number, how)
         done = await asyncio.wait_for(it.ask(NEW), 60)
-        assert done.state in (State.CONFIRMED, State.FAILED), done
+        assert done.state in (ProgressState.CONFIRMED, ProgressState.FAILED), done
         it.is_true(done)
         await asyncio.sleep(5)
         it.is_true(done)  # nothing comes after it
@@ -168,7 +168,7 @@ async def test_a_value_that_the_device_refuses_changes_nothing(kind: str) -> Non
         it.device._settings_fault = lambda values: 2 if values["b"] == 5.0 else 0  # type: ignore[method-assign]
         done = await it.ask(NEW)
         assert (done.state, done.reason, done.params["cause"]) == (
-            State.FAILED,
+            ProgressState.FAILED,
             sets.RESTORED,
             "why.device_rejected_code",
         )
@@ -221,4 +221,4 @@ async def test_a_stop_in_the_middle_puts_it_back_and_what_stands_is_told() -> No
         it.gate._state.machines["p"].set.interrupt("why.set_stopped")  # type: ignore[union-attr]
         done = await asyncio.wait_for(asked, 60)
         it.is_true(done)
-        assert STATUS and done.state in (State.FAILED, State.CONFIRMED)
+        assert STATUS and done.state in (ProgressState.FAILED, ProgressState.CONFIRMED)

@@ -10,7 +10,7 @@ import pytest
 
 from app.commands import set_follow_up, sets
 from app.commands.gate import Gate
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import AuditLine
 from app.commands.value_set import Stands
 from app.errors import DeviceException
@@ -84,7 +84,7 @@ def is_true(device: Registers, progress: Progress) -> None:
         told = {Stands.NEW: change.new, Stands.OLD: change.old, Stands.OTHER: change.found}
         held = device.values[change.key]
         assert change.stands is Stands.UNKNOWN or held == told[change.stands], (change, held)
-    one = {State.CONFIRMED: {Stands.NEW}, State.FAILED: {Stands.OLD}}.get(progress.state)
+    one = {ProgressState.CONFIRMED: {Stands.NEW}, ProgressState.FAILED: {Stands.OLD}}.get(progress.state)
     assert one is None or {change.stands for change in progress.changes} == one, progress
 
 
@@ -119,7 +119,7 @@ def spoiled(which: str, number: int, how: str, seconds: float = 0.0) -> Callable
 async def test_a_set_is_written_in_order_and_read_back(kind: str) -> None:
     async with bench(kind) as (device, _, ask, _, _):
         done = await ask()
-        assert (done.state, device.values) == (State.CONFIRMED, NEW)
+        assert (done.state, device.values) == (ProgressState.CONFIRMED, NEW)
         assert [address for address, _ in device.writes] == [0, 1, 2]
         is_true(device, done)
 
@@ -131,7 +131,7 @@ async def test_one_spoiled_telegram_leaves_all_or_none(kind: str, how: str, whic
     async with bench(kind) as (device, bus, ask, _, _):
         bus.fault = spoiled(which, number, how)
         done = await ask()
-        assert done.state in (State.CONFIRMED, State.FAILED), done
+        assert done.state in (ProgressState.CONFIRMED, ProgressState.FAILED), done
         assert device.values in (FORMER, NEW)
         is_true(device, done)
         await asyncio.sleep(5)
@@ -148,9 +148,9 @@ async def test_a_cable_out_at_any_write(kind: str, seconds: float, how: str, whi
         done = await ask()
         is_true(device, done)
         if seconds < 10:
-            assert (done.state, device.values) in ((State.FAILED, FORMER), (State.CONFIRMED, NEW))
+            assert (done.state, device.values) in ((ProgressState.FAILED, FORMER), (ProgressState.CONFIRMED, NEW))
             return
-        assert (done.state, done.reason) == (State.UNCONFIRMED, set_follow_up.UNREAD)
+        assert (done.state, done.reason) == (ProgressState.UNCONFIRMED, set_follow_up.UNREAD)
         writes = len(device.writes)
         await until(lambda: len(ended) == 2, 200)
         assert len(device.writes) == writes, "nothing is written when the device is back"
@@ -164,12 +164,12 @@ async def test_a_refusal_and_a_wrong_value_put_all_back(kind: str, at: int) -> N
     async with bench(kind) as (device, _, ask, _, _):
         device.refuse = {(at, int(NEW[f"v{at}"]))}
         done = await ask()
-        assert (done.state, device.values) == (State.FAILED, FORMER)
+        assert (done.state, device.values) == (ProgressState.FAILED, FORMER)
         is_true(device, done)
     async with bench(kind) as (device, _, ask, _, _):
         device.hold = {(at, int(NEW[f"v{at}"])): 77}
         done = await ask()
-        assert (done.state, device.values) == (State.FAILED, FORMER)
+        assert (done.state, device.values) == (ProgressState.FAILED, FORMER)
         is_true(device, done)
 
 
@@ -179,6 +179,6 @@ async def test_what_cannot_be_put_back_is_named(kind: str, failing: int) -> None
     async with bench(kind) as (device, _, ask, _, _):
         device.refuse = {(2, 6), (failing, int(FORMER[f"v{failing}"]))}
         done = await ask()
-        assert (done.state, done.reason) == (State.UNCONFIRMED, sets.MIXED)
+        assert (done.state, done.reason) == (ProgressState.UNCONFIRMED, sets.MIXED)
         assert [change.key for change in done.changes if change.stands is Stands.NEW] == [f"v{failing}"]
         is_true(device, done)

@@ -10,7 +10,7 @@ from sqlalchemy import select
 from app.access.tables import audit_table
 from app.alarms.lifecycle import TRANSITIONS, Entry
 from app.alarms.tables import journal_table, state_table
-from app.commands.lifecycle import Progress, State
+from app.commands.lifecycle import Progress, ProgressState
 from app.historian import tables as history
 from app.registers import plc_map
 from app.sim.bus import Bus
@@ -110,7 +110,7 @@ class Checker:
             del shown[:-600]
 
     def _command_ended(self, progress: Progress) -> None:
-        if progress.state is not State.CONFIRMED:
+        if progress.state is not ProgressState.CONFIRMED:
             return
         asked = self.world.asked.get(progress.id)
         device = self.world.devices.get(progress.equipment)

@@ -8,7 +8,7 @@ import pytest
 
 from app import bundled
 from app.errors import EXCEPTION_NAMES
-from app.links.statistics import ERROR_KINDS, LINK_KEYS, UNIT_KEYS, State
+from app.links.statistics import ERROR_KINDS, LINK_KEYS, UNIT_KEYS, LinkState
 from app.plant.texts import Texts
 from app.settings import Settings
 from app.web.communication import reference
@@ -84,7 +84,7 @@ def test_every_number_of_a_link_and_its_units_is_a_tag_on_it(staff: Staff, lang:
 def test_every_state_error_and_exception_has_words_in_every_language() -> None:
     texts = Texts.read()
     for lang in ("hr", "en", "de", "cs"):
-        wanted = [f"communication.state.{state.name.lower()}" for state in State]
+        wanted = [f"communication.state.{state.name.lower()}" for state in LinkState]
         wanted += [f"link.error.{kind or 'none'}" for kind in ERROR_KINDS]
         wanted += [f"communication.exception.{code}" for code in EXCEPTION_NAMES]
         wanted += [f"sys.link.{key}" for key in (*LINK_KEYS, *UNIT_KEYS)]

@@ -14,7 +14,7 @@ from urllib.parse import urlencode
 import uvicorn
 
 from app.access.roles import Person, permissions_of
-from app.links.statistics import State
+from app.links.statistics import LinkState
 from app.main import create_app
 from app.settings import Settings
 from app.web.serve import Server
@@ -51,7 +51,7 @@ async def _ready(server: Server, app: object) -> dict[str, int]:
         await asyncio.sleep(0.01)
     runtime = app.state.runtime  # type: ignore[attr-defined]
     while not all(  # noqa: ASYNC110
-        link.statistics.state is State.UP for link in runtime.links.values()
+        link.statistics.state is LinkState.UP for link in runtime.links.values()
     ):
         await asyncio.sleep(0.05)
     return {"tags": len(runtime.tags), "handle": runtime.tags.handles.get("d1.counter", -1)}

@@ -188,7 +188,7 @@ class Event(IntEnum):
     MANDREL_STUCK, COIL_ON_MANDREL = 36, 37
 
 
-class State(IntEnum):
+class CoilCarState(IntEnum):
     """State word."""
 
     OFF = 0

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from app.sim.coil_car.axis import Axis
 from app.sim.coil_car.machine import CoilCar, Geometry
-from app.sim.coil_car.register_map import SADDLES, ActionState, Block, Fault, Mode, State
+from app.sim.coil_car.register_map import SADDLES, ActionState, Block, CoilCarState, Fault, Mode
 from app.sim.plc import VirtualPlc
 
 DEPTH = 0.5
@@ -90,12 +90,12 @@ class CarState(VirtualPlc):
     def state(self) -> int:
         """State word."""
         if self.machine.emergency_stop or self.fault is Fault.EMERGENCY_STOP:
-            return State.EMERGENCY_STOP
+            return CoilCarState.EMERGENCY_STOP
         if self.fault:
-            return State.HELD
+            return CoilCarState.HELD
         moving = self.moving
         if self.mode is Mode.AUTOMATIC and not self.stopping:
-            return State.AUTOMATIC_MOVING if moving else State.AUTOMATIC
+            return CoilCarState.AUTOMATIC_MOVING if moving else CoilCarState.AUTOMATIC
         if self.mode is Mode.MANUAL and not self.stopping:
-            return State.MANUAL_MOVING if moving else State.MANUAL
-        return State.STOPPING if moving else State.OFF
+            return CoilCarState.MANUAL_MOVING if moving else CoilCarState.MANUAL
+        return CoilCarState.STOPPING if moving else CoilCarState.OFF

@@ -76,7 +76,7 @@ class Event(IntEnum):
     SETTINGS, RESET, SLIP = 38, 39, 40
 
 
-class State(IntEnum):
+class ConveyorState(IntEnum):
     """State word."""
 
     STOPPED = 0

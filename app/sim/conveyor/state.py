@@ -7,7 +7,7 @@ from app.blocks.mode_control import Mode, ModeControl
 from app.blocks.product_tracking import ProductTracking
 from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.machine import Conveyor, Geometry
-from app.sim.conveyor.register_map import State
+from app.sim.conveyor.register_map import ConveyorState
 from app.sim.plc import VirtualPlc
 
 
@@ -49,18 +49,18 @@ class LineState(VirtualPlc):
     def state(self) -> int:
         """State word."""
         if self._held:
-            return State.EMERGENCY_STOP
+            return ConveyorState.EMERGENCY_STOP
         if self._faulty:
-            return State.FAULT
+            return ConveyorState.FAULT
         if self.tracking.gap_stop:
-            return State.GAP
+            return ConveyorState.GAP
         if self._stopping:
-            return State.STOPPING
+            return ConveyorState.STOPPING
         if self.modes.mode is Mode.AUTOMATIC:
-            return State.AUTOMATIC if all(belt.target for belt in self.belts) else State.WAITING
+            return ConveyorState.AUTOMATIC if all(belt.target for belt in self.belts) else ConveyorState.WAITING
         if self.moving:
-            return State.MANUAL if self._direction else State.STOPPING
-        return State.STOPPED
+            return ConveyorState.MANUAL if self._direction else ConveyorState.STOPPING
+        return ConveyorState.STOPPED
 
     @property
     def stop_active(self) -> bool:

@@ -21,12 +21,12 @@ from app.sim.coil_car.register_map import (
     SIGNALS,
     STAGING,
     Block,
+    CoilCarState,
     Command,
     Event,
     Fault,
     Mode,
     Reason,
-    State,
 )
 from app.sim.plc import EVENT_CAPACITY
 from tests.sim.coil_car.line import Talker, act
@@ -230,9 +230,9 @@ def test_a_jog_moves_while_it_is_held(bit: int, moves: Callable[[VirtualCoilCar]
     car, talker = line()
     car.preset({"vertical": 300})
     run(car, 2, talker, 1 << bit)
-    assert moves(car) and car.state == State.MANUAL_MOVING
+    assert moves(car) and car.state == CoilCarState.MANUAL_MOVING
     run(car, 3)
-    assert not car.moving and car.state == State.MANUAL
+    assert not car.moving and car.state == CoilCarState.MANUAL
 
 
 def test_the_mandrel_is_jogged() -> None:
@@ -296,15 +296,15 @@ def test_a_manual_transport_is_possible_and_ends_at_the_interlock() -> None:
 
 def test_automatic_manual_and_stop() -> None:
     car, talker = line(start="stopped")
-    assert car.state == State.OFF
+    assert car.state == CoilCarState.OFF
     assert talker.ask(Command.AUTOMATIC).state == DONE and value(car, "mode") == Mode.AUTOMATIC
     assert talker.ask(Command.AUTOMATIC).state == DONE
     assert talker.ask(Command.MANUAL).state == DONE and value(car, "mode") == Mode.MANUAL
     run(car, 2, talker, 1)
-    assert talker.ask(Command.STOP).state == RUNNING and car.state == State.STOPPING
+    assert talker.ask(Command.STOP).state == RUNNING and car.state == CoilCarState.STOPPING
     talker.hold(0)
     run(car, 3)
-    assert talker.answer(4).state == DONE and value(car, "mode") == Mode.OFF and car.state == State.OFF
+    assert talker.answer(4).state == DONE and value(car, "mode") == Mode.OFF and car.state == CoilCarState.OFF
     assert talker.ask(Command.STOP).state == DONE
     told = [code for code, _ in talker.codes()]
     assert told == [Event.AUTOMATIC, Event.WINDING, Event.MANUAL, Event.STOP, Event.WINDING_STOPPED, Event.STOP]
@@ -354,7 +354,7 @@ def test_refusals_while_it_moves_is_held_or_the_state_is_another() -> None:
     assert talker.ask(Command.AUTOMATIC).reason == Reason.MOVING
     assert talker.ask(Command.RESET).reason == Reason.MOVING
     assert talker.ask(99).reason == Reason.UNKNOWN
-    assert talker.ask(Command.MANUAL, expected=State.AUTOMATIC).reason == Reason.WRONG_STATE
+    assert talker.ask(Command.MANUAL, expected=CoilCarState.AUTOMATIC).reason == Reason.WRONG_STATE
     talker.hold(0)
     run(car, 2)
     talker.fault(1)

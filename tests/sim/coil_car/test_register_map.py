@@ -109,7 +109,7 @@ def test_events_reasons_and_commands_of_the_program_have_a_name() -> None:
 def test_every_state_word_has_a_text() -> None:
     kind = car()
     for key, enum in (
-        ("state", coil_car.State),
+        ("state", coil_car.CoilCarState),
         ("mode", coil_car.Mode),
         ("fault", coil_car.Fault),
         ("action_state", coil_car.ActionState),

@@ -17,7 +17,7 @@ from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, rea
 from app.sim.bus import Bus
 from app.sim.conveyor import training as own
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, Event, Place, State
+from app.sim.conveyor.register_map import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, ConveyorState, Event, Place
 from app.sim.plc import EVENT_CAPACITY
 from app.sim.server import MBAP, serve_tcp
 
@@ -219,7 +219,7 @@ class TestLine:
             if condition():
                 return
             self.step()
-        raise AssertionError(f"not within {seconds} s; state {State(self.device.state).name}")
+        raise AssertionError(f"not within {seconds} s; state {ConveyorState(self.device.state).name}")
 
     async def until_event(self, code: int, source: int | None = None, seconds: float = 60.0) -> DeviceEvent:
         """Run until the ring has it; only what is not fetched yet counts."""

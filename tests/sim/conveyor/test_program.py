@@ -13,7 +13,7 @@ from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import REGISTERS, ROW, Command, Event, Motor, Place, Source, State
+from app.sim.conveyor.register_map import REGISTERS, ROW, Command, ConveyorState, Event, Motor, Place, Source
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
 from tests.sim.conveyor.line import MemoryPort, Operator, Port, TestLine, Witness, tcp_port
 
@@ -132,13 +132,13 @@ async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> No
     (product,) = on.true()
     assert product.head == pytest.approx(660.0, abs=1.5)
     status = await on.status()
-    assert (status["state"], status["unloading"], status["motor_3"]) == (State.WAITING, 1, Motor.STOPPED)
+    assert (status["state"], status["unloading"], status["motor_3"]) == (ConveyorState.WAITING, 1, Motor.STOPPED)
     assert status["motor_1"] == Motor.FORWARD
     before = on.device.steps
     await on.until(lambda: on.device.machine.unloaded == 1)
     assert 1.9 < (on.device.steps - before) / 100 < 2.3
     on.go(3)
-    assert await on.get("state") == State.AUTOMATIC
+    assert await on.get("state") == ConveyorState.AUTOMATIC
 
 
 async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
@@ -159,11 +159,11 @@ async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
     began = await on.get("encoder_1")
     await on.done(Command.STOP)
     assert (await on.status())["motor_1"] == Motor.STOPPING
-    assert await on.get("state") == State.STOPPING
+    assert await on.get("state") == ConveyorState.STOPPING
     on.go(2)
     moved = (await on.get("encoder_1") - began) * Geometry().pulse_length
     assert moved == pytest.approx(status["stop_distance_2"], abs=1.0)
-    assert await on.get("state") == State.STOPPED
+    assert await on.get("state") == ConveyorState.STOPPED
 
 
 # ---- commands
@@ -200,7 +200,7 @@ async def test_commands_are_refused_with_their_reason() -> None:
         return answer.reason
 
     assert await reason(99) == 1
-    assert await reason(Command.START, expected=State.AUTOMATIC) == 2
+    assert await reason(Command.START, expected=ConveyorState.AUTOMATIC) == 2
     assert await reason(Command.DELETE, 12345) == 7
     assert await reason(Command.CONFIRM, 12345) == 7
     assert await reason(Command.EDIT, 12345, real(100.0), real(20.0)) == 7
@@ -229,7 +229,7 @@ async def test_commands_are_refused_with_their_reason() -> None:
     await on.done(Command.RESET)
     await on.until(lambda: not on.device.machine.speeds[1])
     await on.done(Command.START)
-    await on.until(lambda: on.device.state == State.FAULT)
+    await on.until(lambda: on.device.state == ConveyorState.FAULT)
     assert await reason(Command.START) == 4
 
 
@@ -267,7 +267,11 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
     on.device.write(16, 0x0380, [1, 50, *(0, 0)])
     on.go(0.3)
     status = await on.status()
-    assert (status["state"], status["speed_source_1"], status["speed_setpoint_1"]) == (State.MANUAL, Source.MANUAL, 10)
+    assert (status["state"], status["speed_source_1"], status["speed_setpoint_1"]) == (
+        ConveyorState.MANUAL,
+        Source.MANUAL,
+        10,
+    )
     on.go(0.19)
     assert all(speed > 5 for speed in on.device.machine.speeds)
     on.go(1)
@@ -309,7 +313,7 @@ async def test_the_gap_stop_names_the_pair_and_the_line_goes_on_by_itself() -> N
     assert (stop.snapshot[1], stop.snapshot[3]) == (rear, front)
     await on.until(lambda: not any(on.device.machine.speeds))
     status = await on.status()
-    assert (status["state"], status["gap_stop"]) == (State.GAP, 1)
+    assert (status["state"], status["gap_stop"]) == (ConveyorState.GAP, 1)
     assert [status[f"speed_source_{belt}"] for belt in (1, 2, 3)] == [Source.GAP, Source.GAP, Source.UNLOADING]
     assert (status["first_out"], status["first_out_rear"], status["first_out_front"]) == (20, rear, front)
     assert status["first_out_value"] == pytest.approx(stop.value)
@@ -370,7 +374,7 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     await on.until(lambda: all(speed == 60 for speed in on.device.machine.speeds))
     before = on.device.steps
     await on.train(training.REG_MACHINE_FAULT, belt)
-    await on.until(lambda: on.device.state == State.FAULT, 2)
+    await on.until(lambda: on.device.state == ConveyorState.FAULT, 2)
     assert (on.device.steps - before) / 100 == pytest.approx(0.51, abs=0.03)
     on.go(1)
     status = await on.status()
@@ -383,7 +387,7 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     assert [event.code for event in told if event.time == jam.time] == [24, 31], "cause before consequence"
     await on.done(Command.RESET)
     await on.done(Command.START)
-    await on.until(lambda: on.device.state == State.FAULT, 3), "the cause is still there"
+    await on.until(lambda: on.device.state == ConveyorState.FAULT, 3), "the cause is still there"
     await on.train(training.REG_MACHINE_FAULT, 0)
     on.go(1)
     await on.done(Command.RESET)
@@ -391,7 +395,7 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     await on.done(Command.START)
     on.go(10)
     assert (25, belt) in await on.codes()
-    assert await on.get("state") in (State.AUTOMATIC, State.WAITING, State.GAP)
+    assert await on.get("state") in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
     assert witness.worst < 2
 
 
@@ -411,7 +415,7 @@ async def test_a_jam_leaves_uncertain_what_lies_on_its_belt_and_another_one(belt
 
     await on.until(lambda: {place for place, ids in lying().items() if ids} >= {1, 2, 3}, 300)
     await on.train(training.REG_MACHINE_FAULT, belt)
-    while on.device.state != State.FAULT:
+    while on.device.state != ConveyorState.FAULT:
         before = lying()
         on.step()
     assert set().union(*(before[place] for place in doubted)), "something lies across"
@@ -436,7 +440,7 @@ async def test_stops_in_between_do_not_hide_a_jam() -> None:
     on = line(settings={**QUICK, "jam_time": 1.0})
     await on.train(training.REG_MACHINE_FAULT, 3)
     starts = 0
-    while on.device.state != State.FAULT:
+    while on.device.state != ConveyorState.FAULT:
         starts += 1
         assert starts < 8, "each start is shorter than the jam time, all of them together are not"
         await on.done(Command.START)
@@ -458,7 +462,7 @@ async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int)
     on.go(1)
     status = await on.status()
     assert (status[f"encoder_fault_{belt}"], status[f"jam_{belt}"]) == (1, 0)
-    assert status["state"] == State.FAULT and status["first_out"] == 26
+    assert status["state"] == ConveyorState.FAULT and status["first_out"] == 26
     begin, end = (0.0, *Geometry().belt_ends)[belt - 1 : belt + 1]
     on_it = [row for row in (await on.products()).values() if row["tail"] < end and row["head"] > begin]
     assert all(row["state"] in (2, 3) for row in on_it)
@@ -519,7 +523,7 @@ async def test_a_blind_sensor_loses_products_and_is_suspected(sensor: int) -> No
     on.go(5)
     await on.until_event(29, sensor)
     await on.fetch()
-    assert on.device.state in (State.AUTOMATIC, State.WAITING, State.GAP)
+    assert on.device.state in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
 
 
 async def test_a_blind_first_sensor_shows_at_the_second() -> None:
@@ -633,15 +637,15 @@ async def test_an_emergency_stop_cuts_the_drives_and_waits_for_a_reset() -> None
     on.go(0.5)
     assert on.device.machine.speeds == [0, 0, 0]
     status = await on.status()
-    assert (status["state"], status["emergency_stop"], status["first_out"]) == (State.EMERGENCY_STOP, 1, 22)
+    assert (status["state"], status["emergency_stop"], status["first_out"]) == (ConveyorState.EMERGENCY_STOP, 1, 22)
     assert (await on.codes())[:2] == [(22, 0), (31, 0)]
     await on.done(Command.RESET)
-    assert await on.get("state") == State.EMERGENCY_STOP, "still pressed"
+    assert await on.get("state") == ConveyorState.EMERGENCY_STOP, "still pressed"
     await on.train(training.REG_MACHINE_FAULT, 0)
     status = await on.status()
-    assert (status["state"], status["emergency_stop"]) == (State.EMERGENCY_STOP, 0)
+    assert (status["state"], status["emergency_stop"]) == (ConveyorState.EMERGENCY_STOP, 0)
     await on.done(Command.RESET)
-    assert await on.get("state") == State.STOPPED
+    assert await on.get("state") == ConveyorState.STOPPED
     await on.done(Command.START)
     on.go(10)
     assert (23, 0) in await on.codes()

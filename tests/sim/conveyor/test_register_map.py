@@ -147,7 +147,7 @@ def test_events_and_reasons_of_the_program_have_a_name() -> None:
 def test_every_state_word_has_a_text() -> None:
     kind = line()
     for key, enum in (
-        ("state", conveyor.State),
+        ("state", conveyor.ConveyorState),
         ("mode", Mode),
         ("motor_1", conveyor.Motor),
         ("speed_source_3", conveyor.Source),

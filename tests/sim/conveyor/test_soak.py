@@ -23,7 +23,7 @@ from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import Command, Event, State
+from app.sim.conveyor.register_map import Command, ConveyorState, Event
 from tests.sim.conveyor.line import Life, Operator, TestLine, Witness, tcp_port
 
 QUICK = {
@@ -123,7 +123,7 @@ class Soak:
         for _ in range(60):
             if any(c == code and source in (None, s) for c, s in await self.pass_time(1)):
                 break
-            if line.device.state in (State.STOPPED, State.FAULT):
+            if line.device.state in (ConveyorState.STOPPED, ConveyorState.FAULT):
                 raise AssertionError(f"fault {fault}: the line stands, event {code} from {source} not told")
         else:
             raise AssertionError(f"fault {fault}: event {code} from {source} not told within 60 s")
