@@ -19,7 +19,7 @@ from app.alarms.evaluation import Evaluation
 from app.alarms.index import AlarmIndex
 from app.alarms.journal import Stored, journal_key
 from app.alarms.journal_queue import JournalQueue
-from app.alarms.lifecycle import HIDDEN, Event
+from app.alarms.lifecycle import HIDDEN, AlarmEvent
 from app.alarms.occurrences import Occurrences
 from app.alarms.ring_events import RingEvents
 from app.alarms.states import AlarmStates
@@ -117,7 +117,7 @@ class AlarmEngine:
             if one.acked_by:
                 self._occurrences.acknowledged(watch)
             self._states.arm(watch)
-            self._states.apply(watch, Event.RESTART)
+            self._states.apply(watch, AlarmEvent.RESTART)
 
     def definition(self, id: str) -> Alarm | None:
         """The row of the alarm `id`."""
@@ -148,7 +148,7 @@ class AlarmEngine:
         watch = self._occurrences.standing(occurrence)
         if watch is None:
             return self._occurrences.answer(occurrence)
-        result = self._states.apply(watch, Event.ACKNOWLEDGE, person=person, comment=comment)
+        result = self._states.apply(watch, AlarmEvent.ACKNOWLEDGE, person=person, comment=comment)
         if result.entry is None:
             hidden = watch.life.state in HIDDEN
             return Answer(occurrence, "hidden", watch.id) if hidden else self._occurrences.answer(occurrence)
@@ -164,7 +164,7 @@ class AlarmEngine:
         watch = self._occurrences.find(occurrence)
         if watch is None:
             raise Refused("alarm.answer.gone", 404)
-        result = self._states.apply(watch, Event.RESET, person=person, comment=comment)
+        result = self._states.apply(watch, AlarmEvent.RESET, person=person, comment=comment)
         if result.entry is None:
             raise Refused(result.refused or "alarm.why.not_latched", 409)
         await self.journal.settle()

@@ -12,7 +12,7 @@ from app.alarms.conditions import Happened, Told, Truth
 from app.alarms.event_params import untold
 from app.alarms.first_out import place
 from app.alarms.index import AlarmIndex
-from app.alarms.lifecycle import AlarmState, Event
+from app.alarms.lifecycle import AlarmEvent, AlarmState
 from app.alarms.occurrences import Occurrences
 from app.alarms.states import AlarmStates
 from app.alarms.watch import CHATTER_WINDOW, Watch, explain, number
@@ -104,7 +104,7 @@ class Evaluation:
         for watch, active in others:
             root = self._index.root(watch.equipment)
             if active and root is not None and root.life.active and not watch.life.suppressed:
-                self._states.apply(watch, Event.SUPPRESS, detail=root.alarm.key)
+                self._states.apply(watch, AlarmEvent.SUPPRESS, detail=root.alarm.key)
             self.turn(watch, active)
 
     def force(self, watch: Watch, active: bool) -> None:
@@ -119,7 +119,7 @@ class Evaluation:
     def turn(self, watch: Watch, active: bool, event: RingEvent | None = None, at: int | None = None) -> None:
         """The condition has come or gone; `at` [µs UTC] is when the `event` of the device happened that says so."""
         if not active:
-            self._states.apply(watch, Event.RETURN, at=at)
+            self._states.apply(watch, AlarmEvent.RETURN, at=at)
             return
         now = self._clock.monotonic()
         calm = (
@@ -135,7 +135,7 @@ class Evaluation:
             explain(watch, event)
         for one in place(watch, self._index.members(watch.equipment)):
             self._states.changed(one)
-        self._states.apply(watch, Event.RAISE, at=at)
+        self._states.apply(watch, AlarmEvent.RAISE, at=at)
 
     def _judge(self, watch: Watch, now: float, at: int) -> bool | None:
         """Whether its condition has come or gone; None = neither."""
@@ -166,7 +166,7 @@ class Evaluation:
         if known is watch.known or (watch.life.state is AlarmState.NORMAL and known is False):
             return
         watch.known = known
-        self._states.apply(watch, Event.QUALITY, detail="known" if known else "unknown")
+        self._states.apply(watch, AlarmEvent.QUALITY, detail="known" if known else "unknown")
 
     def _suppress(self, root: Watch, active: bool, at: int) -> None:
         freed = []
@@ -175,7 +175,7 @@ class Evaluation:
             if watch is root or isinstance(told, Told) or (isinstance(told, Happened) and told.sentence is None):
                 continue  # no value of the device decides it
             if active and watch.life.state is not AlarmState.NORMAL:
-                self._states.apply(watch, Event.SUPPRESS, detail=root.alarm.key)
+                self._states.apply(watch, AlarmEvent.SUPPRESS, detail=root.alarm.key)
             elif not active and watch.life.suppressed and self.free(watch, root):
                 freed.append(watch)
         if freed:
@@ -183,7 +183,7 @@ class Evaluation:
 
     def free(self, watch: Watch, root: Watch) -> bool:
         """The lost communication `root` hides `watch` no longer; whether nothing else does, so that its delay begins anew."""
-        self._states.apply(watch, Event.UNSUPPRESS, detail=root.alarm.key)
+        self._states.apply(watch, AlarmEvent.UNSUPPRESS, detail=root.alarm.key)
         if watch.life.hidden:
             return False
         watch.delay.restart()

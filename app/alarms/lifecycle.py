@@ -39,7 +39,7 @@ AUDIBLE = frozenset("BE")
 HIDDEN = frozenset("GHI")
 
 
-class Event(StrEnum):
+class AlarmEvent(StrEnum):
     """What can happen to an alarm."""
 
     RAISE = "raise"
@@ -126,7 +126,7 @@ class Row:
     number: str
     """Of reference/alarms.md section 1.2; a letter behind it where the sheet puts several cases into one line."""
     states: str
-    event: Event
+    event: AlarmEvent
     to: str
     """Letter that it leads to; `=` for the same, `*` where what is still hidden or active decides."""
     change: Mapping[str, bool]
@@ -145,57 +145,60 @@ _CALM = {"active": False, "acked": True, "latched": False}
 _SHOWN = {"shelved": False, "suppressed": False, "out_of_service": False}
 
 TRANSITIONS: Sequence[Row] = (
-    Row("T1", "A", Event.RAISE, "B", _RISE, Entry.RAISED, annunciates=True),
-    Row("T2", "B", Event.ACKNOWLEDGE, "C", {"acked": True}, Entry.ACK),
-    Row("T3", "B", Event.RETURN, "D", {"active": False, "latched": False}, Entry.RTN, {"latching": False, "ack_required": True}),
-    Row("T4", "B", Event.RETURN, "A", _CALM, Entry.RTN, {"latching": False, "ack_required": False}, "AUTOACK"),
-    Row("T5", "B", Event.RETURN, "E", {"active": False, "latched": True}, Entry.RTN, {"latching": True}, "LATCHED"),
-    Row("T6", "C", Event.RETURN, "A", _CALM, Entry.RTN, {"latching": False}),
-    Row("T7", "C", Event.RETURN, "F", {"active": False, "latched": True}, Entry.RTN, {"latching": True}, "LATCHED"),
-    Row("T8", "D", Event.ACKNOWLEDGE, "A", {"acked": True}, Entry.ACK),
-    Row("T9", "D", Event.RAISE, "B", _RISE, Entry.RAISED, annunciates=True),
-    Row("T10", "E", Event.ACKNOWLEDGE, "F", {"acked": True}, Entry.ACK),
-    Row("T11", "EF", Event.RAISE, "B", {**_RISE, "latched": False}, Entry.RAISED, annunciates=True),
-    Row("T12", "F", Event.RESET, "A", {"latched": False}, Entry.RESET),
-    Row("T14", "ABCDEF", Event.SHELVE, "G", {"shelved": True}, Entry.SHELVED),
-    Row("T14h", "HI", Event.SHELVE, "=", {"shelved": True}, Entry.SHELVED, {"shelved": False}),
-    Row("T15a", "G", Event.UNSHELVE, "B", {"shelved": False, "acked": False}, Entry.UNSHELVED, {"active": True}, annunciates=True),
-    Row("T15b", "G", Event.UNSHELVE, "A", {"shelved": False, "acked": True}, Entry.UNSHELVED, {"active": False, "latched": False}),
-    Row("T15c", "G", Event.UNSHELVE, "*", {"shelved": False}, Entry.UNSHELVED, {"active": False, "latched": True}),
-    Row("T15h", "HI", Event.UNSHELVE, "=", {"shelved": False}, Entry.UNSHELVED, {"shelved": True}),
-    Row("T16", "ABCDEFG", Event.SUPPRESS, "H", {"suppressed": True}, Entry.SUPPRESSED),
-    Row("T16i", "I", Event.SUPPRESS, "I", {"suppressed": True}, Entry.SUPPRESSED, {"suppressed": False}),
+    Row("T1", "A", AlarmEvent.RAISE, "B", _RISE, Entry.RAISED, annunciates=True),
+    Row("T2", "B", AlarmEvent.ACKNOWLEDGE, "C", {"acked": True}, Entry.ACK),
+    Row("T3", "B", AlarmEvent.RETURN, "D", {"active": False, "latched": False}, Entry.RTN, {"latching": False, "ack_required": True}),
+    Row("T4", "B", AlarmEvent.RETURN, "A", _CALM, Entry.RTN, {"latching": False, "ack_required": False}, "AUTOACK"),
+    Row("T5", "B", AlarmEvent.RETURN, "E", {"active": False, "latched": True}, Entry.RTN, {"latching": True}, "LATCHED"),
+    Row("T6", "C", AlarmEvent.RETURN, "A", _CALM, Entry.RTN, {"latching": False}),
+    Row("T7", "C", AlarmEvent.RETURN, "F", {"active": False, "latched": True}, Entry.RTN, {"latching": True}, "LATCHED"),
+    Row("T8", "D", AlarmEvent.ACKNOWLEDGE, "A", {"acked": True}, Entry.ACK),
+    Row("T9", "D", AlarmEvent.RAISE, "B", _RISE, Entry.RAISED, annunciates=True),
+    Row("T10", "E", AlarmEvent.ACKNOWLEDGE, "F", {"acked": True}, Entry.ACK),
+    Row("T11", "EF", AlarmEvent.RAISE, "B", {**_RISE, "latched": False}, Entry.RAISED, annunciates=True),
+    Row("T12", "F", AlarmEvent.RESET, "A", {"latched": False}, Entry.RESET),
+    Row("T14", "ABCDEF", AlarmEvent.SHELVE, "G", {"shelved": True}, Entry.SHELVED),
+    Row("T14h", "HI", AlarmEvent.SHELVE, "=", {"shelved": True}, Entry.SHELVED, {"shelved": False}),
+    Row("T15a", "G", AlarmEvent.UNSHELVE, "B", {"shelved": False, "acked": False}, Entry.UNSHELVED, {"active": True}, annunciates=True),
+    Row("T15b", "G", AlarmEvent.UNSHELVE, "A", {"shelved": False, "acked": True}, Entry.UNSHELVED, {"active": False, "latched": False}),
+    Row("T15c", "G", AlarmEvent.UNSHELVE, "*", {"shelved": False}, Entry.UNSHELVED, {"active": False, "latched": True}),
+    Row("T15h", "HI", AlarmEvent.UNSHELVE, "=", {"shelved": False}, Entry.UNSHELVED, {"shelved": True}),
+    Row("T16", "ABCDEFG", AlarmEvent.SUPPRESS, "H", {"suppressed": True}, Entry.SUPPRESSED),
+    Row("T16i", "I", AlarmEvent.SUPPRESS, "I", {"suppressed": True}, Entry.SUPPRESSED, {"suppressed": False}),
     # Active or not: the engine starts the on-delay again, and a condition that still holds raises by T1.
-    Row("T17a", "H", Event.UNSUPPRESS, "A", {**_CALM, "suppressed": False}, Entry.UNSUPPRESSED, {"alone": True, "latched": False}),
-    Row("T17b", "H", Event.UNSUPPRESS, "*", {"active": False, "suppressed": False}, Entry.UNSUPPRESSED, {"alone": True, "latched": True}),
-    Row("T17h", "HI", Event.UNSUPPRESS, "*", {"suppressed": False}, Entry.UNSUPPRESSED, {"alone": False, "suppressed": True}),
-    Row("T18", "ABCDEFGH", Event.TAKE_OUT, "I", {"out_of_service": True}, Entry.OOS_ON),
-    Row("T19h", "I", Event.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"alone": False}),
-    Row("T19a", "I", Event.PUT_BACK, "B", {"out_of_service": False, "acked": False}, Entry.OOS_OFF, {"active": True}, annunciates=True),
-    Row("T19b", "I", Event.PUT_BACK, "A", {"out_of_service": False, "acked": True}, Entry.OOS_OFF, {"active": False, "latched": False}),
-    Row("T19c", "I", Event.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"active": False, "latched": True}),
-    Row("T20", "C", Event.REALARM, "B", {"acked": False}, Entry.REALARM, annunciates=True),
-    Row("T21", "ABCDEFGHI", Event.PRIORITY, "=", {}, Entry.PRIO_CHANGED),
-    Row("T22", "BCDEFGHI", Event.QUALITY, "=", {}, Entry.QUALITY),
-    Row("T23", "BCDEFGHI", Event.RESTART, "=", {}, Entry.RESTORED),
-    Row("L", "ABCDEFGHI", Event.LIMIT, "=", {}, Entry.LIMIT_CHANGED),
-    Row("R", "BCDEFGHI", Event.REMOVE, "A", {**_CALM, **_SHOWN}, Entry.REMOVED),
+    Row("T17a", "H", AlarmEvent.UNSUPPRESS, "A", {**_CALM, "suppressed": False}, Entry.UNSUPPRESSED, {"alone": True, "latched": False}),
+    Row("T17b", "H", AlarmEvent.UNSUPPRESS, "*", {"active": False, "suppressed": False},
+        Entry.UNSUPPRESSED, {"alone": True, "latched": True}),
+    Row("T17h", "HI", AlarmEvent.UNSUPPRESS, "*", {"suppressed": False}, Entry.UNSUPPRESSED, {"alone": False, "suppressed": True}),
+    Row("T18", "ABCDEFGH", AlarmEvent.TAKE_OUT, "I", {"out_of_service": True}, Entry.OOS_ON),
+    Row("T19h", "I", AlarmEvent.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"alone": False}),
+    Row("T19a", "I", AlarmEvent.PUT_BACK, "B", {"out_of_service": False, "acked": False},
+        Entry.OOS_OFF, {"active": True}, annunciates=True),
+    Row("T19b", "I", AlarmEvent.PUT_BACK, "A", {"out_of_service": False, "acked": True},
+        Entry.OOS_OFF, {"active": False, "latched": False}),
+    Row("T19c", "I", AlarmEvent.PUT_BACK, "*", {"out_of_service": False}, Entry.OOS_OFF, {"active": False, "latched": True}),
+    Row("T20", "C", AlarmEvent.REALARM, "B", {"acked": False}, Entry.REALARM, annunciates=True),
+    Row("T21", "ABCDEFGHI", AlarmEvent.PRIORITY, "=", {}, Entry.PRIO_CHANGED),
+    Row("T22", "BCDEFGHI", AlarmEvent.QUALITY, "=", {}, Entry.QUALITY),
+    Row("T23", "BCDEFGHI", AlarmEvent.RESTART, "=", {}, Entry.RESTORED),
+    Row("L", "ABCDEFGHI", AlarmEvent.LIMIT, "=", {}, Entry.LIMIT_CHANGED),
+    Row("R", "BCDEFGHI", AlarmEvent.REMOVE, "A", {**_CALM, **_SHOWN}, Entry.REMOVED),
     # While hidden the condition goes on and is written down, silently.
-    Row("S1", "GHI", Event.RAISE, "=", {**_RISE, "latched": False}, Entry.RAISED, {"active": False}),
-    Row("S2", "GHI", Event.RETURN, "=", _CALM, Entry.RTN, {"active": True, "latching": False}),
-    Row("S3", "GHI", Event.RETURN, "=", {"active": False, "latched": True}, Entry.RTN, {"active": True, "latching": True}, "LATCHED"),
+    Row("S1", "GHI", AlarmEvent.RAISE, "=", {**_RISE, "latched": False}, Entry.RAISED, {"active": False}),
+    Row("S2", "GHI", AlarmEvent.RETURN, "=", _CALM, Entry.RTN, {"active": True, "latching": False}),
+    Row("S3", "GHI", AlarmEvent.RETURN, "=", {"active": False, "latched": True}, Entry.RTN, {"active": True, "latching": True}, "LATCHED"),
 )  # fmt: skip
 """The table of alarms.md section 1.2. The first row that fits holds; where none fits, nothing happens."""
 
-REFUSED: Mapping[tuple[Event, str], str] = {
-    (Event.ACKNOWLEDGE, "A"): "alarm.why.nothing_to_acknowledge",
-    (Event.ACKNOWLEDGE, "C"): "alarm.why.already_acknowledged",
-    (Event.ACKNOWLEDGE, "F"): "alarm.why.already_acknowledged",
-    **{(Event.ACKNOWLEDGE, state): "alarm.why.not_shown" for state in "GHI"},
-    **{(Event.RESET, state): "alarm.why.not_latched" for state in "AD"},
-    **{(Event.RESET, state): "alarm.why.still_active" for state in "BC"},
-    (Event.RESET, "E"): "alarm.why.acknowledge_first",
-    **{(Event.RESET, state): "alarm.why.not_shown" for state in "GHI"},
+REFUSED: Mapping[tuple[AlarmEvent, str], str] = {
+    (AlarmEvent.ACKNOWLEDGE, "A"): "alarm.why.nothing_to_acknowledge",
+    (AlarmEvent.ACKNOWLEDGE, "C"): "alarm.why.already_acknowledged",
+    (AlarmEvent.ACKNOWLEDGE, "F"): "alarm.why.already_acknowledged",
+    **{(AlarmEvent.ACKNOWLEDGE, state): "alarm.why.not_shown" for state in "GHI"},
+    **{(AlarmEvent.RESET, state): "alarm.why.not_latched" for state in "AD"},
+    **{(AlarmEvent.RESET, state): "alarm.why.still_active" for state in "BC"},
+    (AlarmEvent.RESET, "E"): "alarm.why.acknowledge_first",
+    **{(AlarmEvent.RESET, state): "alarm.why.not_shown" for state in "GHI"},
 }
 """(event, state) → text key, for what a person asks and the table does not give (T13 and the lines around it)."""
 
@@ -234,7 +237,7 @@ def displayed(life: Life) -> AlarmState:
     return AlarmState.NORMAL if life.acked else AlarmState.RETURNED
 
 
-def step(life: Life, event: Event, traits: Traits) -> Step:
+def step(life: Life, event: AlarmEvent, traits: Traits) -> Step:
     """`life` after `event`; where the table has no row it stays, and what a person asked comes back with the reason."""
     before = displayed(life)
     row = _row(life, before, event, traits)
@@ -252,7 +255,7 @@ def step(life: Life, event: Event, traits: Traits) -> Step:
     )
 
 
-def _row(life: Life, state: AlarmState, event: Event, traits: Traits) -> Row | None:
+def _row(life: Life, state: AlarmState, event: AlarmEvent, traits: Traits) -> Row | None:
     for row in _BY_EVENT.get((event, state), ()):
         if all(_fact(life, traits, name) is wanted for name, wanted in (row.when or {}).items()):
             return row
@@ -265,7 +268,7 @@ def _fact(life: Life, traits: Traits, name: str) -> bool:
     return bool(getattr(traits if name in ("latching", "ack_required") else life, name))
 
 
-_BY_EVENT: dict[tuple[Event, str], list[Row]] = {}
+_BY_EVENT: dict[tuple[AlarmEvent, str], list[Row]] = {}
 for _one in TRANSITIONS:
     for _letter in _one.states:
         _BY_EVENT.setdefault((_one.event, _letter), []).append(_one)

@@ -10,7 +10,7 @@ from app.alarms.conditions import EVENT_LATE, Happened
 from app.alarms.evaluation import Evaluation
 from app.alarms.index import AlarmIndex
 from app.alarms.journal_queue import JournalQueue
-from app.alarms.lifecycle import Event
+from app.alarms.lifecycle import AlarmEvent
 from app.alarms.states import AlarmStates
 from app.alarms.system_alarms import SystemAlarms
 from app.alarms.watch import Watch, explain
@@ -124,4 +124,4 @@ class RingEvents:
             told = one.condition
             if isinstance(told, Happened) and told.sentence is None and told.standing and one.known:
                 one.known = False
-                self._states.apply(one, Event.QUALITY, detail="unknown")
+                self._states.apply(one, AlarmEvent.QUALITY, detail="unknown")

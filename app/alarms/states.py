@@ -5,7 +5,7 @@ from app.alarms.alarm_list import AlarmList
 from app.alarms.annunciations import Annunciations
 from app.alarms.event_params import completed
 from app.alarms.journal_queue import JournalQueue
-from app.alarms.lifecycle import AUDIBLE, AlarmState, Event, Step, step
+from app.alarms.lifecycle import AUDIBLE, AlarmEvent, AlarmState, Step, step
 from app.alarms.occurrences import Occurrences
 from app.alarms.watch import Watch, record, spoken, written
 from app.clock import Clock
@@ -47,7 +47,7 @@ class AlarmStates:
     def apply(
         self,
         watch: Watch,
-        event: Event,
+        event: AlarmEvent,
         *,
         person: Person | None = None,
         comment: str = "",
@@ -60,12 +60,12 @@ class AlarmStates:
             return result
         at = self._clock.micros() if at is None else at
         watch.life = result.life
-        if event is Event.ACKNOWLEDGE and person is not None:
+        if event is AlarmEvent.ACKNOWLEDGE and person is not None:
             watch.acked_at, watch.acked_by = at, person.display or person.name
             self._occurrences.acknowledged(watch)
-        elif event is Event.RETURN:
+        elif event is AlarmEvent.RETURN:
             watch.returned = at
-        elif event in (Event.REALARM, Event.UNSHELVE, Event.PUT_BACK) and not watch.life.acked:
+        elif event in (AlarmEvent.REALARM, AlarmEvent.UNSHELVE, AlarmEvent.PUT_BACK) and not watch.life.acked:
             watch.acked_at, watch.acked_by = 0, ""
         if result.annunciates:
             self._annunciations.add()
@@ -84,7 +84,7 @@ class AlarmStates:
 
     def remove(self, watch: Watch, person: Person | None = None) -> None:
         """Close an alarm whose definition is gone."""
-        self.apply(watch, Event.REMOVE, person=person)
+        self.apply(watch, AlarmEvent.REMOVE, person=person)
         self._journal.removed(watch.id)
 
     def redefined(self, watch: Watch, before: Alarm, person: Person | None) -> None:
@@ -92,13 +92,13 @@ class AlarmStates:
         after = watch.alarm
         if before.priority != after.priority:
             louder = after.priority < before.priority and watch.life.state in AUDIBLE
-            self.apply(watch, Event.PRIORITY, person=person, detail=f"{before.priority} → {after.priority}")
+            self.apply(watch, AlarmEvent.PRIORITY, person=person, detail=f"{before.priority} → {after.priority}")
             if louder:
                 self._annunciations.sound_again()
         pairs = [(name, getattr(before, name), getattr(after, name)) for name in REDEFINED]
         changes = [f"{name}: {old} → {new}" for name, old, new in pairs if old != new]
         if changes:
-            self.apply(watch, Event.LIMIT, person=person, detail="; ".join(changes)[:200])
+            self.apply(watch, AlarmEvent.LIMIT, person=person, detail="; ".join(changes)[:200])
 
     def arm(self, watch: Watch) -> None:
         """Let an acknowledged alarm that asks for it come back after its time."""
@@ -112,4 +112,4 @@ class AlarmStates:
         at = self._clock.micros()
         for watch in list(self._realarms.values()):
             if at - watch.acked_at >= watch.alarm.realarm * 1e6:
-                self.apply(watch, Event.REALARM)
+                self.apply(watch, AlarmEvent.REALARM)

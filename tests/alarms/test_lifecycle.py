@@ -10,9 +10,9 @@ from app.alarms.lifecycle import (
     REFUSED,
     TRANSITIONS,
     UNACKED,
+    AlarmEvent,
     AlarmState,
     Entry,
-    Event,
     Life,
     Traits,
     displayed,
@@ -29,13 +29,13 @@ def story(events: str, traits: Traits = PLAIN) -> str:
     life = Life()
     letters = [str(life.state)]
     for name in events.split():
-        life = step(life, Event(name), traits).life
+        life = step(life, AlarmEvent(name), traits).life
         letters.append(str(life.state))
     return "".join(letters)
 
 
-@pytest.mark.parametrize("event", Event)
-def test_every_state_and_event_does_what_a_row_says_or_nothing(event: Event) -> None:
+@pytest.mark.parametrize("event", AlarmEvent)
+def test_every_state_and_event_does_what_a_row_says_or_nothing(event: AlarmEvent) -> None:
     for life, traits in product(LIVES, TRAITS):
         result = step(life, event, traits)
         assert result.before is displayed(life)
@@ -74,8 +74,8 @@ def test_every_row_of_the_table_can_happen() -> None:
     assert happened == {row.number for row in TRANSITIONS}
 
 
-@pytest.mark.parametrize("event", [Event.ACKNOWLEDGE, Event.RESET])
-def test_what_a_person_asks_happens_or_comes_back_with_a_reason(event: Event) -> None:
+@pytest.mark.parametrize("event", [AlarmEvent.ACKNOWLEDGE, AlarmEvent.RESET])
+def test_what_a_person_asks_happens_or_comes_back_with_a_reason(event: AlarmEvent) -> None:
     for life, traits in product(LIVES, TRAITS):
         result = step(life, event, traits)
         assert (result.entry is None) == bool(result.refused)
@@ -83,11 +83,13 @@ def test_what_a_person_asks_happens_or_comes_back_with_a_reason(event: Event) ->
 
 def test_an_acknowledgement_never_touches_the_condition_and_data_never_acknowledges() -> None:
     for life, traits in product(LIVES, TRAITS):
-        assert step(life, Event.ACKNOWLEDGE, traits).life.active is life.active
+        assert step(life, AlarmEvent.ACKNOWLEDGE, traits).life.active is life.active
         assert not (
-            step(life, Event.RAISE, traits).life.acked and not life.active and step(life, Event.RAISE, traits).entry
+            step(life, AlarmEvent.RAISE, traits).life.acked
+            and not life.active
+            and step(life, AlarmEvent.RAISE, traits).entry
         )
-        for event in (Event.QUALITY, Event.RESTART, Event.PRIORITY, Event.LIMIT):
+        for event in (AlarmEvent.QUALITY, AlarmEvent.RESTART, AlarmEvent.PRIORITY, AlarmEvent.LIMIT):
             assert step(life, event, traits).life == life
 
 
@@ -129,14 +131,14 @@ def test_a_latch_is_not_lost_by_hiding_the_alarm() -> None:
 
 def test_silent_records_are_those_of_hidden_alarms() -> None:
     hidden = Life(suppressed=True)
-    raised = step(hidden, Event.RAISE, Traits())
+    raised = step(hidden, AlarmEvent.RAISE, Traits())
     assert (raised.entry, raised.silent, raised.annunciates) == (Entry.RAISED, True, False)
-    assert not step(Life(), Event.RAISE, Traits()).silent
+    assert not step(Life(), AlarmEvent.RAISE, Traits()).silent
 
 
 def test_reset_is_refused_while_the_condition_holds_and_before_the_acknowledgement() -> None:
-    assert REFUSED[(Event.RESET, "B")] == REFUSED[(Event.RESET, "C")] == "alarm.why.still_active"
-    assert REFUSED[(Event.RESET, "E")] == "alarm.why.acknowledge_first"
+    assert REFUSED[(AlarmEvent.RESET, "B")] == REFUSED[(AlarmEvent.RESET, "C")] == "alarm.why.still_active"
+    assert REFUSED[(AlarmEvent.RESET, "E")] == "alarm.why.acknowledge_first"
 
 
 def test_what_is_listed_heard_and_waited_for_follows_the_table_of_the_sheet() -> None:

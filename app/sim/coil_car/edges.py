@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from app.sim.coil_car.interlock import InterlockedCar
-from app.sim.coil_car.register_map import Event
+from app.sim.coil_car.register_map import CoilCarEvent
 
 
 class Edges:
@@ -42,37 +42,37 @@ class Edges:
         if now == before:
             return
 
-        def edge(name: str, rise: Event, fall: Event, source: int = 0, value: float = 0.0) -> None:
+        def edge(name: str, rise: CoilCarEvent, fall: CoilCarEvent, source: int = 0, value: float = 0.0) -> None:
             if now[name] != before[name]:
                 self._car.event(rise if now[name] else fall, source, value)
 
-        edge("emergency_stop", Event.EMERGENCY_STOP, Event.EMERGENCY_STOP_OFF)
+        edge("emergency_stop", CoilCarEvent.EMERGENCY_STOP, CoilCarEvent.EMERGENCY_STOP_OFF)
         for n in (1, 2, 3):
-            edge(f"guard_{n}", Event.GUARD_CLOSED, Event.GUARD_OPENED, n)
+            edge(f"guard_{n}", CoilCarEvent.GUARD_CLOSED, CoilCarEvent.GUARD_OPENED, n)
         for n in (1, 2):
-            edge(f"drive_{n}", Event.DRIVE_READY, Event.DRIVE_TRIPPED, n)
-        edge("pump", Event.PUMP_ON, Event.PUMP_OFF)
-        edge("pressure", Event.PRESSURE_BACK, Event.PRESSURE_LOW, 0, machine.pressure)
-        edge("oil", Event.OIL_WARM, Event.OIL_COLD, 0, machine.oil)
+            edge(f"drive_{n}", CoilCarEvent.DRIVE_READY, CoilCarEvent.DRIVE_TRIPPED, n)
+        edge("pump", CoilCarEvent.PUMP_ON, CoilCarEvent.PUMP_OFF)
+        edge("pressure", CoilCarEvent.PRESSURE_BACK, CoilCarEvent.PRESSURE_LOW, 0, machine.pressure)
+        edge("oil", CoilCarEvent.OIL_WARM, CoilCarEvent.OIL_COLD, 0, machine.oil)
         for n in (1, 2, 3, 4):
             at = machine.x if n < 3 else machine.v
-            edge(f"limit_{n}", Event.LIMIT_PLAUSIBLE, Event.LIMIT_IMPLAUSIBLE, n, at)
+            edge(f"limit_{n}", CoilCarEvent.LIMIT_PLAUSIBLE, CoilCarEvent.LIMIT_IMPLAUSIBLE, n, at)
         if now["mandrel"] != before["mandrel"] and now["mandrel"] != 1:
-            self._car.event(Event.EXPANDED if now["mandrel"] else Event.COLLAPSED)
+            self._car.event(CoilCarEvent.EXPANDED if now["mandrel"] else CoilCarEvent.COLLAPSED)
         if now["winding"] != before["winding"]:
             if now["winding"]:
-                self._car.event(Event.WINDING, 0, machine.coil)
+                self._car.event(CoilCarEvent.WINDING, 0, machine.coil)
             elif not machine.finished:
-                self._car.event(Event.WINDING_STOPPED, 0, machine.coil)
+                self._car.event(CoilCarEvent.WINDING_STOPPED, 0, machine.coil)
         if now["finished"] and not before["finished"]:
             if before["load"] and not now["load"]:
-                self._car.event(Event.COIL_ON_MANDREL, 0, machine.coil)
+                self._car.event(CoilCarEvent.COIL_ON_MANDREL, 0, machine.coil)
             else:
                 self._car.coils_wound = self._car.coils_wound + 1 & 0xFFFFFFFF
-                self._car.event(Event.COIL_READY, 0, machine.coil)
+                self._car.event(CoilCarEvent.COIL_READY, 0, machine.coil)
         self._look_at_coils(before, now)
         if now["hit"] and not before["hit"]:
-            self._car.event(Event.COLLISION, int(now["hit"]), machine.x)
+            self._car.event(CoilCarEvent.COLLISION, int(now["hit"]), machine.x)
 
     def _look_at_coils(self, before: Mapping[str, float], now: Mapping[str, float]) -> None:
         gained = now["load"] and not before["load"]
@@ -82,11 +82,11 @@ class Edges:
             name = f"saddle_{n}"
             if now[name] and not before[name] and lost:
                 self._car.coils_done = self._car.coils_done + 1 & 0xFFFFFFFF
-                self._car.event(Event.COIL_LAID, n, now[name])
+                self._car.event(CoilCarEvent.COIL_LAID, n, now[name])
             elif before[name] and not now[name]:
                 if gained:
                     source = n
                 else:
-                    self._car.event(Event.COIL_REMOVED, n, before[name])
+                    self._car.event(CoilCarEvent.COIL_REMOVED, n, before[name])
         if gained:
-            self._car.event(Event.COIL_ON_CAR, source, now["load"])
+            self._car.event(CoilCarEvent.COIL_ON_CAR, source, now["load"])

@@ -47,8 +47,8 @@ from app.sim.coil_car.register_map import (
     WIND,
     ActionState,
     Block,
+    CoilCarEvent,
     Command,
-    Event,
     Fault,
     Mode,
     Reason,
@@ -213,7 +213,7 @@ class VirtualCoilCar(InterlockedCar):
         silent, before = float(self.host_silent), self._silent
         if silent != before:
             self._silent = silent
-            self.event(Event.HOST_SILENT if silent else Event.HOST_BACK)
+            self.event(CoilCarEvent.HOST_SILENT if silent else CoilCarEvent.HOST_BACK)
             if silent:
                 self.mode = Mode.OFF
 
@@ -301,7 +301,7 @@ class VirtualCoilCar(InterlockedCar):
         if mandrel and mandrel == self.mandrel_drive:
             self._mandrel_age += self.dt
             if self._mandrel_age > STUCK_AFTER and not self.fault:
-                self.event(Event.MANDREL_STUCK)
+                self.event(CoilCarEvent.MANDREL_STUCK)
                 self._trip(Fault.MANDREL)
         else:
             self._mandrel_age = 0.0
@@ -314,14 +314,14 @@ class VirtualCoilCar(InterlockedCar):
         if told != self._told:
             self._told = told
             if self.held_back is not Block.FREE:
-                self.event(Event.INTERLOCK, demand.movement + 1, float(self.held_back))
+                self.event(CoilCarEvent.INTERLOCK, demand.movement + 1, float(self.held_back))
 
     def _follow_action(self, demand: Demand | None) -> None:
         if self._acting != self.action:
             self.action, self._action_since = self._acting, self.time
             self.action_state = ActionState.RUNNING if self.action else ActionState.NONE
             if self.action:
-                self.event(Event.ACTION_BEGUN, self.action)
+                self.event(CoilCarEvent.ACTION_BEGUN, self.action)
         if not self.action or demand is None:
             return
         if self.held_back is not Block.FREE:
@@ -329,7 +329,7 @@ class VirtualCoilCar(InterlockedCar):
         elif is_there(self, demand):
             if self.action_state is not ActionState.DONE:
                 self.action_state = ActionState.DONE
-                self.event(Event.ACTION_DONE, self.action, (self.time - self._action_since) / 1e6)
+                self.event(CoilCarEvent.ACTION_DONE, self.action, (self.time - self._action_since) / 1e6)
         else:
             self.action_state = ActionState.RUNNING
 
@@ -351,7 +351,7 @@ class VirtualCoilCar(InterlockedCar):
                 return no(Reason.MOVING)
             self.target_selected = first
             self.choose_target()
-            self.event(Event.TARGET, first)
+            self.event(CoilCarEvent.TARGET, first)
             return Verdict()
         if code == Command.REMOVED:
             return self._removed(first)
@@ -363,7 +363,7 @@ class VirtualCoilCar(InterlockedCar):
         return not self.standing_x
 
     def _stop(self) -> Verdict:
-        self.event(Event.STOP)
+        self.event(CoilCarEvent.STOP)
         self.mode = Mode.OFF
         self.machine.winding = False
         if not self.moving:
@@ -385,7 +385,7 @@ class VirtualCoilCar(InterlockedCar):
             return no(Reason.MOVING)
         if machine.hit is not Hit.NONE and self.interlocks:
             return no(Reason.HELD, Fault.COLLISION)
-        self.event(Event.RESET)
+        self.event(CoilCarEvent.RESET)
         self.fault = Fault.NONE
         return Verdict()
 
@@ -404,7 +404,7 @@ class VirtualCoilCar(InterlockedCar):
         if mode is Mode.AUTOMATIC and self.host_silent:
             return no(Reason.WRONG_STATE, self.state)
         self.mode, self.recoiler.told_not_to = mode, False
-        self.event(Event.AUTOMATIC if mode is Mode.AUTOMATIC else Event.MANUAL)
+        self.event(CoilCarEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CoilCarEvent.MANUAL)
         return Verdict()
 
     def _removed(self, number: int) -> Verdict:
@@ -449,7 +449,7 @@ class VirtualCoilCar(InterlockedCar):
 
     def _settings_changed(self) -> None:
         self._take_settings()
-        self.event(Event.SETTINGS)
+        self.event(CoilCarEvent.SETTINGS)
 
     def _take_settings(self) -> None:
         values = self._values
@@ -497,7 +497,7 @@ class VirtualCoilCar(InterlockedCar):
         self.interlock, self.edges, self.recoiler = Interlock(self), Edges(self), Recoiler(self)
         self.edges.take_stock()
         self.choose_target()
-        self.event(Event.POWER_UP, value=self.boots)
+        self.event(CoilCarEvent.POWER_UP, value=self.boots)
 
 
 _WINDING_REASONS: Mapping[Block, Reason] = MappingProxyType(

@@ -166,7 +166,7 @@ class Reason(IntEnum):
     HYDRAULICS = 15
 
 
-class Event(IntEnum):
+class CoilCarEvent(IntEnum):
     """Codes of the ring."""
 
     AUTOMATIC, MANUAL, STOP, RESET = 1, 2, 3, 4

@@ -48,7 +48,7 @@ from app.sim.conveyor.register_map import (
     STATUS,
     TABLE,
     Command,
-    Event,
+    ConveyorEvent,
     Reason,
     Source,
     require_settings,
@@ -185,11 +185,11 @@ class VirtualConveyor(LineState):
         found = slip_of(event, self.tracking, self.geometry) if warning else None
         if found and found[1] > warning:
             belt, slip = found
-            self.event(Event.SLIP, belt, slip, words_of(event.id))
+            self.event(ConveyorEvent.SLIP, belt, slip, words_of(event.id))
 
     def _look_at_the_gripper(self) -> None:
         if self.machine.unloaded == self._taken:
-            self.event(Event.LOST, 0, self.geometry.length, words_of(self._unloading))
+            self.event(ConveyorEvent.LOST, 0, self.geometry.length, words_of(self._unloading))
             self.tracking.lost += 1
             self.tracking.unloaded -= 1
         self._taken = self.machine.unloaded
@@ -199,10 +199,10 @@ class VirtualConveyor(LineState):
             return
         self.pressed = pressed
         if not pressed:
-            self.event(Event.EMERGENCY_STOP_OFF)
+            self.event(ConveyorEvent.EMERGENCY_STOP_OFF)
             return
-        self.event(Event.EMERGENCY_STOP)
-        self._first(Event.EMERGENCY_STOP)
+        self.event(ConveyorEvent.EMERGENCY_STOP)
+        self._first(ConveyorEvent.EMERGENCY_STOP)
         self._held = True
         self._enabled = False
 
@@ -210,9 +210,9 @@ class VirtualConveyor(LineState):
         if self.host_silent == self._silent:
             return
         self._silent = self.host_silent
-        self.event(Event.HOST_SILENT if self._silent else Event.HOST_BACK)
+        self.event(ConveyorEvent.HOST_SILENT if self._silent else ConveyorEvent.HOST_BACK)
         if self._silent and self.modes.mode is Mode.AUTOMATIC:
-            self._first(Event.HOST_SILENT)
+            self._first(ConveyorEvent.HOST_SILENT)
             self._stopping = True
 
     def _supervise(self) -> None:
@@ -225,9 +225,9 @@ class VirtualConveyor(LineState):
             begin, end = (0.0, *self.geometry.belt_ends)[number : number + 2]
             doubt_belt(self.tracking.products, begin, end, across=found is Finding.JAM)
             if found is not Finding.DOUBT:
-                self._fail(Event.JAM if found is Finding.JAM else Event.ENCODER, number)
+                self._fail(ConveyorEvent.JAM if found is Finding.JAM else ConveyorEvent.ENCODER, number)
 
-    def _fail(self, code: Event, belt: int) -> None:
+    def _fail(self, code: ConveyorEvent, belt: int) -> None:
         value = self.belts[belt].ramp.speed
         self.event(code, belt + 1, value)
         self._first(code, belt + 1, value)
@@ -247,11 +247,11 @@ class VirtualConveyor(LineState):
         out = self.modes.step(inputs)
         if out.mode is not before:
             if before is Mode.AUTOMATIC:
-                self.event(Event.AUTOMATIC_ENDED)
+                self.event(ConveyorEvent.AUTOMATIC_ENDED)
             if out.mode is Mode.AUTOMATIC:
-                self.event(Event.AUTOMATIC)
+                self.event(ConveyorEvent.AUTOMATIC)
             elif out.mode is Mode.MANUAL:
-                self.event(Event.MANUAL)
+                self.event(ConveyorEvent.MANUAL)
         self._direction = out.forward - out.reverse
         self.moving = any(belt.moves(self.steps) for belt in self.belts)
         if self._stopping and not self.moving:
@@ -354,7 +354,7 @@ class VirtualConveyor(LineState):
         return self.tracking.insert(head, length, self.time)
 
     def _stop(self) -> Verdict:
-        self.event(Event.STOP)
+        self.event(ConveyorEvent.STOP)
         if not self.moving and self.modes.mode is not Mode.AUTOMATIC:
             return Verdict()
         self._stopping = True
@@ -365,14 +365,14 @@ class VirtualConveyor(LineState):
         return Verdict(AnswerState.RUNNING, until=standing)
 
     def _reset(self) -> Verdict:
-        self.event(Event.RESET)
+        self.event(ConveyorEvent.RESET)
         if self._held and not self.pressed:
             self._held, self._enabled = False, True
         for number, belt in enumerate(self.belts, 1):
             if belt.jammed:
-                self.event(Event.JAM_OFF, number)
+                self.event(ConveyorEvent.JAM_OFF, number)
             if belt.encoder_fault:
-                self.event(Event.ENCODER_OK, number)
+                self.event(ConveyorEvent.ENCODER_OK, number)
             belt.reset(self._millimetres)
         self._faulty = False
         if self.tracking.gap_stop:
@@ -381,7 +381,7 @@ class VirtualConveyor(LineState):
                 self._release_gap()
         self.first_out = FirstOut()
         if self.pressed:
-            self._first(Event.EMERGENCY_STOP)
+            self._first(ConveyorEvent.EMERGENCY_STOP)
         elif self.tracking.gap_stop and (gap := self.tracking.gap):
             self._first(tracking.Code.GAP_STOP, 0, gap.gap, rear=gap.rear, front=gap.front)
         return Verdict()
@@ -399,10 +399,10 @@ class VirtualConveyor(LineState):
             if self.host_silent:
                 return no(Reason.WRONG_STATE, self.state)
             self._start = True
-            self.causes(Event.AUTOMATIC)
+            self.causes(ConveyorEvent.AUTOMATIC)
         else:
             self._select_manual = True
-            self.causes(Event.AUTOMATIC_ENDED, Event.MANUAL)
+            self.causes(ConveyorEvent.AUTOMATIC_ENDED, ConveyorEvent.MANUAL)
         return Verdict()
 
     def _tell(self, event: TrackingEvent) -> None:
@@ -429,7 +429,7 @@ class VirtualConveyor(LineState):
 
     def _settings_changed(self) -> None:
         self._take_settings()
-        self.event(Event.SETTINGS)
+        self.event(ConveyorEvent.SETTINGS)
 
     def _take_settings(self) -> None:
         values = self._values
@@ -503,7 +503,7 @@ class VirtualConveyor(LineState):
         self._restart_way = 0.0
         self._take_settings()
         self._renew_table()
-        self.event(Event.POWER_UP, value=self.boots)
+        self.event(ConveyorEvent.POWER_UP, value=self.boots)
 
     def _renew_table(self) -> None:
         ids = [product.id if product else 0 for product in self.tracking.slots]

@@ -63,7 +63,7 @@ class Reason(IntEnum):
     MOVING = 12
 
 
-class Event(IntEnum):
+class ConveyorEvent(IntEnum):
     """Codes of the ring that the program gives; tracking has its own (`product_tracking.Code`)."""
 
     LOST = 11

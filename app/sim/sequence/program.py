@@ -128,7 +128,7 @@ class Reason(IntEnum):
     MACHINE = 15
 
 
-class Event(IntEnum):
+class SequenceDeviceEvent(IntEnum):
     """Codes of the ring beside those of the block (`SequenceEvent`)."""
 
     TIMES_CHANGED = 17
@@ -516,13 +516,13 @@ class VirtualSequence(VirtualPlc):
     def _command_single(self, on: bool) -> Verdict:
         if self.single is not on:
             self.single = on
-            self.event(Event.SINGLE_ON if on else Event.SINGLE_OFF, self.block.step)
+            self.event(SequenceDeviceEvent.SINGLE_ON if on else SequenceDeviceEvent.SINGLE_OFF, self.block.step)
         return Verdict()
 
     def _command_automatic(self, on: bool) -> Verdict:
         if self.automatic is not on:
             self.automatic = on
-            self.event(Event.AUTOMATIC_ON if on else Event.AUTOMATIC_OFF)
+            self.event(SequenceDeviceEvent.AUTOMATIC_ON if on else SequenceDeviceEvent.AUTOMATIC_OFF)
         return Verdict()
 
     def _command_advance(self) -> Verdict:
@@ -559,7 +559,7 @@ class VirtualSequence(VirtualPlc):
         if self.block.running and override != 1:
             return no(Reason.LOCKED, step)
         self.block.set_times(step, minimum, maximum)
-        self.event(Event.TIMES_CHANGED, step, maximum, (NO_BIT, 0, 0, 0, *long_words(real(minimum))))
+        self.event(SequenceDeviceEvent.TIMES_CHANGED, step, maximum, (NO_BIT, 0, 0, 0, *long_words(real(minimum))))
         return Verdict(detail=step)
 
     def _force(self, request: Request) -> Verdict:
@@ -638,7 +638,7 @@ class VirtualSequence(VirtualPlc):
         self._suspended = self.single = False
         self.automatic, self._start_automatic = self._start_automatic, False
         self._words = self._inputs()
-        self.event(Event.POWER_UP, value=self.boots)
+        self.event(SequenceDeviceEvent.POWER_UP, value=self.boots)
         for report in self.block.restore(kept, self.time) if self._was_on else ():
             self._tell(report)
             if report.event in _OUTCOMES:

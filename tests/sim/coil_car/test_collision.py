@@ -14,8 +14,8 @@ from app.sim.coil_car.register_map import (
     MOVEMENTS,
     STAGING,
     Block,
+    CoilCarEvent,
     Command,
-    Event,
     Fault,
     Mode,
     Reason,
@@ -162,7 +162,7 @@ def test_what_the_interlock_prevents_happens_without_it(
             assert car.interlock.block(movement) is block
             assert car.signal(f"interlock_{MOVEMENTS[movement]}") == 1
             assert car.signal("collision_possible") == (block in GEOMETRY)
-            told = [(event.source, event.value) for event in talker.events() if event.code == Event.INTERLOCK]
+            told = [(event.source, event.value) for event in talker.events() if event.code == CoilCarEvent.INTERLOCK]
             assert told == [(movement + 1, block)]
 
 
@@ -184,7 +184,7 @@ def test_a_collision_is_seen_held_and_told() -> None:
     car.step()
     assert car.signal("collision") == 1 and car.signal("collision_kind") == Hit.COIL_ON_MANDREL
     assert (car.mode, car.fault) == (Mode.OFF, Fault.COLLISION)
-    assert (Event.COLLISION, Hit.COIL_ON_MANDREL) in talker.codes()
+    assert (CoilCarEvent.COLLISION, Hit.COIL_ON_MANDREL) in talker.codes()
     assert talker.ask(Command.RESET).reason == Reason.HELD
     talker.train(training.REG_RESET, 1)
     car.step()

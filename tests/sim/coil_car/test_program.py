@@ -21,9 +21,9 @@ from app.sim.coil_car.register_map import (
     SIGNALS,
     STAGING,
     Block,
+    CoilCarEvent,
     CoilCarState,
     Command,
-    Event,
     Fault,
     Mode,
     Reason,
@@ -107,8 +107,14 @@ def test_the_transport_by_actions_lays_the_coil_on_the_farthest_saddle() -> None
     assert value(car, "horizontal") == pytest.approx(9000, abs=1) and value(car, "vertical") == pytest.approx(
         550, abs=1
     )
-    told = [code for code, _ in talker.codes() if code not in (Event.ACTION_BEGUN, Event.ACTION_DONE)]
-    assert told == [Event.COLLAPSED, Event.COIL_ON_CAR, Event.EXPANDED, Event.WINDING, Event.COIL_LAID]
+    told = [code for code, _ in talker.codes() if code not in (CoilCarEvent.ACTION_BEGUN, CoilCarEvent.ACTION_DONE)]
+    assert told == [
+        CoilCarEvent.COLLAPSED,
+        CoilCarEvent.COIL_ON_CAR,
+        CoilCarEvent.EXPANDED,
+        CoilCarEvent.WINDING,
+        CoilCarEvent.COIL_LAID,
+    ]
 
 
 def test_an_axis_follows_an_s_ramp_and_ends_at_its_target() -> None:
@@ -174,7 +180,7 @@ def test_the_recoiler_winds_the_next_coil_by_itself_in_automatic() -> None:
     run(car, 40)
     assert value(car, "coil_ready") == 1 and value(car, "coil_diameter") == pytest.approx(1300, abs=0.5)
     assert value(car, "coils_wound") == 1
-    assert [code for code, _ in talker.codes()] == [Event.WINDING, Event.COIL_READY]
+    assert [code for code, _ in talker.codes()] == [CoilCarEvent.WINDING, CoilCarEvent.COIL_READY]
     car, _ = line(start="automatic", settings={"automatic_winding": 0.0})
     run(car, 5)
     assert value(car, "coil_on_mandrel") == 0
@@ -185,7 +191,7 @@ def test_the_crane_takes_a_coil_but_not_from_above_the_car() -> None:
     car.preset({"saddle_1": 1, "saddle_2": 1, "horizontal": 9000, "vertical": 690, "crane": 2})
     run(car, 3)
     assert [value(car, f"saddle_{n}") for n in (1, 2)] == [1, 0]
-    assert (Event.COIL_REMOVED, 2) in talker.codes()
+    assert (CoilCarEvent.COIL_REMOVED, 2) in talker.codes()
 
 
 def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
@@ -241,9 +247,9 @@ def test_the_mandrel_is_jogged() -> None:
     assert value(car, "mandrel") == 0
     run(car, 4, talker, 16)
     assert value(car, "mandrel") == 2
-    assert [code for code, _ in talker.codes() if code in (Event.EXPANDED, Event.COLLAPSED)] == [29, 28][::-1][
+    assert [code for code, _ in talker.codes() if code in (CoilCarEvent.EXPANDED, CoilCarEvent.COLLAPSED)] == [29, 28][
         ::-1
-    ] or True
+    ][::-1] or True
 
 
 def test_a_counter_that_stands_still_is_a_released_button() -> None:
@@ -307,7 +313,14 @@ def test_automatic_manual_and_stop() -> None:
     assert talker.answer(4).state == DONE and value(car, "mode") == Mode.OFF and car.state == CoilCarState.OFF
     assert talker.ask(Command.STOP).state == DONE
     told = [code for code, _ in talker.codes()]
-    assert told == [Event.AUTOMATIC, Event.WINDING, Event.MANUAL, Event.STOP, Event.WINDING_STOPPED, Event.STOP]
+    assert told == [
+        CoilCarEvent.AUTOMATIC,
+        CoilCarEvent.WINDING,
+        CoilCarEvent.MANUAL,
+        CoilCarEvent.STOP,
+        CoilCarEvent.WINDING_STOPPED,
+        CoilCarEvent.STOP,
+    ]
 
 
 def _moving(car: VirtualCoilCar, talker: Talker) -> None:
@@ -384,7 +397,7 @@ def test_winding_on_command_stops_and_goes_on() -> None:
     run(car, 40)
     assert value(car, "coil_ready") == 1
     told = [code for code, _ in talker.codes()]
-    assert told == [Event.WINDING, Event.WINDING_STOPPED, Event.WINDING, Event.COIL_READY]
+    assert told == [CoilCarEvent.WINDING, CoilCarEvent.WINDING_STOPPED, CoilCarEvent.WINDING, CoilCarEvent.COIL_READY]
 
 
 def test_automatic_goes_on_with_a_coil_that_was_not_finished_unless_told_to_stop() -> None:
@@ -406,7 +419,7 @@ def test_the_crane_took_a_coil() -> None:
     car, talker = line()
     car.preset({"saddle_2": 1})
     assert talker.ask(Command.REMOVED, 2).state == DONE
-    assert value(car, "saddle_2") == 0 and talker.codes() == [(Event.COIL_REMOVED, 2)]
+    assert value(car, "saddle_2") == 0 and talker.codes() == [(CoilCarEvent.COIL_REMOVED, 2)]
 
 
 def test_settings_are_taken_as_a_set_and_checked() -> None:
@@ -416,7 +429,7 @@ def test_settings_are_taken_as_a_set_and_checked() -> None:
     answer = talker.commit({"automatic_horizontal": 5000.0}, STAGING)
     assert (answer.state, answer.reason, answer.detail) == (REJECTED, 21, 1)
     assert value(car, "automatic_horizontal") == 250
-    assert (Event.SETTINGS, 0) in talker.codes()
+    assert (CoilCarEvent.SETTINGS, 0) in talker.codes()
     _, talker = line(geometry=Geometry(coil_largest=1500.0))
     answer = talker.commit({"order_diameter": 1800.0}, STAGING)
     assert (answer.reason, answer.detail) == (21, 9)
@@ -428,12 +441,12 @@ def test_settings_are_taken_as_a_set_and_checked() -> None:
 @pytest.mark.parametrize(
     ("code", "event", "fault"),
     [
-        (1, (Event.DRIVE_TRIPPED, 1), Fault.DRIVE_HORIZONTAL),
-        (2, (Event.DRIVE_TRIPPED, 2), Fault.DRIVE_VERTICAL),
-        (41, (Event.GUARD_OPENED, 1), Fault.GUARD),
-        (42, (Event.GUARD_OPENED, 2), Fault.GUARD),
-        (43, (Event.GUARD_OPENED, 3), Fault.GUARD),
-        (50, (Event.EMERGENCY_STOP, 0), Fault.EMERGENCY_STOP),
+        (1, (CoilCarEvent.DRIVE_TRIPPED, 1), Fault.DRIVE_HORIZONTAL),
+        (2, (CoilCarEvent.DRIVE_TRIPPED, 2), Fault.DRIVE_VERTICAL),
+        (41, (CoilCarEvent.GUARD_OPENED, 1), Fault.GUARD),
+        (42, (CoilCarEvent.GUARD_OPENED, 2), Fault.GUARD),
+        (43, (CoilCarEvent.GUARD_OPENED, 3), Fault.GUARD),
+        (50, (CoilCarEvent.EMERGENCY_STOP, 0), Fault.EMERGENCY_STOP),
     ],
 )
 def test_a_fault_brakes_at_once_and_holds_until_a_reset(code: int, event: tuple[int, int], fault: Fault) -> None:
@@ -462,12 +475,14 @@ def test_a_fault_brakes_at_once_and_holds_until_a_reset(code: int, event: tuple[
 @pytest.mark.parametrize(
     ("code", "low", "back", "block"),
     [
-        (31, Event.PRESSURE_LOW, Event.PRESSURE_BACK, Block.PRESSURE),
-        (32, Event.PRESSURE_LOW, Event.PRESSURE_BACK, Block.PRESSURE),
-        (33, Event.OIL_COLD, Event.OIL_WARM, Block.OIL),
+        (31, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
+        (32, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
+        (33, CoilCarEvent.OIL_COLD, CoilCarEvent.OIL_WARM, Block.OIL),
     ],
 )
-def test_hydraulics_block_table_and_mandrel_and_come_back(code: int, low: Event, back: Event, block: Block) -> None:
+def test_hydraulics_block_table_and_mandrel_and_come_back(
+    code: int, low: CoilCarEvent, back: CoilCarEvent, block: Block
+) -> None:
     car, talker = line(start="automatic", coil=True)
     talker.fault(code)
     run(car, 10)
@@ -508,7 +523,7 @@ def test_a_limit_switch_stuck_on_blocks_its_direction_only(number: int, movement
     run(car, 1, talker, bits)
     assert (car.machine.x, car.machine.v) == (2700, 300)
     assert value(car, f"block_{movement}") == Block.LIMIT and value(car, "limits_plausible") == 0
-    assert (Event.LIMIT_IMPLAUSIBLE, number) in talker.codes()
+    assert (CoilCarEvent.LIMIT_IMPLAUSIBLE, number) in talker.codes()
     other = bits * 2 if bits in (1, 4) else bits // 2
     run(car, 1, talker, other)
     assert (car.machine.x, car.machine.v) != (2700, 300)
@@ -521,7 +536,7 @@ def test_a_limit_switch_stuck_off_is_noticed_and_the_position_stops_the_axis(num
     talker.fault(20 + number)
     run(car, 30, talker, bits)
     assert value(car, "collision") == 0 and -0.01 <= car.machine.x <= 10000.01 and -0.01 <= car.machine.v <= 1400.01
-    assert (Event.LIMIT_IMPLAUSIBLE, number) in talker.codes()
+    assert (CoilCarEvent.LIMIT_IMPLAUSIBLE, number) in talker.codes()
 
 
 def test_a_stuck_mandrel_is_noticed() -> None:
@@ -529,7 +544,7 @@ def test_a_stuck_mandrel_is_noticed() -> None:
     talker.fault(51)
     run(car, 7, talker, 32)
     assert (car.mode, car.fault) == (Mode.OFF, Fault.MANDREL)
-    assert Event.MANDREL_STUCK in [code for code, _ in talker.codes()]
+    assert CoilCarEvent.MANDREL_STUCK in [code for code, _ in talker.codes()]
 
 
 def test_a_silent_host_ends_automatic() -> None:
@@ -543,7 +558,7 @@ def test_a_silent_host_ends_automatic() -> None:
     run(car, 3)
     assert value(car, "mode") == Mode.OFF and value(car, "host_silent") == 1
     assert talker.ask(Command.AUTOMATIC).reason == Reason.WRONG_STATE
-    assert Event.HOST_SILENT in [code for code, _ in talker.codes()]
+    assert CoilCarEvent.HOST_SILENT in [code for code, _ in talker.codes()]
 
 
 def test_every_fault_of_the_instructor_is_in_a_test() -> None:

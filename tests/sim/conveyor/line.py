@@ -17,12 +17,22 @@ from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, rea
 from app.sim.bus import Bus
 from app.sim.conveyor import training as own
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import REGISTERS, ROW, SETTINGS, STAGING, TABLE, Command, ConveyorState, Event, Place
+from app.sim.conveyor.register_map import (
+    REGISTERS,
+    ROW,
+    SETTINGS,
+    STAGING,
+    TABLE,
+    Command,
+    ConveyorEvent,
+    ConveyorState,
+    Place,
+)
 from app.sim.plc import EVENT_CAPACITY
 from app.sim.server import MBAP, serve_tcp
 
 OF_A_PRODUCT = (Code.LOST, Code.UNEXPECTED, Code.LENGTH_DIFFERS)
-OF_A_BELT = (Event.JAM, Event.ENCODER)
+OF_A_BELT = (ConveyorEvent.JAM, ConveyorEvent.ENCODER)
 """Events that say of a product, or of all products on a belt, that something is wrong."""
 CERTAIN = (1, 2, 6)
 """States of a row whose position counts: tracked, entering, unloading."""
@@ -392,7 +402,7 @@ class Witness:
                 assert not self._grip, f"record {self._grip} was unloaded and nothing was taken or missed"
                 self._grip = id
                 self.gripped += 1
-            elif event.code == Event.LOST and not event.source:
+            elif event.code == ConveyorEvent.LOST and not event.source:
                 assert id == self._grip
                 self._grip = 0
                 self.empty_grips += 1
@@ -400,7 +410,7 @@ class Witness:
             self.lately.add(notice)
             if event.code in OF_A_PRODUCT:
                 about = set(self._whose.get(id, ()))
-                if event.source and event.code != Event.LOST:
+                if event.source and event.code != ConveyorEvent.LOST:
                     about |= self._at(device.geometry.sensors[event.source - 1])
             elif event.code in OF_A_BELT:
                 about = self._on_belt(event.source)

@@ -13,7 +13,7 @@ from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import REGISTERS, ROW, Command, ConveyorState, Event, Motor, Place, Source
+from app.sim.conveyor.register_map import REGISTERS, ROW, Command, ConveyorEvent, ConveyorState, Motor, Place, Source
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
 from tests.sim.conveyor.line import MemoryPort, Operator, Port, TestLine, Witness, tcp_port
 
@@ -458,7 +458,7 @@ async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int)
     await on.until(lambda: all(speed == 60 for speed in on.device.machine.speeds))
     await on.fetch()
     await on.train(training.REG_MACHINE_FAULT, 40 + belt)
-    failed = await on.until_event(Event.ENCODER, belt, 5)
+    failed = await on.until_event(ConveyorEvent.ENCODER, belt, 5)
     on.go(1)
     status = await on.status()
     assert (status[f"encoder_fault_{belt}"], status[f"jam_{belt}"]) == (1, 0)
@@ -489,7 +489,7 @@ async def test_slip_is_corrected_at_the_next_sensor_and_told(belt: int) -> None:
     outside = [event for event in told if event.code == 10]
     assert belt + 1 in {event.source for event in outside}
     assert all(2 < abs(event.value) < TOLERANCE for event in outside)
-    assert belt in {event.source for event in told if event.code == Event.SLIP}
+    assert belt in {event.source for event in told if event.code == ConveyorEvent.SLIP}
     assert witness.worst < TOLERANCE
     assert not [event for event in told if event.code in (11, 12)], "none lost, none unexpected"
     await on.train(training.REG_MACHINE_FAULT, 0)

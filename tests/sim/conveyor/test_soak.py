@@ -23,7 +23,7 @@ from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import Command, ConveyorState, Event
+from app.sim.conveyor.register_map import Command, ConveyorEvent, ConveyorState
 from tests.sim.conveyor.line import Life, Operator, TestLine, Witness, tcp_port
 
 QUICK = {
@@ -37,14 +37,14 @@ QUICK = {
 }
 TOLERANCE = 5.0
 EXPECTED = {
-    **{belt: (Event.JAM, belt) for belt in (1, 2, 3)},
+    **{belt: (ConveyorEvent.JAM, belt) for belt in (1, 2, 3)},
     **{10 + belt: (10, None) for belt in (1, 2, 3)},
     21: (12, 2),
     **{20 + sensor: (11, sensor) for sensor in (2, 3, 4)},
     **{30 + sensor: (28, sensor) for sensor in (1, 2, 3, 4)},
-    **{40 + belt: (Event.ENCODER, belt) for belt in (1, 2, 3)},
-    50: (Event.EMERGENCY_STOP, 0),
-    60: (Event.HOST_SILENT, 0),
+    **{40 + belt: (ConveyorEvent.ENCODER, belt) for belt in (1, 2, 3)},
+    50: (ConveyorEvent.EMERGENCY_STOP, 0),
+    60: (ConveyorEvent.HOST_SILENT, 0),
 }
 """What the PLC must tell of each fault: event and source."""
 DOUBTED = (ProductState.UNCERTAIN, ProductState.LOST)
@@ -154,7 +154,7 @@ class Soak:
             self.line.go(1)
             for event in await line.fetch():
                 missed = event.snapshot[0] << 16 | event.snapshot[1] == id
-                if event.code == Event.LOST and missed:
+                if event.code == ConveyorEvent.LOST and missed:
                     self.told[REMOVED] = self.told.get(REMOVED, 0) + 1
                     return
             self.beat += 1

@@ -23,8 +23,8 @@ from app.sim.sequence.program import (
     STATUS,
     STEPS,
     Command,
-    Event,
     Reason,
+    SequenceDeviceEvent,
     VirtualSequence,
 )
 from tests.sim.coil_car.line import TRANSPORT, Line, Talker, bit, step, teaching
@@ -287,7 +287,7 @@ def test_single_step_goes_on_when_told() -> None:
     run(plc, 2.5)
     assert word(plc, 1) == SequenceState.DONE
     codes = [code for code, _ in talker.codes()]
-    assert Event.SINGLE_ON in codes and Event.SINGLE_OFF in codes
+    assert SequenceDeviceEvent.SINGLE_ON in codes and SequenceDeviceEvent.SINGLE_OFF in codes
 
 
 def test_automatic_starts_again_whenever_it_can() -> None:
@@ -399,7 +399,7 @@ def test_times_are_locked_while_it_runs_and_an_override_is_told() -> None:
     talker.events()
     assert talker.ask(Command.SET_TIMES, 2, real(1.0), real(3.0)).reason == Reason.LOCKED
     assert talker.ask(Command.SET_TIMES, 2, real(1.0), real(3.0), 1).state == DONE
-    (event,) = (event for event in talker.events() if event.code == Event.TIMES_CHANGED)
+    (event,) = (event for event in talker.events() if event.code == SequenceDeviceEvent.TIMES_CHANGED)
     assert event.source == 2 and event.value == 3.0
     assert real_of(event.snapshot[4] << 16 | event.snapshot[5]) == 1.0
     assert talker.ask(Command.SUSPEND).state == DONE
@@ -665,7 +665,7 @@ def test_a_power_cycle_aborts_the_run_and_keeps_what_is_retained() -> None:
     assert (f32(two, 8), f32(two, 10)) == (2.0, 9.0) and (two[16] << 16 | two[17]) == 1
     assert plc.settings["stall_after"] == 3.0
     told = [(event.code, event.value) for event in talker.events()]
-    assert told[:1] == [(Event.POWER_UP, 2.0)] and (SequenceEvent.RELEASED, 2.0) in told
+    assert told[:1] == [(SequenceDeviceEvent.POWER_UP, 2.0)] and (SequenceEvent.RELEASED, 2.0) in told
     assert (SequenceEvent.ABORTED, float(Cause.POWER_UP)) in told
     run(plc, 2)
     assert word(plc, 1) == SequenceState.ABORTED, "it does not start again by itself"
