@@ -47,8 +47,8 @@ from app.sim.coil_car.register_map import (
     WIND,
     ActionState,
     Block,
+    CoilCarCommand,
     CoilCarEvent,
-    Command,
     Fault,
     Mode,
     Reason,
@@ -338,13 +338,13 @@ class VirtualCoilCar(InterlockedCar):
     def _execute(self, request: Request) -> Verdict:
         code, first = request.code, request.arguments[0]
         self.interlock.renew()
-        if code == Command.STOP:
+        if code == CoilCarCommand.STOP:
             return self._stop()
-        if code == Command.RESET:
+        if code == CoilCarCommand.RESET:
             return self._reset()
-        if code in (Command.AUTOMATIC, Command.MANUAL):
-            return self._change_mode(Mode.AUTOMATIC if code == Command.AUTOMATIC else Mode.MANUAL)
-        if code == Command.TARGET:
+        if code in (CoilCarCommand.AUTOMATIC, CoilCarCommand.MANUAL):
+            return self._change_mode(Mode.AUTOMATIC if code == CoilCarCommand.AUTOMATIC else Mode.MANUAL)
+        if code == CoilCarCommand.TARGET:
             if not 0 <= first <= SADDLES:
                 return no(Reason.NO_SUCH_SADDLE)
             if self.machine.load and self._asked_to_move():
@@ -353,9 +353,9 @@ class VirtualCoilCar(InterlockedCar):
             self.choose_target()
             self.event(CoilCarEvent.TARGET, first)
             return Verdict()
-        if code == Command.REMOVED:
+        if code == CoilCarCommand.REMOVED:
             return self._removed(first)
-        if code in (Command.WIND, Command.STOP_WINDING):
+        if code in (CoilCarCommand.WIND, CoilCarCommand.STOP_WINDING):
             return self._winding(code)
         return no(Reason.UNKNOWN)
 
@@ -420,7 +420,7 @@ class VirtualCoilCar(InterlockedCar):
 
     def _winding(self, code: int) -> Verdict:
         machine = self.machine
-        if code == Command.STOP_WINDING:
+        if code == CoilCarCommand.STOP_WINDING:
             if not machine.winding:
                 return no(Reason.NOT_WINDING)
             machine.winding, self.recoiler.told_not_to = False, True

@@ -133,7 +133,7 @@ FORWARD, BACK, UP, DOWN, EXPAND, COLLAPSE, WIND = range(7)
 """Movements, by their places in `MOVEMENTS`."""
 
 
-class Command(IntEnum):
+class CoilCarCommand(IntEnum):
     """Command codes."""
 
     AUTOMATIC = 1

@@ -47,7 +47,7 @@ from app.sim.conveyor.register_map import (
     STAGING,
     STATUS,
     TABLE,
-    Command,
+    ConveyorCommand,
     ConveyorEvent,
     Reason,
     Source,
@@ -318,34 +318,34 @@ class VirtualConveyor(LineState):
 
     def _execute(self, request: Request) -> Verdict:
         code, first = request.code, request.arguments[0]
-        if code == Command.STOP:
+        if code == ConveyorCommand.STOP:
             return self._stop()
-        if code == Command.RESET:
+        if code == ConveyorCommand.RESET:
             return self._reset()
-        if code in (Command.START, Command.MANUAL):
+        if code in (ConveyorCommand.START, ConveyorCommand.MANUAL):
             return self._change_mode(code)
-        if code not in (Command.DELETE, Command.EDIT, Command.CONFIRM, Command.INSERT):
+        if code not in (ConveyorCommand.DELETE, ConveyorCommand.EDIT, ConveyorCommand.CONFIRM, ConveyorCommand.INSERT):
             return no(Reason.UNKNOWN)
-        if code in (Command.EDIT, Command.INSERT) and self.moving:
+        if code in (ConveyorCommand.EDIT, ConveyorCommand.INSERT) and self.moving:
             return no(Reason.MOVING)
         try:
-            if code == Command.DELETE:
+            if code == ConveyorCommand.DELETE:
                 event = self.tracking.delete(first)
-            elif code == Command.CONFIRM:
+            elif code == ConveyorCommand.CONFIRM:
                 event = self.tracking.confirm(first)
             else:
-                at = 1 if code == Command.EDIT else 0
+                at = 1 if code == ConveyorCommand.EDIT else 0
                 head, length = real_of(request.arguments[at]), real_of(request.arguments[at + 1])
                 if not isfinite(length):
                     return no(Reason.LENGTH)
                 if not isfinite(head):
                     return no(Reason.OUTSIDE_LINE)
-                edit = code == Command.EDIT
+                edit = code == ConveyorCommand.EDIT
                 event = self.tracking.edit(first, head, length) if edit else self._insert(head, length)
         except EditRefused as refusal:
             return no(refusal.reason)
         self._tell(event)
-        if first or code == Command.CONFIRM:
+        if first or code == ConveyorCommand.CONFIRM:
             self._doubts.vouched_for(first)
         self._renew_table()
         return Verdict(detail=event.id)
@@ -391,11 +391,11 @@ class VirtualConveyor(LineState):
             return no(Reason.EMERGENCY_STOP)
         if self._faulty:
             return no(Reason.FAULT)
-        if code == Command.START and self.modes.mode is Mode.AUTOMATIC and not self._stopping:
+        if code == ConveyorCommand.START and self.modes.mode is Mode.AUTOMATIC and not self._stopping:
             return Verdict()
         if self.moving or self._stopping or self.hold:
             return no(Reason.MOVING)
-        if code == Command.START:
+        if code == ConveyorCommand.START:
             if self.host_silent:
                 return no(Reason.WRONG_STATE, self.state)
             self._start = True

@@ -37,7 +37,7 @@ SETTINGS: Sequence[Setting] = (
 """In the order of the settings image; %, %, %/s, %/s², mm x 6, s, %, s x 3."""
 
 
-class Command(IntEnum):
+class ConveyorCommand(IntEnum):
     """Command codes."""
 
     START = 1

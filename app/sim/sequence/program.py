@@ -91,7 +91,7 @@ FAULTS = (FROZEN,)
 NO_BIT = 0xFFFF
 
 
-class Command(IntEnum):
+class SequenceCommand(IntEnum):
     """Command codes."""
 
     START = 1
@@ -468,12 +468,12 @@ class VirtualSequence(VirtualPlc):
         code = request.code
         if code in _SIMPLE:
             self.causes(*_CAUSED.get(code, ()))
-            return _SIMPLE[Command(code)](self)
-        if code == Command.SET_TIMES:
+            return _SIMPLE[SequenceCommand(code)](self)
+        if code == SequenceCommand.SET_TIMES:
             return self._set_times(request)
-        if code == Command.FORCE:
+        if code == SequenceCommand.FORCE:
             return self._force(request)
-        if code == Command.RELEASE:
+        if code == SequenceCommand.RELEASE:
             return self._release(request.arguments[0], request.arguments[1])
         return no(Reason.UNKNOWN)
 
@@ -765,27 +765,27 @@ _OUTCOMES: Mapping[SequenceEvent, int] = MappingProxyType(
     }
 )
 _CAUSED: Mapping[int, tuple[SequenceEvent, ...]] = {
-    Command.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED),
-    Command.SUSPEND: (SequenceEvent.SUSPENDED,),
-    Command.RESUME: (SequenceEvent.RESUMED,),
-    Command.ABORT: (SequenceEvent.ABORTED,),
-    Command.ACKNOWLEDGE: (SequenceEvent.ACKNOWLEDGED,),
-    Command.ADVANCE: (SequenceEvent.STEP_ENDED,),
+    SequenceCommand.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED),
+    SequenceCommand.SUSPEND: (SequenceEvent.SUSPENDED,),
+    SequenceCommand.RESUME: (SequenceEvent.RESUMED,),
+    SequenceCommand.ABORT: (SequenceEvent.ABORTED,),
+    SequenceCommand.ACKNOWLEDGE: (SequenceEvent.ACKNOWLEDGED,),
+    SequenceCommand.ADVANCE: (SequenceEvent.STEP_ENDED,),
 }
 """Events of the scan that takes a command and that the block tells after it."""
-_SIMPLE: Mapping[Command, Callable[[VirtualSequence], Verdict]] = MappingProxyType(
+_SIMPLE: Mapping[SequenceCommand, Callable[[VirtualSequence], Verdict]] = MappingProxyType(
     {
-        Command.START: VirtualSequence._command_start,
-        Command.SUSPEND: VirtualSequence._command_suspend,
-        Command.RESUME: VirtualSequence._command_resume,
-        Command.ABORT: VirtualSequence._command_abort,
-        Command.ACKNOWLEDGE: VirtualSequence._command_acknowledge,
-        Command.SINGLE_ON: lambda plc: plc._command_single(True),
-        Command.SINGLE_OFF: lambda plc: plc._command_single(False),
-        Command.ADVANCE: VirtualSequence._command_advance,
-        Command.AUTOMATIC_ON: lambda plc: plc._command_automatic(True),
-        Command.AUTOMATIC_OFF: lambda plc: plc._command_automatic(False),
-        Command.RELEASE_ALL: VirtualSequence._command_release_all,
+        SequenceCommand.START: VirtualSequence._command_start,
+        SequenceCommand.SUSPEND: VirtualSequence._command_suspend,
+        SequenceCommand.RESUME: VirtualSequence._command_resume,
+        SequenceCommand.ABORT: VirtualSequence._command_abort,
+        SequenceCommand.ACKNOWLEDGE: VirtualSequence._command_acknowledge,
+        SequenceCommand.SINGLE_ON: lambda plc: plc._command_single(True),
+        SequenceCommand.SINGLE_OFF: lambda plc: plc._command_single(False),
+        SequenceCommand.ADVANCE: VirtualSequence._command_advance,
+        SequenceCommand.AUTOMATIC_ON: lambda plc: plc._command_automatic(True),
+        SequenceCommand.AUTOMATIC_OFF: lambda plc: plc._command_automatic(False),
+        SequenceCommand.RELEASE_ALL: VirtualSequence._command_release_all,
     }
 )
 

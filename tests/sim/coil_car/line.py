@@ -171,7 +171,7 @@ class Line:
         raise AssertionError(f"not within {within} s: {self.plc.block.state.name} step {self.plc.block.step}, {out}")
 
     def start(self) -> None:
-        assert self.sequence.ask(sequence.Command.START).state == plc_map.AnswerState.DONE
+        assert self.sequence.ask(sequence.SequenceCommand.START).state == plc_map.AnswerState.DONE
 
     def to_step(self, number: int, within: float = 120.0) -> None:
         self.until(lambda: self.plc.block.step == number, within)
@@ -197,7 +197,7 @@ def plant(definition: SequenceDefinition, *tests: SequenceTest, machine: bool = 
     """A plant of a line, or of a sequence without one, with `tests`; types have no more than tests of sequences need."""
     commands = {
         name.lower(): Command(name.lower(), "", (), "", "1", code=int(code))
-        for name, code in sequence.Command.__members__.items()
+        for name, code in sequence.SequenceCommand.__members__.items()
     }
     reasons = {int(code): code.name.lower() for code in sequence.Reason}
     types = {

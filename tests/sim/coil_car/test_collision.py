@@ -14,8 +14,8 @@ from app.sim.coil_car.register_map import (
     MOVEMENTS,
     STAGING,
     Block,
+    CoilCarCommand,
     CoilCarEvent,
-    Command,
     Fault,
     Mode,
     Reason,
@@ -85,7 +85,16 @@ def commotion(car: VirtualCoilCar, random: Random, seconds: float) -> Hit:
             elif what < 0.55:
                 actions = random.sample(ACTIONS, random.choice((1, 1, 1, 2)))
             elif what < 0.80:
-                code = random.choice([*Command, Command.AUTOMATIC, Command.MANUAL, Command.MANUAL, Command.RESET, 99])
+                code = random.choice(
+                    [
+                        *CoilCarCommand,
+                        CoilCarCommand.AUTOMATIC,
+                        CoilCarCommand.MANUAL,
+                        CoilCarCommand.MANUAL,
+                        CoilCarCommand.RESET,
+                        99,
+                    ]
+                )
                 talker.ask(code, random.randint(0, 4))
                 pause = random.choice((1, 2, 5))
             elif what < 0.86:
@@ -185,7 +194,7 @@ def test_a_collision_is_seen_held_and_told() -> None:
     assert car.signal("collision") == 1 and car.signal("collision_kind") == Hit.COIL_ON_MANDREL
     assert (car.mode, car.fault) == (Mode.OFF, Fault.COLLISION)
     assert (CoilCarEvent.COLLISION, Hit.COIL_ON_MANDREL) in talker.codes()
-    assert talker.ask(Command.RESET).reason == Reason.HELD
+    assert talker.ask(CoilCarCommand.RESET).reason == Reason.HELD
     talker.train(training.REG_RESET, 1)
     car.step()
     assert car.signal("collision") == 0

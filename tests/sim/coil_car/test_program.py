@@ -21,9 +21,9 @@ from app.sim.coil_car.register_map import (
     SIGNALS,
     STAGING,
     Block,
+    CoilCarCommand,
     CoilCarEvent,
     CoilCarState,
-    Command,
     Fault,
     Mode,
     Reason,
@@ -204,7 +204,7 @@ def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
         car.preset(given)
         car.step()
         assert (value(car, "target_saddle"), value(car, "target_free")) == (target, free)
-    assert talker.ask(Command.TARGET, 2).state == DONE
+    assert talker.ask(CoilCarCommand.TARGET, 2).state == DONE
     assert (value(car, "target_saddle"), value(car, "target_selected"), value(car, "target_free")) == (2, 2, 0)
 
 
@@ -281,7 +281,7 @@ def test_jogs_act_in_manual_only(start: str) -> None:
 def test_a_button_held_while_manual_is_chosen_does_nothing() -> None:
     _, talker = line(start="stopped")
     talker.hold(1)
-    assert talker.ask(Command.MANUAL).reason == Reason.MOVING
+    assert talker.ask(CoilCarCommand.MANUAL).reason == Reason.MOVING
 
 
 def test_a_manual_transport_is_possible_and_ends_at_the_interlock() -> None:
@@ -303,15 +303,15 @@ def test_a_manual_transport_is_possible_and_ends_at_the_interlock() -> None:
 def test_automatic_manual_and_stop() -> None:
     car, talker = line(start="stopped")
     assert car.state == CoilCarState.OFF
-    assert talker.ask(Command.AUTOMATIC).state == DONE and value(car, "mode") == Mode.AUTOMATIC
-    assert talker.ask(Command.AUTOMATIC).state == DONE
-    assert talker.ask(Command.MANUAL).state == DONE and value(car, "mode") == Mode.MANUAL
+    assert talker.ask(CoilCarCommand.AUTOMATIC).state == DONE and value(car, "mode") == Mode.AUTOMATIC
+    assert talker.ask(CoilCarCommand.AUTOMATIC).state == DONE
+    assert talker.ask(CoilCarCommand.MANUAL).state == DONE and value(car, "mode") == Mode.MANUAL
     run(car, 2, talker, 1)
-    assert talker.ask(Command.STOP).state == RUNNING and car.state == CoilCarState.STOPPING
+    assert talker.ask(CoilCarCommand.STOP).state == RUNNING and car.state == CoilCarState.STOPPING
     talker.hold(0)
     run(car, 3)
     assert talker.answer(4).state == DONE and value(car, "mode") == Mode.OFF and car.state == CoilCarState.OFF
-    assert talker.ask(Command.STOP).state == DONE
+    assert talker.ask(CoilCarCommand.STOP).state == DONE
     told = [code for code, _ in talker.codes()]
     assert told == [
         CoilCarEvent.AUTOMATIC,
@@ -327,33 +327,33 @@ def _moving(car: VirtualCoilCar, talker: Talker) -> None:
     run(car, 1, talker, 1)
 
 
-REFUSED: list[tuple[Command, int, dict[str, float], int]] = [
-    (Command.AUTOMATIC, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (Command.AUTOMATIC, 0, {"guard_2": 0}, Reason.GUARD),
-    (Command.MANUAL, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (Command.RESET, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (Command.RESET, 0, {"guard_1": 0}, Reason.GUARD),
-    (Command.TARGET, 4, {}, Reason.NO_SUCH_SADDLE),
-    (Command.REMOVED, 0, {}, Reason.NO_SUCH_SADDLE),
-    (Command.REMOVED, 4, {}, Reason.NO_SUCH_SADDLE),
-    (Command.REMOVED, 2, {}, Reason.SADDLE_EMPTY),
-    (Command.REMOVED, 1, {"saddle_1": 1, "horizontal": 9000, "vertical": 680}, Reason.CRANE_BLOCKED),
-    (Command.WIND, 0, {"coil": 1}, Reason.COIL_ON_MANDREL),
-    (Command.WIND, 0, {"mandrel": 0}, Reason.NOT_EXPANDED),
-    (Command.WIND, 0, {"horizontal": 1000, "vertical": 300}, Reason.CAR_IN_THE_WAY),
-    (Command.WIND, 0, {"winding": 1}, Reason.WINDING),
-    (Command.WIND, 0, {"guard_3": 0}, Reason.GUARD),
-    (Command.WIND, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (Command.WIND, 0, {"pressure": 50}, Reason.HYDRAULICS),
-    (Command.WIND, 0, {"oil_temperature": 5}, Reason.HYDRAULICS),
-    (Command.WIND, 0, {"mode": 0}, Reason.WRONG_STATE),
-    (Command.STOP_WINDING, 0, {}, Reason.NOT_WINDING),
+REFUSED: list[tuple[CoilCarCommand, int, dict[str, float], int]] = [
+    (CoilCarCommand.AUTOMATIC, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
+    (CoilCarCommand.AUTOMATIC, 0, {"guard_2": 0}, Reason.GUARD),
+    (CoilCarCommand.MANUAL, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
+    (CoilCarCommand.RESET, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
+    (CoilCarCommand.RESET, 0, {"guard_1": 0}, Reason.GUARD),
+    (CoilCarCommand.TARGET, 4, {}, Reason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 0, {}, Reason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 4, {}, Reason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 2, {}, Reason.SADDLE_EMPTY),
+    (CoilCarCommand.REMOVED, 1, {"saddle_1": 1, "horizontal": 9000, "vertical": 680}, Reason.CRANE_BLOCKED),
+    (CoilCarCommand.WIND, 0, {"coil": 1}, Reason.COIL_ON_MANDREL),
+    (CoilCarCommand.WIND, 0, {"mandrel": 0}, Reason.NOT_EXPANDED),
+    (CoilCarCommand.WIND, 0, {"horizontal": 1000, "vertical": 300}, Reason.CAR_IN_THE_WAY),
+    (CoilCarCommand.WIND, 0, {"winding": 1}, Reason.WINDING),
+    (CoilCarCommand.WIND, 0, {"guard_3": 0}, Reason.GUARD),
+    (CoilCarCommand.WIND, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
+    (CoilCarCommand.WIND, 0, {"pressure": 50}, Reason.HYDRAULICS),
+    (CoilCarCommand.WIND, 0, {"oil_temperature": 5}, Reason.HYDRAULICS),
+    (CoilCarCommand.WIND, 0, {"mode": 0}, Reason.WRONG_STATE),
+    (CoilCarCommand.STOP_WINDING, 0, {}, Reason.NOT_WINDING),
 ]
 
 
 @pytest.mark.parametrize(("code", "argument", "given", "reason"), REFUSED)
 def test_a_command_is_refused_with_its_reason(
-    code: Command, argument: int, given: dict[str, float], reason: Reason
+    code: CoilCarCommand, argument: int, given: dict[str, float], reason: Reason
 ) -> None:
     car, talker = line()
     car.preset(given)
@@ -364,19 +364,19 @@ def test_a_command_is_refused_with_its_reason(
 def test_refusals_while_it_moves_is_held_or_the_state_is_another() -> None:
     car, talker = line()
     _moving(car, talker)
-    assert talker.ask(Command.AUTOMATIC).reason == Reason.MOVING
-    assert talker.ask(Command.RESET).reason == Reason.MOVING
+    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == Reason.MOVING
+    assert talker.ask(CoilCarCommand.RESET).reason == Reason.MOVING
     assert talker.ask(99).reason == Reason.UNKNOWN
-    assert talker.ask(Command.MANUAL, expected=CoilCarState.AUTOMATIC).reason == Reason.WRONG_STATE
+    assert talker.ask(CoilCarCommand.MANUAL, expected=CoilCarState.AUTOMATIC).reason == Reason.WRONG_STATE
     talker.hold(0)
     run(car, 2)
     talker.fault(1)
     car.step()
     talker.fault(0)
     car.step()
-    answer = talker.ask(Command.AUTOMATIC)
+    answer = talker.ask(CoilCarCommand.AUTOMATIC)
     assert (answer.reason, answer.detail) == (Reason.HELD, Fault.DRIVE_HORIZONTAL)
-    assert talker.ask(Command.WIND).reason == Reason.HELD
+    assert talker.ask(CoilCarCommand.WIND).reason == Reason.HELD
 
 
 def test_every_reason_but_those_of_the_base_is_given_somewhere() -> None:
@@ -386,14 +386,14 @@ def test_every_reason_but_those_of_the_base_is_given_somewhere() -> None:
 
 def test_winding_on_command_stops_and_goes_on() -> None:
     car, talker = line()
-    assert talker.ask(Command.WIND).state == DONE
+    assert talker.ask(CoilCarCommand.WIND).state == DONE
     run(car, 5)
-    assert talker.ask(Command.STOP_WINDING).state == DONE
+    assert talker.ask(CoilCarCommand.STOP_WINDING).state == DONE
     diameter = value(car, "coil_diameter")
     assert 600 < diameter < 1300 and value(car, "coil_ready") == 0
     run(car, 2)
     assert value(car, "coil_diameter") == diameter
-    talker.ask(Command.WIND)
+    talker.ask(CoilCarCommand.WIND)
     run(car, 40)
     assert value(car, "coil_ready") == 1
     told = [code for code, _ in talker.codes()]
@@ -403,22 +403,22 @@ def test_winding_on_command_stops_and_goes_on() -> None:
 def test_automatic_goes_on_with_a_coil_that_was_not_finished_unless_told_to_stop() -> None:
     car, talker = line(start="automatic")
     run(car, 2)
-    talker.ask(Command.STOP_WINDING)
+    talker.ask(CoilCarCommand.STOP_WINDING)
     run(car, 2)
     assert value(car, "winding") == 0
-    talker.ask(Command.STOP)
+    talker.ask(CoilCarCommand.STOP)
     run(car, 1)
-    talker.ask(Command.AUTOMATIC)
+    talker.ask(CoilCarCommand.AUTOMATIC)
     run(car, 1)
     assert value(car, "winding") == 1 and value(car, "coil_diameter") > 640
-    talker.ask(Command.STOP)
+    talker.ask(CoilCarCommand.STOP)
     assert value(car, "winding") == 0
 
 
 def test_the_crane_took_a_coil() -> None:
     car, talker = line()
     car.preset({"saddle_2": 1})
-    assert talker.ask(Command.REMOVED, 2).state == DONE
+    assert talker.ask(CoilCarCommand.REMOVED, 2).state == DONE
     assert value(car, "saddle_2") == 0 and talker.codes() == [(CoilCarEvent.COIL_REMOVED, 2)]
 
 
@@ -468,7 +468,7 @@ def test_a_fault_brakes_at_once_and_holds_until_a_reset(code: int, event: tuple[
         car.ask(["drive_to_mandrel"])
         car.step()
     assert car.machine.x == x and value(car, "held") == 1
-    assert talker.ask(Command.RESET).state == DONE and talker.ask(Command.AUTOMATIC).state == DONE
+    assert talker.ask(CoilCarCommand.RESET).state == DONE and talker.ask(CoilCarCommand.AUTOMATIC).state == DONE
     act(car, "drive_to_mandrel")
 
 
@@ -557,7 +557,7 @@ def test_a_silent_host_ends_automatic() -> None:
     talker.fault(60)
     run(car, 3)
     assert value(car, "mode") == Mode.OFF and value(car, "host_silent") == 1
-    assert talker.ask(Command.AUTOMATIC).reason == Reason.WRONG_STATE
+    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == Reason.WRONG_STATE
     assert CoilCarEvent.HOST_SILENT in [code for code, _ in talker.codes()]
 
 
@@ -573,7 +573,7 @@ def test_a_power_cycle_keeps_the_world_the_settings_and_the_counters() -> None:
     for action in ACTIONS[:5]:
         act(car, action)
     talker.commit({"automatic_horizontal": 333.0}, STAGING)
-    talker.ask(Command.TARGET, 2)
+    talker.ask(CoilCarCommand.TARGET, 2)
     for _ in range(100):
         car.ask(["drive_to_saddle"])
         car.step()

@@ -23,7 +23,7 @@ from app.sim.conveyor.register_map import (
     SETTINGS,
     STAGING,
     TABLE,
-    Command,
+    ConveyorCommand,
     ConveyorEvent,
     ConveyorState,
     Place,
@@ -242,7 +242,7 @@ class TestLine:
 
     async def stand(self) -> None:
         """Stop, and wait until nothing moves."""
-        await self.done(Command.STOP)
+        await self.done(ConveyorCommand.STOP)
         await self.until(lambda: not any(self.device.machine.speeds), 20)
         self.go(0.2)
 
@@ -471,8 +471,8 @@ class Operator:
         line = self.line
         await line.stand()
         await self.tidy()
-        await line.done(Command.RESET)
-        answer = await line.order(Command.START)
+        await line.done(ConveyorCommand.RESET)
+        answer = await line.order(ConveyorCommand.START)
         assert answer.state is AnswerState.DONE, answer
 
     async def attend(self) -> None:
@@ -486,9 +486,9 @@ class Operator:
             if row["state"] != 5 or row["head"] < line.device.geometry.length - self.REACH:
                 continue
             if any(self._is_its(product, row, rows) for product in line.true()):
-                await line.order(Command.CONFIRM, id)
+                await line.order(ConveyorCommand.CONFIRM, id)
             else:
-                await line.order(Command.DELETE, id)
+                await line.order(ConveyorCommand.DELETE, id)
                 self.deleted += 1
 
     def _is_its(self, product: Any, row: dict[str, float], rows: dict[int, dict[str, float]]) -> bool:
@@ -509,7 +509,7 @@ class Operator:
                 matched[product.number] = near
                 del free[int(near["id"])]
         for id in free:
-            await line.done(Command.DELETE, id)
+            await line.done(ConveyorCommand.DELETE, id)
             self.deleted += 1
         for product in list(line.true()):
             row = matched.get(product.number)
@@ -520,13 +520,15 @@ class Operator:
             if row is not None and not doubtful and abs(row["head"] - product.head) < 2:
                 continue
             if row is not None and inside and product.tail > sensor + 1:
-                answer = await line.order(Command.EDIT, int(row["id"]), real(product.head), real(product.length))
+                answer = await line.order(
+                    ConveyorCommand.EDIT, int(row["id"]), real(product.head), real(product.length)
+                )
                 if answer.state is AnswerState.DONE:
                     self.edited += 1
                     continue
             await self._take_off(product.number)
             if row is not None and int(row["id"]) in await line.products():
-                await line.done(Command.DELETE, int(row["id"]))
+                await line.done(ConveyorCommand.DELETE, int(row["id"]))
                 self.deleted += 1
 
     async def _take_off(self, number: int) -> None:

@@ -13,7 +13,16 @@ from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import REGISTERS, ROW, Command, ConveyorEvent, ConveyorState, Motor, Place, Source
+from app.sim.conveyor.register_map import (
+    REGISTERS,
+    ROW,
+    ConveyorCommand,
+    ConveyorEvent,
+    ConveyorState,
+    Motor,
+    Place,
+    Source,
+)
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
 from tests.sim.conveyor.line import MemoryPort, Operator, Port, TestLine, Witness, tcp_port
 
@@ -36,7 +45,7 @@ def running(**options: object) -> TestLine:
 async def put(on: TestLine, head: float, length: float = 30.0) -> int:
     """A product and its record, as an operator puts them; the id."""
     assert on.device.machine.place(head, length)
-    answer = await on.order(Command.INSERT, real(head), real(length))
+    answer = await on.order(ConveyorCommand.INSERT, real(head), real(length))
     assert answer.state is AnswerState.DONE, answer
     return answer.detail
 
@@ -94,7 +103,7 @@ async def test_beams_are_told_alike_whatever_the_wiring() -> None:
 async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> None:
     on = line(geometry=geometry, settings={})
     witness = Witness(on)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.device.machine.place(40.0, 32.5)
     await on.until(lambda: on.device.tracking.entered == 1)
     (row,) = (await on.products()).values()
@@ -124,7 +133,7 @@ async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> Non
 
 async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> None:
     on = line(settings={})
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: bool(on.device.tracking.brake), 60)
     assert (await on.status())["speed_source_3"] == Source.UNLOADING
@@ -143,7 +152,7 @@ async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> No
 
 async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
     on = line(settings={})
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(0.4)
     status = await on.status()
     assert 5 < status["speed_1"] < 20
@@ -157,7 +166,7 @@ async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
     assert status["stop_distance_2"] == pytest.approx(18.85 * (30 / 60 + 60 / 240) / 2, abs=0.05)
     assert status["encoder_1"] == pytest.approx(on.device.machine.pulses[0])
     began = await on.get("encoder_1")
-    await on.done(Command.STOP)
+    await on.done(ConveyorCommand.STOP)
     assert (await on.status())["motor_1"] == Motor.STOPPING
     assert await on.get("state") == ConveyorState.STOPPING
     on.go(2)
@@ -172,21 +181,21 @@ async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
 async def test_start_and_stop_are_answered_and_told_in_order() -> None:
     on = line()
     await on.fetch()
-    assert (await on.order(Command.START)).state is AnswerState.DONE
+    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
     on.go(1)
-    stop = await on.order(Command.STOP)
+    stop = await on.order(ConveyorCommand.STOP)
     assert stop.state is AnswerState.RUNNING
     on.go(2)
     assert (await on.answer(stop.id)).state is AnswerState.DONE
     assert await on.codes() == [(30, 0), (33, 0), (31, 0)]
-    assert (await on.order(Command.STOP)).state is AnswerState.DONE, "always accepted, standing too"
+    assert (await on.order(ConveyorCommand.STOP)).state is AnswerState.DONE, "always accepted, standing too"
 
 
 async def test_a_repeated_command_does_nothing_again() -> None:
     on = line()
-    first = await on.order(Command.INSERT, real(300.0), real(40.0), id=77)
+    first = await on.order(ConveyorCommand.INSERT, real(300.0), real(40.0), id=77)
     assert first.state is AnswerState.DONE
-    assert await on.order(Command.INSERT, real(500.0), real(40.0), id=77) == first
+    assert await on.order(ConveyorCommand.INSERT, real(500.0), real(40.0), id=77) == first
     assert list(await on.products()) == [first.detail]
 
 
@@ -200,53 +209,53 @@ async def test_commands_are_refused_with_their_reason() -> None:
         return answer.reason
 
     assert await reason(99) == 1
-    assert await reason(Command.START, expected=ConveyorState.AUTOMATIC) == 2
-    assert await reason(Command.DELETE, 12345) == 7
-    assert await reason(Command.CONFIRM, 12345) == 7
-    assert await reason(Command.EDIT, 12345, real(100.0), real(20.0)) == 7
-    assert await reason(Command.INSERT, real(310.0), real(30.0)) == 8
+    assert await reason(ConveyorCommand.START, expected=ConveyorState.AUTOMATIC) == 2
+    assert await reason(ConveyorCommand.DELETE, 12345) == 7
+    assert await reason(ConveyorCommand.CONFIRM, 12345) == 7
+    assert await reason(ConveyorCommand.EDIT, 12345, real(100.0), real(20.0)) == 7
+    assert await reason(ConveyorCommand.INSERT, real(310.0), real(30.0)) == 8
     two = await put(on, 400.0)
-    assert await reason(Command.EDIT, two, real(305.0), real(30.0)) == 8
-    assert await reason(Command.INSERT, real(700.0), real(30.0)) == 9
-    assert await reason(Command.INSERT, real(10.0), real(30.0)) == 9
-    assert await reason(Command.INSERT, real(float("nan")), real(30.0)) == 9
-    assert await reason(Command.INSERT, real(100.0), real(float("inf"))) == 11
-    assert await reason(Command.INSERT, real(100.0), real(5.0)) == 11
-    assert await reason(Command.EDIT, one, real(300.0), real(151.0)) == 11
+    assert await reason(ConveyorCommand.EDIT, two, real(305.0), real(30.0)) == 8
+    assert await reason(ConveyorCommand.INSERT, real(700.0), real(30.0)) == 9
+    assert await reason(ConveyorCommand.INSERT, real(10.0), real(30.0)) == 9
+    assert await reason(ConveyorCommand.INSERT, real(float("nan")), real(30.0)) == 9
+    assert await reason(ConveyorCommand.INSERT, real(100.0), real(float("inf"))) == 11
+    assert await reason(ConveyorCommand.INSERT, real(100.0), real(5.0)) == 11
+    assert await reason(ConveyorCommand.EDIT, one, real(300.0), real(151.0)) == 11
     small = line(slots=5)
     for n in range(5):
         await put(small, 100.0 + 60 * n)
-    assert (await small.order(Command.INSERT, real(600.0), real(30.0))).reason == 10
+    assert (await small.order(ConveyorCommand.INSERT, real(600.0), real(30.0))).reason == 10
     assert (await small.status())["buffer_full"] == 1
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(1)
-    assert await reason(Command.MANUAL) == 12
-    assert await reason(Command.EDIT, one, real(100.0), real(30.0)) == 12
+    assert await reason(ConveyorCommand.MANUAL) == 12
+    assert await reason(ConveyorCommand.EDIT, one, real(100.0), real(30.0)) == 12
     await on.train(training.REG_MACHINE_FAULT, 50)
-    assert await reason(Command.START) == 3
-    assert await reason(Command.MANUAL) == 3
+    assert await reason(ConveyorCommand.START) == 3
+    assert await reason(ConveyorCommand.MANUAL) == 3
     await on.train(training.REG_MACHINE_FAULT, 1)
-    await on.done(Command.RESET)
+    await on.done(ConveyorCommand.RESET)
     await on.until(lambda: not on.device.machine.speeds[1])
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     await on.until(lambda: on.device.state == ConveyorState.FAULT)
-    assert await reason(Command.START) == 4
+    assert await reason(ConveyorCommand.START) == 4
 
 
 async def test_records_are_put_edited_confirmed_and_deleted() -> None:
     on = line()
     await on.fetch()
-    answer = await on.order(Command.INSERT, real(300.0), real(40.0))
+    answer = await on.order(ConveyorCommand.INSERT, real(300.0), real(40.0))
     id = answer.detail
-    await on.done(Command.EDIT, id, real(320.0), real(25.5))
+    await on.done(ConveyorCommand.EDIT, id, real(320.0), real(25.5))
     row = (await on.products())[id]
     assert (row["head"], row["tail"], row["length"], row["area"], row["state"]) == (320.0, 294.5, 25.5, 2, 1)
     on.device.power_cycle()
     assert (await on.products())[id]["state"] == 3
     assert (await on.status())["uncertain"] == 1
-    await on.done(Command.CONFIRM, 0)
+    await on.done(ConveyorCommand.CONFIRM, 0)
     assert (await on.products())[id]["state"] == 1
-    await on.done(Command.DELETE, id)
+    await on.done(ConveyorCommand.DELETE, id)
     assert await on.products() == {}
     assert await on.codes() == [(8, 0), (7, 0), (34, 0), (9, 0), (6, 0)]
     assert on.events[2].snapshot[:2] == (0, id)
@@ -260,7 +269,7 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
     on = line(settings={})
     await on.hold(1, 0.5)
     assert on.device.machine.speeds == [0, 0, 0], "not in manual"
-    await on.done(Command.MANUAL)
+    await on.done(ConveyorCommand.MANUAL)
     assert await on.get("mode") == 2
     await on.hold(3, 0.5)
     assert on.device.machine.speeds == [0, 0, 0], "both directions"
@@ -284,7 +293,7 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
     first, second, third = on.device.machine.speeds
     assert (first, third) == (0, 0) and second > 5
     on.go(1)
-    assert (await on.order(Command.START)).state is AnswerState.DONE
+    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
     assert await on.get("mode") == 1
     await on.hold(2, 0.3)
     assert on.device.machine.speeds[0] > 0, "automatic does not listen to it"
@@ -293,7 +302,7 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
 async def test_backwards_head_and_tail_change_places() -> None:
     on = line()
     id = await put(on, 300.0, 30.0)
-    await on.done(Command.MANUAL)
+    await on.done(ConveyorCommand.MANUAL)
     await on.fetch()
     await on.hold(2, 1)
     on.go(0.5)
@@ -308,7 +317,7 @@ async def test_the_gap_stop_names_the_pair_and_the_line_goes_on_by_itself() -> N
     await put(on, 655.0)
     front, rear = await put(on, 485.0), await put(on, 425.0)
     witness = Witness(on)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     stop = await on.until_event(20)
     assert (stop.snapshot[1], stop.snapshot[3]) == (rear, front)
     await on.until(lambda: not any(on.device.machine.speeds))
@@ -331,7 +340,7 @@ async def test_manual_stops_before_two_products_touch() -> None:
     on = line()
     await put(on, 300.0, 30.0)
     await put(on, 200.0, 30.0)
-    await on.done(Command.MANUAL)
+    await on.done(ConveyorCommand.MANUAL)
     for _ in range(4):
         await on.hold(1 | 0b001 << 4, 3)
         on.go(1)
@@ -345,7 +354,7 @@ async def test_manual_stops_before_two_products_touch() -> None:
 
 async def test_settings_are_all_or_none_and_act_at_once() -> None:
     on = line()
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(1)
     await on.fetch()
     assert (await on.set(automatic_speed=101.0)).reason == 21
@@ -385,14 +394,14 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     jam = next(event for event in told if event.code == 24)
     assert (jam.source, jam.value) == (belt, 60)
     assert [event.code for event in told if event.time == jam.time] == [24, 31], "cause before consequence"
-    await on.done(Command.RESET)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.RESET)
+    await on.done(ConveyorCommand.START)
     await on.until(lambda: on.device.state == ConveyorState.FAULT, 3), "the cause is still there"
     await on.train(training.REG_MACHINE_FAULT, 0)
     on.go(1)
-    await on.done(Command.RESET)
+    await on.done(ConveyorCommand.RESET)
     assert (await on.status())["first_out"] == 0
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(10)
     assert (25, belt) in await on.codes()
     assert await on.get("state") in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
@@ -425,8 +434,8 @@ async def test_a_jam_leaves_uncertain_what_lies_on_its_belt_and_another_one(belt
             assert states[id] == (3 if place in doubted else 1), f"product {id} on {place}, jam of belt {belt}"
     await on.train(training.REG_MACHINE_FAULT, 0)
     await on.stand()
-    await on.done(Command.RESET)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.RESET)
+    await on.done(ConveyorCommand.START)
     in_doubt = {id for place in doubted for id in before[place]}
     for _ in range(300):
         in_doubt = {id for id, row in (await on.products()).items() if id in in_doubt and row["state"] == 3}
@@ -443,7 +452,7 @@ async def test_stops_in_between_do_not_hide_a_jam() -> None:
     while on.device.state != ConveyorState.FAULT:
         starts += 1
         assert starts < 8, "each start is shorter than the jam time, all of them together are not"
-        await on.done(Command.START)
+        await on.done(ConveyorCommand.START)
         on.go(0.3)
         await on.stand()
     assert starts > 1
@@ -515,7 +524,7 @@ async def test_a_blind_sensor_loses_products_and_is_suspected(sensor: int) -> No
         on.go(5)
         assert on.true()[0].head == pytest.approx(660, abs=2), "it waits at the end for a person"
         assert (await on.products())[lost.snapshot[1]]["state"] == 5
-        await on.done(Command.CONFIRM, lost.snapshot[1])
+        await on.done(ConveyorCommand.CONFIRM, lost.snapshot[1])
     suspected = await on.until_event(28, sensor)
     assert suspected.value == 1
     await on.train(training.REG_MACHINE_FAULT, 0)
@@ -558,7 +567,7 @@ async def test_a_stuck_sensor_is_suspected_and_the_line_recovers(sensor: int) ->
 
 async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
     on = line()
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: on.device.tracking.entered == 1 and on.true()[0].tail > 140)
     await on.train(own.REG_REMOVE, 1)
@@ -572,14 +581,14 @@ async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
     await on.until_event(5)
     status = await on.status()
     assert (status["lost"], status["unexpected"], status["unloaded"]) == (1, 1, 1)
-    await on.done(Command.DELETE, 1)
+    await on.done(ConveyorCommand.DELETE, 1)
     assert (await on.status())["lost_present"] == 0
 
 
 async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unloads() -> None:
     on = line(settings={**QUICK, "unload_dwell": 2.0})
     first = await put(on, 640.0)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
     assert on.device.machine.place(443.0, 25.0)
     found = await on.until_event(12, 3)
@@ -598,7 +607,7 @@ async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unl
 
 async def test_an_empty_grip_of_the_unloader_is_told() -> None:
     on = line()
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: bool(on.true()) and on.true()[0].tail > 570, 60)
     await on.train(own.REG_REMOVE, 1)
@@ -611,7 +620,7 @@ async def test_an_empty_grip_of_the_unloader_is_told() -> None:
 async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told_to_take_is_gone() -> None:
     on = line(settings={**QUICK, "unload_dwell": 1.0})
     first, second = await put(on, 650.0, 20.0), await put(on, 630.0, 20.0)
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
     assert (await on.products())[first]["state"] == 6
     await on.train(own.REG_REMOVE, 1)
@@ -639,14 +648,14 @@ async def test_an_emergency_stop_cuts_the_drives_and_waits_for_a_reset() -> None
     status = await on.status()
     assert (status["state"], status["emergency_stop"], status["first_out"]) == (ConveyorState.EMERGENCY_STOP, 1, 22)
     assert (await on.codes())[:2] == [(22, 0), (31, 0)]
-    await on.done(Command.RESET)
+    await on.done(ConveyorCommand.RESET)
     assert await on.get("state") == ConveyorState.EMERGENCY_STOP, "still pressed"
     await on.train(training.REG_MACHINE_FAULT, 0)
     status = await on.status()
     assert (status["state"], status["emergency_stop"]) == (ConveyorState.EMERGENCY_STOP, 0)
-    await on.done(Command.RESET)
+    await on.done(ConveyorCommand.RESET)
     assert await on.get("state") == ConveyorState.STOPPED
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(10)
     assert (23, 0) in await on.codes()
     assert witness.worst < 2, "the belts coasted, the encoders counted"
@@ -658,7 +667,7 @@ async def test_a_silent_host_ends_automatic() -> None:
         await on.port.write(9, [beat + 1], 6)
         on.go(0.1)
         if beat == 5:
-            await on.done(Command.START)
+            await on.done(ConveyorCommand.START)
     assert await on.get("automatic") == 1
     await on.fetch()
     await on.train(training.REG_MACHINE_FAULT, 60)
@@ -667,12 +676,12 @@ async def test_a_silent_host_ends_automatic() -> None:
         on.go(0.1)
     status = await on.status()
     assert (status["automatic"], status["host_silent"], status["first_out"]) == (0, 1, 35)
-    assert (await on.order(Command.START)).reason == 2
+    assert (await on.order(ConveyorCommand.START)).reason == 2
     await on.train(training.REG_MACHINE_FAULT, 0)
     await on.port.write(9, [99], 6)
     on.go(0.1)
     assert await on.codes() == [(35, 0), (31, 0), (36, 0)]
-    assert (await on.order(Command.START)).state is AnswerState.DONE
+    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
 
 
 async def test_a_full_buffer_holds_the_infeed_and_loses_nothing() -> None:
@@ -697,7 +706,7 @@ async def test_a_sensor_pressed_by_hand_moves_nothing_and_is_told_when_it_fits_n
     on.go(0.5)
     await on.train(own.REG_SENSORS, 0)
     assert (await on.products())[id]["head"] == 300
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(0.5)
     await on.fetch()
     await on.train(own.REG_SENSORS, 0b1000)
@@ -729,7 +738,7 @@ async def test_a_power_cycle_keeps_tracking() -> None:
     assert (power.code, power.value) == (34, 2)
     on.go(1)
     witness.worst_flagged = 0
-    await on.done(Command.START)
+    await on.done(ConveyorCommand.START)
     on.go(8)
     await on.fetch()
     on.go(8)
@@ -766,9 +775,9 @@ async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
             if second == 20:
                 await on.train(training.REG_MACHINE_FAULT, 12)
             if second == 40:
-                await on.done(Command.STOP)
+                await on.done(ConveyorCommand.STOP)
             if second == 45:
-                await on.done(Command.START)
+                await on.done(ConveyorCommand.START)
             seen.append([await on.port.read(0x0100, 96), await on.port.read(0x0800, 124)])
             await on.fetch()
         return [seen, on.events]
@@ -877,7 +886,7 @@ def test_what_cannot_be_is_named() -> None:
 async def test_one_pulse_more_or_less_is_no_other_speed(speed: float) -> None:
     for geometry in (Geometry(), SIMULATION):
         on = line(geometry=geometry, settings={**QUICK, "automatic_speed": speed})
-        await on.done(Command.START)
+        await on.done(ConveyorCommand.START)
         on.go(3.0)
         shown = []
         for _ in range(40):

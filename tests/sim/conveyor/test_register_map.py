@@ -141,7 +141,7 @@ def test_events_and_reasons_of_the_program_have_a_name() -> None:
 
     assert set(codes(conveyor.ConveyorEvent, tracking.Code)) <= set(kind.events)
     assert set(codes(conveyor.Reason, tracking.Reason)) <= set(kind.reasons)
-    assert {command.code for command in kind.commands.values() if command.code} == set(codes(conveyor.Command))
+    assert {command.code for command in kind.commands.values() if command.code} == set(codes(conveyor.ConveyorCommand))
 
 
 def test_every_state_word_has_a_text() -> None:

@@ -13,7 +13,7 @@ from app.registers.pdu import Request, parse_answer, read_request
 from app.registers.plc_map import event_of, time_of
 from app.sim.bus import Bus
 from app.sim.sequence import training as own
-from app.sim.sequence.program import STATUS, Command, VirtualSequence
+from app.sim.sequence.program import STATUS, SequenceCommand, VirtualSequence
 from app.sim.server import serve_tcp
 from tests.sim.coil_car.line import Talker, teaching
 
@@ -85,7 +85,7 @@ async def test_the_ring_tells_which_of_two_fell_first(road: str) -> None:
     async with host(road, plc) as read:
         _, seen = await fallen(read, 0)
         for _ in range(TIMES):
-            for code in (Command.ACKNOWLEDGE, Command.START, Command.SUSPEND):
+            for code in (SequenceCommand.ACKNOWLEDGE, SequenceCommand.START, SequenceCommand.SUSPEND):
                 talker.ask(code)
             one, other = random.sample(range(16), 2)
             orders.add(one < other)
@@ -96,7 +96,7 @@ async def test_the_ring_tells_which_of_two_fell_first(road: str) -> None:
             talker.train(own.REG_PERMISSIVES + 1, ALL & ~(1 << one | 1 << other))
             for _ in range(random.randint(1, 30)):
                 plc.step()
-            talker.ask(Command.RESUME)
+            talker.ask(SequenceCommand.RESUME)
             told, seen = await fallen(read, seen)
             assert told == [(1, one, first), (1, other, first + 20_000)]
             out = await read(STATUS + 28, 12)
@@ -116,8 +116,8 @@ async def test_one_of_the_abort_conditions_and_one_of_the_next_step_too(road: st
     async with host(road, plc) as read:
         _, seen = await fallen(read, 0)
         for _ in range(100):
-            talker.ask(Command.ACKNOWLEDGE)
-            talker.ask(Command.START)
+            talker.ask(SequenceCommand.ACKNOWLEDGE)
+            talker.ask(SequenceCommand.START)
             place = random.choice((1, 2))
             bits = random.sample(range(16), 2)
             talker.train(own.REG_PERMISSIVES + place, ALL & ~(1 << bits[0]))
@@ -140,7 +140,7 @@ def test_two_in_one_scan_are_told_as_such() -> None:
     plc = VirtualSequence(teaching((1.0, 0.0), loss_aborts=True))
     talker = Talker(plc)
     plc.step()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     talker.events()
     talker.train(own.REG_PERMISSIVES + 1, ALL & ~0b1010)
     plc.step()

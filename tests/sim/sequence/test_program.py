@@ -22,8 +22,8 @@ from app.sim.sequence.program import (
     STAGING,
     STATUS,
     STEPS,
-    Command,
     Reason,
+    SequenceCommand,
     SequenceDeviceEvent,
     VirtualSequence,
 )
@@ -96,7 +96,7 @@ def test_a_run_goes_through_its_steps_and_is_counted() -> None:
     plc, talker = taught()
     assert flags(plc) == {"start_possible"} and word(plc, 4) == 3
     began = plc.time + 10_000
-    assert talker.ask(Command.START).state == DONE
+    assert talker.ask(SequenceCommand.START).state == DONE
     assert (word(plc, 1), word(plc, 2), flags(plc)) == (SequenceState.RUNNING, 1, {"output"})
     assert time_of(plc.read(3, STATUS + 40, 4)) == began
     run(plc, 1.5)
@@ -144,7 +144,7 @@ def test_a_word_that_no_step_has_is_refused() -> None:
 
 def test_the_events_of_one_scan_stand_in_their_order_with_the_time_of_the_scan() -> None:
     plc, talker = taught((0.5, 5.0), (0.5, 5.0))
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     talker.events()
     run(plc, 0.5)
     ended, entered = talker.events()
@@ -173,7 +173,7 @@ def test_a_sequence_of_two_hundred_steps_has_a_row_for_each() -> None:
     plc = VirtualSequence(teaching(*((0.01, 5.0),) * 200))
     talker = Talker(plc)
     plc.step()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 2.5)
     assert word(plc, 1) == SequenceState.DONE and step_row(plc, 200)[1] == 200
     with pytest.raises(ConfigurationError, match="1 to 200"):
@@ -184,10 +184,10 @@ def test_a_sequence_of_two_hundred_steps_has_a_row_for_each() -> None:
 
 def test_a_maximum_of_nothing_stays_until_one_is_entered() -> None:
     plc, talker = taught((1.0, 0.0), (1.0, 5.0))
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 20)
     assert word(plc, 2) == 1
-    assert talker.ask(Command.SET_TIMES, 1, real(1.0), real(30.0), 1).state == DONE
+    assert talker.ask(SequenceCommand.SET_TIMES, 1, real(1.0), real(30.0), 1).state == DONE
     plc.step()
     assert word(plc, 2) == 2
 
@@ -195,7 +195,7 @@ def test_a_maximum_of_nothing_stays_until_one_is_entered() -> None:
 def test_a_time_out_tells_what_was_missing() -> None:
     plc, talker = taught((1.0, 3.0), (1.0, 5.0))
     drop(talker, 2, 1 << 4)
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 3.1)
     assert (word(plc, 1), word(plc, 26), long(plc, 18)) == (SequenceState.TIMED_OUT, 4, 1)
     assert [word(plc, at) for at in (28, 29, 30, 31)] == [Cause.TIME, 2, 4, 1]
@@ -205,7 +205,7 @@ def test_a_time_out_tells_what_was_missing() -> None:
 def test_a_stall_is_shown_and_passes() -> None:
     plc, talker = taught()
     drop(talker, 2, 1 << 7)
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 2.1)
     assert "stalled" in flags(plc) and step_row(plc, 1)[3] == 6
     assert [word(plc, at) for at in (28, 29, 30)] == [Cause.STALL, 2, 7]
@@ -220,27 +220,27 @@ def test_a_stall_is_shown_and_passes() -> None:
 
 def test_suspend_freezes_and_resume_goes_on() -> None:
     plc, talker = taught()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 0.5)
-    assert talker.ask(Command.SUSPEND).state == DONE
+    assert talker.ask(SequenceCommand.SUSPEND).state == DONE
     assert (word(plc, 1), flags(plc)) == (SequenceState.SUSPENDED, set())
     run(plc, 5)
     assert f32(step_row(plc, 1), 12) == pytest.approx(0.5, abs=0.02) and step_row(plc, 1)[3] == 2
-    assert talker.ask(Command.RESUME).state == DONE and word(plc, 1) == SequenceState.RUNNING
+    assert talker.ask(SequenceCommand.RESUME).state == DONE and word(plc, 1) == SequenceState.RUNNING
     run(plc, 3)
     assert word(plc, 1) == SequenceState.DONE and number(plc, 12) == pytest.approx(8.0, abs=0.05)
 
 
 def test_suspend_is_a_stop_and_is_never_refused() -> None:
     plc, talker = taught()
-    assert talker.ask(Command.SUSPEND).state == DONE and word(plc, 1) == SequenceState.IDLE
-    talker.ask(Command.START)
+    assert talker.ask(SequenceCommand.SUSPEND).state == DONE and word(plc, 1) == SequenceState.IDLE
+    talker.ask(SequenceCommand.START)
     assert word(plc, 1) == SequenceState.RUNNING, "a suspend before the start is forgotten"
 
 
 def test_a_suspend_in_the_scan_of_the_start_counts() -> None:
     plc, _ = taught()
-    for code in (Command.START, Command.SUSPEND):
+    for code in (SequenceCommand.START, SequenceCommand.SUSPEND):
         plc.write(16, plc_map.COMMAND, plc_map.request_words(plc_map.Request(code, id=100 + code)))
     run(plc, 0.05)
     assert word(plc, 1) == SequenceState.SUSPENDED
@@ -249,8 +249,8 @@ def test_a_suspend_in_the_scan_of_the_start_counts() -> None:
 def test_an_output_while_suspended_is_a_setting() -> None:
     plc, talker = taught()
     assert talker.commit({"output_while_suspended": 1.0}, STAGING).state == DONE
-    talker.ask(Command.START)
-    talker.ask(Command.SUSPEND)
+    talker.ask(SequenceCommand.START)
+    talker.ask(SequenceCommand.SUSPEND)
     assert flags(plc) == {"output"} and step_row(plc, 1)[14] & 2
     answer = talker.commit({"stall_after": 0.0}, STAGING)
     assert (answer.reason, answer.detail) == (21, 1)
@@ -258,32 +258,32 @@ def test_an_output_while_suspended_is_a_setting() -> None:
 
 def test_abort_and_acknowledge() -> None:
     plc, talker = taught()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 1.2)
-    assert talker.ask(Command.ABORT).state == DONE
+    assert talker.ask(SequenceCommand.ABORT).state == DONE
     assert (word(plc, 1), word(plc, 2), long(plc, 16)) == (SequenceState.ABORTED, 2, 1)
     assert [word(plc, at) for at in (28, 29, 30, 31)] == [Cause.OPERATOR, 0, NO_BIT, 2]
-    assert talker.ask(Command.START).reason == Reason.NEEDS_ACKNOWLEDGE
-    assert talker.ask(Command.ACKNOWLEDGE).state == DONE
+    assert talker.ask(SequenceCommand.START).reason == Reason.NEEDS_ACKNOWLEDGE
+    assert talker.ask(SequenceCommand.ACKNOWLEDGE).state == DONE
     assert (word(plc, 1), word(plc, 28)) == (SequenceState.IDLE, 0)
-    assert talker.ask(Command.START).state == DONE
+    assert talker.ask(SequenceCommand.START).state == DONE
 
 
 def test_single_step_goes_on_when_told() -> None:
     plc, talker = taught()
-    assert talker.ask(Command.SINGLE_ON).state == DONE and "single_step" in flags(plc)
-    talker.ask(Command.START)
-    assert talker.ask(Command.ADVANCE).reason == Reason.WRONG_STATE, "its minimum is not over"
+    assert talker.ask(SequenceCommand.SINGLE_ON).state == DONE and "single_step" in flags(plc)
+    talker.ask(SequenceCommand.START)
+    assert talker.ask(SequenceCommand.ADVANCE).reason == Reason.WRONG_STATE, "its minimum is not over"
     run(plc, 3)
     assert word(plc, 2) == 1
     drop(talker, 2, 1 << 9)
     plc.step()
-    answer = talker.ask(Command.ADVANCE)
+    answer = talker.ask(SequenceCommand.ADVANCE)
     assert (answer.reason, answer.detail) == (Reason.MISSING, 2 * 16 + 9)
     drop(talker, 2, 0)
     plc.step()
-    assert talker.ask(Command.ADVANCE).state == DONE and word(plc, 2) == 2
-    assert talker.ask(Command.SINGLE_OFF).state == DONE
+    assert talker.ask(SequenceCommand.ADVANCE).state == DONE and word(plc, 2) == 2
+    assert talker.ask(SequenceCommand.SINGLE_OFF).state == DONE
     run(plc, 2.5)
     assert word(plc, 1) == SequenceState.DONE
     codes = [code for code, _ in talker.codes()]
@@ -292,7 +292,7 @@ def test_single_step_goes_on_when_told() -> None:
 
 def test_automatic_starts_again_whenever_it_can() -> None:
     plc, talker = taught((0.5, 5.0), (0.5, 5.0))
-    talker.ask(Command.AUTOMATIC_ON)
+    talker.ask(SequenceCommand.AUTOMATIC_ON)
     run(plc, 3.5)
     assert long(plc, 14) == 3 and "automatic" in flags(plc)
     drop(talker, 1, 1)
@@ -303,19 +303,19 @@ def test_automatic_starts_again_whenever_it_can() -> None:
     drop(talker, 1, 0)
     run(plc, 0.3)
     assert word(plc, 1) == SequenceState.RUNNING
-    talker.ask(Command.AUTOMATIC_OFF)
+    talker.ask(SequenceCommand.AUTOMATIC_OFF)
     run(plc, 5)
     assert word(plc, 1) == SequenceState.DONE
 
 
 def test_automatic_does_not_start_what_needs_an_acknowledge() -> None:
     plc, talker = taught()
-    talker.ask(Command.AUTOMATIC_ON)
+    talker.ask(SequenceCommand.AUTOMATIC_ON)
     run(plc, 0.5)
-    talker.ask(Command.ABORT)
+    talker.ask(SequenceCommand.ABORT)
     run(plc, 2)
     assert word(plc, 1) == SequenceState.ABORTED
-    talker.ask(Command.ACKNOWLEDGE)
+    talker.ask(SequenceCommand.ACKNOWLEDGE)
     run(plc, 0.1)
     assert word(plc, 1) == SequenceState.RUNNING
 
@@ -323,10 +323,10 @@ def test_automatic_does_not_start_what_needs_an_acknowledge() -> None:
 def test_a_start_that_is_refused_says_which_permissive_is_missing() -> None:
     plc, talker = taught()
     drop(talker, 1, 0b100100)
-    answer = talker.ask(Command.START)
+    answer = talker.ask(SequenceCommand.START)
     assert (answer.state, answer.reason, answer.detail) == (REJECTED, Reason.MISSING, 16 + 2)
     drop(talker, 0, 1 << 15)
-    answer = talker.ask(Command.START)
+    answer = talker.ask(SequenceCommand.START)
     assert (answer.reason, answer.detail) == (Reason.MISSING, 15)
     assert word(plc, 1) == SequenceState.IDLE
 
@@ -341,50 +341,50 @@ def test_every_refusal() -> None:
     _, talker = taught()
     seen = {
         refused(talker, 99).reason,
-        refused(talker, Command.ABORT).reason,
-        refused(talker, Command.RESUME).reason,
-        refused(talker, Command.ADVANCE).reason,
-        refused(talker, Command.SET_TIMES, 4, real(1.0), real(2.0)).reason,
-        refused(talker, Command.SET_TIMES, 0, real(1.0), real(2.0)).reason,
-        refused(talker, Command.SET_TIMES, 1, real(-1.0), real(2.0)).reason,
-        refused(talker, Command.SET_TIMES, 1, real(5.0), real(2.0)).reason,
-        refused(talker, Command.SET_TIMES, 1, real(5.0), real(40000.0)).reason,
-        refused(talker, Command.SET_TIMES, 1, real(float("nan")), real(2.0)).reason,
-        refused(talker, Command.FORCE, 4, 0, real(5.0)).reason,
-        refused(talker, Command.FORCE, 1, 16, real(5.0)).reason,
-        refused(talker, Command.FORCE, 1, 15, real(5.0)).reason,
-        refused(talker, Command.FORCE, 0, 0, real(5.0)).reason,
-        refused(talker, Command.FORCE, 1, 0, real(0.0)).reason,
-        refused(talker, Command.FORCE, 1, 0, real(28801.0)).reason,
-        refused(talker, Command.FORCE, 1, 0, real(float("nan"))).reason,
-        refused(talker, Command.RELEASE, 1, 0).reason,
-        refused(talker, Command.RELEASE, 9, 0).reason,
-        refused(talker, Command.RELEASE, 1, 16).reason,
+        refused(talker, SequenceCommand.ABORT).reason,
+        refused(talker, SequenceCommand.RESUME).reason,
+        refused(talker, SequenceCommand.ADVANCE).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 4, real(1.0), real(2.0)).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 0, real(1.0), real(2.0)).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 1, real(-1.0), real(2.0)).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 1, real(5.0), real(2.0)).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 1, real(5.0), real(40000.0)).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 1, real(float("nan")), real(2.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 4, 0, real(5.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 1, 16, real(5.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 1, 15, real(5.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 0, 0, real(5.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 1, 0, real(0.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 1, 0, real(28801.0)).reason,
+        refused(talker, SequenceCommand.FORCE, 1, 0, real(float("nan"))).reason,
+        refused(talker, SequenceCommand.RELEASE, 1, 0).reason,
+        refused(talker, SequenceCommand.RELEASE, 9, 0).reason,
+        refused(talker, SequenceCommand.RELEASE, 1, 16).reason,
     }
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     seen |= {
-        refused(talker, Command.START).reason,
-        refused(talker, Command.ACKNOWLEDGE).reason,
-        refused(talker, Command.SET_TIMES, 2, real(1.0), real(2.0)).reason,
+        refused(talker, SequenceCommand.START).reason,
+        refused(talker, SequenceCommand.ACKNOWLEDGE).reason,
+        refused(talker, SequenceCommand.SET_TIMES, 2, real(1.0), real(2.0)).reason,
     }
-    talker.ask(Command.ABORT)
-    seen |= {refused(talker, Command.START).reason}
-    talker.ask(Command.ACKNOWLEDGE)
+    talker.ask(SequenceCommand.ABORT)
+    seen |= {refused(talker, SequenceCommand.START).reason}
+    talker.ask(SequenceCommand.ACKNOWLEDGE)
     drop(talker, 1, 1)
-    seen |= {refused(talker, Command.START).reason}
+    seen |= {refused(talker, SequenceCommand.START).reason}
     for place in range(FORCE_ROWS):
         at, which = divmod(place, 14)
-        assert talker.ask(Command.FORCE, 1 + at, which, real(100.0)).state == DONE
-    seen |= {refused(talker, Command.FORCE, 3, 14, real(5.0)).reason}
-    assert talker.ask(Command.FORCE, 1, 0, real(200.0)).state == DONE, "one that is there can be made longer"
+        assert talker.ask(SequenceCommand.FORCE, 1 + at, which, real(100.0)).state == DONE
+    seen |= {refused(talker, SequenceCommand.FORCE, 3, 14, real(5.0)).reason}
+    assert talker.ask(SequenceCommand.FORCE, 1, 0, real(200.0)).state == DONE, "one that is there can be made longer"
     assert seen == set(Reason) - {Reason.MACHINE}, "MACHINE: see the coupling below"
 
 
 def test_a_machine_that_is_not_in_automatic_refuses_the_start() -> None:
     line = Line()
-    line.machine.ask(coil_car.Command.MANUAL)
+    line.machine.ask(coil_car.CoilCarCommand.MANUAL)
     assert "machine_manual" in flags(line.plc) and "start_possible" not in flags(line.plc)
-    assert line.sequence.ask(Command.START).reason == Reason.MACHINE
+    assert line.sequence.ask(SequenceCommand.START).reason == Reason.MACHINE
 
 
 # ---- times
@@ -392,18 +392,18 @@ def test_a_machine_that_is_not_in_automatic_refuses_the_start() -> None:
 
 def test_times_are_locked_while_it_runs_and_an_override_is_told() -> None:
     plc, talker = taught()
-    assert talker.ask(Command.SET_TIMES, 2, real(2.0), real(4.0)).state == DONE
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(2.0), real(4.0)).state == DONE
     two = step_row(plc, 2)
     assert (f32(two, 8), f32(two, 10)) == (2.0, 4.0)
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     talker.events()
-    assert talker.ask(Command.SET_TIMES, 2, real(1.0), real(3.0)).reason == Reason.LOCKED
-    assert talker.ask(Command.SET_TIMES, 2, real(1.0), real(3.0), 1).state == DONE
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0)).reason == Reason.LOCKED
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0), 1).state == DONE
     (event,) = (event for event in talker.events() if event.code == SequenceDeviceEvent.TIMES_CHANGED)
     assert event.source == 2 and event.value == 3.0
     assert real_of(event.snapshot[4] << 16 | event.snapshot[5]) == 1.0
-    assert talker.ask(Command.SUSPEND).state == DONE
-    assert talker.ask(Command.SET_TIMES, 2, real(1.0), real(5.0)).reason == Reason.LOCKED
+    assert talker.ask(SequenceCommand.SUSPEND).state == DONE
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(5.0)).reason == Reason.LOCKED
 
 
 # ---- forces
@@ -413,7 +413,7 @@ def test_a_force_lets_the_sequence_go_on_and_ends_by_itself() -> None:
     plc, talker = taught()
     drop(talker, 1, 1 << 3)
     plc.step()
-    assert talker.ask(Command.FORCE, 1, 3, real(2.0), owner=7).state == DONE
+    assert talker.ask(SequenceCommand.FORCE, 1, 3, real(2.0), owner=7).state == DONE
     assert word(plc, 8) == 1 and {"forces_active", "start_possible"} <= flags(plc)
     one = step_row(plc, 1)
     assert (one[4], one[5], one[6], one[7]) == (ALL, ALL & ~8, 8, 0x7FFF)
@@ -431,11 +431,11 @@ def test_a_force_lets_the_sequence_go_on_and_ends_by_itself() -> None:
 
 def test_the_device_releases_a_force_while_nobody_asks_it_anything() -> None:
     plc, talker = taught()
-    talker.ask(Command.FORCE, 1, 3, real(28800.0))
+    talker.ask(SequenceCommand.FORCE, 1, 3, real(28800.0))
     for _ in range(100 * 60):
         plc.step()
     assert plc.block.forces
-    talker.ask(Command.FORCE, 1, 3, real(10.0))
+    talker.ask(SequenceCommand.FORCE, 1, 3, real(10.0))
     for _ in range(999):
         plc.step()
     assert plc.block.forces
@@ -446,12 +446,12 @@ def test_the_device_releases_a_force_while_nobody_asks_it_anything() -> None:
 def test_a_force_is_released_by_hand_one_by_one_or_all() -> None:
     plc, talker = taught()
     for place in (1, 2, 3):
-        talker.ask(Command.FORCE, 2, place, real(60.0))
+        talker.ask(SequenceCommand.FORCE, 2, place, real(60.0))
     talker.events()
-    assert talker.ask(Command.RELEASE, 2, 2).state == DONE and word(plc, 8) == 2
-    answer = talker.ask(Command.RELEASE_ALL)
+    assert talker.ask(SequenceCommand.RELEASE, 2, 2).state == DONE and word(plc, 8) == 2
+    answer = talker.ask(SequenceCommand.RELEASE_ALL)
     assert (answer.state, answer.detail, word(plc, 8)) == (DONE, 2, 0)
-    assert talker.ask(Command.RELEASE_ALL).state == DONE
+    assert talker.ask(SequenceCommand.RELEASE_ALL).state == DONE
     released = [event for event in talker.events() if event.code == SequenceEvent.RELEASED]
     assert [(event.snapshot[0], event.value) for event in released] == [(2, 0.0), (1, 0.0), (3, 0.0)]
 
@@ -459,20 +459,20 @@ def test_a_force_is_released_by_hand_one_by_one_or_all() -> None:
 def test_a_force_keeps_its_row_as_long_as_it_is_there() -> None:
     plc, talker = taught()
     for place in (1, 2, 3):
-        talker.ask(Command.FORCE, 2, place, real(60.0))
+        talker.ask(SequenceCommand.FORCE, 2, place, real(60.0))
     generation = plc.read(3, FORCES, 1)[0]
-    talker.ask(Command.RELEASE, 2, 1)
+    talker.ask(SequenceCommand.RELEASE, 2, 1)
     assert row(plc, FORCES, 1, 12)[5] == 2 and plc.read(3, FORCES, 1)[0] != generation
-    talker.ask(Command.FORCE, 3, 9, real(60.0))
+    talker.ask(SequenceCommand.FORCE, 3, 9, real(60.0))
     assert row(plc, FORCES, 0, 12)[5] == 9
 
 
 def test_a_bit_that_nobody_names_cannot_be_forced() -> None:
     line = Line()
-    assert line.sequence.ask(Command.FORCE, 2, 9, real(5.0)).reason == Reason.NO_SUCH_BIT
-    assert line.sequence.ask(Command.FORCE, 2, 1, real(5.0)).reason == Reason.FORBIDDEN
-    assert line.sequence.ask(Command.FORCE, 0, 1, real(5.0)).reason == Reason.FORBIDDEN
-    assert line.sequence.ask(Command.FORCE, 2, 0, real(5.0)).state == DONE
+    assert line.sequence.ask(SequenceCommand.FORCE, 2, 9, real(5.0)).reason == Reason.NO_SUCH_BIT
+    assert line.sequence.ask(SequenceCommand.FORCE, 2, 1, real(5.0)).reason == Reason.FORBIDDEN
+    assert line.sequence.ask(SequenceCommand.FORCE, 0, 1, real(5.0)).reason == Reason.FORBIDDEN
+    assert line.sequence.ask(SequenceCommand.FORCE, 2, 0, real(5.0)).state == DONE
 
 
 # ---- what fell
@@ -480,7 +480,7 @@ def test_a_bit_that_nobody_names_cannot_be_forced() -> None:
 
 def test_losses_that_came_back_are_rows_and_bits() -> None:
     plc, talker = taught()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 0.3)
     drop(talker, 1, 1 << 6)
     run(plc, 0.05)
@@ -502,7 +502,7 @@ def test_losses_that_came_back_are_rows_and_bits() -> None:
 
 def test_more_losses_than_rows_leave_the_first_ones() -> None:
     plc, talker = taught((60.0, 100.0), (1.0, 10.0))
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     for _ in range(20):
         drop(talker, 1, 1)
         plc.step()
@@ -540,9 +540,9 @@ def test_an_abort_condition_of_the_machine_stops_everything() -> None:
     assert line.car.machine.speed_x == 0
     line.machine.fault(0)
     line.tick()
-    assert line.machine.ask(coil_car.Command.RESET).state == DONE
-    assert line.machine.ask(coil_car.Command.AUTOMATIC).state == DONE
-    assert line.sequence.ask(Command.ACKNOWLEDGE).state == DONE
+    assert line.machine.ask(coil_car.CoilCarCommand.RESET).state == DONE
+    assert line.machine.ask(coil_car.CoilCarCommand.AUTOMATIC).state == DONE
+    assert line.sequence.ask(SequenceCommand.ACKNOWLEDGE).state == DONE
     line.start()
     line.until(lambda: line.plc.runs_done == 1, 90)
 
@@ -552,14 +552,14 @@ def test_an_abort_condition_of_the_machine_stops_everything() -> None:
 
 def test_a_coil_goes_from_the_mandrel_to_a_saddle_and_the_next_follows_by_itself() -> None:
     line = Line()
-    line.sequence.ask(Command.AUTOMATIC_ON)
+    line.sequence.ask(SequenceCommand.AUTOMATIC_ON)
     line.until(lambda: line.plc.runs_done == 3, 260)
     assert line.car.machine.saddles == pytest.approx([1300.0] * 3, abs=0.5)
     line.run(30)
     assert line.plc.block.state is SequenceState.DONE and line.car.signal("target_free") == 0
-    assert line.sequence.ask(Command.START).reason == Reason.MISSING
-    line.machine.ask(coil_car.Command.REMOVED, 3)
-    line.machine.ask(coil_car.Command.REMOVED, 2)
+    assert line.sequence.ask(SequenceCommand.START).reason == Reason.MISSING
+    line.machine.ask(coil_car.CoilCarCommand.REMOVED, 3)
+    line.machine.ask(coil_car.CoilCarCommand.REMOVED, 2)
     line.until(lambda: line.plc.runs_done == 4, 90)
     assert line.car.machine.saddles[1] and not line.car.machine.saddles[2]
     assert line.car.signal("collision") == 0
@@ -571,12 +571,12 @@ def test_a_suspended_transport_stands_and_goes_on() -> None:
     line.to_step(7)
     line.run(4)
     assert line.car.machine.speed_x > 300
-    line.sequence.ask(Command.SUSPEND)
+    line.sequence.ask(SequenceCommand.SUSPEND)
     line.run(4)
     where = line.car.machine.x
     line.run(5)
     assert not line.car.moving and line.car.machine.x == where
-    line.sequence.ask(Command.RESUME)
+    line.sequence.ask(SequenceCommand.RESUME)
     line.until(lambda: line.plc.runs_done == 1, 60)
     assert line.car.machine.saddles[0]
 
@@ -586,7 +586,7 @@ def test_no_step_moves_anything_without_its_sequence() -> None:
     line.start()
     line.to_step(2)
     line.run(3)
-    line.sequence.ask(Command.ABORT)
+    line.sequence.ask(SequenceCommand.ABORT)
     line.run(4)
     assert not line.car.moving
     where = line.car.machine.x
@@ -635,9 +635,9 @@ def test_a_definition_that_does_not_fit_the_machine_says_why(definition: Sequenc
 def test_a_sentence_that_cannot_be_decided_is_missing() -> None:
     definition = replace(TRANSPORT, steps=(step("a", bit(5, "near", "contact_height < 900")),))
     line = Line(definition, coil=False, settings={"automatic_winding": 0.0})
-    assert line.sequence.ask(Command.START).detail == 16 + 5
+    assert line.sequence.ask(SequenceCommand.START).detail == 16 + 5
     line.car.preset({"coil": 1})
-    assert line.sequence.ask(Command.START).state == DONE
+    assert line.sequence.ask(SequenceCommand.START).state == DONE
 
 
 # ---- restart
@@ -645,14 +645,14 @@ def test_a_sentence_that_cannot_be_decided_is_missing() -> None:
 
 def test_a_power_cycle_aborts_the_run_and_keeps_what_is_retained() -> None:
     plc, talker = taught()
-    talker.ask(Command.SET_TIMES, 2, real(2.0), real(9.0))
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.SET_TIMES, 2, real(2.0), real(9.0))
+    talker.ask(SequenceCommand.START)
     run(plc, 5)
     talker.commit({"stall_after": 3.0}, STAGING)
-    talker.ask(Command.FORCE, 1, 1, real(600.0))
-    talker.ask(Command.SINGLE_ON)
-    talker.ask(Command.AUTOMATIC_ON)
-    talker.ask(Command.SINGLE_OFF)
+    talker.ask(SequenceCommand.FORCE, 1, 1, real(600.0))
+    talker.ask(SequenceCommand.SINGLE_ON)
+    talker.ask(SequenceCommand.AUTOMATIC_ON)
+    talker.ask(SequenceCommand.SINGLE_OFF)
     run(plc, 1)
     newest = plc.newest
     talker.events()
@@ -669,13 +669,13 @@ def test_a_power_cycle_aborts_the_run_and_keeps_what_is_retained() -> None:
     assert (SequenceEvent.ABORTED, float(Cause.POWER_UP)) in told
     run(plc, 2)
     assert word(plc, 1) == SequenceState.ABORTED, "it does not start again by itself"
-    talker.ask(Command.ACKNOWLEDGE)
-    assert talker.ask(Command.START).state == DONE
+    talker.ask(SequenceCommand.ACKNOWLEDGE)
+    assert talker.ask(SequenceCommand.START).state == DONE
 
 
 def test_forces_outlive_a_restart_when_the_definition_says_so() -> None:
     plc, talker = taught(keep_forces=True)
-    talker.ask(Command.FORCE, 1, 1, real(10.0), owner=3)
+    talker.ask(SequenceCommand.FORCE, 1, 1, real(10.0), owner=3)
     run(plc, 4)
     talker.train(training.REG_POWER, 1)
     run(plc, 1)
@@ -687,7 +687,7 @@ def test_forces_outlive_a_restart_when_the_definition_says_so() -> None:
 
 def test_a_first_out_outlives_a_restart() -> None:
     plc, talker = taught(loss_aborts=True)
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 0.5)
     drop(talker, 1, 1 << 11)
     run(plc, 0.5)
@@ -700,9 +700,9 @@ def test_a_first_out_outlives_a_restart() -> None:
 
 def test_the_initial_state_forgets_everything() -> None:
     plc, talker = taught()
-    talker.ask(Command.START)
+    talker.ask(SequenceCommand.START)
     run(plc, 10)
-    talker.ask(Command.SET_TIMES, 2, real(2.0), real(9.0))
+    talker.ask(SequenceCommand.SET_TIMES, 2, real(2.0), real(9.0))
     talker.train(training.REG_RESET, 1)
     plc.step()
     assert (long(plc, 14), plc.boots, f32(step_row(plc, 2), 8), word(plc, 1)) == (0, 1, 1.0, 0)
@@ -711,7 +711,7 @@ def test_the_initial_state_forgets_everything() -> None:
 def test_the_same_writes_give_the_same_run() -> None:
     def once() -> list[list[int]]:
         line = Line()
-        line.sequence.ask(Command.AUTOMATIC_ON)
+        line.sequence.ask(SequenceCommand.AUTOMATIC_ON)
         line.run(70)
         line.machine.fault(31)
         line.run(20)

@@ -34,7 +34,9 @@ def test_every_code_has_a_name() -> None:
     kind = kind_of()
     assert {int(code) for code in (*sequence.SequenceDeviceEvent, *block.SequenceEvent)} == set(kind.events)
     assert {int(code) for code in sequence.Reason} <= set(kind.reasons)
-    assert {command.code for command in kind.commands.values() if command.code} == {int(c) for c in sequence.Command}
+    assert {command.code for command in kind.commands.values() if command.code} == {
+        int(c) for c in sequence.SequenceCommand
+    }
 
 
 def test_every_word_that_is_an_enumeration_has_its_texts() -> None:
@@ -56,7 +58,7 @@ def test_images_lie_where_the_types_say() -> None:
 def test_a_run_that_was_aborted_reads_as_it_was() -> None:
     """Every value of the sequence is put to something that no other has, as far as that goes."""
     line, kind = Line(), kind_of()
-    line.sequence.ask(sequence.Command.FORCE, 3, 0, plc_map.real(500.0), owner=9)
+    line.sequence.ask(sequence.SequenceCommand.FORCE, 3, 0, plc_map.real(500.0), owner=9)
     line.start()
     line.to_step(5)
     line.run(1)
@@ -133,7 +135,8 @@ def cells(plc: VirtualSequence, table: str, slot: int) -> dict[str, float]:
 def test_rows_read_as_they_are() -> None:
     line = Line()
     assert (
-        line.sequence.ask(sequence.Command.FORCE, 3, 0, plc_map.real(500.0), owner=9).state == plc_map.AnswerState.DONE
+        line.sequence.ask(sequence.SequenceCommand.FORCE, 3, 0, plc_map.real(500.0), owner=9).state
+        == plc_map.AnswerState.DONE
     )
     line.start()
     line.to_step(3)
