@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from app.tags.quality import Reason, reason
+from app.tags.quality import QualityReason, reason
 from tests.commands.stand import ANA
 from tests.test_reload import running
 
@@ -21,7 +21,7 @@ async def test_it_raises_one_alarm_per_unit_refuses_with_its_reason_and_clears_b
         device = sim.devices["c1"]
         step, device.step = device.step, lambda: None  # type: ignore[method-assign]
         await plant.until(lambda: alarms() == ["sys.program_halted.c1"])
-        assert reason(runtime.tags.sample("c1.state").quality) is Reason.HALTED
+        assert reason(runtime.tags.sample("c1.state").quality) is QualityReason.HALTED
         for name, command in runtime.plant.equipment["c1"].type.commands.items():  # type: ignore[union-attr]
             told = [found.key for found in gate.why_not(ANA, "c1", command.key)]
             assert ("why.program_halted" in told) is not command.stop, (name, told)

@@ -7,7 +7,7 @@ from app.clock import Clock
 from app.commands import interlocks, value_set
 from app.commands.control_token import ControlToken
 from app.commands.entered import argument_of, arguments_of, check_relations, check_seen, confirm, entered
-from app.commands.interlocks import Prepared, Reason
+from app.commands.interlocks import Prepared, RefusalReason
 from app.commands.machine import Machine
 from app.commands.orders import Order, Task, Writer
 from app.commands.readings import Readings
@@ -15,7 +15,7 @@ from app.commands.value_set import Change
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import EquipmentType, Scan
-from app.tags.quality import Reason as Why
+from app.tags.quality import QualityReason as Why
 from app.tags.quality import is_good, reason
 
 PULSE_PAUSE = 5.0
@@ -46,39 +46,39 @@ class Checks:
         self._control = control
         self._rights = rights
 
-    def lacking(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
+    def lacking(self, person: Person | None, machine: Machine, prepared: Prepared) -> list[tuple[RefusalReason, int]]:
         """What the person lacks as of now; to stop, who could when they asked still can."""
         command = prepared.command
         if person is not None and not command.stop:
             person = self._rights(person)
         if person is None:
-            return [(Reason("why.signed_out"), 401)]
-        reasons: list[tuple[Reason, int]] = []
+            return [(RefusalReason("why.signed_out"), 401)]
+        reasons: list[tuple[RefusalReason, int]] = []
         needed = {STOP: command.role} if command.stop else {ROLE_PERMISSION[role]: role for role in prepared.roles}
         lacking = next((role for permission, role in needed.items() if not person.may(permission)), None)
         if lacking is not None:
             key = "why.idle" if person.idle and lacking in person.roles else "why.role"
-            reasons.append((Reason(key, {"role": lacking}), 403))
+            reasons.append((RefusalReason(key, {"role": lacking}), 403))
         if command.stop:
             return reasons
         holder = self._control.holder(machine.item.id)
         if holder is None:
-            reasons.append((Reason("why.no_token"), 423))
+            reasons.append((RefusalReason("why.no_token"), 423))
         elif holder.session != person.session:
-            reasons.append((Reason("why.held", {"display": holder.display, "since": holder.since}), 423))
+            reasons.append((RefusalReason("why.held", {"display": holder.display, "since": holder.since}), 423))
         return reasons
 
     def reasons(
         self, person: Person | None, machine: Machine, prepared: Prepared, *, running: bool = False
-    ) -> list[tuple[Reason, int]]:
+    ) -> list[tuple[RefusalReason, int]]:
         """Everything that stands in the way of a command without its value, in the order of the gate; of one that is `running` only what
         keeps it from going on."""
         reasons = self.lacking(person, machine, prepared)
         writer = self._writers.get(machine.item.link)
         if writer is None:
-            reasons.append((Reason("why.no_link", {"link": machine.item.link}), 503))
+            reasons.append((RefusalReason("why.no_link", {"link": machine.item.link}), 503))
         elif not machine.link.may_write:
-            reasons.append((Reason("why.writes_off", {"link": machine.item.link}), 409))
+            reasons.append((RefusalReason("why.writes_off", {"link": machine.item.link}), 409))
         if prepared.command.stop:
             return reasons
         look, age = self._readings.look(machine), self._readings.age(machine)
@@ -86,10 +86,10 @@ class Checks:
         silent = [found for found in stale if reason(look(_key(found))[1]) is Why.COMM_FAILURE]
         if silent:
             # whoever operates does not want to hear it of each value
-            reasons.append((Reason("why.no_communication", {"point": silent[0].params["point"]}), 503))
+            reasons.append((RefusalReason("why.no_communication", {"point": silent[0].params["point"]}), 503))
         halted = [found for found in stale if reason(look(_key(found))[1]) is Why.HALTED]
         if halted:
-            reasons.append((Reason("why.program_halted", {"point": halted[0].params["point"]}), 409))
+            reasons.append((RefusalReason("why.program_halted", {"point": halted[0].params["point"]}), 409))
         reasons += [(found, 409) for found in stale if found not in silent and found not in halted]
         reasons += [(found, 409) for found in interlocks.unlimited(prepared, look)]
         reasons += [(found, 409) for found in interlocks.missing(prepared.permissives, look, age=age)]
@@ -98,23 +98,23 @@ class Checks:
             reasons += self._occupied(machine, prepared)
         return reasons
 
-    def _occupied(self, machine: Machine, prepared: Prepared) -> list[tuple[Reason, int]]:
+    def _occupied(self, machine: Machine, prepared: Prepared) -> list[tuple[RefusalReason, int]]:
         """What is at work on the machine and lets nothing beside it."""
-        reasons: list[tuple[Reason, int]] = []
+        reasons: list[tuple[RefusalReason, int]] = []
         job = machine.job
         if machine.set is not None:
             at_work = machine.set.progress
-            reasons.append((Reason("why.busy", {"display": at_work.person}, at_work.label), 409))
+            reasons.append((RefusalReason("why.busy", {"display": at_work.person}, at_work.label), 409))
         elif machine.restoring or (job and job.ending is not None and not prepared.command.hold):
-            reasons.append((Reason("why.hold_ending"), 409))
+            reasons.append((RefusalReason("why.hold_ending"), 409))
         elif job and job.lease is not None and job.lease.moving:
-            reasons.append((Reason("why.hold_active", {"display": job.progress.person}), 423))
+            reasons.append((RefusalReason("why.hold_active", {"display": job.progress.person}), 423))
         elif job and (job.writing or (job.prepared.command.stop and (job.since is None or prepared.parts))):
-            reasons.append((Reason("why.busy", {"display": job.progress.person}, job.progress.label), 409))
+            reasons.append((RefusalReason("why.busy", {"display": job.progress.person}, job.progress.label), 409))
         if is_pulse(machine, prepared) and prepared.command.key in machine.pulses:
             left = PULSE_PAUSE - (self._clock.monotonic() - machine.pulses[prepared.command.key])
             if left > 0:
-                reasons.append((Reason("why.too_soon", {"seconds": round(left, 1)}), 409))
+                reasons.append((RefusalReason("why.too_soon", {"seconds": round(left, 1)}), 409))
         return reasons
 
     def task(self, order: Order, machine: Machine, prepared: Prepared) -> Task:
@@ -151,13 +151,13 @@ class Checks:
         )
 
     @staticmethod
-    def _refuse_first(reasons: Sequence[tuple[Reason, int]]) -> None:
+    def _refuse_first(reasons: Sequence[tuple[RefusalReason, int]]) -> None:
         for found, status in reasons:
             others = [other.label for other, _ in reasons]
             raise Refused(found.key, status, label=found.label, missing=others, **found.params)
 
     def _set_task(
-        self, order: Order, machine: Machine, prepared: Prepared, reasons: Sequence[tuple[Reason, int]]
+        self, order: Order, machine: Machine, prepared: Prepared, reasons: Sequence[tuple[RefusalReason, int]]
     ) -> Task:
         """As `task`, of a set: each value as by itself, with the others in place; then the checks between them, and their order."""
         guarding = ("why.condition", "why.condition_unknown")
@@ -176,7 +176,7 @@ class Checks:
         self._refuse_first(reasons)
         groups = self._writers[machine.item.link].together(machine.item.id, list(values))
         steps = value_set.steps(kind, prepared.parts, groups, values, look)
-        if isinstance(steps, Reason):
+        if isinstance(steps, RefusalReason):
             raise Refused(steps.key, 409, label=steps.label, **steps.params)
         changes = tuple(self._change(kind, part, look, values[part.command.key]) for part in prepared.parts)
         found = [interlocks.level(part, look, values[part.command.key]) for part in prepared.parts]
@@ -225,7 +225,7 @@ class Checks:
             raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
 
 
-def _key(stale: Reason) -> str:
+def _key(stale: RefusalReason) -> str:
     """Of the point that a reason is about."""
     return str(stale.params["point"]).partition(".")[2]
 

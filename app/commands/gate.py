@@ -26,7 +26,7 @@ from app.commands import interlocks, value_set
 from app.commands.admission import Admission
 from app.commands.command_state import CommandState
 from app.commands.following import Following
-from app.commands.interlocks import Prepared, Reason
+from app.commands.interlocks import Prepared, RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
@@ -194,7 +194,7 @@ class Gate:
         for one in commands:
             self._state.tell_open(one)
 
-    def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[Reason]:
+    def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[RefusalReason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.
 
         Raises:

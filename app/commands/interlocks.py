@@ -37,7 +37,7 @@ SCANS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Reason:
+class RefusalReason:
     """Why not: a text key with what fills it; `label` is the text key of the point or condition that it is about."""
 
     key: str
@@ -154,19 +154,23 @@ def longest_age(point: Point, item: Equipment, link: Link) -> float:
             return float("inf")
 
 
-def stale(item: Equipment, link: Link, keys: Iterable[str], look: Look, age: Age) -> list[Reason]:
+def stale(item: Equipment, link: Link, keys: Iterable[str], look: Look, age: Age) -> list[RefusalReason]:
     """Points of `keys` that may not be used now. Where a value comes from (simulated, forced) does not count."""
-    reasons: list[Reason] = []
+    reasons: list[RefusalReason] = []
     for key in keys:
         point = item.points[key]
         value, word = look(key)
         if quality.is_bad(word) or value is None:
-            reasons.append(Reason("why.bad_value", {"point": point.name, "quality": quality.name(word)}, point.label))
+            reasons.append(
+                RefusalReason("why.bad_value", {"point": point.name, "quality": quality.name(word)}, point.label)
+            )
         elif not quality.is_good(word):
-            reasons.append(Reason("why.poor_value", {"point": point.name, "quality": quality.name(word)}, point.label))
+            reasons.append(
+                RefusalReason("why.poor_value", {"point": point.name, "quality": quality.name(word)}, point.label)
+            )
         elif not (old := age(key)) < (limit := longest_age(point, item, link)):
             reasons.append(
-                Reason("why.old_value", {"point": point.name, "age": round(old, 1), "limit": limit}, point.label)
+                RefusalReason("why.old_value", {"point": point.name, "age": round(old, 1), "limit": limit}, point.label)
             )
     return reasons
 
@@ -178,14 +182,14 @@ def met(condition: Condition, look: Look, argument: float | None = None, age: Ag
 
 def missing(
     conditions: Iterable[Condition], look: Look, argument: float | None = None, age: Age | None = None
-) -> list[Reason]:
+) -> list[RefusalReason]:
     """Conditions that are not met, or not known to be."""
-    reasons: list[Reason] = []
+    reasons: list[RefusalReason] = []
     for condition in conditions:
         value = met(condition, look, argument, age)
         if not value:
             key = "why.condition" if value is False else "why.condition_unknown"
-            reasons.append(Reason(key, {"condition": condition.key}, condition.label))
+            reasons.append(RefusalReason(key, {"condition": condition.key}, condition.label))
     return reasons
 
 
@@ -202,14 +206,14 @@ def limits(prepared: Prepared, look: Look) -> tuple[float | None, float | None]:
     )
 
 
-def unlimited(prepared: Prepared, look: Look) -> list[Reason]:
+def unlimited(prepared: Prepared, look: Look) -> list[RefusalReason]:
     """A reason when the limits of the argument are not known."""
     if prepared.point is None or None not in limits(prepared, look):
         return []
-    return [Reason("why.limits_unknown", {"point": prepared.point.name}, prepared.point.label)]
+    return [RefusalReason("why.limits_unknown", {"point": prepared.point.name}, prepared.point.label)]
 
 
-def wrong_value(prepared: Prepared, value: float, look: Look) -> Reason | None:
+def wrong_value(prepared: Prepared, value: float, look: Look) -> RefusalReason | None:
     """Why `value` [EU] cannot be the argument; None when it can."""
     point = prepared.point
     if point is None:
@@ -217,14 +221,14 @@ def wrong_value(prepared: Prepared, value: float, look: Look) -> Reason | None:
     unit = {"unit": point.unit, "value": value}
     options = prepared.setpoint.options if prepared.setpoint else {}
     if options and value not in options:
-        return Reason("why.no_option", {**unit, "options": tuple(options)}, point.label)
+        return RefusalReason("why.no_option", {**unit, "options": tuple(options)}, point.label)
     low, high = limits(prepared, look)
     if low is None or high is None:
-        return Reason("why.limits_unknown", {"point": point.name}, point.label)
+        return RefusalReason("why.limits_unknown", {"point": point.name}, point.label)
     if not low <= value <= high:
-        return Reason("why.out_of_limits", {**unit, "min": low, "max": high}, point.label)
+        return RefusalReason("why.out_of_limits", {**unit, "min": low, "max": high}, point.label)
     if round(value, point.decimals) != value:
-        return Reason("why.decimals", {**unit, "decimals": point.decimals}, point.label)
+        return RefusalReason("why.decimals", {**unit, "decimals": point.decimals}, point.label)
     return None
 
 
@@ -233,27 +237,27 @@ RANGE: Mapping[Type, tuple[float, float]] = {Type.U32: (0, 2**32 - 1), Type.I32:
 LARGEST_F32 = 3.4e38
 
 
-def wrong_argument(argument: Argument, value: float, look: Look) -> Reason | None:
+def wrong_argument(argument: Argument, value: float, look: Look) -> RefusalReason | None:
     """Why `value` [EU] cannot be `argument`; None when it can."""
     low, high = (expression.number(text, look) if text else None for text in (argument.low, argument.high))
     known = (low is not None or not argument.low) and (high is not None or not argument.high)
     params: dict[str, object] = {"argument": argument.name, "unit": argument.unit, "value": value}
     if not known:
-        return Reason("why.limits_unknown", {**params, "point": argument.name}, argument.label)
+        return RefusalReason("why.limits_unknown", {**params, "point": argument.name}, argument.label)
     if not abs(value) <= LARGEST_F32:
-        return Reason("why.not_a_number", {**params, "text": str(value)}, argument.label)
+        return RefusalReason("why.not_a_number", {**params, "text": str(value)}, argument.label)
     if low is not None and high is not None and not low <= value <= high:
-        return Reason("why.out_of_limits", {**params, "min": low, "max": high}, argument.label)
+        return RefusalReason("why.out_of_limits", {**params, "min": low, "max": high}, argument.label)
     if low is not None and value < low:
-        return Reason("why.too_low", {**params, "min": low}, argument.label)
+        return RefusalReason("why.too_low", {**params, "min": low}, argument.label)
     if high is not None and value > high:
-        return Reason("why.too_high", {**params, "max": high}, argument.label)
+        return RefusalReason("why.too_high", {**params, "max": high}, argument.label)
     least, most = RANGE.get(argument.type, (value, value))
     if not least <= value <= most:
         bounds = {"min": least if low is None else low, "max": most if high is None else high}
-        return Reason("why.out_of_limits", {**params, **bounds}, argument.label)
+        return RefusalReason("why.out_of_limits", {**params, **bounds}, argument.label)
     if round(value, argument.decimals) != value:
-        return Reason("why.decimals", {**params, "decimals": argument.decimals}, argument.label)
+        return RefusalReason("why.decimals", {**params, "decimals": argument.decimals}, argument.label)
     return None
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from app.commands import interlocks
-from app.commands.interlocks import Prepared, Reason
+from app.commands.interlocks import Prepared, RefusalReason
 from app.plant import expression
 from app.plant.definitions import Argument, Command, Condition, EquipmentType
 from app.plant.expression import Look
@@ -103,7 +103,7 @@ def steps(
     groups: Sequence[Sequence[str]],
     values: Mapping[str, float],
     look: Look,
-) -> tuple[tuple[str, ...], ...] | Reason:
+) -> tuple[tuple[str, ...], ...] | RefusalReason:
     """`groups` (keys that the device takes all or none) in an order in which limits and checks hold after every step; else why there is
     none. Final values that hold together are taken for granted."""
     known = {part.command.key: part for part in parts}
@@ -111,7 +111,7 @@ def steps(
     while waiting:
         group = next((group for group in waiting if _possible(kind, known, group, values, done, look)), None)
         if group is None:
-            return Reason("why.set_order", {}, known[waiting[0][0]].command.label)
+            return RefusalReason("why.set_order", {}, known[waiting[0][0]].command.label)
         waiting.remove(group)
         order.append(group)
         done |= {key: values[key] for key in group}

@@ -6,7 +6,7 @@ from typing import TypeGuard
 
 from app.historian.store import HEARTBEAT, RAMP, Row
 from app.tags.batch import Value
-from app.tags.quality import BAD, NO_DATA, Reason
+from app.tags.quality import BAD, NO_DATA, QualityReason
 
 SLACK = 1 + 1e-9
 """A difference of just the dead-band is not above it: 0.4 − 0.3 is more than 0.1 in binary."""
@@ -105,7 +105,7 @@ class Track:
         if value is None:
             return (self.number, time, None, None, quality & 0xF00 | NO_DATA)
         if not math.isfinite(value):
-            return (self.number, time, None, None, quality & 0xF00 | Reason.OUT_OF_RANGE << 2 | BAD)
+            return (self.number, time, None, None, quality & 0xF00 | QualityReason.OUT_OF_RANGE << 2 | BAD)
         return (self.number, time, float(value), None, quality)
 
 

@@ -15,7 +15,7 @@ UNCERTAIN = 1
 BAD = 2
 
 
-class Reason(IntEnum):
+class QualityReason(IntEnum):
     """Why a value is not good."""
 
     NONE = 0
@@ -46,17 +46,17 @@ class Origin(IntFlag):
     LOCAL = 0x800
 
 
-UNSEEN = frozenset({Reason.STALE, Reason.HALTED})
+UNSEEN = frozenset({QualityReason.STALE, QualityReason.HALTED})
 """Reasons that mean: the value is the last one known, what is true now nobody has seen."""
 
-NO_DATA = BAD | Reason.NO_DATA << 2
-COMM_FAILURE = BAD | Reason.COMM_FAILURE << 2
-STALE = UNCERTAIN | Reason.STALE << 2
-OUT_OF_RANGE = UNCERTAIN | Reason.OUT_OF_RANGE << 2
-NOT_CONNECTED = BAD | Reason.NOT_CONNECTED << 2
-CONFIGURATION = BAD | Reason.CONFIGURATION << 2
-DEVICE = BAD | Reason.DEVICE << 2
-HALTED = UNCERTAIN | Reason.HALTED << 2
+NO_DATA = BAD | QualityReason.NO_DATA << 2
+COMM_FAILURE = BAD | QualityReason.COMM_FAILURE << 2
+STALE = UNCERTAIN | QualityReason.STALE << 2
+OUT_OF_RANGE = UNCERTAIN | QualityReason.OUT_OF_RANGE << 2
+NOT_CONNECTED = BAD | QualityReason.NOT_CONNECTED << 2
+CONFIGURATION = BAD | QualityReason.CONFIGURATION << 2
+DEVICE = BAD | QualityReason.DEVICE << 2
+HALTED = UNCERTAIN | QualityReason.HALTED << 2
 
 
 def level(quality: int) -> int:
@@ -64,9 +64,9 @@ def level(quality: int) -> int:
     return quality & 3
 
 
-def reason(quality: int) -> Reason:
+def reason(quality: int) -> QualityReason:
     """Why the value is not good."""
-    return Reason(quality >> 2 & 15)
+    return QualityReason(quality >> 2 & 15)
 
 
 def origin(quality: int) -> Origin:

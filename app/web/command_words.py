@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from zoneinfo import ZoneInfo
 
-from app.commands.interlocks import Reason
+from app.commands.interlocks import RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.value_set import Change
 from app.errors import Refused
@@ -44,7 +44,7 @@ class CommandWords:
         """Time of day in the plant's zone."""
         return fmt.clock_time(micros, self.zone) if micros else ""
 
-    def explain_first(self, reasons: Sequence[Reason]) -> str:
+    def explain_first(self, reasons: Sequence[RefusalReason]) -> str:
         """The first of `reasons` in words, with how many conditions are missing besides."""
         found = list(reasons)
         if not found:

@@ -11,7 +11,7 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from zoneinfo import ZoneInfo
 
 from app.clock import to_datetime
-from app.tags.quality import BAD, GOOD, Origin, Reason, level, origin, reason
+from app.tags.quality import BAD, GOOD, Origin, QualityReason, level, origin, reason
 
 Text = Callable[..., str]
 """Looks a key up in the language of the page and fills its placeholders."""
@@ -194,9 +194,9 @@ def quality_state(quality: int) -> str:
         case 0:
             return "good"
         case 1:
-            return "stale" if why is Reason.STALE else "uncertain"
+            return "stale" if why is QualityReason.STALE else "uncertain"
         case _:
-            return "none" if why is Reason.NO_DATA else "bad"
+            return "none" if why is QualityReason.NO_DATA else "bad"
 
 
 def source_state(quality: int) -> str:
@@ -209,7 +209,7 @@ def quality_words(quality: int, text: Text) -> str:
     """Quality in words, with its reason and where the value comes from."""
     why, source = reason(quality), source_state(quality)
     words = text("quality." + {GOOD: "good", BAD: "bad"}.get(level(quality), "uncertain"))
-    if why is Reason.STALE or why is Reason.NO_DATA:
+    if why is QualityReason.STALE or why is QualityReason.NO_DATA:
         words = text(f"quality.reason.{why.name.lower()}")
     elif why:
         words = text("quality.because", quality=words, reason=text(f"quality.reason.{why.name.lower()}"))

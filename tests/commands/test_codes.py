@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from app.commands.gate import Question
-from app.commands.interlocks import Reason, raw, wrong_argument
+from app.commands.interlocks import RefusalReason, raw, wrong_argument
 from app.commands.lifecycle import Progress, ProgressState
 from app.errors import LinkError, NoAnswer, Refused, Rejected
 from app.plant.definitions import Argument, Type
@@ -304,7 +304,7 @@ def test_a_limit_on_one_side_is_told_alone() -> None:
     assert found[0] is not None
     assert found[0].params["min"] == 10.0
     assert wrong_argument(lowest, 1e6, look) is None
-    assert wrong_argument(Argument("length", Type.F32, "", "10"), 11, look) == Reason(
+    assert wrong_argument(Argument("length", Type.F32, "", "10"), 11, look) == RefusalReason(
         "why.too_high", {"argument": "length", "unit": "", "value": 11, "max": 10.0}, ""
     )
     assert [raw(Argument("n", Type.I32), -1), raw(Argument("n", Type.U32), 7)] == [0xFFFFFFFF, 7]

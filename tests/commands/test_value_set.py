@@ -6,7 +6,7 @@ from itertools import permutations, product
 import pytest
 
 from app.commands import interlocks, value_set
-from app.commands.interlocks import Prepared, Reason
+from app.commands.interlocks import Prepared, RefusalReason
 from app.commands.value_set import Change, Stands
 from app.plant.definitions import Condition, EquipmentType
 from app.tags.quality import GOOD
@@ -25,7 +25,7 @@ def kind(*checks: str) -> EquipmentType:
 
 def steps(
     of: EquipmentType, now: dict[str, float], values: dict[str, float], groups: list[list[str]]
-) -> tuple[tuple[str, ...], ...] | Reason:
+) -> tuple[tuple[str, ...], ...] | RefusalReason:
     parts: list[Prepared] = [PARTS[key] for key in values]
     return value_set.steps(of, parts, groups, values, lambda key: (now[key], GOOD))
 
@@ -35,7 +35,7 @@ def test_from_every_three_to_every_three_there_is_an_order_that_keeps_the_limits
     for before, after in product(SORTED, SORTED):
         now, wanted = dict(zip(KEYS, before, strict=True)), dict(zip(KEYS, after, strict=True))
         found = steps(ITEM.type, now, {key: wanted[key] for key in order}, [[key] for key in order])
-        assert not isinstance(found, Reason), (before, after)
+        assert not isinstance(found, RefusalReason), (before, after)
         held = dict(now)
         for (key,) in found:
             held[key] = wanted[key]
@@ -47,7 +47,7 @@ def test_where_no_order_keeps_a_check_the_set_is_refused_but_taken_at_once_it_is
     tied = kind("f114 == f115")
     now, wanted = {"f114": 5.0, "f115": 5.0}, {"f114": 6.0, "f115": 6.0}
     refused = steps(tied, now, wanted, [["f114"], ["f115"]])
-    assert isinstance(refused, Reason) and (refused.key, refused.label) == ("why.set_order", "point.f114")
+    assert isinstance(refused, RefusalReason) and (refused.key, refused.label) == ("why.set_order", "point.f114")
     assert steps(tied, now, wanted, [["f114", "f115"]]) == (("f114", "f115"),)
 
 

@@ -20,7 +20,7 @@ from app.plant.definitions import Kind
 from app.plant.derive import Derivation
 from app.tags.batch import Batch
 from app.tags.database import Standstill, Tag, TagDatabase
-from app.tags.quality import BAD, GOOD, NO_DATA, STALE, Reason, is_good, reason
+from app.tags.quality import BAD, GOOD, NO_DATA, STALE, QualityReason, is_good, reason
 from tests.alarms.test_engine import HOT, Plot
 from tests.conftest import PogonServer
 from tests.historian.conftest import point
@@ -183,12 +183,12 @@ async def test_a_bad_value_stays_as_it_is(history: Database) -> None:
     await house.recorder.configure(house.points)
     house.live(1)
     now = house.clock.micros()
-    house.tags.publish(Batch("link.a", 0, now, now, [0], [None], BAD | Reason.COMM_FAILURE << 2))
+    house.tags.publish(Batch("link.a", 0, now, now, [0], [None], BAD | QualityReason.COMM_FAILURE << 2))
     house.tags.sweep()
     house.clock.advance(30)
     house.tags.sweep()
     await house.recorder.flush()
-    assert reason(rows_of(history, FAST)[-1][2]) is Reason.COMM_FAILURE
+    assert reason(rows_of(history, FAST)[-1][2]) is QualityReason.COMM_FAILURE
     assert NO_DATA in [row[2] for row in rows_of(history, SLOW)]
 
 

@@ -17,7 +17,7 @@ from app.sim.bus import Bus
 from app.sim.plant import SimPlant, read_simulated
 from app.sim.server import TcpServer
 from app.tags.database import Tag, TagDatabase
-from app.tags.quality import HALTED, Reason, is_good, reason
+from app.tags.quality import HALTED, QualityReason, is_good, reason
 from tests.links.devices import on_bus, until
 from tests.links.plc_devices import KINDS, START, STATUS, STOP, SmallPlc, plant
 from tests.virtual import loop_clock
@@ -155,7 +155,7 @@ async def test_one_that_stands_from_the_beginning_never_looks_good(kind: str) ->
     async with plant(device, kind) as (line, _):
         await until(lambda: line.value("p.level") == 1.5)
         assert not [b for b in line.batches if b.source == "link.hall" and b.handles and is_good(b.quality)]
-        assert reason(line.quality("p.level")) is Reason.HALTED
+        assert reason(line.quality("p.level")) is QualityReason.HALTED
         device.step = step  # type: ignore[method-assign]
         await until(lambda: is_good(line.quality("p.level")), 10)
 
@@ -245,7 +245,7 @@ async def test_every_machine_with_our_map_is_found_out_on_every_road(name: str, 
         state = next(handle for handle, tag in enumerate(tags.tags) if tag.name == f"{name}.state")
         await until(lambda: is_good(tags.quality(state)))
         standing.set()
-        assert await until(lambda: reason(tags.quality(state)) is Reason.HALTED, 10) < 5
+        assert await until(lambda: reason(tags.quality(state)) is QualityReason.HALTED, 10) < 5
         assert link.halted(name)
         standing.clear()
         assert await until(lambda: is_good(tags.quality(state)), 10) < 5

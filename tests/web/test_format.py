@@ -85,13 +85,15 @@ def test_revolutions_have_a_unit_of_each_language_and_symbols_stay(lang: str, un
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_every_unit_reason_and_origin_has_words(lang: str) -> None:
     words = [fmt.unit_words(unit, text(lang)) for unit in fmt.SPOKEN_UNITS]
-    words += [fmt.quality_words(q.BAD | why << 2 | flag, text(lang)) for why in q.Reason for flag in (0, *Origin)]
+    words += [
+        fmt.quality_words(q.BAD | why << 2 | flag, text(lang)) for why in q.QualityReason for flag in (0, *Origin)
+    ]
     assert not [word for word in words if not word or "[" in word or "{" in word]
     assert "[" not in json.dumps(live_texts(text(lang))).replace("[", "", 1)
 
 
 def test_the_reasons_of_the_live_script_are_those_of_the_quality_word() -> None:
-    assert tuple(reason.name.lower() for reason in q.Reason if reason) == REASONS
+    assert tuple(reason.name.lower() for reason in q.QualityReason if reason) == REASONS
 
 
 def test_parameters_of_a_reason_are_written_for_people() -> None:

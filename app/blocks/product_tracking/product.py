@@ -75,7 +75,7 @@ class TrackingEvent(NamedTuple):
     value2: float = 0.0
 
 
-class Reason(IntEnum):
+class EditReason(IntEnum):
     """Why an edit is refused (reason words of the conveyor)."""
 
     NO_SUCH_PRODUCT = 7
@@ -88,7 +88,7 @@ class Reason(IntEnum):
 class EditRefused(ValueError):
     """An edit that would make the table wrong. `reason` is the reason word."""
 
-    def __init__(self, reason: Reason, text: str) -> None:
+    def __init__(self, reason: EditReason, text: str) -> None:
         super().__init__(text)
         self.reason = reason
 

@@ -12,11 +12,11 @@ from app.blocks.product_tracking.leaving import leave, unload
 from app.blocks.product_tracking.movement import move
 from app.blocks.product_tracking.product import (
     Code,
+    EditReason,
     EditRefused,
     Gap,
     Line,
     Product,
-    Reason,
     Settings,
     TrackingEvent,
 )
@@ -194,7 +194,7 @@ class ProductTracking(ProductTable):
         self._require_room(right, length, None)
         slot = self.free_slot()
         if slot is None:
-            raise EditRefused(Reason.BUFFER_FULL, f"all {self.line.slots} slots are taken")
+            raise EditRefused(EditReason.BUFFER_FULL, f"all {self.line.slots} slots are taken")
         product = self.record(slot, right, length, TRACKED, time_us)
         product.moved_us = NEVER
         self.set_passed(product)
@@ -212,7 +212,7 @@ class ProductTracking(ProductTable):
         if id:
             product = self._by_id(id)
             if product not in self.products:
-                raise EditRefused(Reason.OUTSIDE_LINE, f"product {id} is past the end of the line")
+                raise EditRefused(EditReason.OUTSIDE_LINE, f"product {id} is past the end of the line")
             chosen = [product]
         else:
             chosen = [product for product in self.products if product.state is not LOST]
@@ -292,25 +292,28 @@ class ProductTracking(ProductTable):
         for product in self.slots:
             if product and product.id == id:
                 return product
-        raise EditRefused(Reason.NO_SUCH_PRODUCT, f"no product {id} in the table")
+        raise EditRefused(EditReason.NO_SUCH_PRODUCT, f"no product {id} in the table")
 
     def _right_of(self, head: float, length: float, swapped: bool) -> float:
         limits = self.settings
         if not (isfinite(length) and limits.shortest <= length <= limits.longest):
             raise EditRefused(
-                Reason.LENGTH, f"length is {length} mm, {limits.shortest:g} to {limits.longest:g} expected"
+                EditReason.LENGTH, f"length is {length} mm, {limits.shortest:g} to {limits.longest:g} expected"
             )
         right = head + length if swapped else head
         if not (isfinite(right) and right - length >= 0.0 and right <= self.line.length):
             raise EditRefused(
-                Reason.OUTSIDE_LINE, f"head {head} mm with length {length} mm is not on 0 to {self.line.length:g} mm"
+                EditReason.OUTSIDE_LINE,
+                f"head {head} mm with length {length} mm is not on 0 to {self.line.length:g} mm",
             )
         return right
 
     def _require_room(self, right: float, length: float, but: Product | None) -> None:
         for other in self.products:
             if other is not but and right > other.left + TOUCH and right - length < other.right - TOUCH:
-                raise EditRefused(Reason.OVERLAP, f"product {other.id} is there, {other.left:g} to {other.right:g} mm")
+                raise EditRefused(
+                    EditReason.OVERLAP, f"product {other.id} is there, {other.left:g} to {other.right:g} mm"
+                )
 
     def _check(self, moved: tuple[float, ...], beams: tuple[bool, ...], stops: tuple[float, ...]) -> None:
         belts, sensors = len(self.line.belt_ends), len(self.line.sensors)

@@ -49,9 +49,9 @@ from app.sim.coil_car.register_map import (
     Block,
     CoilCarCommand,
     CoilCarEvent,
+    CoilCarReason,
     Fault,
     Mode,
-    Reason,
     checked_settings,
 )
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
@@ -346,9 +346,9 @@ class VirtualCoilCar(InterlockedCar):
             return self._change_mode(Mode.AUTOMATIC if code == CoilCarCommand.AUTOMATIC else Mode.MANUAL)
         if code == CoilCarCommand.TARGET:
             if not 0 <= first <= SADDLES:
-                return no(Reason.NO_SUCH_SADDLE)
+                return no(CoilCarReason.NO_SUCH_SADDLE)
             if self.machine.load and self._asked_to_move():
-                return no(Reason.MOVING)
+                return no(CoilCarReason.MOVING)
             self.target_selected = first
             self.choose_target()
             self.event(CoilCarEvent.TARGET, first)
@@ -357,7 +357,7 @@ class VirtualCoilCar(InterlockedCar):
             return self._removed(first)
         if code in (CoilCarCommand.WIND, CoilCarCommand.STOP_WINDING):
             return self._winding(code)
-        return no(Reason.UNKNOWN)
+        return no(CoilCarReason.UNKNOWN)
 
     def _asked_to_move(self) -> bool:
         return not self.standing_x
@@ -378,13 +378,13 @@ class VirtualCoilCar(InterlockedCar):
     def _reset(self) -> Verdict:
         machine = self.machine
         if machine.emergency_stop:
-            return no(Reason.EMERGENCY_STOP)
+            return no(CoilCarReason.EMERGENCY_STOP)
         if not all(machine.guard(n) for n in (1, 2, 3)):
-            return no(Reason.GUARD)
+            return no(CoilCarReason.GUARD)
         if self.moving:
-            return no(Reason.MOVING)
+            return no(CoilCarReason.MOVING)
         if machine.hit is not Hit.NONE and self.interlocks:
-            return no(Reason.HELD, Fault.COLLISION)
+            return no(CoilCarReason.HELD, Fault.COLLISION)
         self.event(CoilCarEvent.RESET)
         self.fault = Fault.NONE
         return Verdict()
@@ -392,17 +392,17 @@ class VirtualCoilCar(InterlockedCar):
     def _change_mode(self, mode: Mode) -> Verdict:
         machine = self.machine
         if machine.emergency_stop:
-            return no(Reason.EMERGENCY_STOP)
+            return no(CoilCarReason.EMERGENCY_STOP)
         if not all(machine.guard(n) for n in (1, 2, 3)):
-            return no(Reason.GUARD)
+            return no(CoilCarReason.GUARD)
         if self.fault:
-            return no(Reason.HELD, self.fault)
+            return no(CoilCarReason.HELD, self.fault)
         if mode is self.mode and not self.stopping:
             return Verdict()
         if self.moving or self.hold:
-            return no(Reason.MOVING)
+            return no(CoilCarReason.MOVING)
         if mode is Mode.AUTOMATIC and self.host_silent:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(CoilCarReason.WRONG_STATE, self.state)
         self.mode, self.recoiler.told_not_to = mode, False
         self.event(CoilCarEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CoilCarEvent.MANUAL)
         return Verdict()
@@ -410,11 +410,11 @@ class VirtualCoilCar(InterlockedCar):
     def _removed(self, number: int) -> Verdict:
         machine = self.machine
         if not 1 <= number <= SADDLES:
-            return no(Reason.NO_SUCH_SADDLE)
+            return no(CoilCarReason.NO_SUCH_SADDLE)
         if not machine.saddles[number - 1]:
-            return no(Reason.SADDLE_EMPTY, number)
+            return no(CoilCarReason.SADDLE_EMPTY, number)
         if machine.below(number):
-            return no(Reason.CRANE_BLOCKED, number)
+            return no(CoilCarReason.CRANE_BLOCKED, number)
         machine.saddles[number - 1] = 0.0
         return Verdict(detail=number)
 
@@ -422,11 +422,11 @@ class VirtualCoilCar(InterlockedCar):
         machine = self.machine
         if code == CoilCarCommand.STOP_WINDING:
             if not machine.winding:
-                return no(Reason.NOT_WINDING)
+                return no(CoilCarReason.NOT_WINDING)
             machine.winding, self.recoiler.told_not_to = False, True
             return Verdict()
         if self.mode is Mode.OFF and not self.fault:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(CoilCarReason.WRONG_STATE, self.state)
         block = self.interlock.block(WIND)
         if block is not Block.FREE:
             return no(_WINDING_REASONS[block])
@@ -500,17 +500,17 @@ class VirtualCoilCar(InterlockedCar):
         self.event(CoilCarEvent.POWER_UP, value=self.boots)
 
 
-_WINDING_REASONS: Mapping[Block, Reason] = MappingProxyType(
+_WINDING_REASONS: Mapping[Block, CoilCarReason] = MappingProxyType(
     {
-        Block.EMERGENCY_STOP: Reason.EMERGENCY_STOP,
-        Block.GUARD: Reason.GUARD,
-        Block.HELD: Reason.HELD,
-        Block.PRESSURE: Reason.HYDRAULICS,
-        Block.OIL: Reason.HYDRAULICS,
-        Block.WINDING: Reason.WINDING,
-        Block.COIL_THERE: Reason.COIL_ON_MANDREL,
-        Block.NOT_COLLAPSED: Reason.NOT_EXPANDED,
-        Block.MANDREL: Reason.NOT_EXPANDED,
-        Block.CAR: Reason.CAR_IN_THE_WAY,
+        Block.EMERGENCY_STOP: CoilCarReason.EMERGENCY_STOP,
+        Block.GUARD: CoilCarReason.GUARD,
+        Block.HELD: CoilCarReason.HELD,
+        Block.PRESSURE: CoilCarReason.HYDRAULICS,
+        Block.OIL: CoilCarReason.HYDRAULICS,
+        Block.WINDING: CoilCarReason.WINDING,
+        Block.COIL_THERE: CoilCarReason.COIL_ON_MANDREL,
+        Block.NOT_COLLAPSED: CoilCarReason.NOT_EXPANDED,
+        Block.MANDREL: CoilCarReason.NOT_EXPANDED,
+        Block.CAR: CoilCarReason.CAR_IN_THE_WAY,
     }
 )

@@ -146,7 +146,7 @@ class CoilCarCommand(IntEnum):
     STOP_WINDING = 8
 
 
-class Reason(IntEnum):
+class CoilCarReason(IntEnum):
     """Why a command is refused; 20–22 come from the base."""
 
     UNKNOWN = REASON_UNKNOWN

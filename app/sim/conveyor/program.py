@@ -49,7 +49,7 @@ from app.sim.conveyor.register_map import (
     TABLE,
     ConveyorCommand,
     ConveyorEvent,
-    Reason,
+    ConveyorReason,
     Source,
     require_settings,
     words_of,
@@ -325,9 +325,9 @@ class VirtualConveyor(LineState):
         if code in (ConveyorCommand.START, ConveyorCommand.MANUAL):
             return self._change_mode(code)
         if code not in (ConveyorCommand.DELETE, ConveyorCommand.EDIT, ConveyorCommand.CONFIRM, ConveyorCommand.INSERT):
-            return no(Reason.UNKNOWN)
+            return no(ConveyorReason.UNKNOWN)
         if code in (ConveyorCommand.EDIT, ConveyorCommand.INSERT) and self.moving:
-            return no(Reason.MOVING)
+            return no(ConveyorReason.MOVING)
         try:
             if code == ConveyorCommand.DELETE:
                 event = self.tracking.delete(first)
@@ -337,9 +337,9 @@ class VirtualConveyor(LineState):
                 at = 1 if code == ConveyorCommand.EDIT else 0
                 head, length = real_of(request.arguments[at]), real_of(request.arguments[at + 1])
                 if not isfinite(length):
-                    return no(Reason.LENGTH)
+                    return no(ConveyorReason.LENGTH)
                 if not isfinite(head):
-                    return no(Reason.OUTSIDE_LINE)
+                    return no(ConveyorReason.OUTSIDE_LINE)
                 edit = code == ConveyorCommand.EDIT
                 event = self.tracking.edit(first, head, length) if edit else self._insert(head, length)
         except EditRefused as refusal:
@@ -388,16 +388,16 @@ class VirtualConveyor(LineState):
 
     def _change_mode(self, code: int) -> Verdict:
         if self._held:
-            return no(Reason.EMERGENCY_STOP)
+            return no(ConveyorReason.EMERGENCY_STOP)
         if self._faulty:
-            return no(Reason.FAULT)
+            return no(ConveyorReason.FAULT)
         if code == ConveyorCommand.START and self.modes.mode is Mode.AUTOMATIC and not self._stopping:
             return Verdict()
         if self.moving or self._stopping or self.hold:
-            return no(Reason.MOVING)
+            return no(ConveyorReason.MOVING)
         if code == ConveyorCommand.START:
             if self.host_silent:
-                return no(Reason.WRONG_STATE, self.state)
+                return no(ConveyorReason.WRONG_STATE, self.state)
             self._start = True
             self.causes(ConveyorEvent.AUTOMATIC)
         else:

@@ -50,7 +50,7 @@ class ConveyorCommand(IntEnum):
     INSERT = 8
 
 
-class Reason(IntEnum):
+class ConveyorReason(IntEnum):
     """Why a command is refused; 7–11 come from tracking, 20–22 from the base."""
 
     UNKNOWN = REASON_UNKNOWN

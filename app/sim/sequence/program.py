@@ -108,7 +108,7 @@ class SequenceCommand(IntEnum):
     RELEASE_ALL = 14
 
 
-class Reason(IntEnum):
+class SequenceReason(IntEnum):
     """Why a command is refused; 20–22 come from the base."""
 
     UNKNOWN = REASON_UNKNOWN
@@ -161,7 +161,9 @@ class Machine(Protocol):
         ...
 
 
-REASON_OF: Mapping[str, Reason] = MappingProxyType({"forbidden": Reason.FORBIDDEN, "duration": Reason.DURATION})
+REASON_OF: Mapping[str, SequenceReason] = MappingProxyType(
+    {"forbidden": SequenceReason.FORBIDDEN, "duration": SequenceReason.DURATION}
+)
 
 
 def settings_of(definition: SequenceDefinition) -> SequenceSettings:
@@ -475,19 +477,19 @@ class VirtualSequence(VirtualPlc):
             return self._force(request)
         if code == SequenceCommand.RELEASE:
             return self._release(request.arguments[0], request.arguments[1])
-        return no(Reason.UNKNOWN)
+        return no(SequenceReason.UNKNOWN)
 
     def _command_start(self) -> Verdict:
         run = self.block
         if run.running:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(SequenceReason.WRONG_STATE, self.state)
         if run.needs_acknowledge:
-            return no(Reason.NEEDS_ACKNOWLEDGE)
+            return no(SequenceReason.NEEDS_ACKNOWLEDGE)
         if self._machine_manual:
-            return no(Reason.MACHINE)
+            return no(SequenceReason.MACHINE)
         for number in (ABORT, 1):
             if (bit := self._missing(number)) >= 0:
-                return no(Reason.MISSING, number * BITS + bit)
+                return no(SequenceReason.MISSING, number * BITS + bit)
         self._pulses.add("start")
         return self._proved(lambda: self.block.running)
 
@@ -497,19 +499,19 @@ class VirtualSequence(VirtualPlc):
 
     def _command_resume(self) -> Verdict:
         if self.block.state is not SequenceState.SUSPENDED:
-            return no(Reason.NOT_SUSPENDED, self.state)
+            return no(SequenceReason.NOT_SUSPENDED, self.state)
         self._suspended = False
         return Verdict()
 
     def _command_abort(self) -> Verdict:
         if not self.block.running:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(SequenceReason.WRONG_STATE, self.state)
         self._pulses.add("abort")
         return self._proved(lambda: not self.block.running)
 
     def _command_acknowledge(self) -> Verdict:
         if self.block.running:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(SequenceReason.WRONG_STATE, self.state)
         self._pulses.add("acknowledge")
         return self._proved(lambda: not self.block.needs_acknowledge)
 
@@ -528,14 +530,14 @@ class VirtualSequence(VirtualPlc):
     def _command_advance(self) -> Verdict:
         run = self.block
         if not self.single:
-            return no(Reason.NOT_SINGLE)
+            return no(SequenceReason.NOT_SINGLE)
         if run.state is not SequenceState.RUNNING:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(SequenceReason.WRONG_STATE, self.state)
         step, times = run.step, run.settings.step(run.step)
         if step < self._count and (bit := self._missing(step + 1)) >= 0:
-            return no(Reason.MISSING, (step + 1) * BITS + bit)
+            return no(SequenceReason.MISSING, (step + 1) * BITS + bit)
         if not times.maximum or run.elapsed(step) + self.dt < times.minimum - 1e-6:
-            return no(Reason.WRONG_STATE, self.state)
+            return no(SequenceReason.WRONG_STATE, self.state)
         self._pulses.add("advance")
         return self._proved(lambda: run.step != step or not run.running)
 
@@ -553,11 +555,11 @@ class VirtualSequence(VirtualPlc):
         step, override = request.arguments[0], request.arguments[3]
         minimum, maximum = real_of(request.arguments[1]), real_of(request.arguments[2])
         if not 1 <= step <= self._count:
-            return no(Reason.NO_SUCH_STEP, step)
+            return no(SequenceReason.NO_SUCH_STEP, step)
         if not (0 <= minimum <= LONGEST and 0 <= maximum <= LONGEST) or (maximum and maximum < minimum):
-            return no(Reason.TIMES, step)
+            return no(SequenceReason.TIMES, step)
         if self.block.running and override != 1:
-            return no(Reason.LOCKED, step)
+            return no(SequenceReason.LOCKED, step)
         self.block.set_times(step, minimum, maximum)
         self.event(SequenceDeviceEvent.TIMES_CHANGED, step, maximum, (NO_BIT, 0, 0, 0, *long_words(real(minimum))))
         return Verdict(detail=step)
@@ -565,13 +567,13 @@ class VirtualSequence(VirtualPlc):
     def _force(self, request: Request) -> Verdict:
         step, bit = request.arguments[0], request.arguments[1]
         if not 0 <= step <= self._count:
-            return no(Reason.NO_SUCH_STEP, step)
+            return no(SequenceReason.NO_SUCH_STEP, step)
         if not 0 <= bit < BITS or self._unnamed[step] >> bit & 1:
-            return no(Reason.NO_SUCH_BIT, bit)
+            return no(SequenceReason.NO_SUCH_BIT, bit)
         seconds, id = real_of(request.arguments[2]), step * BITS + bit + 1
         new = (step, bit) not in self.block.forces
         if new and 0 not in self._forces_table.ids:
-            return no(Reason.NO_PLACE)
+            return no(SequenceReason.NO_PLACE)
         try:
             report = self.block.force(step, bit, seconds, self.time)
         except ForceRefused as refusal:
@@ -584,12 +586,12 @@ class VirtualSequence(VirtualPlc):
 
     def _release(self, step: int, bit: int) -> Verdict:
         if not 0 <= step <= self._count:
-            return no(Reason.NO_SUCH_STEP, step)
+            return no(SequenceReason.NO_SUCH_STEP, step)
         if not 0 <= bit < BITS:
-            return no(Reason.NO_SUCH_BIT, bit)
+            return no(SequenceReason.NO_SUCH_BIT, bit)
         report = self.block.release(step, bit)
         if report is None:
-            return no(Reason.NOT_FORCED, step * BITS + bit)
+            return no(SequenceReason.NOT_FORCED, step * BITS + bit)
         self._tell(report)
         self._renew_forces()
         return Verdict(detail=step * BITS + bit)

@@ -10,12 +10,12 @@ from app.blocks.product_tracking import (
     BLIND,
     STUCK,
     Code,
+    EditReason,
     EditRefused,
     Line,
     Product,
     ProductState,
     ProductTracking,
-    Reason,
     Settings,
     TrackingEvent,
     share,
@@ -394,7 +394,7 @@ def test_a_lost_product_is_never_deleted_by_itself() -> None:
     assert bench.tracking.lost == 1 and bench.tracking.unloaded == 0 and not bench.tracking.brake
     with pytest.raises(EditRefused) as refused:
         bench.tracking.confirm(product.id)
-    assert refused.value.reason is Reason.OUTSIDE_LINE
+    assert refused.value.reason is EditReason.OUTSIDE_LINE
     assert bench.tracking.delete(product.id).code is Code.DELETED
     assert not any(bench.tracking.slots)
 
@@ -971,7 +971,7 @@ def test_delete_takes_out_the_record_and_tells_where_it_was() -> None:
     assert not bench.tracking.products and bench.tracking.deleted == 1
     with pytest.raises(EditRefused) as refused:
         bench.tracking.delete(product.id)
-    assert refused.value.reason is Reason.NO_SUCH_PRODUCT
+    assert refused.value.reason is EditReason.NO_SUCH_PRODUCT
 
 
 def test_edit_sets_head_and_length_and_vouches_for_it() -> None:
@@ -1003,17 +1003,17 @@ def test_edit_may_move_a_product_past_another() -> None:
 @pytest.mark.parametrize(
     ("head", "length", "reason"),
     [
-        (310.0, 20.0, Reason.OVERLAP),
-        (19.0, 20.0, Reason.OUTSIDE_LINE),
-        (661.0, 20.0, Reason.OUTSIDE_LINE),
-        (math.nan, 20.0, Reason.OUTSIDE_LINE),
-        (200.0, 9.0, Reason.LENGTH),
-        (200.0, 151.0, Reason.LENGTH),
-        (200.0, math.nan, Reason.LENGTH),
-        (200.0, math.inf, Reason.LENGTH),
+        (310.0, 20.0, EditReason.OVERLAP),
+        (19.0, 20.0, EditReason.OUTSIDE_LINE),
+        (661.0, 20.0, EditReason.OUTSIDE_LINE),
+        (math.nan, 20.0, EditReason.OUTSIDE_LINE),
+        (200.0, 9.0, EditReason.LENGTH),
+        (200.0, 151.0, EditReason.LENGTH),
+        (200.0, math.nan, EditReason.LENGTH),
+        (200.0, math.inf, EditReason.LENGTH),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_reason(head: float, length: float, reason: Reason) -> None:
+def test_what_cannot_be_is_refused_with_its_reason(head: float, length: float, reason: EditReason) -> None:
     bench = Bench()
     put(bench, 300.0, 20.0)
     other = put(bench, 500.0, 20.0)
@@ -1037,7 +1037,7 @@ def test_insert_into_a_full_table_is_refused() -> None:
     put(bench, 300.0, 20.0)
     with pytest.raises(EditRefused) as refused:
         bench.tracking.insert(200.0, 20.0, 0)
-    assert refused.value.reason is Reason.BUFFER_FULL
+    assert refused.value.reason is EditReason.BUFFER_FULL
 
 
 def test_confirm_one_or_all() -> None:

@@ -199,7 +199,7 @@ def plant(definition: SequenceDefinition, *tests: SequenceTest, machine: bool = 
         name.lower(): Command(name.lower(), "", (), "", "1", code=int(code))
         for name, code in sequence.SequenceCommand.__members__.items()
     }
-    reasons = {int(code): code.name.lower() for code in sequence.Reason}
+    reasons = {int(code): code.name.lower() for code in sequence.SequenceReason}
     types = {
         "sequence": EquipmentType(
             "sequence", Path("sequence"), "", Device(), {}, commands, (), (), {}, (), {}, reasons=reasons

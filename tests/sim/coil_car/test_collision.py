@@ -16,9 +16,9 @@ from app.sim.coil_car.register_map import (
     Block,
     CoilCarCommand,
     CoilCarEvent,
+    CoilCarReason,
     Fault,
     Mode,
-    Reason,
 )
 from tests.sim.coil_car.line import Talker, act
 
@@ -194,7 +194,7 @@ def test_a_collision_is_seen_held_and_told() -> None:
     assert car.signal("collision") == 1 and car.signal("collision_kind") == Hit.COIL_ON_MANDREL
     assert (car.mode, car.fault) == (Mode.OFF, Fault.COLLISION)
     assert (CoilCarEvent.COLLISION, Hit.COIL_ON_MANDREL) in talker.codes()
-    assert talker.ask(CoilCarCommand.RESET).reason == Reason.HELD
+    assert talker.ask(CoilCarCommand.RESET).reason == CoilCarReason.HELD
     talker.train(training.REG_RESET, 1)
     car.step()
     assert car.signal("collision") == 0

@@ -23,10 +23,10 @@ from app.sim.coil_car.register_map import (
     Block,
     CoilCarCommand,
     CoilCarEvent,
+    CoilCarReason,
     CoilCarState,
     Fault,
     Mode,
-    Reason,
 )
 from app.sim.plc import EVENT_CAPACITY
 from tests.sim.coil_car.line import Talker, act
@@ -281,7 +281,7 @@ def test_jogs_act_in_manual_only(start: str) -> None:
 def test_a_button_held_while_manual_is_chosen_does_nothing() -> None:
     _, talker = line(start="stopped")
     talker.hold(1)
-    assert talker.ask(CoilCarCommand.MANUAL).reason == Reason.MOVING
+    assert talker.ask(CoilCarCommand.MANUAL).reason == CoilCarReason.MOVING
 
 
 def test_a_manual_transport_is_possible_and_ends_at_the_interlock() -> None:
@@ -328,32 +328,32 @@ def _moving(car: VirtualCoilCar, talker: Talker) -> None:
 
 
 REFUSED: list[tuple[CoilCarCommand, int, dict[str, float], int]] = [
-    (CoilCarCommand.AUTOMATIC, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (CoilCarCommand.AUTOMATIC, 0, {"guard_2": 0}, Reason.GUARD),
-    (CoilCarCommand.MANUAL, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (CoilCarCommand.RESET, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (CoilCarCommand.RESET, 0, {"guard_1": 0}, Reason.GUARD),
-    (CoilCarCommand.TARGET, 4, {}, Reason.NO_SUCH_SADDLE),
-    (CoilCarCommand.REMOVED, 0, {}, Reason.NO_SUCH_SADDLE),
-    (CoilCarCommand.REMOVED, 4, {}, Reason.NO_SUCH_SADDLE),
-    (CoilCarCommand.REMOVED, 2, {}, Reason.SADDLE_EMPTY),
-    (CoilCarCommand.REMOVED, 1, {"saddle_1": 1, "horizontal": 9000, "vertical": 680}, Reason.CRANE_BLOCKED),
-    (CoilCarCommand.WIND, 0, {"coil": 1}, Reason.COIL_ON_MANDREL),
-    (CoilCarCommand.WIND, 0, {"mandrel": 0}, Reason.NOT_EXPANDED),
-    (CoilCarCommand.WIND, 0, {"horizontal": 1000, "vertical": 300}, Reason.CAR_IN_THE_WAY),
-    (CoilCarCommand.WIND, 0, {"winding": 1}, Reason.WINDING),
-    (CoilCarCommand.WIND, 0, {"guard_3": 0}, Reason.GUARD),
-    (CoilCarCommand.WIND, 0, {"emergency_stop": 1}, Reason.EMERGENCY_STOP),
-    (CoilCarCommand.WIND, 0, {"pressure": 50}, Reason.HYDRAULICS),
-    (CoilCarCommand.WIND, 0, {"oil_temperature": 5}, Reason.HYDRAULICS),
-    (CoilCarCommand.WIND, 0, {"mode": 0}, Reason.WRONG_STATE),
-    (CoilCarCommand.STOP_WINDING, 0, {}, Reason.NOT_WINDING),
+    (CoilCarCommand.AUTOMATIC, 0, {"emergency_stop": 1}, CoilCarReason.EMERGENCY_STOP),
+    (CoilCarCommand.AUTOMATIC, 0, {"guard_2": 0}, CoilCarReason.GUARD),
+    (CoilCarCommand.MANUAL, 0, {"emergency_stop": 1}, CoilCarReason.EMERGENCY_STOP),
+    (CoilCarCommand.RESET, 0, {"emergency_stop": 1}, CoilCarReason.EMERGENCY_STOP),
+    (CoilCarCommand.RESET, 0, {"guard_1": 0}, CoilCarReason.GUARD),
+    (CoilCarCommand.TARGET, 4, {}, CoilCarReason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 0, {}, CoilCarReason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 4, {}, CoilCarReason.NO_SUCH_SADDLE),
+    (CoilCarCommand.REMOVED, 2, {}, CoilCarReason.SADDLE_EMPTY),
+    (CoilCarCommand.REMOVED, 1, {"saddle_1": 1, "horizontal": 9000, "vertical": 680}, CoilCarReason.CRANE_BLOCKED),
+    (CoilCarCommand.WIND, 0, {"coil": 1}, CoilCarReason.COIL_ON_MANDREL),
+    (CoilCarCommand.WIND, 0, {"mandrel": 0}, CoilCarReason.NOT_EXPANDED),
+    (CoilCarCommand.WIND, 0, {"horizontal": 1000, "vertical": 300}, CoilCarReason.CAR_IN_THE_WAY),
+    (CoilCarCommand.WIND, 0, {"winding": 1}, CoilCarReason.WINDING),
+    (CoilCarCommand.WIND, 0, {"guard_3": 0}, CoilCarReason.GUARD),
+    (CoilCarCommand.WIND, 0, {"emergency_stop": 1}, CoilCarReason.EMERGENCY_STOP),
+    (CoilCarCommand.WIND, 0, {"pressure": 50}, CoilCarReason.HYDRAULICS),
+    (CoilCarCommand.WIND, 0, {"oil_temperature": 5}, CoilCarReason.HYDRAULICS),
+    (CoilCarCommand.WIND, 0, {"mode": 0}, CoilCarReason.WRONG_STATE),
+    (CoilCarCommand.STOP_WINDING, 0, {}, CoilCarReason.NOT_WINDING),
 ]
 
 
 @pytest.mark.parametrize(("code", "argument", "given", "reason"), REFUSED)
 def test_a_command_is_refused_with_its_reason(
-    code: CoilCarCommand, argument: int, given: dict[str, float], reason: Reason
+    code: CoilCarCommand, argument: int, given: dict[str, float], reason: CoilCarReason
 ) -> None:
     car, talker = line()
     car.preset(given)
@@ -364,10 +364,10 @@ def test_a_command_is_refused_with_its_reason(
 def test_refusals_while_it_moves_is_held_or_the_state_is_another() -> None:
     car, talker = line()
     _moving(car, talker)
-    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == Reason.MOVING
-    assert talker.ask(CoilCarCommand.RESET).reason == Reason.MOVING
-    assert talker.ask(99).reason == Reason.UNKNOWN
-    assert talker.ask(CoilCarCommand.MANUAL, expected=CoilCarState.AUTOMATIC).reason == Reason.WRONG_STATE
+    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == CoilCarReason.MOVING
+    assert talker.ask(CoilCarCommand.RESET).reason == CoilCarReason.MOVING
+    assert talker.ask(99).reason == CoilCarReason.UNKNOWN
+    assert talker.ask(CoilCarCommand.MANUAL, expected=CoilCarState.AUTOMATIC).reason == CoilCarReason.WRONG_STATE
     talker.hold(0)
     run(car, 2)
     talker.fault(1)
@@ -375,13 +375,13 @@ def test_refusals_while_it_moves_is_held_or_the_state_is_another() -> None:
     talker.fault(0)
     car.step()
     answer = talker.ask(CoilCarCommand.AUTOMATIC)
-    assert (answer.reason, answer.detail) == (Reason.HELD, Fault.DRIVE_HORIZONTAL)
-    assert talker.ask(CoilCarCommand.WIND).reason == Reason.HELD
+    assert (answer.reason, answer.detail) == (CoilCarReason.HELD, Fault.DRIVE_HORIZONTAL)
+    assert talker.ask(CoilCarCommand.WIND).reason == CoilCarReason.HELD
 
 
 def test_every_reason_but_those_of_the_base_is_given_somewhere() -> None:
-    seen = {reason for _, _, _, reason in REFUSED} | {Reason.MOVING, Reason.UNKNOWN, Reason.HELD}
-    assert set(Reason) == seen
+    seen = {reason for _, _, _, reason in REFUSED} | {CoilCarReason.MOVING, CoilCarReason.UNKNOWN, CoilCarReason.HELD}
+    assert set(CoilCarReason) == seen
 
 
 def test_winding_on_command_stops_and_goes_on() -> None:
@@ -557,7 +557,7 @@ def test_a_silent_host_ends_automatic() -> None:
     talker.fault(60)
     run(car, 3)
     assert value(car, "mode") == Mode.OFF and value(car, "host_silent") == 1
-    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == Reason.WRONG_STATE
+    assert talker.ask(CoilCarCommand.AUTOMATIC).reason == CoilCarReason.WRONG_STATE
     assert CoilCarEvent.HOST_SILENT in [code for code, _ in talker.codes()]
 
 

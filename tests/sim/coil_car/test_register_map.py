@@ -100,7 +100,7 @@ def test_events_reasons_and_commands_of_the_program_have_a_name() -> None:
         return [int(code) for code in enum]  # type: ignore[attr-defined]
 
     assert set(kind.events) == set(codes(coil_car.CoilCarEvent))
-    assert set(codes(coil_car.Reason)) <= set(kind.reasons)
+    assert set(codes(coil_car.CoilCarReason)) <= set(kind.reasons)
     assert {command.code for command in kind.commands.values() if command.code} == set(codes(coil_car.CoilCarCommand))
     jogs = [key.removeprefix("jog_") for key, command in kind.commands.items() if command.hold]
     assert jogs == list(coil_car.MOVEMENTS[:6])

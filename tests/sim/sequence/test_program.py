@@ -22,9 +22,9 @@ from app.sim.sequence.program import (
     STAGING,
     STATUS,
     STEPS,
-    Reason,
     SequenceCommand,
     SequenceDeviceEvent,
+    SequenceReason,
     VirtualSequence,
 )
 from tests.sim.coil_car.line import TRANSPORT, Line, Talker, bit, step, teaching
@@ -263,7 +263,7 @@ def test_abort_and_acknowledge() -> None:
     assert talker.ask(SequenceCommand.ABORT).state == DONE
     assert (word(plc, 1), word(plc, 2), long(plc, 16)) == (SequenceState.ABORTED, 2, 1)
     assert [word(plc, at) for at in (28, 29, 30, 31)] == [Cause.OPERATOR, 0, NO_BIT, 2]
-    assert talker.ask(SequenceCommand.START).reason == Reason.NEEDS_ACKNOWLEDGE
+    assert talker.ask(SequenceCommand.START).reason == SequenceReason.NEEDS_ACKNOWLEDGE
     assert talker.ask(SequenceCommand.ACKNOWLEDGE).state == DONE
     assert (word(plc, 1), word(plc, 28)) == (SequenceState.IDLE, 0)
     assert talker.ask(SequenceCommand.START).state == DONE
@@ -273,13 +273,13 @@ def test_single_step_goes_on_when_told() -> None:
     plc, talker = taught()
     assert talker.ask(SequenceCommand.SINGLE_ON).state == DONE and "single_step" in flags(plc)
     talker.ask(SequenceCommand.START)
-    assert talker.ask(SequenceCommand.ADVANCE).reason == Reason.WRONG_STATE, "its minimum is not over"
+    assert talker.ask(SequenceCommand.ADVANCE).reason == SequenceReason.WRONG_STATE, "its minimum is not over"
     run(plc, 3)
     assert word(plc, 2) == 1
     drop(talker, 2, 1 << 9)
     plc.step()
     answer = talker.ask(SequenceCommand.ADVANCE)
-    assert (answer.reason, answer.detail) == (Reason.MISSING, 2 * 16 + 9)
+    assert (answer.reason, answer.detail) == (SequenceReason.MISSING, 2 * 16 + 9)
     drop(talker, 2, 0)
     plc.step()
     assert talker.ask(SequenceCommand.ADVANCE).state == DONE and word(plc, 2) == 2
@@ -324,10 +324,10 @@ def test_a_start_that_is_refused_says_which_permissive_is_missing() -> None:
     plc, talker = taught()
     drop(talker, 1, 0b100100)
     answer = talker.ask(SequenceCommand.START)
-    assert (answer.state, answer.reason, answer.detail) == (REJECTED, Reason.MISSING, 16 + 2)
+    assert (answer.state, answer.reason, answer.detail) == (REJECTED, SequenceReason.MISSING, 16 + 2)
     drop(talker, 0, 1 << 15)
     answer = talker.ask(SequenceCommand.START)
-    assert (answer.reason, answer.detail) == (Reason.MISSING, 15)
+    assert (answer.reason, answer.detail) == (SequenceReason.MISSING, 15)
     assert word(plc, 1) == SequenceState.IDLE
 
 
@@ -377,14 +377,14 @@ def test_every_refusal() -> None:
         assert talker.ask(SequenceCommand.FORCE, 1 + at, which, real(100.0)).state == DONE
     seen |= {refused(talker, SequenceCommand.FORCE, 3, 14, real(5.0)).reason}
     assert talker.ask(SequenceCommand.FORCE, 1, 0, real(200.0)).state == DONE, "one that is there can be made longer"
-    assert seen == set(Reason) - {Reason.MACHINE}, "MACHINE: see the coupling below"
+    assert seen == set(SequenceReason) - {SequenceReason.MACHINE}, "MACHINE: see the coupling below"
 
 
 def test_a_machine_that_is_not_in_automatic_refuses_the_start() -> None:
     line = Line()
     line.machine.ask(coil_car.CoilCarCommand.MANUAL)
     assert "machine_manual" in flags(line.plc) and "start_possible" not in flags(line.plc)
-    assert line.sequence.ask(SequenceCommand.START).reason == Reason.MACHINE
+    assert line.sequence.ask(SequenceCommand.START).reason == SequenceReason.MACHINE
 
 
 # ---- times
@@ -397,13 +397,13 @@ def test_times_are_locked_while_it_runs_and_an_override_is_told() -> None:
     assert (f32(two, 8), f32(two, 10)) == (2.0, 4.0)
     talker.ask(SequenceCommand.START)
     talker.events()
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0)).reason == Reason.LOCKED
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0)).reason == SequenceReason.LOCKED
     assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0), 1).state == DONE
     (event,) = (event for event in talker.events() if event.code == SequenceDeviceEvent.TIMES_CHANGED)
     assert event.source == 2 and event.value == 3.0
     assert real_of(event.snapshot[4] << 16 | event.snapshot[5]) == 1.0
     assert talker.ask(SequenceCommand.SUSPEND).state == DONE
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(5.0)).reason == Reason.LOCKED
+    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(5.0)).reason == SequenceReason.LOCKED
 
 
 # ---- forces
@@ -469,9 +469,9 @@ def test_a_force_keeps_its_row_as_long_as_it_is_there() -> None:
 
 def test_a_bit_that_nobody_names_cannot_be_forced() -> None:
     line = Line()
-    assert line.sequence.ask(SequenceCommand.FORCE, 2, 9, real(5.0)).reason == Reason.NO_SUCH_BIT
-    assert line.sequence.ask(SequenceCommand.FORCE, 2, 1, real(5.0)).reason == Reason.FORBIDDEN
-    assert line.sequence.ask(SequenceCommand.FORCE, 0, 1, real(5.0)).reason == Reason.FORBIDDEN
+    assert line.sequence.ask(SequenceCommand.FORCE, 2, 9, real(5.0)).reason == SequenceReason.NO_SUCH_BIT
+    assert line.sequence.ask(SequenceCommand.FORCE, 2, 1, real(5.0)).reason == SequenceReason.FORBIDDEN
+    assert line.sequence.ask(SequenceCommand.FORCE, 0, 1, real(5.0)).reason == SequenceReason.FORBIDDEN
     assert line.sequence.ask(SequenceCommand.FORCE, 2, 0, real(5.0)).state == DONE
 
 
@@ -557,7 +557,7 @@ def test_a_coil_goes_from_the_mandrel_to_a_saddle_and_the_next_follows_by_itself
     assert line.car.machine.saddles == pytest.approx([1300.0] * 3, abs=0.5)
     line.run(30)
     assert line.plc.block.state is SequenceState.DONE and line.car.signal("target_free") == 0
-    assert line.sequence.ask(SequenceCommand.START).reason == Reason.MISSING
+    assert line.sequence.ask(SequenceCommand.START).reason == SequenceReason.MISSING
     line.machine.ask(coil_car.CoilCarCommand.REMOVED, 3)
     line.machine.ask(coil_car.CoilCarCommand.REMOVED, 2)
     line.until(lambda: line.plc.runs_done == 4, 90)

@@ -33,7 +33,7 @@ def read(plc: VirtualPlc, kind: EquipmentType, key: str) -> float | None:
 def test_every_code_has_a_name() -> None:
     kind = kind_of()
     assert {int(code) for code in (*sequence.SequenceDeviceEvent, *block.SequenceEvent)} == set(kind.events)
-    assert {int(code) for code in sequence.Reason} <= set(kind.reasons)
+    assert {int(code) for code in sequence.SequenceReason} <= set(kind.reasons)
     assert {command.code for command in kind.commands.values() if command.code} == {
         int(c) for c in sequence.SequenceCommand
     }
