@@ -94,7 +94,7 @@ class EditRefused(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineLayout:
     """What is built: any number of belts, sensors and areas.
 
     Raises:

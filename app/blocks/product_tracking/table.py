@@ -3,7 +3,7 @@
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from app.blocks.product_tracking.product import Code, Gap, Line, Product, ProductState, Settings, TrackingEvent
+from app.blocks.product_tracking.product import Code, Gap, LineLayout, Product, ProductState, Settings, TrackingEvent
 
 LAST_ID = (1 << 32) - 1
 NEVER = -(1 << 60)
@@ -70,7 +70,7 @@ class Sensor:
 class ProductTable:
     """The records of one line and all that the parts of tracking keep between two scans."""
 
-    def __init__(self, line: Line, settings: Settings | None = None) -> None:
+    def __init__(self, line: LineLayout, settings: Settings | None = None) -> None:
         self.line = line
         self.settings = settings or Settings()
         """May be replaced between two scans."""

@@ -15,7 +15,7 @@ from app.blocks.product_tracking.product import (
     EditReason,
     EditRefused,
     Gap,
-    Line,
+    LineLayout,
     Product,
     Settings,
     TrackingEvent,
@@ -80,7 +80,7 @@ class ProductTracking(ProductTable):
     unexpected, contact, suspicion, capacity) is ours.
     """
 
-    def __init__(self, line: Line, settings: Settings | None = None) -> None:
+    def __init__(self, line: LineLayout, settings: Settings | None = None) -> None:
         super().__init__(line, settings)
         self._stops: tuple[float, ...] = ()
 

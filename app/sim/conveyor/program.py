@@ -107,7 +107,7 @@ class VirtualConveyor(LineState):
             ValueError: a measure of the line that cannot be, or settings that do not go together.
         """
         self.geometry = geometry or Geometry()
-        self.line = tracking.Line(self.geometry.belt_ends, self.geometry.sensors, self.geometry.area_ends, slots)
+        self.line = tracking.LineLayout(self.geometry.belt_ends, self.geometry.sensors, self.geometry.area_ends, slots)
         self._seed, self._start_in = seed, start
         given = dict(settings or {})
         require_settings(given)

@@ -29,7 +29,7 @@ class LineState(VirtualPlc):
     """State of one line; what happens to it is decided in `program`."""
 
     geometry: Geometry
-    line: tracking.Line
+    line: tracking.LineLayout
     machine: Conveyor
     """The line as it really is; only tests and screens of the class room look here."""
     tracking: ProductTracking

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from app.blocks.encoder import Encoder
-from app.blocks.product_tracking import Code, Line, ProductTracking, Settings, TrackingEvent, share
+from app.blocks.product_tracking import Code, LineLayout, ProductTracking, Settings, TrackingEvent, share
 from app.blocks.s_ramp import SRamp
 
 
@@ -24,7 +24,7 @@ class Thing:
 class BeltLine:
     """The machine under a tracker, scanned every `dt` [s]; `slip` is how much less than the belt a product on it moves."""
 
-    tracking: ProductTracking = field(default_factory=lambda: ProductTracking(Line()))
+    tracking: ProductTracking = field(default_factory=lambda: ProductTracking(LineLayout()))
     dt: float = 0.01
     slip: float = 0.0
     blind: set[int] = field(default_factory=set)
@@ -93,4 +93,4 @@ def codes(events: list[TrackingEvent]) -> list[Code]:
 
 
 def line_with(**settings: float) -> BeltLine:
-    return BeltLine(ProductTracking(Line(), Settings(**settings)))
+    return BeltLine(ProductTracking(LineLayout(), Settings(**settings)))

@@ -7,15 +7,15 @@ from math import isfinite
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from app.blocks.product_tracking import Code, EditRefused, Line, Product, ProductState, ProductTracking, Settings
+from app.blocks.product_tracking import Code, EditRefused, LineLayout, Product, ProductState, ProductTracking, Settings
 
 from .belt_line import BeltLine
 
 LINES = (
-    Line(),
-    Line(slots=3),
-    Line(belt_ends=(400.0,), sensors=(50.0, 300.0), area_ends=(200.0, 400.0), slots=6),
-    Line((100.0, 200.0, 300.0, 400.0, 500.0), (40.0, 100.0, 250.0, 480.0, 490.0), (250.0, 500.0), 5),
+    LineLayout(),
+    LineLayout(slots=3),
+    LineLayout(belt_ends=(400.0,), sensors=(50.0, 300.0), area_ends=(200.0, 400.0), slots=6),
+    LineLayout((100.0, 200.0, 300.0, 400.0, 500.0), (40.0, 100.0, 250.0, 480.0, 490.0), (250.0, 500.0), 5),
 )
 MOVES = st.one_of(st.just(0.0), st.floats(-3, 3).map(lambda x: round(x, 3)), st.sampled_from([0.6, -0.6, 12.0, -12.0]))
 STOPS = st.one_of(st.just(0.0), st.floats(-60, 60).map(lambda x: round(x, 2)))
@@ -130,7 +130,7 @@ def test_any_scan_and_any_edit_keeps_the_table_whole(data: st.DataObject) -> Non
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([0.6, -0.6, 0.0, 1.1, -0.3]), st.integers(1, 150)), min_size=1, max_size=12))
 def test_displacement_of_a_product_is_what_the_encoder_counted(course: list[tuple[float, int]]) -> None:
-    tracking = ProductTracking(Line(), Settings(lost_after=100.0))
+    tracking = ProductTracking(LineLayout(), Settings(lost_after=100.0))
     tracking.insert(330.0, 30.0, 0)
     product = tracking.products[0]
     start, odometer = product.right, 0.0

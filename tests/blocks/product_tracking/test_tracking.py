@@ -12,7 +12,7 @@ from app.blocks.product_tracking import (
     Code,
     EditReason,
     EditRefused,
-    Line,
+    LineLayout,
     Product,
     ProductState,
     ProductTracking,
@@ -23,15 +23,15 @@ from app.blocks.product_tracking import (
 
 from .belt_line import BeltLine, codes, line_with
 
-SIMULATION = Line(sensors=(150.0, 215.0, 445.0, 560.0))
+SIMULATION = LineLayout(sensors=(150.0, 215.0, 445.0, 560.0))
 STANDING = (0.0, 0.0, 0.0)
 
 
 class Bench:
     """Moves a tracker by hand: millimetres and beams, 1 mm a scan of 10 ms."""
 
-    def __init__(self, line: Line | None = None, **settings: float) -> None:
-        self.tracking = ProductTracking(line or Line(), Settings(**settings))
+    def __init__(self, line: LineLayout | None = None, **settings: float) -> None:
+        self.tracking = ProductTracking(line or LineLayout(), Settings(**settings))
         self.beams = [False] * len(self.tracking.line.sensors)
         self.time_us = 0
         self.stops: tuple[float, ...] = tuple(0.0 for _ in self.tracking.line.belt_ends)
@@ -71,8 +71,8 @@ def put(bench: Bench, head: float, length: float) -> Product:
 # identity
 
 
-@pytest.mark.parametrize("line", [Line(), SIMULATION])
-def test_length_is_what_it_moved_between_both_edges_at_s1(line: Line) -> None:
+@pytest.mark.parametrize("line", [LineLayout(), SIMULATION])
+def test_length_is_what_it_moved_between_both_edges_at_s1(line: LineLayout) -> None:
     bench = Bench(line)
     s1 = line.sensors[0]
     assert bench.beam(1, True) == [TrackingEvent(Code.ARRIVED, 1, 1, 0, s1)]
@@ -543,7 +543,7 @@ def test_a_product_that_touches_a_measured_one_from_behind_gets_a_record() -> No
 
 
 def test_with_no_slot_left_a_product_that_touches_another_is_told_and_counted() -> None:
-    bench = Bench(Line(slots=1))
+    bench = Bench(LineLayout(slots=1))
     product = bench.arrive(40)
     bench.move(74)
     bench.beam(2, True)
@@ -723,7 +723,7 @@ def test_a_beam_that_came_late_is_put_right_by_its_falling_edge() -> None:
 
 
 def test_full_is_told_and_nothing_is_overwritten() -> None:
-    bench = Bench(replace(Line(), slots=2), lost_after=100.0)
+    bench = Bench(replace(LineLayout(), slots=2), lost_after=100.0)
     bench.arrive(20)
     bench.move(10)
     assert not bench.tracking.buffer_full
@@ -743,7 +743,7 @@ def test_full_is_told_and_nothing_is_overwritten() -> None:
 
 
 def test_two_hundred_and_fifty_products_fit_when_there_are_slots() -> None:
-    line = Line((60_000.0,), (100.0,), (60_000.0,), slots=250)
+    line = LineLayout((60_000.0,), (100.0,), (60_000.0,), slots=250)
     bench = Bench(line)
     for _ in range(250):
         bench.arrive(10)
@@ -1033,7 +1033,7 @@ def test_touching_is_not_overlapping_and_edit_does_not_collide_with_itself() -> 
 
 
 def test_insert_into_a_full_table_is_refused() -> None:
-    bench = Bench(replace(Line(), slots=1))
+    bench = Bench(replace(LineLayout(), slots=1))
     put(bench, 300.0, 20.0)
     with pytest.raises(EditRefused) as refused:
         bench.tracking.insert(200.0, 20.0, 0)
@@ -1071,7 +1071,7 @@ def test_after_a_power_cycle_all_is_there_and_uncertain() -> None:
     bench.arrive(20)
     bench.move(3)
     retained = json.loads(json.dumps(bench.tracking.snapshot()))
-    fresh = ProductTracking(Line())
+    fresh = ProductTracking(LineLayout())
     fresh.restore(retained)
     assert [(p.id, p.slot, p.right, p.length, p.entered_us) for p in fresh.products] == [
         (p.id, p.slot, p.right, p.length, p.entered_us) for p in bench.tracking.products
@@ -1139,7 +1139,7 @@ def test_retained_products_that_have_no_slot_here_are_refused() -> None:
     put(bench, 300.0, 20.0)
     put(bench, 200.0, 20.0)
     with pytest.raises(ValueError, match="slot"):
-        ProductTracking(replace(Line(), slots=1)).restore(bench.tracking.snapshot())
+        ProductTracking(replace(LineLayout(), slots=1)).restore(bench.tracking.snapshot())
 
 
 # contact, configuration, input
@@ -1171,7 +1171,7 @@ def test_running_into_a_standing_product_is_contact_and_uncertain() -> None:
 )
 def test_a_line_that_cannot_be_built_is_named(what: str, change: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=what):
-        replace(Line(), **change)
+        replace(LineLayout(), **change)
 
 
 @pytest.mark.parametrize(
@@ -1199,7 +1199,7 @@ def test_a_scan_with_bad_numbers_changes_nothing() -> None:
 
 
 def test_a_line_may_have_one_belt_one_sensor_and_one_area() -> None:
-    bench = Bench(Line((500.0,), (50.0,), (500.0,), 4), unload_dwell=0.0)
+    bench = Bench(LineLayout((500.0,), (50.0,), (500.0,), 4), unload_dwell=0.0)
     product = bench.arrive(30)
     bench.move(419)
     assert product.head == 499.0
@@ -1250,7 +1250,7 @@ def test_blind_sensor_is_found_out_by_the_next_one() -> None:
 
 def across_the_first_border(ways: list[tuple[float, float]]) -> Product:
     """The record of a product that nobody knew at S2, whose beam is free again after these ways of the belts beside it [mm]."""
-    tracking = ProductTracking(Line())
+    tracking = ProductTracking(LineLayout())
     beams = [False, True, False, False]
     for number, (first, second) in enumerate([(0.06, 0.06), *ways]):
         tracking.scan((first, second, 0.0), beams, (0.0, 0.0, 0.0), number * 10_000)
