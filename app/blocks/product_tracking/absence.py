@@ -4,7 +4,7 @@ from bisect import bisect_left, bisect_right
 
 from app.blocks.product_tracking.movement import separate
 from app.blocks.product_tracking.product import BLIND, STUCK, Code, Product
-from app.blocks.product_tracking.table import ENTERING, LOST, TRACKED, UNCERTAIN, ProductTable, Sensor, doubt
+from app.blocks.product_tracking.table import ENTERING, LOST, TRACKED, UNCERTAIN, ProductTable, Sensor, call_uncertain
 
 
 def look_for_missed(table: ProductTable) -> None:
@@ -83,7 +83,7 @@ def _miss(table: ProductTable, product: Product, bits: int) -> None:
         if not bits & bit:
             continue
         if beams[sensor.n] or table.sensor_faults & bit:
-            doubt(product)
+            call_uncertain(product)
             if sensor.held and sensor.held.product is not product:
                 sensor.held = None
             continue

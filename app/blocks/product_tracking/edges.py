@@ -15,7 +15,7 @@ from app.blocks.product_tracking.table import (
     Held,
     ProductTable,
     Sensor,
-    doubt,
+    call_uncertain,
     mark,
     note_passed,
 )
@@ -73,7 +73,7 @@ def falling(table: ProductTable, sensor: Sensor) -> None:
             _correct(table, product, sensor, by, Code.TAIL_AT_SENSOR, end)
             if doubtful:
                 # its head was not seen here, and its length may be wrong
-                doubt(product)
+                call_uncertain(product)
             return
     if not stuck:
         _part(table, sensor)
@@ -114,7 +114,7 @@ def _edge_inside(table: ProductTable, product: Product, sensor: Sensor) -> None:
         # how far it reaches is a guess, the sensor that saw it may be stuck: it, or another one behind it
         table.unexpected += 1
         table.tell(Code.UNEXPECTED, sensor.n + 1, product.id, 0, by)
-        doubt(product)
+        call_uncertain(product)
 
 
 def _find(table: ProductTable, product: Product, sensor: Sensor, by: float) -> None:
@@ -225,10 +225,10 @@ def _close(table: ProductTable, product: Product, sensor: Sensor) -> None:
     table.tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
     if product.length > limits.longest:
         table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - limits.longest, product.length)
-        doubt(product)
+        call_uncertain(product)
     if guessed:
         product.length_known = product.measured = False
-        doubt(product)
+        call_uncertain(product)
 
 
 def _trailing_edge(table: ProductTable, sensor: Sensor, held: Held) -> None:
@@ -280,7 +280,7 @@ def _part(table: ProductTable, sensor: Sensor) -> bool:
         return False
     way = last.moving or 1
     table.tell(Code.LENGTH_DIFFERS, n + 1, last.id, 0, behind, last.length + behind)
-    doubt(last)
+    call_uncertain(last)
     table.unexpected += 1
     slot = table.free_slot()
     if slot is None:

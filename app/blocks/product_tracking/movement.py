@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from app.blocks.product_tracking.product import Code, Product, share
-from app.blocks.product_tracking.table import ENTERING, LOST, TO_AND_FRO, TOUCH, UNCERTAIN, ProductTable, doubt
+from app.blocks.product_tracking.table import ENTERING, LOST, TO_AND_FRO, TOUCH, UNCERTAIN, ProductTable, call_uncertain
 
 
 def move(table: ProductTable, moved: tuple[float, ...]) -> None:
@@ -93,12 +93,12 @@ def separate(table: ProductTable, fixed: Product | None) -> None:
             continue
         if rear.open_at < 0 or not rear.open_right:
             shift(rear, -over)
-            doubt(rear)
+            call_uncertain(rear)
     for rear, front in pairwise(reversed(products)):
         over = rear.right - front.left
         if over > TOUCH and front is not fixed and front.open_at < 0:
             shift(front, over)
-            doubt(front)
+            call_uncertain(front)
     for front, rear in pairwise(products):
         over = rear.right - front.left
         if over > 0.0:
@@ -106,7 +106,7 @@ def separate(table: ProductTable, fixed: Product | None) -> None:
             rear.shifted -= over
             if over > TOUCH:
                 rear.length = max(0.0, rear.length - over)
-                doubt(rear)
+                call_uncertain(rear)
 
 
 def _grow(table: ProductTable, product: Product, delta: float) -> None:
@@ -139,7 +139,7 @@ def _end_of_open(table: ProductTable, product: Product, end: float) -> None:
         table.withdraw(product, n)
         return
     product.open_at, product.length_known, product.measured = -1, False, False
-    doubt(product)
+    call_uncertain(product)
     if product.state is ENTERING:
         product.state = UNCERTAIN
     table.set_passed(product)

@@ -284,7 +284,7 @@ def mark(product: Product, state: ProductState) -> None:
         product.state = state
 
 
-def doubt(product: Product) -> None:
+def call_uncertain(product: Product) -> None:
     """Its position is uncertain; a lost one stays lost."""
     if product.state is not LOST:
         mark(product, UNCERTAIN)
