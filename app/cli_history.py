@@ -64,7 +64,7 @@ def export(
     from app.access.restoring import finish_restore
     from app.clock import SystemClock
     from app.db import Database
-    from app.historian.export import Export, Wish
+    from app.historian.export import Export, ExportSettings
     from app.historian.export import span as span_of
     from app.plant.loader import read_plant
     from app.settings import read_settings
@@ -100,7 +100,7 @@ def export(
             made = _events(events, span, found, about)
         else:
             named = [tag.strip() for tag in tags.split(",") if tag.strip()]
-            made = Export(Wish(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
+            made = Export(ExportSettings(tags=named, begin=span[0], end=span[1], interval=aggregate, **about))
         database = Database(path, "history")
         database.run(made.open)
         _write(made, database, out)
@@ -287,17 +287,19 @@ def _machine(
 def _events(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
     """The export of what `machine`, or `all`, told."""
     from app.historian.event_search import Wanted
-    from app.historian.event_sheet import EventExport, EventWish, with_ring, words
+    from app.historian.event_sheet import EventExport, EventExportSettings, with_ring, words
     from app.plant.texts import Texts
 
     equipment = _machine("--events", machine, with_ring(plant), span, plant, about)
-    return EventExport(EventWish(Wanted(equipment, *span), **words(Texts.read(plant), plant, about["locale"]), **about))
+    return EventExport(
+        EventExportSettings(Wanted(equipment, *span), **words(Texts.read(plant), plant, about["locale"]), **about)
+    )
 
 
 def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
     """The export of the records of a kind: `run`, or `run:seq1` of one machine."""
     from app.historian.export import FORMATS
-    from app.historian.record_export import RecordExport, RecordWish, keeping, kinds, names, words
+    from app.historian.record_export import RecordExport, RecordExportSettings, keeping, kinds, names, words
     from app.historian.record_query import Wanted
     from app.plant.texts import Texts
 
@@ -316,10 +318,10 @@ def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: di
             f"--records {asked}: expected {name} or {', '.join(f'{name}:{one}' for one in machines)}"
         )
     equipment = "" if machine == ALL else machine
-    wish = RecordWish(
+    settings = RecordExportSettings(
         Wanted(equipment, *span), kind=kind, **words(Texts.read(plant), plant, kind, about["locale"]), **about
     )
-    return RecordExport(replace(wish, names=names(plant, kind, equipment, wish.label)))
+    return RecordExport(replace(settings, names=names(plant, kind, equipment, settings.label)))
 
 
 def _write(made: "Sheet", database: "Database", out: Path | None) -> None:

@@ -18,12 +18,12 @@ from app.historian.export import BOM, FORMATS, Sheet, iso
 
 PAGE = 500
 """Rows per question to the database."""
-W = TypeVar("W", bound="ListWish")
+W = TypeVar("W", bound="ListExportSettings")
 R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
-class ListWish:
+class ListExportSettings:
     """What somebody wants to take home."""
 
     wanted: Any
@@ -63,21 +63,21 @@ class ListExport(Sheet, Generic[W, R]):
     stem: ClassVar[str]
     """Of its name."""
 
-    def __init__(self, wish: W) -> None:
+    def __init__(self, settings: W) -> None:
         """Raises:
-        ConfigurationError: `wish` cannot be.
+        ConfigurationError: `settings` cannot be.
         """
-        wish.check()
-        self.wish = wish
+        settings.check()
+        self.settings = settings
         self.total = 0
         """Rows that it will have."""
-        super().__init__(wish.locale, wish.zone)
+        super().__init__(settings.locale, settings.zone)
 
     @property
     def file_name(self) -> str:
         """A name for the file that says what is in it."""
-        created = to_datetime(self.wish.created).astimezone(self.wish.zone)
-        equipment = self.wish.wanted.equipment
+        created = to_datetime(self.settings.created).astimezone(self.settings.zone)
+        equipment = self.settings.wanted.equipment
         return f"pogon-{self.stem}{'-' * bool(equipment)}{equipment}-{created:%Y%m%d-%H%M%S}.csv"
 
     @property
@@ -87,7 +87,7 @@ class ListExport(Sheet, Generic[W, R]):
 
     def open(self, connection: Connection) -> None:
         """Count what fits."""
-        self.total = self._count(connection, self.wish.most_rows or 10**9)
+        self.total = self._count(connection, self.settings.most_rows or 10**9)
 
     @abstractmethod
     def _count(self, connection: Connection, most: int) -> int:
@@ -110,8 +110,8 @@ class ListExport(Sheet, Generic[W, R]):
         """A row as a line."""
 
     def _all(self) -> Iterator[str | None]:
-        wish, before = self.wish, self.wish.wanted.before
-        if wish.bom:
+        settings, before = self.settings, self.settings.wanted.before
+        if settings.bom:
             yield BOM
         yield from map(self._comment, self._head())
         yield self._separator.join(map(self._cell, self._columns())) + "\r\n"
@@ -119,7 +119,7 @@ class ListExport(Sheet, Generic[W, R]):
             assert self._connection is not None
             found = self._page(self._connection, before)
             for one in found:
-                if self.rows == wish.most_rows > 0:
+                if self.rows == settings.most_rows > 0:
                     self.complete = False
                     yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows")
                     break
@@ -132,22 +132,22 @@ class ListExport(Sheet, Generic[W, R]):
         yield self._comment(f"rows: {self.rows}")
 
     def _head(self) -> Iterator[str]:
-        wish, wanted = self.wish, self.wish.wanted
+        settings, wanted = self.settings, self.settings.wanted
         yield f"Pogon {__version__} {self.title}"
-        if wish.plant:
-            yield f"plant: {wish.plant}"
-        if wish.simulated:
+        if settings.plant:
+            yield f"plant: {settings.plant}"
+        if settings.simulated:
             yield "SIMULATION: no real equipment"
-        if wish.person:
-            yield f"user: {wish.person}"
-        if wish.created:
-            yield f"created: {iso(wish.created, wish.zone)}"
+        if settings.person:
+            yield f"user: {settings.person}"
+        if settings.created:
+            yield f"created: {iso(settings.created, settings.zone)}"
         for name, time in (("from", wanted.begin), ("to", wanted.end)):
             if time is not None:
-                yield f"{name}: {iso(time, wish.zone)}"
-        yield f"time zone: {wish.zone.key}"
-        if wish.filters:
-            yield f"filter: {wish.filters}"
+                yield f"{name}: {iso(time, settings.zone)}"
+        yield f"time zone: {settings.zone.key}"
+        if settings.filters:
+            yield f"filter: {settings.filters}"
 
     def _utc(self, time: int | None) -> str:
         return "" if time is None else self._times(time).partition(self._separator)[0]

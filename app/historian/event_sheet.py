@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from app.historian import event_search as search
-from app.historian.event_export import PAGE, ListExport, ListWish
+from app.historian.event_export import PAGE, ListExport, ListExportSettings
 from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import Codes, Wanted
 from app.historian.events import has_ring
@@ -24,7 +24,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True)
-class EventWish(ListWish):
+class EventExportSettings(ListExportSettings):
     """Which events somebody wants to take home, and how."""
 
     wanted: Wanted
@@ -36,20 +36,20 @@ class EventWish(ListWish):
     """(machine, name in the snapshot) → what it is called; else its name."""
 
 
-class EventExport(ListExport[EventWish, Event]):
+class EventExport(ListExport[EventExportSettings, Event]):
     """One export of events under way."""
 
     title = "events of machines"
     stem = "events"
 
-    def __init__(self, wish: EventWish) -> None:
-        super().__init__(wish)
+    def __init__(self, settings: EventExportSettings) -> None:
+        super().__init__(settings)
         self._gaps: list[Gap] = []
 
     def open(self, connection: Connection) -> None:
         """Count what fits, and find what is missing."""
         super().open(connection)
-        wanted = self.wish.wanted
+        wanted = self.settings.wanted
         self._gaps = gaps(connection, wanted.equipment, wanted.begin, wanted.end)
 
     def _head(self) -> Iterator[str]:
@@ -60,28 +60,28 @@ class EventExport(ListExport[EventWish, Event]):
             yield f"lost: {gap.count} events of {gap.equipment}{told}"
 
     def _at(self, place: Place) -> str:
-        return f"{iso(place.time, self.wish.zone)} (boot {place.boot}, sequence {place.sequence})"
+        return f"{iso(place.time, self.settings.zone)} (boot {place.boot}, sequence {place.sequence})"
 
     def _count(self, connection: Connection, most: int) -> int:
-        return search.count(connection, self.wish.wanted, most)
+        return search.count(connection, self.settings.wanted, most)
 
     def _columns(self) -> Iterator[str]:
-        yield from (self.wish.headers.get(name, name) for name in COLUMNS)
+        yield from (self.settings.headers.get(name, name) for name in COLUMNS)
 
     def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Event]:
-        return search.find(connection, replace(self.wish.wanted, before=before), PAGE)
+        return search.find(connection, replace(self.settings.wanted, before=before), PAGE)
 
     def _place(self, one: Event) -> tuple[int, int]:
         return one.time, one.id
 
     def _line(self, one: Event) -> str:
-        wish = self.wish
-        said = decode(wish.layouts.get(one.equipment, {}), one.words)
-        named = ((wish.fields.get((one.equipment, name), name), value) for name, value in said.items())
+        settings = self.settings
+        said = decode(settings.layouts.get(one.equipment, {}), one.words)
+        named = ((settings.fields.get((one.equipment, name), name), value) for name, value in said.items())
         cells = [
             self._times(one.time),
             self._cell(one.equipment),
-            self._cell(wish.events.get((one.equipment, one.code), str(one.code))),
+            self._cell(settings.events.get((one.equipment, one.code), str(one.code))),
             str(one.code),
             str(one.source),
             self._maybe(one.value),
@@ -103,7 +103,7 @@ def with_ring(plant: Plant | None) -> list[Equipment]:
 
 
 def words(texts: Texts, plant: Plant | None, locale: str) -> dict[str, Any]:
-    """`headers`, `events`, `layouts` and `fields` of a wish in a language; for programs (`machine`) there are keys."""
+    """`headers`, `events`, `layouts` and `fields` of an export in a language; for programs (`machine`) there are keys."""
     machines = with_ring(plant)
     layouts = {item.id: item.type.snapshot for item in machines}
     events = {(item.id, code): key for item in machines for code, key in item.type.events.items()}

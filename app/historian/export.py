@@ -53,7 +53,7 @@ CHECKSUM = b"# sha256: "
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ExportSettings:
     """What somebody wants to take home."""
 
     tags: Sequence[str]
@@ -192,28 +192,28 @@ class Sheet:
 class Export(Sheet):
     """One export of samples under way."""
 
-    def __init__(self, wish: Wish) -> None:
+    def __init__(self, settings: ExportSettings) -> None:
         """Raises:
-        ConfigurationError: `wish` cannot be.
+        ConfigurationError: `settings` cannot be.
         """
-        wish.check()
-        self.wish = wish
-        self.reached = wish.begin
+        settings.check()
+        self.settings = settings
+        self.reached = settings.begin
         """Up to which time [µs UTC]: of the range, so that progress can be shown."""
         self._points: list[Recorded] = []
         self._qualities: dict[int, str] = {}
-        super().__init__(wish.locale, wish.zone)
+        super().__init__(settings.locale, settings.zone)
 
     @property
     def progress(self) -> float:
         """How far it has come, 0 to 1."""
-        return 1.0 if self.done else (self.reached - self.wish.begin) / (self.wish.end - self.wish.begin)
+        return 1.0 if self.done else (self.reached - self.settings.begin) / (self.settings.end - self.settings.begin)
 
     @property
     def file_name(self) -> str:
         """A name for the file that says what is in it."""
-        begin = to_datetime(self.wish.begin).astimezone(self.wish.zone)
-        return f"pogon-{'history' if len(self.wish.tags) > 1 else self.wish.tags[0]}-{begin:%Y%m%d-%H%M%S}.csv"
+        begin = to_datetime(self.settings.begin).astimezone(self.settings.zone)
+        return f"pogon-{'history' if len(self.settings.tags) > 1 else self.settings.tags[0]}-{begin:%Y%m%d-%H%M%S}.csv"
 
     def open(self, connection: Connection) -> None:
         """Find the points.
@@ -222,23 +222,23 @@ class Export(Sheet):
             ConfigurationError: one of them was never recorded.
         """
         known = query.recorded(connection)
-        missing = [tag for tag in self.wish.tags if tag not in known]
+        missing = [tag for tag in self.settings.tags if tag not in known]
         if missing:
             raise ConfigurationError(f"tags: {', '.join(missing)}: nothing was ever recorded of it")
-        self._points = [known[tag] for tag in self.wish.tags]
+        self._points = [known[tag] for tag in self.settings.tags]
 
     def _all(self) -> Iterator[str | None]:
-        if self.wish.bom:
+        if self.settings.bom:
             yield BOM
         yield from map(self._comment, self._head())
-        aggregated = self.wish.interval > 0
+        aggregated = self.settings.interval > 0
         columns = AGGREGATED if aggregated else RAW
         yield self._separator.join(columns) + "\r\n"
         for line in self._aggregates() if aggregated else self._samples():
             if line is not None:
-                if self.rows == self.wish.most_rows > 0:
+                if self.rows == self.settings.most_rows > 0:
                     self.complete = False
-                    reached = iso(self.reached, self.wish.zone)
+                    reached = iso(self.reached, self.settings.zone)
                     yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows, at {reached}")
                     break
                 self.rows += 1
@@ -246,22 +246,22 @@ class Export(Sheet):
         yield self._comment(f"rows: {self.rows}")
 
     def _head(self) -> Iterator[str]:
-        wish = self.wish
+        settings = self.settings
         yield f"Pogon {__version__} history"
-        if wish.plant:
-            yield f"plant: {wish.plant}"
-        if wish.simulated:
+        if settings.plant:
+            yield f"plant: {settings.plant}"
+        if settings.simulated:
             yield "SIMULATION: no real equipment"
-        if wish.person:
-            yield f"user: {wish.person}"
-        if wish.created:
-            yield f"created: {iso(wish.created, wish.zone)}"
-        yield f"from: {iso(wish.begin, wish.zone)}"
-        yield f"to: {iso(wish.end, wish.zone)}"
-        yield f"time zone: {wish.zone.key}"
-        yield f"values: aggregated every {wish.interval} s" if wish.interval else "values: raw"
-        yield f"tags: {' '.join(wish.tags)}"
-        if not wish.interval:
+        if settings.person:
+            yield f"user: {settings.person}"
+        if settings.created:
+            yield f"created: {iso(settings.created, settings.zone)}"
+        yield f"from: {iso(settings.begin, settings.zone)}"
+        yield f"to: {iso(settings.end, settings.zone)}"
+        yield f"time zone: {settings.zone.key}"
+        yield f"values: aggregated every {settings.interval} s" if settings.interval else "values: raw"
+        yield f"tags: {' '.join(settings.tags)}"
+        if not settings.interval:
             yield "flags: S simulated, F forced, M substituted, L local"
 
     def _samples(self) -> Iterator[str]:
@@ -278,10 +278,10 @@ class Export(Sheet):
 
     def _pages(self, index: int) -> Iterator[tuple[int, int, float | str | None, int]]:
         """Samples of one point in order of time, from whichever connection there is when more are needed."""
-        number, after = self._points[index].number, self.wish.begin - 1
+        number, after = self._points[index].number, self.settings.begin - 1
         while True:
             assert self._connection is not None
-            rows = query.page(self._connection, number, after, self.wish.end, PAGE)
+            rows = query.page(self._connection, number, after, self.settings.end, PAGE)
             for time, value, quality in rows:
                 yield time, index, value, quality
             if len(rows) < PAGE:
@@ -292,7 +292,7 @@ class Export(Sheet):
         separator = self._separator
         held = [_Held(self, index) for index in range(len(self._points))]
         heads = [(self._cell(point.name), self._cell(point.unit)) for point in self._points]
-        for begin, end in intervals(self.wish.begin, self.wish.end, self.wish.interval, self.wish.zone):
+        for begin, end in intervals(self.settings.begin, self.settings.end, self.settings.interval, self.settings.zone):
             for one, (tag, unit) in zip(held, heads, strict=True):
                 yield from one.gather(begin, end)
                 numbers = (one.low, one.high, one.first, one.last, one.area / one.good if one.weighed else None)
@@ -336,7 +336,7 @@ class _Held:
         self._level = 2
         self._value: float | None = None
         assert export._connection is not None
-        before = query.at(export._connection, export._points[index].number, export.wish.begin - 1)
+        before = query.at(export._connection, export._points[index].number, export.settings.begin - 1)
         if before is not None:
             self._hold(*before)
 

@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 
 from app.errors import ConfigurationError
 from app.historian import record_query as query
-from app.historian.event_export import PAGE, ListExport, ListWish
+from app.historian.event_export import PAGE, ListExport, ListExportSettings
 from app.historian.record_query import Asked, Wanted
 from app.plant.definitions import Equipment, Plant
 from app.plant.kept import Definition
@@ -28,7 +28,7 @@ def _english(label: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordWish(ListWish):
+class RecordExportSettings(ListExportSettings):
     """Which records somebody wants to take home, and how."""
 
     wanted: Wanted
@@ -42,19 +42,19 @@ class RecordWish(ListWish):
     """(machine, code) → the event in words; else its code."""
 
     def check(self) -> None:
-        ListWish.check(self)
+        ListExportSettings.check(self)
         most = self.kind.repeat.most if self.kind.repeat else 0
         if len(self.names) > most:
             raise ConfigurationError(f"columns that come again: {len(self.names)}, expected at most {most}")
 
 
-class RecordExport(ListExport[RecordWish, Record]):
+class RecordExport(ListExport[RecordExportSettings, Record]):
     """One export of records under way."""
 
-    def __init__(self, wish: RecordWish) -> None:
-        self.title, self.stem = wish.kind.title, wish.kind.file  # type: ignore[misc]
-        super().__init__(wish)
-        kind, used = wish.kind, {column.of for column in wish.kind.csv}
+    def __init__(self, settings: RecordExportSettings) -> None:
+        self.title, self.stem = settings.kind.title, settings.kind.file  # type: ignore[misc]
+        super().__init__(settings)
+        kind, used = settings.kind, {column.of for column in settings.kind.csv}
         self._with_people = bool(used & {*PEOPLE, *(f.name for f in kind.fields.values() if f.type is Type.PERSON)})
         self._definitions: dict[str, Definition] = {}
         self._people: Mapping[int, Sequence[Asked]] = {}
@@ -63,18 +63,18 @@ class RecordExport(ListExport[RecordWish, Record]):
         self._events: Mapping[int, Sequence[Event]] = {}
 
     def _count(self, connection: Connection, most: int) -> int:
-        return query.count(connection, self.wish.kind, self.wish.wanted, most)
+        return query.count(connection, self.settings.kind, self.settings.wanted, most)
 
     def _columns(self) -> Iterator[str]:
-        headers, repeat = self.wish.headers, self.wish.kind.repeat
-        yield from (headers.get(column.name, column.name) for column in self.wish.kind.csv)
-        for n, name in enumerate(self.wish.names, 1):
+        headers, repeat = self.settings.headers, self.settings.kind.repeat
+        yield from (headers.get(column.name, column.name) for column in self.settings.kind.csv)
+        for n, name in enumerate(self.settings.names, 1):
             for column in repeat.columns if repeat else ():
                 yield headers.get(column.name, column.name).replace("{n}", str(n)).replace("{name}", name)
 
     def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Record]:
-        kind = self.wish.kind
-        found = query.find(connection, kind, replace(self.wish.wanted, before=before), PAGE)
+        kind = self.settings.kind
+        found = query.find(connection, kind, replace(self.settings.wanted, before=before), PAGE)
         ids = [one.id for one in found]
         if self._with_people:
             self._people = query.people(connection, ids)
@@ -91,13 +91,13 @@ class RecordExport(ListExport[RecordWish, Record]):
         return one.begun, one.id
 
     def _line(self, one: Record) -> str:
-        cells = [self._shown(one, column) for column in self.wish.kind.csv]
-        if self.wish.kind.repeat is not None:
-            cells += self._repeated(one, self.wish.kind.repeat)
+        cells = [self._shown(one, column) for column in self.settings.kind.csv]
+        if self.settings.kind.repeat is not None:
+            cells += self._repeated(one, self.settings.kind.repeat)
         return self._separator.join(cells) + "\r\n"
 
     def _shown(self, one: Record, column: Column) -> str:
-        wish, asked = self.wish, self._people.get(one.id, ())
+        settings, asked = self.settings, self._people.get(one.id, ())
         match column.of:
             case "begun.utc" | "begun.local" | "ended.utc" | "ended.local":
                 time = one.begun if column.of.startswith("begun") else one.ended
@@ -108,7 +108,7 @@ class RecordExport(ListExport[RecordWish, Record]):
             case "number":
                 return str(one.number)
             case "outcome":
-                return self._cell(wish.outcomes.get(one.outcome, one.outcome))
+                return self._cell(settings.outcomes.get(one.outcome, one.outcome))
             case "duration":
                 return self._maybe(one.duration)
             case "seconds":
@@ -118,24 +118,24 @@ class RecordExport(ListExport[RecordWish, Record]):
             case "missed":
                 return str(one.missed)
             case "alarms":
-                said = (wish.events.get((one.equipment, code), str(code)) for code in one.alarms)
+                said = (settings.events.get((one.equipment, code), str(code)) for code in one.alarms)
                 return self._cell(" + ".join(said))
             case "definition":
                 known = self._definitions.get(one.definition, Definition())
-                return self._cell(known.name if wish.locale == "machine" else wish.label(known.label))
+                return self._cell(known.name if settings.locale == "machine" else settings.label(known.label))
             case "person" | "reason":
                 last = query.person(None, asked)
                 return self._cell(getattr(last, column.of) if last else "")
         return self._field(one, column.of, asked)
 
     def _field(self, one: Record, name: str, asked: Sequence[Asked]) -> str:
-        of, value = self.wish.kind.fields[name], one.fields.get(name)
+        of, value = self.settings.kind.fields[name], one.fields.get(name)
         match of.type:
             case Type.PERSON:
                 last = query.person(of, asked)
                 return self._cell(last.person if last else "")
             case Type.WORD:
-                return self._cell(self.wish.words.get((name, str(value)), str(value)) if value else "")
+                return self._cell(self.settings.words.get((name, str(value)), str(value)) if value else "")
             case Type.NAME:
                 return self._cell(self._named(one, value))
             case Type.TIME:
@@ -145,17 +145,17 @@ class RecordExport(ListExport[RecordWish, Record]):
         return str(value) if isinstance(value, int) else self._maybe(value)
 
     def _named(self, one: Record, key: Value) -> str:
-        if not isinstance(key, str) or self.wish.locale == "machine":
+        if not isinstance(key, str) or self.settings.locale == "machine":
             return str(key or "")
         label = self._definitions.get(one.definition, Definition()).labels.get(key, {})
-        return self.wish.label(label) or key
+        return self.settings.label(label) or key
 
     def _repeated(self, one: Record, repeat: Repeat) -> Iterator[str]:
         first: dict[int, Event] = {}
         for told in self._events.get(one.id, ()):
             first.setdefault(told.source, told)
         parts = self._parts.get(one.id, {})
-        for n in range(1, len(self.wish.names) + 1):
+        for n in range(1, len(self.settings.names) + 1):
             event, part = first.get(n), parts.get(n)
             for column in repeat.columns:
                 match column.of:
@@ -192,7 +192,7 @@ def names(plant: Plant | None, kind: Kind, equipment: str, label: Label) -> list
 
 
 def words(texts: Texts, plant: Plant | None, kind: Kind, locale: str) -> dict[str, Any]:
-    """What a wish says in a language; for programs (`machine`) there are keys."""
+    """What an export says in a language; for programs (`machine`) there are keys."""
     machines = keeping(plant, kind.name)
     if locale == "machine" or not machines:
         keys = {(item.id, code): key for item in machines for code, key in item.type.events.items()}

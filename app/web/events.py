@@ -16,7 +16,7 @@ from app.historian import event_search as search
 from app.historian import events as history
 from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import GONE, Wanted
-from app.historian.event_sheet import EventExport, EventWish, coded, with_ring, worded, words
+from app.historian.event_sheet import EventExport, EventExportSettings, coded, with_ring, worded, words
 from app.historian.export import FORMATS
 from app.plant.definitions import Equipment, EquipmentType
 from app.records.event import Event
@@ -117,7 +117,7 @@ async def export(request: Request) -> Response:
     filters = "; ".join(f"{name}={value}" for name, value in typed.items() if value and name != "before")
     plant = runtime.plant
     made = EventExport(
-        EventWish(
+        EventExportSettings(
             replace(wanted, before=None),
             zone_of(request),
             locale,

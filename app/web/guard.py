@@ -517,8 +517,8 @@ def wants_page(request: Request) -> bool:
 async def _to_sign_in(request: Request, error: Exception) -> Response:
     assert isinstance(error, SignInFirst)
     if wants_page(request):
-        wish = request.url.path + (f"?{request.url.query}" if request.url.query else "")
-        return RedirectResponse(f"/signin?next={quote(wish, safe='/')}", 303)
+        path = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+        return RedirectResponse(f"/signin?next={quote(path, safe='/')}", 303)
     over = request.state.over
     return answer(request, 401, f"access.over.{over}" if over else error.reason)
 

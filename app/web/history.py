@@ -18,7 +18,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
-from app.historian.export import FORMATS, Export, Sheet, Wish, moment
+from app.historian.export import FORMATS, Export, ExportSettings, Sheet, moment
 from app.plant.definitions import Kind, Point
 from app.web.errors import answer
 from app.web.guard import address_of, allow, check_points, person_of
@@ -92,21 +92,21 @@ async def export(request: Request) -> Response:
     It is streamed: nothing of it is kept here, and a browser that gives up ends it.
     """
     runtime, person = runtime_of(request), person_of(request)
-    made = Export(_wish(request, runtime))
+    made = Export(_export_settings(request, runtime))
     try:
         await read(runtime, made.open)
     except ConfigurationError as error:
-        raise Refused("history.not_recorded", 404, tags=", ".join(made.wish.tags)) from error
+        raise Refused("history.not_recorded", 404, tags=", ".join(made.settings.tags)) from error
     check_place(request)
-    wish = made.wish
+    settings = made.settings
     await runtime.access.audit.record(
         "history.exported",
         person,
-        " ".join(wish.tags)[:120],
+        " ".join(settings.tags)[:120],
         address=address_of(request.scope),
-        begin=wish.begin,
-        end=wish.end,
-        interval=wish.interval,
+        begin=settings.begin,
+        end=settings.end,
+        interval=settings.interval,
     )
     return Download(request, made)
 
@@ -115,16 +115,16 @@ async def export(request: Request) -> Response:
 async def size(request: Request) -> Response:
     """How many rows an export would have, and the limit: for the dialog that asks for it."""
     runtime = runtime_of(request)
-    wish = _wish(request, runtime)
+    settings = _export_settings(request, runtime)
 
     def work(connection: Connection) -> int:
-        found = [query.find(connection, tag) for tag in wish.tags]
-        if wish.interval:
-            return len(found) * -(-(wish.end - wish.begin) // (wish.interval * 1_000_000))
-        return sum(query.count(connection, one.number, wish.begin, wish.end) for one in found if one)
+        found = [query.find(connection, tag) for tag in settings.tags]
+        if settings.interval:
+            return len(found) * -(-(settings.end - settings.begin) // (settings.interval * 1_000_000))
+        return sum(query.count(connection, one.number, settings.begin, settings.end) for one in found if one)
 
     rows = await read(runtime, work)
-    return Response(orjson.dumps({"rows": rows, "limit": wish.most_rows}), media_type="application/json")
+    return Response(orjson.dumps({"rows": rows, "limit": settings.most_rows}), media_type="application/json")
 
 
 @router.get("/export/progress", dependencies=[allow("export")])
@@ -285,14 +285,14 @@ def _later(times: list[int]) -> list[int]:
     return [*times[:1], *(after - before for before, after in pairwise(times))]
 
 
-def _wish(request: Request, runtime: "Runtime") -> Wish:
+def _export_settings(request: Request, runtime: "Runtime") -> ExportSettings:
     begin, end = _range(request, runtime)
     check_points(request, _tags(request, 100))
     locale = request.query_params.get("locale", "") or language_of(request)
     if locale not in FORMATS:
         raise Refused("history.locale", 422, value=locale, expected=", ".join(FORMATS))
     plant, lang = runtime.plant, language_of(request)
-    wish = Wish(
+    settings = ExportSettings(
         tags=_tags(request, 100),
         begin=begin,
         end=end,
@@ -307,10 +307,10 @@ def _wish(request: Request, runtime: "Runtime") -> Wish:
         simulated=runtime.simulated,
     )
     try:
-        wish.check()
+        settings.check()
     except ConfigurationError as error:
         raise Refused("history.request", 422, problem=str(error)) from error
-    return wish
+    return settings
 
 
 def _tags(request: Request, most: int) -> list[str]:

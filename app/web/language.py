@@ -10,7 +10,7 @@ from starlette.requests import HTTPConnection
 COOKIE = "pogon_lang"
 YEAR = 365 * 86400
 """How long a choice is kept [s]."""
-LONGEST_WISH, LONGEST_CODE = 500, 16
+LONGEST_ACCEPT, LONGEST_CODE = 500, 16
 """So much of what a browser asks for is read [characters]."""
 NAMES = {"hr": "Hrvatski", "en": "English", "de": "Deutsch", "cs": "Čeština"}
 """Each language in its own words; one that is not here is shown by its code."""
@@ -21,8 +21,8 @@ HTML = {"en": "en-GB"}
 def language_of(request: HTTPConnection) -> str:
     """The language of this request's answer, among those of the plant."""
     languages: Sequence[str] = request.app.state.view.languages(request)
-    wish = request.headers.get("accept-language", "")[:LONGEST_WISH]
-    return _chosen(request.cookies.get(COOKIE, "")[:LONGEST_CODE], wish, tuple(languages))
+    accept = request.headers.get("accept-language", "")[:LONGEST_ACCEPT]
+    return _chosen(request.cookies.get(COOKIE, "")[:LONGEST_CODE], accept, tuple(languages))
 
 
 def choose(cookie: str, accept: str, languages: Sequence[str]) -> str:
@@ -32,8 +32,8 @@ def choose(cookie: str, accept: str, languages: Sequence[str]) -> str:
     """
     if cookie in languages:
         return cookie
-    wishes = sorted(_wishes(accept), key=lambda wish: -wish[1])
-    for tag, weight in wishes:
+    accepted = sorted(_accepted(accept), key=lambda one: -one[1])
+    for tag, weight in accepted:
         if weight > 0 and tag == "*":
             return languages[0]
         if weight > 0 and (primary := tag.split("-")[0]) in languages:
@@ -47,22 +47,22 @@ def _chosen(cookie: str, accept: str, languages: tuple[str, ...]) -> str:
     return choose(cookie, accept, languages)
 
 
-def local_path(wish: str) -> str:
-    """`wish` when it is a path of this server with its query, else `/`: nobody is sent elsewhere by a link of ours."""
-    if not wish.startswith("/") or wish.startswith("//") or re.search(r"[\x00-\x1f\x7f\\]", wish):
+def local_path(path: str) -> str:
+    """`path` when it is a path of this server with its query, else `/`: nobody is sent elsewhere by a link of ours."""
+    if not path.startswith("/") or path.startswith("//") or re.search(r"[\x00-\x1f\x7f\\]", path):
         return "/"
     try:
-        parts = urlsplit(wish)
+        parts = urlsplit(path)
     except ValueError:
         return "/"
-    return "/" if parts.scheme or parts.netloc else wish
+    return "/" if parts.scheme or parts.netloc else path
 
 
-def _wishes(accept: str) -> list[tuple[str, float]]:
-    wishes = []
-    for part in accept[:LONGEST_WISH].split(","):
+def _accepted(accept: str) -> list[tuple[str, float]]:
+    accepted = []
+    for part in accept[:LONGEST_ACCEPT].split(","):
         tag, _, parameter = part.strip().lower().partition(";")
         weight = re.fullmatch(r"\s*q\s*=\s*([01](?:\.\d{0,3})?)\s*", parameter)
         if tag.strip() and (weight or not parameter):
-            wishes.append((tag.strip(), float(weight[1]) if weight else 1.0))
-    return wishes
+            accepted.append((tag.strip(), float(weight[1]) if weight else 1.0))
+    return accepted

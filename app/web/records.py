@@ -17,7 +17,7 @@ from app import bundled
 from app.errors import Refused
 from app.historian import record_query as query
 from app.historian.export import FORMATS
-from app.historian.record_export import RecordExport, RecordWish, keeping, kinds, names, words
+from app.historian.record_export import RecordExport, RecordExportSettings, keeping, kinds, names, words
 from app.historian.record_query import ANY, Wanted
 from app.plant.record_kinds import OPEN_CHOICE, former_addresses
 from app.plant.types import EQUIPMENT
@@ -147,7 +147,7 @@ async def export(request: Request, kind: str) -> Response:
     await _check_equipment(request, of, typed["equipment"])
     filters = "; ".join(f"{name}={value}" for name, value in set_filters(typed).items() if name != "view")
     plant = runtime.plant
-    wish = RecordWish(
+    settings = RecordExportSettings(
         replace(wanted, before=None),
         zone_of(request),
         locale,
@@ -161,7 +161,7 @@ async def export(request: Request, kind: str) -> Response:
         created=runtime.clock.micros(),
         simulated=runtime.simulated,
     )
-    made = RecordExport(replace(wish, names=names(plant, of, typed["equipment"], wish.label)))
+    made = RecordExport(replace(settings, names=names(plant, of, typed["equipment"], settings.label)))
     await read(runtime, made.open)
     await runtime.access.audit.record(
         "records.exported",

@@ -98,10 +98,10 @@ def lines(change: Change, texts: Texts, lang: str) -> list[str]:
 async def _answer(runtime: "Runtime", line: bytes) -> dict[str, Any]:
     request = json.loads(line)
     match request:
-        case {"reload": str(wish), "person": str(name)}:
+        case {"reload": str(path), "person": str(name)}:
             label = printable(f"terminal:{name}", 64)
             person = Person(0, label, label, frozenset(), frozenset(), "", address="terminal")
-            reading = await (runtime.plant_files.look() if wish == LOOK else runtime.plant_files.reload(person, wish))
+            reading = await (runtime.plant_files.look() if path == LOOK else runtime.plant_files.reload(person, path))
             return _told(reading)
     raise ValueError("unknown request")
 

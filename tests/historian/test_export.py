@@ -18,7 +18,7 @@ from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
 from app.historian import store
-from app.historian.export import FORMATS, Export, Wish, intervals, moment, span, verify_export
+from app.historian.export import FORMATS, Export, ExportSettings, intervals, moment, span, verify_export
 from app.historian.store import HOUR, MINUTE
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE, Origin
@@ -31,7 +31,7 @@ SIMULATED = GOOD | Origin.SIMULATED
 
 
 def export(connection: Connection, tags: list[str], begin: int, end: int, **more: Any) -> tuple[Export, bytes]:
-    made = Export(Wish(tags, begin, end, **{"zone": ZAGREB, **more}))
+    made = Export(ExportSettings(tags, begin, end, **{"zone": ZAGREB, **more}))
     data = b""
     while not made.done:
         data += made.read(connection)
@@ -242,7 +242,7 @@ def test_a_long_export_needs_no_more_memory_than_a_short_one(history: Database) 
         )
 
     history.run(fill_in)
-    made = Export(Wish(["m1.speed", "m1.current"], BEGIN, BEGIN + HOUR, ZAGREB))
+    made = Export(ExportSettings(["m1.speed", "m1.current"], BEGIN, BEGIN + HOUR, ZAGREB))
     length = 0
     history.run(made.read)
     tracemalloc.start()
@@ -258,17 +258,17 @@ def test_a_long_export_needs_no_more_memory_than_a_short_one(history: Database) 
 
 async def test_it_streams_and_can_be_given_up(history: Database) -> None:
     history.run(two_points)
-    made = Export(Wish(["m1.speed"], BEGIN, BEGIN + HOUR, ZAGREB))
+    made = Export(ExportSettings(["m1.speed"], BEGIN, BEGIN + HOUR, ZAGREB))
     data = b"".join([part async for part in made.stream(history)])
     assert data.count(b"m1.speed,") == 11
-    given_up = Export(Wish(["m1.speed"], BEGIN, BEGIN + HOUR, ZAGREB)).stream(history)
+    given_up = Export(ExportSettings(["m1.speed"], BEGIN, BEGIN + HOUR, ZAGREB)).stream(history)
     await anext(given_up)
     await given_up.aclose()  # type: ignore[attr-defined]
     await history.write(lambda connection: connection.exec_driver_sql("DELETE FROM sample"))
 
 
 @pytest.mark.parametrize(
-    ("wish", "named"),
+    ("asked", "named"),
     [
         ({"tags": []}, "tags"),
         ({"tags": ["m1.speed", "m1.speed"]}, "twice"),
@@ -278,9 +278,9 @@ async def test_it_streams_and_can_be_given_up(history: Database) -> None:
         ({"interval": -1}, "interval"),
     ],
 )
-def test_what_cannot_be_is_refused_by_name(wish: dict[str, Any], named: str) -> None:
+def test_what_cannot_be_is_refused_by_name(asked: dict[str, Any], named: str) -> None:
     with pytest.raises(ConfigurationError, match=named):
-        Export(Wish(**{"tags": ["m1.speed"], "begin": BEGIN, "end": BEGIN + 1, "zone": ZAGREB, **wish}))
+        Export(ExportSettings(**{"tags": ["m1.speed"], "begin": BEGIN, "end": BEGIN + 1, "zone": ZAGREB, **asked}))
 
 
 def test_a_tag_that_was_never_recorded_is_named() -> None:

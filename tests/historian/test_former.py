@@ -14,7 +14,7 @@ from sqlalchemy import Connection
 
 from app.db import Database
 from app.historian import record_export, record_query
-from app.historian.record_export import RecordExport, RecordWish
+from app.historian.record_export import RecordExport, RecordExportSettings
 from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
 from app.plant.definitions import Plant
@@ -72,7 +72,7 @@ def tell(connection: Connection, plant: Plant) -> None:
 
 def exported(connection: Connection, plant: Plant, kind: str, equipment: str, locale: str) -> bytes:
     texts, of = Texts.read(plant), record_export.kinds(plant)[kind]
-    wish = RecordWish(
+    asked = RecordExportSettings(
         Wanted(equipment),
         ZoneInfo("Europe/Zagreb"),
         locale,
@@ -83,8 +83,8 @@ def exported(connection: Connection, plant: Plant, kind: str, equipment: str, lo
         **record_export.words(texts, plant, of, locale),
     )
     if kind == "passage":
-        wish = replace(wish, bom=locale == "hr", filters=f"equipment={equipment}", simulated=True)
-    made = RecordExport(replace(wish, names=record_export.names(plant, of, equipment, wish.label)))
+        asked = replace(asked, bom=locale == "hr", filters=f"equipment={equipment}", simulated=True)
+    made = RecordExport(replace(asked, names=record_export.names(plant, of, equipment, asked.label)))
     found = b""
     while not made.done:
         found += made.read(connection)
