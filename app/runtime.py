@@ -215,7 +215,7 @@ class Runtime:
             writers=self.links,
             audit=self.command_ends.write,
             dry_run=self.settings.dry_run,
-            rights=self.access.standing,
+            rights=self.access.current,
             foretell=self.command_ends.foretell,
         )
         gate.configure(plant)

@@ -129,9 +129,9 @@ class Access:
         self.audit.close()
         self.passwords.close()
 
-    def standing(self, person: Person) -> Person | None:
+    def current(self, person: Person) -> Person | None:
         """`person` as of now without asking the database; None when the session or the token is over."""
-        return (self.tokens if person.session.startswith("token-") else self.sessions).standing(person)
+        return (self.tokens if person.session.startswith("token-") else self.sessions).current(person)
 
     def subscribe(self, ended: Callable[[Collection[str]], None], changed: Callable[[Collection[str]], None]) -> None:
         """Have `ended` called with sessions and tokens that are over, `changed` with those that allow other things now."""

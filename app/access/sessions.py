@@ -2,7 +2,7 @@
 
 Only SHA-256 of the id is stored. Rights are read from the database with every request, so a change of roles, a disabled account or a
 closed session acts on the next one, also when the command line made it. What goes on without requests (a button that is held, a command
-that waits for its turn, a socket) asks `standing`, which follows the database by half a second (`renew`, in this process at once).
+that waits for its turn, a socket) asks `current`, which follows the database by half a second (`renew`, in this process at once).
 When a session ends and when it is idle is in `session_times`, what it allows in `session_person`. Source: reference/security.md
 section 4.4.
 """
@@ -153,7 +153,7 @@ class Sessions:
         known = await self._read(person.session)
         return self._person(known, person.address) if known else None
 
-    def standing(self, person: Person) -> Person | None:
+    def current(self, person: Person) -> Person | None:
         """`person` as of now without asking the database; None when the session is over, or was not found lately.
 
         A change that another process made is known after `renew`.

@@ -102,7 +102,7 @@ class Tokens:
         """The holder of a token as of now, for a socket that stays open; None when the token is over."""
         return self._note(await self._db.read(lambda connection: self._found_again(connection, person)))
 
-    def standing(self, person: Person) -> Person | None:
+    def current(self, person: Person) -> Person | None:
         """The holder of a token as of now without asking the database; None when it is over, or was not found lately."""
         if person.session not in self._known:
             return None

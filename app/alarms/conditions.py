@@ -132,7 +132,7 @@ class BadQuality:
 
 
 @dataclass(slots=True)
-class Told:
+class Reported:
     """What another part of the system says: a task is down, a command was not confirmed. It stands until it is said to be over.
 
     With `until`, a sentence over the equipment's points, it is over when that holds.
@@ -148,7 +148,7 @@ class Told:
 
 
 @dataclass(slots=True)
-class Happened:
+class ByEvent:
     """An event of the device raised it; the engine says so. With a sentence it stands as long as that is true, and the sentence alone
     raises it when the event was lost. Without one it stands until another event ends it, or not at all.
     """
@@ -156,7 +156,7 @@ class Happened:
     sentence: Discrete | None = None
     lasts: bool = False
     """Another event ends it."""
-    standing: bool = False
+    raised: bool = False
     """An event raised it, and nothing has ended it."""
     until: float = 0.0
     """Up to then a sentence that is false may be older than the event [s, monotonic]."""
@@ -171,23 +171,23 @@ class Happened:
     @property
     def settling(self) -> bool:
         """Whether the event stands and its sentence has not been seen true yet."""
-        return self.standing and self.sentence is not None and not self.proved
+        return self.raised and self.sentence is not None and not self.proved
 
     def begin(self, until: float) -> None:
         """The event has come; `until` when its sentence counts, should it be false till then."""
-        self.standing, self.proved, self.until = not self.momentary, False, until
+        self.raised, self.proved, self.until = not self.momentary, False, until
 
     def holds(self, look: Look, held: bool, now: float, age: Age | None = None) -> Truth:
         if self.sentence is None:
-            return self.standing
+            return self.raised
         truth = self.sentence.holds(look, held, now, age)
-        if not self.standing or truth is None:
+        if not self.raised or truth is None:
             return truth
         if truth:
             self.proved = True
         elif self.proved or now >= self.until:
-            self.standing = False
-        return self.standing
+            self.raised = False
+        return self.raised
 
 
 class Kind(StrEnum):
@@ -208,7 +208,7 @@ def condition(alarm: Alarm) -> Condition:
         ConfigurationError: its sentence is none of the grammar (the plant reader has refused it before).
     """
     if alarm.event:
-        return Happened(_discrete(alarm) if alarm.expression else None, alarm.event_clear > 0)
+        return ByEvent(_discrete(alarm) if alarm.expression else None, alarm.event_clear > 0)
     return _BUILD[Kind(alarm.kind)](alarm)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from app.access.roles import Person
 from app.alarms.alarm_list import AlarmList
 from app.alarms.annunciations import Annunciations
-from app.alarms.conditions import Told
+from app.alarms.conditions import Reported
 from app.alarms.counts import AlarmCounts
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.evaluation import Evaluation
@@ -25,7 +25,7 @@ from app.alarms.ring_events import RingEvents
 from app.alarms.states import AlarmStates
 from app.alarms.stored_state import orphan, put_back
 from app.alarms.system_alarms import SystemAlarms
-from app.alarms.watch import Answer, Standing, Watch, carry
+from app.alarms.watch import Answer, ListedAlarm, Watch, carry
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused
@@ -91,7 +91,7 @@ class AlarmEngine:
                         changed.append((watch, before.alarm))
                 self.evaluation.enrol(watch)
         for watch in list(old.values()):
-            if isinstance(watch.condition, Told) and (not watch.equipment or watch.equipment in equipment):
+            if isinstance(watch.condition, Reported) and (not watch.equipment or watch.equipment in equipment):
                 self.evaluation.enrol(old.pop(watch.id))
         for watch in old.values():
             self._states.remove(watch, person)
@@ -128,9 +128,9 @@ class AlarmEngine:
         """Id, equipment type, text key and parameters of every alarm, for searching in a reader's language."""
         return [(watch.id, watch.type, watch.alarm.label, watch.params) for watch in self._index]
 
-    def find(self, occurrence: int) -> Standing | None:
+    def find(self, occurrence: int) -> ListedAlarm | None:
         """The alarm whose present occurrence this is; None when it is over."""
-        watch = self._occurrences.standing(occurrence)
+        watch = self._occurrences.present(occurrence)
         return self.list.of(watch) if watch else None
 
     # ---- what people do -------------------------------------------------------------------------------
@@ -145,7 +145,7 @@ class AlarmEngine:
         return answers
 
     def _acknowledge(self, occurrence: int, person: Person, comment: str) -> Answer:
-        watch = self._occurrences.standing(occurrence)
+        watch = self._occurrences.present(occurrence)
         if watch is None:
             return self._occurrences.answer(occurrence)
         result = self._states.apply(watch, AlarmEvent.ACKNOWLEDGE, person=person, comment=comment)

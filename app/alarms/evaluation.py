@@ -8,7 +8,7 @@ reference/alarms.md sections 1, 5 and 6.
 import asyncio
 from collections.abc import Sequence
 
-from app.alarms.conditions import Happened, Told, Truth
+from app.alarms.conditions import ByEvent, Reported, Truth
 from app.alarms.event_params import untold
 from app.alarms.first_out import place
 from app.alarms.index import AlarmIndex
@@ -51,7 +51,7 @@ class Evaluation:
 
     def enrol(self, watch: Watch) -> None:
         """Take an alarm into service, however it stands."""
-        watch.standing = None
+        watch.listed = None
         self._index.add(watch)
         self._occurrences.keep(watch)
         self._states.arm(watch)
@@ -79,7 +79,7 @@ class Evaluation:
         if due:
             self.evaluate([due[index] for index in sorted(due)])
         for watch in list(self._settling.values()):
-            if isinstance(watch.condition, Happened) and not watch.condition.settling:
+            if isinstance(watch.condition, ByEvent) and not watch.condition.settling:
                 del self._settling[watch.id]
 
     def put_off(self, still: Standstill) -> None:
@@ -154,13 +154,15 @@ class Evaluation:
         if change.active:
             watch.first_true = change.at
             watch.annunciated = change.at + round(delay.on * 1e6)
-            told = watch.condition
-            if isinstance(told, Happened) and not told.standing:  # its sentence says so alone: the event was lost
+            condition = watch.condition
+            if (
+                isinstance(condition, ByEvent) and not condition.raised
+            ):  # its sentence says so alone: the event was lost
                 watch.event, watch.params = 0, untold(watch.layout)
         return change.active
 
     def _judge_quality(self, watch: Watch, truth: Truth) -> None:
-        if isinstance(watch.condition, Happened) and watch.condition.sentence is None:
+        if isinstance(watch.condition, ByEvent) and watch.condition.sentence is None:
             return
         known = truth is not None or all(self._tags.quality(handle) & 0xFF == NO_DATA for handle in watch.handles)
         if known is watch.known or (watch.life.state is AlarmState.NORMAL and known is False):
@@ -171,8 +173,12 @@ class Evaluation:
     def _suppress(self, root: Watch, active: bool, at: int) -> None:
         freed = []
         for watch in self._index.members(root.equipment):
-            told = watch.condition
-            if watch is root or isinstance(told, Told) or (isinstance(told, Happened) and told.sentence is None):
+            condition = watch.condition
+            if (
+                watch is root
+                or isinstance(condition, Reported)
+                or (isinstance(condition, ByEvent) and condition.sentence is None)
+            ):
                 continue  # no value of the device decides it
             if active and watch.life.state is not AlarmState.NORMAL:
                 self._states.apply(watch, AlarmEvent.SUPPRESS, detail=root.alarm.key)
@@ -190,5 +196,5 @@ class Evaluation:
         return True
 
     def _follow(self, watch: Watch) -> None:
-        if isinstance(watch.condition, Happened) and watch.condition.settling:
+        if isinstance(watch.condition, ByEvent) and watch.condition.settling:
             self._settling[watch.id] = watch

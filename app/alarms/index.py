@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from app.alarms.conditions import Delay, Told, condition, delay, inputs, needs_time
+from app.alarms.conditions import Delay, Reported, condition, delay, inputs, needs_time
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.event_params import untold
 from app.alarms.watch import Watch
@@ -51,12 +51,12 @@ class AlarmIndex:
         for code in (watch.alarm.event, watch.alarm.event_clear):
             if code:
                 self._by_event.setdefault(watch.equipment, {}).setdefault(code, []).append(watch)
-        if watch.equipment and watch.alarm.alarm_class == COMM and not isinstance(watch.condition, Told):
+        if watch.equipment and watch.alarm.alarm_class == COMM and not isinstance(watch.condition, Reported):
             self._roots[watch.equipment] = watch
 
     def listen(self, watch: Watch, until: str) -> None:
         """Let the sentence `until` over the points of its machine end what was told of `watch`."""
-        assert isinstance(watch.condition, Told)
+        assert isinstance(watch.condition, Reported)
         watch.condition.until = expression.parse(until)
         names = _names(self.equipment.get(watch.equipment))
         for handle in self._handles(names, watch.condition.until.names):
@@ -133,8 +133,8 @@ class AlarmIndex:
         Raises:
             KeyError: no such alarm.
         """
-        told = SYSTEM_ALARMS[key]
-        row = told.row(key)
+        definition = SYSTEM_ALARMS[key]
+        row = definition.row(key)
         item = self.equipment.get(equipment)
         names = _names(item)
         return Watch(
@@ -144,12 +144,12 @@ class AlarmIndex:
             area=item.area if item else SYSTEM,
             type=item.type.name if item else "",
             alarm=row,
-            condition=Told(),
+            condition=Reported(),
             delay=Delay(row.on_delay, row.off_delay),
             look=self._look(names),
             age=self._age(names),
             handles=frozenset(),
-            once=told.once,
+            once=definition.once,
         )
 
     def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:

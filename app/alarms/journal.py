@@ -159,7 +159,7 @@ def write(
     connection: Connection,
     key: bytes,
     records: Sequence[Record],
-    standing: Iterable[Stored],
+    states: Iterable[Stored],
     gone: Iterable[str],
     marks: Mapping[str, Mark] = {},
 ) -> int:
@@ -180,7 +180,7 @@ def write(
         rows.append({**row, "mac": mac})
     if rows:
         connection.execute(insert(journal_table), rows)
-    kept = [asdict(one) for one in standing]
+    kept = [asdict(one) for one in states]
     names = [{"name": name} for name in dict.fromkeys([*gone, *(row["alarm"] for row in kept)])]
     if names:
         connection.execute(delete(state_table).where(state_table.c.alarm == bindparam("name")), names)

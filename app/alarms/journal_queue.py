@@ -68,9 +68,9 @@ class JournalQueue:
                 journal.event_marks(connection),
             )
 
-        standing, newest, times, self._marks = await self._db.read(work)
+        states, newest, times, self._marks = await self._db.read(work)
         self._safe = dict(self._marks)
-        return standing, newest, times
+        return states, newest, times
 
     # ---- what comes in --------------------------------------------------------------------------------
 
@@ -149,11 +149,11 @@ class JournalQueue:
                 return
             self._records, self._dirty, self._new_marks, self._unmarked = [], {}, {}, 0
             reached = dict(self._marks)
-            standing = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
+            states = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
             gone = [id for id, watch in dirty.items() if watch is None or watch.life == Life()]
             try:
                 await self._db.write(
-                    lambda connection: journal.write(connection, self._key, records, standing, gone, marks)
+                    lambda connection: journal.write(connection, self._key, records, states, gone, marks)
                 )
             except StorageError as error:
                 self._records = records + self._records

@@ -41,7 +41,7 @@ class Occurrences:
         """The alarm whose last occurrence this is."""
         return self._present.get(occurrence)
 
-    def standing(self, occurrence: int) -> Watch | None:
+    def present(self, occurrence: int) -> Watch | None:
         """The alarm whose present occurrence this is; None = it is over."""
         watch = self._present.get(occurrence)
         return watch if watch is not None and watch.life.state is not AlarmState.NORMAL else None

@@ -6,7 +6,7 @@ Source: reference/alarms.md section 11.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from app.alarms.conditions import EVENT_LATE, Happened
+from app.alarms.conditions import EVENT_LATE, ByEvent
 from app.alarms.evaluation import Evaluation
 from app.alarms.index import AlarmIndex
 from app.alarms.journal_queue import JournalQueue
@@ -81,13 +81,13 @@ class RingEvents:
                 self._end(watch, event, wall)
 
     def _raise(self, watch: Watch, event: RingEvent, wall: int) -> None:
-        now, told, at = self._clock.monotonic(), watch.condition, min(event.time, wall)
-        assert isinstance(told, Happened)
+        now, condition, at = self._clock.monotonic(), watch.condition, min(event.time, wall)
+        assert isinstance(condition, ByEvent)
         by_value = not watch.event and watch.first_true > 0 and at - watch.first_true < round(EVENT_LATE * 1e6)
         if by_value and (watch.delay.active or watch.first_true - LATEST_SCAN <= at <= watch.returned):
             # its sentence was quicker: the same occurrence, of which more is known now
-            told.begin(now)
-            told.standing, told.proved = watch.delay.active, True
+            condition.begin(now)
+            condition.raised, condition.proved = watch.delay.active, True
             watch.first_true = min(watch.first_true, at)
             explain(watch, event)
             self._states.changed(watch)
@@ -99,17 +99,17 @@ class RingEvents:
             self._evaluation.force(watch, False)
             self._evaluation.turn(watch, False, event, at)
         watch.first_true, watch.annunciated = at, wall
-        told.begin(now + EVENT_LATE)
+        condition.begin(now + EVENT_LATE)
         self._evaluation.force(watch, True)
         self._evaluation.turn(watch, True, event, at)
-        if told.momentary:
+        if condition.momentary:
             self._evaluation.force(watch, False)
             self._evaluation.turn(watch, False, event, at)
 
     def _end(self, watch: Watch, event: RingEvent, wall: int) -> None:
-        told = watch.condition
-        assert isinstance(told, Happened)
-        told.standing = False
+        condition = watch.condition
+        assert isinstance(condition, ByEvent)
+        condition.raised = False
         stood = watch.delay.active
         self._evaluation.force(watch, False)
         if stood:
@@ -121,7 +121,7 @@ class RingEvents:
         self._lost[equipment] = lost + (self._lost.get(equipment, 0) if waits else 0)
         self._system.report("events_lost", equipment, params={"count": self._lost[equipment]})
         for one in self._index.members(equipment):
-            told = one.condition
-            if isinstance(told, Happened) and told.sentence is None and told.standing and one.known:
+            condition = one.condition
+            if isinstance(condition, ByEvent) and condition.sentence is None and condition.raised and one.known:
                 one.known = False
                 self._states.apply(one, AlarmEvent.QUALITY, detail="unknown")

@@ -2,7 +2,7 @@
 
 import json
 
-from app.alarms.conditions import Delay, Happened, Told
+from app.alarms.conditions import ByEvent, Delay, Reported
 from app.alarms.journal import Stored
 from app.alarms.watch import Watch
 from app.plant.definitions import Alarm
@@ -47,11 +47,11 @@ def put_back(watch: Watch, one: Stored) -> None:
     watch.value, watch.limit = one.value, one.limit
     watch.params = json.loads(one.params)
     watch.delay.restart(one.active)
-    if isinstance(watch.condition, Told):
+    if isinstance(watch.condition, Reported):
         watch.condition.active = one.active
-    elif isinstance(watch.condition, Happened):
+    elif isinstance(watch.condition, ByEvent):
         watch.event = int(str(watch.params.get("event", 0)))
-        watch.condition.standing = one.active and watch.event > 0
+        watch.condition.raised = one.active and watch.event > 0
 
 
 def orphan(one: Stored) -> Watch:
@@ -63,7 +63,7 @@ def orphan(one: Stored) -> Watch:
         area="",
         type="",
         alarm=Alarm(one.key, f"alarm.{one.key}.label", "", 4),
-        condition=Told(),
+        condition=Reported(),
         delay=Delay(0, 0),
         look=lambda key: (None, NO_DATA),
         age=lambda key: None,

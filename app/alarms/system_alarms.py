@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from app.alarms.conditions import Told
+from app.alarms.conditions import Reported
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.evaluation import Evaluation
 from app.alarms.index import AlarmIndex
@@ -51,11 +51,11 @@ class SystemAlarms:
                 return
             watch = self._index.of_system(id, key, equipment or "")
             self._evaluation.enrol(watch)
-        told = watch.condition
-        assert isinstance(told, Told)
-        if told.active is active and (not active or dict(watch.params) == given) and watch.delay.active is active:
+        condition = watch.condition
+        assert isinstance(condition, Reported)
+        if condition.active is active and (not active or dict(watch.params) == given) and watch.delay.active is active:
             return
-        told.active = active
+        condition.active = active
         if active:
             if dict(watch.params) != given and watch.life.active:
                 self._states.changed(watch)
@@ -78,7 +78,7 @@ class SystemAlarms:
 
     def seen(self, watch: Watch) -> None:
         """Somebody acknowledged `watch`: what only happened, and no sentence ends, is over by that."""
-        if watch.once and isinstance(watch.condition, Told) and watch.condition.until is None:
+        if watch.once and isinstance(watch.condition, Reported) and watch.condition.until is None:
             watch.condition.active = False
             self._evaluation.evaluate([watch])
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from app.access.roles import Person
-from app.alarms.conditions import Condition, Delay, Happened
+from app.alarms.conditions import ByEvent, Condition, Delay
 from app.alarms.event_params import of_event
 from app.alarms.journal import Record
 from app.alarms.lifecycle import UNACKED, AlarmState, Life, Step, Traits
@@ -24,7 +24,7 @@ CHATTERS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class ListedAlarm:
     """One alarm that is not normal, as lists show it. Texts are keys."""
 
     id: str
@@ -149,7 +149,7 @@ class Watch:
     """Of the snapshot words of its machine's events."""
     event: int = 0
     """Sequence of the device's event that raised it; 0 = none did."""
-    standing: Standing | None = None
+    listed: ListedAlarm | None = None
 
     @property
     def traits(self) -> Traits:
@@ -161,10 +161,10 @@ class Watch:
         return len(self.raises) == CHATTERS and now - self.raises[0] <= CHATTER_WINDOW
 
 
-def standing(watch: Watch, chattering: bool, rule: str) -> Standing:
+def listed(watch: Watch, chattering: bool, rule: str) -> ListedAlarm:
     """How lists show it; `rule` is what suppresses it."""
     alarm = watch.alarm
-    return Standing(
+    return ListedAlarm(
         id=watch.id,
         occurrence=watch.occurrence,
         equipment=watch.equipment,
@@ -249,8 +249,8 @@ def carry(before: Watch, after: Watch) -> None:
         "limit", "count", "raises", "ordinal", "uncertain", "params", "event",
     ):  # fmt: skip
         setattr(after, name, getattr(before, name))
-    if isinstance(before.condition, Happened) and isinstance(after.condition, Happened):
-        for name in ("standing", "until", "proved"):
+    if isinstance(before.condition, ByEvent) and isinstance(after.condition, ByEvent):
+        for name in ("raised", "until", "proved"):
             setattr(after.condition, name, getattr(before.condition, name))
     after.delay.active, after.delay.since, after.delay.at = before.delay.active, before.delay.since, before.delay.at
 

@@ -12,7 +12,7 @@ from app.alarms.engine import AlarmEngine
 from app.alarms.event_params import completed
 from app.alarms.journal import HOUR, Record
 from app.alarms.lifecycle import AlarmState
-from app.alarms.watch import SYMBOLS, Standing, spoken
+from app.alarms.watch import SYMBOLS, ListedAlarm, spoken
 from app.clock import Clock
 from app.plant.definitions import Kind, Plant, Point
 from app.plant.system import SYSTEM
@@ -103,7 +103,7 @@ class Drawing:
         self._groups = Counter(one.equipment for one in runtime.alarms.list.active() if one.ordinal)
         self.zone = ZoneInfo(runtime.plant.timezone) if runtime.plant else ZoneInfo("UTC")
 
-    def row(self, one: Standing) -> Row:
+    def row(self, one: ListedAlarm) -> Row:
         """`one` as a line of the list."""
         active = one.life.active
         seconds = ((self.now if active else one.returned or self.now) - one.first_true) / 1e6
@@ -136,7 +136,7 @@ class Drawing:
             resettable=one.state is AlarmState.LATCHED,
         )
 
-    def text(self, one: Standing, key: str = "") -> str:
+    def text(self, one: ListedAlarm, key: str = "") -> str:
         """Its text (or another one of its texts) with its parameters as this reader writes them."""
         return self.filled(
             one.type,
@@ -144,7 +144,7 @@ class Drawing:
             self._params(one.equipment, one.point, one.value, one.limit, one.type, one.params),
         )
 
-    def optional(self, one: Standing, key: str) -> str:
+    def optional(self, one: ListedAlarm, key: str) -> str:
         """As `text`, empty where nobody has written one."""
         found = self.text(one, key)
         return "" if found in (f"[{key}]", "–") or found.endswith("] –") else found
@@ -285,7 +285,7 @@ class Drawing:
         }
 
 
-def marks(standing: Iterable[Standing]) -> dict[str, dict[str, list[object]]]:
+def marks(standing: Iterable[ListedAlarm]) -> dict[str, dict[str, list[object]]]:
     """What is marked: machine, area and point → [priority, `data-state`] of its most important alarm."""
     found: dict[str, dict[str, list[object]]] = {"of": {}, "area": {}, "point": {}}
     for one in sorted(standing, key=lambda one: (one.priority, not one.unacked)):

@@ -20,7 +20,7 @@ from app.alarms import journal
 from app.alarms.engine import AlarmEngine
 from app.alarms.journal import DAY, Filter, Record
 from app.alarms.lifecycle import Entry
-from app.alarms.watch import Answer, Standing
+from app.alarms.watch import Answer, ListedAlarm
 from app.errors import Refused
 from app.plant.system import SYSTEM
 from app.web import format as fmt
@@ -166,11 +166,11 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[Standing, Row]], list[Standing]]:
+def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[ListedAlarm, Row]], list[ListedAlarm]]:
     """What the filter lets through, and what it hides."""
     draw = drawing(request)
-    shown: list[tuple[Standing, Row]] = []
-    hidden: list[Standing] = []
+    shown: list[tuple[ListedAlarm, Row]] = []
+    hidden: list[ListedAlarm] = []
     words = wanted["q"].casefold().split()
     for one in _engine(request).list.active():
         if wanted["tab"] == "unack" and not one.unacked:
@@ -214,7 +214,7 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     }
 
 
-async def _detail(request: Request, one: Standing) -> dict[str, Any]:
+async def _detail(request: Request, one: ListedAlarm) -> dict[str, Any]:
     draw = drawing(request)
     runtime = _view(request).runtime(request)
 

@@ -94,7 +94,7 @@ async def test_a_right_that_ends_here_is_known_at_once(access: Access, clock: Ma
     assert person is not None
     told = Told(access)
     await HERE[way](access, person, clock)
-    now = access.standing(person)
+    now = access.current(person)
     assert now is None or not now.may("operate")
     if way in OVER:
         assert now is None
@@ -112,11 +112,11 @@ async def test_a_right_that_ends_elsewhere_is_known_after_one_look(
     await add(server, "oli", "operator")
     person = await who(server, await enter(server, "oli"))
     assert person is not None
-    assert server.standing(person) == person
+    assert server.current(person) == person
     told = Told(server)
     await THERE[way](terminal, person, clock)
     await server.sessions.renew()
-    now = server.standing(person)
+    now = server.current(person)
     assert now is None or not now.may("operate")
     if way in OVER:
         assert now is None
@@ -132,7 +132,7 @@ async def test_a_right_that_comes_is_known_too(open_access: OpenAccess) -> None:
     assert person is not None
     terminal.people.set_roles_now(boss(), "vit", ["operator"])
     await server.sessions.renew()
-    now = server.standing(person)
+    now = server.current(person)
     assert now is not None
     assert now.may("operate")
 
@@ -161,7 +161,7 @@ async def test_what_was_read_before_a_change_does_not_undo_it(access: Access, mo
 
     monkeypatch.setattr(access.sessions._db, "read", slow)
     await access.sessions.renew()
-    now = access.standing(person)
+    now = access.current(person)
     assert now is not None
     assert not now.may("operate")
 
@@ -180,16 +180,16 @@ async def test_while_the_database_cannot_be_read_for_long_nobody_acts(
     monkeypatch.setattr(access.sessions._db, "read", fail)
     for _ in range(MOST_FAILURES - 1):
         await access.sessions.renew()
-    assert access.standing(person) == person
+    assert access.current(person) == person
     await access.sessions.renew()
-    now = access.standing(person)
+    now = access.current(person)
     assert now is not None
     assert not now.may("operate")
     assert now.may("stop")
     assert told.changed == [person.session]
     monkeypatch.undo()
     await access.sessions.renew()
-    assert access.standing(person) == person
+    assert access.current(person) == person
 
 
 @pytest.mark.parametrize("way", ["revoked", "reset", "disabled", "role taken", "reset in the terminal"])
@@ -201,7 +201,7 @@ async def test_a_token_ends_with_its_maker_too(open_access: OpenAccess, way: str
     token, secret = await access.tokens.create(eva, "script", ["view", "operate"], 30)
     person = await access.tokens.find(secret, "10.0.0.5")
     assert person is not None
-    assert access.standing(person) == person
+    assert access.current(person) == person
     told = Told(access)
     match way:
         case "revoked":
@@ -215,7 +215,7 @@ async def test_a_token_ends_with_its_maker_too(open_access: OpenAccess, way: str
         case _:
             terminal.people.set_password_now(boss(), "eva", None)
             await access.tokens.renew()
-    now = access.standing(person)
+    now = access.current(person)
     assert now is None or not now.may("operate")
     assert person.session in told.changed
     if way.startswith("reset"):

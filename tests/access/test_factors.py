@@ -569,10 +569,10 @@ async def test_the_terminal_takes_it_too_beside_a_running_server(
 ) -> None:
     phone, _ = await with_factor(access, clock)
     person = await give(access, await half_in(access), phone.shows())
-    assert person is not None and access.standing(person)
+    assert person is not None and access.current(person)
     open_access().factors.reset_now(terminal(), " ANA ")
     await access.sessions.renew()
-    assert access.standing(person) is None
+    assert access.current(person) is None
     assert await enter(access, "ana")
     with pytest.raises(Refused, match="no_person"):
         access.factors.reset_now(terminal(), "nobody")
@@ -630,8 +630,8 @@ async def test_a_role_that_asks_for_it_leaves_only_enrolling_and_stop(
     if before.must_enrol:
         assert before.permissions <= ENROLLING
         assert before.may("stop") == ("operator" in roles or "engineer" in roles)
-        standing = access.standing(before)
-        assert standing and standing.permissions <= ENROLLING
+        current = access.current(before)
+        assert current and current.permissions <= ENROLLING
     _, fresh, _ = await enrol(access, clock, sid)
     after = await who(access, fresh)
     assert after and not after.must_enrol and after.may("view") and after.may("account")
@@ -659,14 +659,14 @@ async def test_a_role_given_or_a_factor_taken_counts_in_open_sessions_at_once(
     access.sessions.subscribe_changes(told.extend)
     await access.people.set_roles(boss(), key, ["operator", "engineer"])
     assert told == [person.session]
-    now = access.standing(person)
+    now = access.current(person)
     assert now and now.must_enrol and now.permissions == ENROLLING
     sid = await enter(access, "ana")
     _, fresh, codes = await enrol(access, clock, sid)
     person = await who(access, fresh)
     assert person and person.may("configure")
     await access.factors.remove(person, codes[0])
-    now = access.standing(person)
+    now = access.current(person)
     assert now and now.must_enrol and now.permissions == ENROLLING
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.alarms.conditions import BadQuality, Delay, Deviation, Discrete, High, Low, Rate, Told, condition, inputs
+from app.alarms.conditions import BadQuality, Delay, Deviation, Discrete, High, Low, Rate, Reported, condition, inputs
 from app.plant.definitions import Alarm
 from app.plant.expression import Look, parse
 from app.tags.batch import Value
@@ -85,7 +85,7 @@ def test_bad_quality_is_a_condition_that_is_always_known() -> None:
 
 
 def test_what_was_told_stands_until_it_is_over() -> None:
-    told = Told(True, parse("status == 0"))
+    told = Reported(True, parse("status == 0"))
     assert told.holds(look(status=1.0), True, 0) is True
     assert told.holds(look(COMM_FAILURE, status=0.0), True, 0) is True
     assert told.holds(look(status=0.0), True, 0) is False

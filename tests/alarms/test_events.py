@@ -427,7 +427,7 @@ async def test_every_state_takes_every_event(plot: Plot, life: Life, code: int, 
     (watch,) = (one for one in engine._index if one.alarm.event)
     watch.life = life
     watch.delay.restart(life.active)
-    watch.condition.standing = life.active  # type: ignore[union-attr, attr-defined]
+    watch.condition.raised = life.active  # type: ignore[union-attr, attr-defined]
     watch.event = 1 if life.active else 0
     before = life.state
     line = Line(plot)

@@ -210,7 +210,7 @@ def control_is_lived(c: Checker) -> None:
     world = c.world
     if world.down or world.runtime.gate is None:
         return
-    gate, standing = world.runtime.gate, world.runtime.access.standing
+    gate, standing = world.runtime.gate, world.runtime.access.current
     for equipment, tenure in gate.control._tenures.items():
         person = standing(tenure.who)
         if person is None or not person.may("view"):

@@ -15,7 +15,7 @@ from fastapi.testclient import TestClient
 from app.access.audit.search import Filter
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.engine import AlarmEngine
-from app.alarms.watch import Standing
+from app.alarms.watch import ListedAlarm
 from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
@@ -50,11 +50,11 @@ class Hall:
         handle = tags.handle(name)
         self.staff.wait(tags.publish, Batch(tags.tags[handle].source, 99, now, now, [handle], [value]))
 
-    def standing(self) -> list[Standing]:
-        found: list[Standing] = self.staff.wait(self.engine.list.active)
+    def standing(self) -> list[ListedAlarm]:
+        found: list[ListedAlarm] = self.staff.wait(self.engine.list.active)
         return found
 
-    def one(self, id: str) -> Standing:
+    def one(self, id: str) -> ListedAlarm:
         return next(one for one in self.standing() if one.id == id)
 
     def page(self, path: str, lang: str = "en") -> str:
@@ -340,7 +340,7 @@ def test_a_value_above_its_limit_is_written_with_its_limit(hall: Hall) -> None:
     hall.staff.wait(hall.engine.list.touch)
 
 
-def _heatsink(hall: Hall) -> Standing:
+def _heatsink(hall: Hall) -> ListedAlarm:
     hall.tell("stop_unconfirmed", "m1")
     row = next(alarm for alarm in hall.runtime.plant.equipment["m1"].alarms if alarm.key == "heatsink_high")  # type: ignore[union-attr]
     base = hall.one("sys.stop_unconfirmed.m1")

@@ -12,7 +12,7 @@ from app.web.guard import allow, person_of, shown_name
 from app.web.language import language_of
 
 if TYPE_CHECKING:
-    from app.alarms.watch import Standing
+    from app.alarms.watch import ListedAlarm
     from app.runtime import Runtime
 
 router = APIRouter(prefix="/api/v1")
@@ -66,7 +66,7 @@ async def acknowledge(
     ]
 
 
-def _alarm(request: Request, runtime: "Runtime", one: "Standing") -> AlarmOut:
+def _alarm(request: Request, runtime: "Runtime", one: "ListedAlarm") -> AlarmOut:
     lang = language_of(request)
     text = (
         runtime.texts.of_type(lang, one.type, one.label, **one.params)
