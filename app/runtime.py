@@ -71,7 +71,7 @@ class Runtime:
         self.links: dict[str, RegisterLink] = {}
         self.sim: SimPlant | None = None
         self.gate: Gate | None = None
-        """The road of every command, while there is a plant."""
+        """The way of every command, while there is a plant."""
         self.modbus = ModbusDoor(settings.serve_modbus)
         self.plant_files = PlantFiles(
             settings.plant, self.tags, lambda: self.access.audit, running=lambda: self.plant, take=self._take_plant
@@ -96,7 +96,7 @@ class Runtime:
         self.events: Events
         """What machines tell, and what is made of it."""
         self.ring_events: RingEvents
-        """By which road they tell it."""
+        """How that comes to the alarms and into the history."""
         self.derived: DerivedPoints
         self.files: DatabaseWatch
         """Whether the files of both databases are still there."""
@@ -354,7 +354,7 @@ class Runtime:
 
 
 def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | None]] | None:
-    """The road of a memory link to its virtual devices."""
+    """How a memory link reaches its virtual devices."""
     if bus is None:
         return None
     return lambda unit, pdu: exchange(bus, unit, pdu)

@@ -1,1 +1,1 @@
-"""Gate, control token, interlocks: the one road from a person to the plant."""
+"""Gate, control token, interlocks: the one way from a person to the plant."""

@@ -1,4 +1,4 @@
-"""The command gate: the one road from a person to the plant.
+"""The command gate: the one way from a person to the plant.
 
     role → control token → nonce → freshness → value and limits → permissives and interlocks → confirmation → write → feedback
 
@@ -8,7 +8,7 @@ without a valid answer makes the command *unknown*: the machine is read again, a
 leaves one line in the audit trail when it is over, refused ones too, and one before its telegram leaves; a question back to the person
 (`Question`) is not a command yet.
 
-The parts, in the order of that road: `admission` (who may ask), `checks` (what must be true now), `sending` (telegrams), `following` (what
+The parts, in the order of that way: `admission` (who may ask), `checks` (what must be true now), `sending` (telegrams), `following` (what
 became of them), `motion` (what lasts as long as a button is held); `state` is what they share.
 
 F113 of an E800 is written to EEPROM and RAM unless 0x2001 = 4 was written before; a command whose data lists that write first has it

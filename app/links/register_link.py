@@ -1,4 +1,4 @@
-"""The register link: the points of some machines, kept true over one connection to their registers, and the road for writes.
+"""The register link: the points of some machines, kept true over one connection to their registers, and the way for writes.
 
 By itself it only reads. What is written comes from the command gate (`write`), the instructor or the probe (`raw_write`), and goes to a
 device only when the plant file says `writes = true`; without a word of it, to what is simulated in this process.

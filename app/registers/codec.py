@@ -36,7 +36,7 @@ def decode(register: Register, words: Sequence[int]) -> Value:
 
 @lru_cache(maxsize=65536)
 def decoder(register: Register) -> Decoder:
-    """`decode` for one register, with everything that does not depend on the words done once: for the hot road."""
+    """`decode` for one register, with everything that does not depend on the words done once: for what is done with every value."""
     length = _length(register)
     if register.type is Type.STRING:
         return lambda words: _text(register, _checked(words, length))

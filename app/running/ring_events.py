@@ -1,4 +1,4 @@
-"""The road of an event of a machine's ring: to the alarms at once, then to the history, and back to the ring when both have it."""
+"""The way of an event of a machine's ring: to the alarms at once, then to the history, and back to the ring when both have it."""
 
 import asyncio
 import logging

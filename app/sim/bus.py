@@ -2,7 +2,7 @@
 
 Pure: an answer is a value with its delay, and whoever carries it (memory, TCP, RTU) does the waiting.
 
-Line faults live in each device's training registers (0xE011–0xE014), so the instructor sets them by the same road as everything else.
+Line faults live in each device's training registers (0xE011–0xE014), so the instructor sets them by the same telegrams as everything else.
 Telegrams to training registers are outside the lesson: always answered, never counted, invisible to the watchdog.
 """
 

@@ -1,4 +1,4 @@
-"""Training registers: how an instructor breaks a virtual device and loads it, by the road every client has.
+"""Training registers: how an instructor breaks a virtual device and loads it, by the telegrams that every client has.
 
 On every virtual device, holding registers from 0xE000; a real device answers exception 02 there.
 

@@ -199,7 +199,7 @@ async def arm(request: Request, key: str, command: str) -> Response:
 
 @router.post("/equipment/{key}/release", dependencies=[allow("stop")])
 async def release(request: Request, key: str) -> Response:
-    """End a hold-to-run: the second road beside the socket. A lease that is over stays over."""
+    """End a hold-to-run: the second way beside the socket. A lease that is over stays over."""
     operation = operation_of(request, key)
     form = await fields(request, ("lease",), ("cause",))
     cause = form["cause"] if form["cause"] in RELEASE_CAUSES else "released"

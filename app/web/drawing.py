@@ -15,7 +15,7 @@ LIMITS = (0.12, 0.88)
 
 @dataclass(frozen=True, slots=True)
 class Knots:
-    """A piecewise linear road from values to places; outside it stays at its ends."""
+    """A piecewise linear scale from values to places; outside it stays at its ends."""
 
     points: tuple[tuple[float, float], ...]
     """(value, place), values rising."""
@@ -31,11 +31,11 @@ class Knots:
         return tenth(last[1])
 
     def scaled(self, start: float, length: float) -> "Knots":
-        """The same road to places from `start` over `length` (which may be negative)."""
+        """The same scale to places from `start` over `length` (which may be negative)."""
         return Knots(tuple((value, start + length * place) for value, place in self.points))
 
     def stretched(self, factor: float) -> "Knots":
-        """The road for values that are `factor` times smaller: a frequency on a scale of speeds."""
+        """The scale for values that are `factor` times smaller: a frequency on a scale of speeds."""
         pairs = sorted((value / factor, place) for value, place in self.points)
         return Knots(tuple(pairs))
 

@@ -1,4 +1,4 @@
-"""The terminal's road to a running server: a Unix socket in POGON_DATA that only its owner (mode 0600) or root can open.
+"""The terminal's way to a running server: a Unix socket in POGON_DATA that only its owner (mode 0600) or root can open.
 
 One line of JSON each way: {"reload": "look"} or {"reload": "<digest>"} → {"problems", "changes": [lines], "digest", "done", "refused"}.
 """

@@ -86,7 +86,7 @@ def described() -> bytes:
 
 
 def errors_of(path: str, method: str) -> list[int]:
-    """The errors that a road of the interface may answer with."""
+    """The errors that an operation of the interface may answer with."""
     if method == "get":
         return [401, 403, *([404] if "{" in path or path.endswith(("/tags", "/history")) else []), 422, 503]
     ordering = "/equipment/" in path
