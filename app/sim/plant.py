@@ -152,7 +152,7 @@ class SimPlant:
     def _measure_scans(self) -> None:
         for device in self.devices.values():
             if isinstance(device, VirtualPlc):
-                device.stopwatch = self._clock.monotonic
+                device.scan_time.stopwatch = self._clock.monotonic
 
     def step(self) -> None:
         """Advance every device by one step."""

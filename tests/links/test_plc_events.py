@@ -65,7 +65,7 @@ async def followed(
 
 
 def acknowledged(device: SmallPlc) -> int:
-    return device._acknowledged
+    return device._ring.acknowledged
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -121,7 +121,7 @@ class OtherRows(SmallPlc):
         if words:
             return words
         size, spare = plc_map.EVENT_WORDS, [0xAAAA] * 8
-        rows = [(self._ring[at : at + size] + spare)[: self.row] for at in range(0, EVENT_CAPACITY * size, size)]
+        rows = [(self._ring.rows[at : at + size] + spare)[: self.row] for at in range(0, EVENT_CAPACITY * size, size)]
         flat = [word for row in rows for word in row]
         return flat[address - plc_map.EVENT_ROWS :][:count]
 
@@ -197,7 +197,7 @@ async def test_it_begins_behind_what_the_device_was_told() -> None:
     device, taker = SmallPlc(), Taker()
     for code in range(1, 6):
         device.event(code)
-    device._acknowledged = 3
+    device._ring.acknowledged = 3
     async with followed(device, taker):
         await until(lambda: taker.codes == [4, 5])
         await until(lambda: acknowledged(device) == 5)
@@ -207,7 +207,7 @@ async def test_it_begins_behind_what_the_owner_has_and_that_counts_more() -> Non
     device, taker = SmallPlc(), Taker()
     for code in range(1, 6):
         device.event(code)
-    device._acknowledged = 4
+    device._ring.acknowledged = 4
     async with followed(device, taker, last=(Mark(1, 2, 0), Mark(1, 4, 0))):
         await until(lambda: taker.codes == [3, 4, 5])
         assert sum(taker.lost) == 0

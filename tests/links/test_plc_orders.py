@@ -142,7 +142,7 @@ async def test_a_device_that_restarts_before_it_has_acted_leaves_the_command_unk
 
         def _take(self, request: plc_map.Request) -> None:
             if self.boots == 1:
-                self._answers = []
+                self._answers.clear()
                 self.power_cycle()
             else:
                 super()._take(request)
@@ -329,8 +329,11 @@ async def test_the_settings_are_composed_from_what_the_device_has_now() -> None:
     device = SmallPlc()
     async with plant(device) as (line, _):
         await until(lambda: line.value("p.c") == 3.0)
-        device._values = {**device._values, "c": 9.0}  # somebody else has changed it, we have not seen it yet
-        device._cached.clear()
+        device._settings.values = {
+            **device._settings.values,
+            "c": 9.0,
+        }  # somebody else has changed it, we have not seen it yet
+        device._areas.forget()
         await line.link.write("p", "a", 4.0)
         assert device.settings == {"a": 4.0, "b": 2.0, "c": 9.0, "d": 0.0}
 

@@ -5,7 +5,7 @@ import re
 from app.plant import types
 from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
-from app.sim import plc
+from app.sim.plc import plc
 from tools import registers
 
 

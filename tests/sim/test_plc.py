@@ -294,7 +294,7 @@ def test_a_power_cycle_keeps_what_is_retained_and_a_reset_does_not() -> None:
 def test_the_scan_time_is_measured_from_outside_and_changes_nothing() -> None:
     ticks: Sequence[float] = [0.0, 0.0005, 1.0, 1.012, 2.0, 2.0001]
     plc, other = FakePlc(), FakePlc()
-    plc.stopwatch = iter(ticks).__next__
+    plc.scan_time.stopwatch = iter(ticks).__next__
     go(plc, 3)
     go(other, 3)
     assert plc.read(3, 16, 3) == [100, 12000, 1]

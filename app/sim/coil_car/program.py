@@ -155,7 +155,7 @@ class VirtualCoilCar(InterlockedCar):
         """
         presets.put(self, values)
         self.edges.take_stock()
-        self._cached.clear()
+        self._areas.forget()
 
     # ---- one scan
 
@@ -172,7 +172,7 @@ class VirtualCoilCar(InterlockedCar):
             0 if self.fault else self.mandrel_drive,
             self.dt,
         )
-        if machine.winding and machine.coil >= self._values["order_diameter"]:
+        if machine.winding and machine.coil >= self.settings["order_diameter"]:
             machine.winding, machine.finished = False, True
         self._crane_takes()
         self.interlock.renew()
@@ -437,7 +437,7 @@ class VirtualCoilCar(InterlockedCar):
 
     @property
     def host_timeout(self) -> float:
-        return self._values["host_timeout"]
+        return self.settings["host_timeout"]
 
     def _host_deaf(self) -> bool:
         return self.machine.fault == HOST_OFF
@@ -452,7 +452,7 @@ class VirtualCoilCar(InterlockedCar):
         self.event(CoilCarEvent.SETTINGS)
 
     def _take_settings(self) -> None:
-        values = self._values
+        values = self.settings
         for axis, name in ((self.horizontal, "horizontal"), (self.vertical, "vertical")):
             axis.ramp.acceleration_limit = values[f"acceleration_{name}"]
             axis.ramp.jerk = values[f"jerk_{name}"]
@@ -471,7 +471,7 @@ class VirtualCoilCar(InterlockedCar):
     def _forget(self) -> None:
         machine = self.machine = CoilCar(self.geometry)
         machine.growth, machine.crane = self._growth, self._crane
-        self.preset_diameter = self._values["order_diameter"]
+        self.preset_diameter = self.settings["order_diameter"]
         if self._coil_there:
             machine.coil, machine.finished = self.preset_diameter, True
         self.target_selected = self.coils_done = self.coils_wound = 0
@@ -479,7 +479,7 @@ class VirtualCoilCar(InterlockedCar):
         self._getters = signals.name_signals(self)
 
     def _power_up(self) -> None:
-        values = self._values
+        values = self.settings
         self.mode, self._start_mode = self._start_mode, Mode.OFF
         self.fault = Fault.NONE
         self.horizontal = Axis(values["acceleration_horizontal"], values["jerk_horizontal"])

@@ -43,7 +43,7 @@ class CarState(VirtualPlc):
     @property
     def values(self) -> Mapping[str, float]:
         """Settings in effect, by name."""
-        return self._values
+        return self.settings
 
     def choose_target(self) -> None:
         """The saddle that is selected, else the farthest that a coil can be laid on."""

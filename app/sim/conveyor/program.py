@@ -177,11 +177,11 @@ class VirtualConveyor(LineState):
             else:
                 self._watch_slip(event)
         if happened:
-            self._doubts.look(self.tracking, happened, self._values["sensor_tolerance"])
+            self._doubts.look(self.tracking, happened, self.settings["sensor_tolerance"])
             self._renew_table()
 
     def _watch_slip(self, event: TrackingEvent) -> None:
-        warning = self._values["slip_warning"]
+        warning = self.settings["slip_warning"]
         found = slip_of(event, self.tracking, self.geometry) if warning else None
         if found and found[1] > warning:
             belt, slip = found
@@ -217,7 +217,7 @@ class VirtualConveyor(LineState):
 
     def _supervise(self) -> None:
         """Drives and encoders."""
-        jam_time, limited = self._values["jam_time"], self.machine.limited
+        jam_time, limited = self.settings["jam_time"], self.machine.limited
         for number, belt in enumerate(self.belts):
             found = belt.supervise(self._setpoints[number], self._millimetres, limited[number], self._enabled, jam_time)
             if found is Finding.NONE:
@@ -267,12 +267,12 @@ class VirtualConveyor(LineState):
             return
         self._gap_age += self.dt
         if self.modes.mode is Mode.AUTOMATIC:
-            speed = self._values["automatic_speed"]
+            speed = self.settings["automatic_speed"]
             if speed != self._restart_speed:
-                ramp = SRamp(self._values["acceleration"], self._values["jerk"], speed)
+                ramp = SRamp(self.settings["acceleration"], self.settings["jerk"], speed)
                 self._restart_speed, self._restart_way = speed, ramp.stop_distance() * self._millimetres
             way = self._restart_way
-            if self._gap_age + 1e-9 < self._values["restart_delay"]:
+            if self._gap_age + 1e-9 < self.settings["restart_delay"]:
                 return
             ways = (0.0 if self.tracking.buffer_full else way, way, 0.0 if self.tracking.brake else way)
             gap = self.tracking.gap_with(ways)
@@ -291,7 +291,7 @@ class VirtualConveyor(LineState):
 
     def _drive(self) -> None:
         """Choose every belt's speed and follow it with the ramp."""
-        values, follow = self._values, self.tracking
+        values, follow = self.settings, self.tracking
         stop = self.stop_active
         automatic = self.modes.mode is Mode.AUTOMATIC and not stop
         gap = follow.gap_stop
@@ -416,7 +416,7 @@ class VirtualConveyor(LineState):
 
     @property
     def host_timeout(self) -> float:
-        return self._values["host_timeout"]
+        return self.settings["host_timeout"]
 
     def _host_deaf(self) -> bool:
         return self.machine.fault == HOST_OFF
@@ -432,7 +432,7 @@ class VirtualConveyor(LineState):
         self.event(ConveyorEvent.SETTINGS)
 
     def _take_settings(self) -> None:
-        values = self._values
+        values = self.settings
         self.tracking.settings = tracking.Settings(
             **{
                 name: values[name]
@@ -485,7 +485,7 @@ class VirtualConveyor(LineState):
         self.tracking = ProductTracking(self.line)
         self.tracking.restore(retained)
         self.tracking.power_up()
-        values = self._values
+        values = self.settings
         self.belts = tuple(Belt(pulses, values["acceleration"], values["jerk"]) for pulses in self.machine.pulses)
         self.modes = ModeControl()
         self.modes.step(ModeInputs())

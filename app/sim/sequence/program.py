@@ -313,7 +313,7 @@ class VirtualSequence(VirtualPlc):
         self.machine = machine
         self._no_memory()
         self._words = self._inputs()
-        self._cached.clear()
+        self._areas.forget()
 
     def _no_memory(self) -> None:
         self._signals: dict[str, float] = {}
@@ -617,8 +617,8 @@ class VirtualSequence(VirtualPlc):
         run.settings = SequenceSettings(
             run.settings.steps,
             abort_forceable=run.settings.abort_forceable,
-            output_while_suspended=self._values["output_while_suspended"] >= 0.5,
-            stall_after=self._values["stall_after"],
+            output_while_suspended=self.settings["output_while_suspended"] >= 0.5,
+            stall_after=self.settings["stall_after"],
             longest_force=run.settings.longest_force,
             keep_forces=run.settings.keep_forces,
         )

@@ -768,7 +768,7 @@ async def test_a_reset_of_the_instructor_forgets_everything() -> None:
 async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
     async def run(seed: int) -> list[object]:
         on = running(seed=seed)
-        on.device.stopwatch = iter(range(10**9)).__next__ if seed == 3 else None
+        on.device.scan_time.stopwatch = iter(range(10**9)).__next__ if seed == 3 else None
         seen: list[object] = []
         for second in range(60):
             on.go(1)
