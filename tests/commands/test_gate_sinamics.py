@@ -15,7 +15,7 @@ from app.errors import Refused
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.derive import Derivation
 from app.plant.loader import read_plant
-from app.profidrive.state_machine import ProgressState as DriveState
+from app.profidrive.state_machine import State as DriveState
 from app.profidrive.words import ENABLES, RUN, Control
 from app.settings import bundled
 from app.sim import training
