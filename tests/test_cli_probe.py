@@ -17,7 +17,7 @@ from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
 from app.sim.bus import Bus
-from app.sim.eura_e800.drive import FAULTS
+from app.sim.eura_e800.faults import FAULTS
 from app.sim.server import serve_pty, serve_tcp
 from app.sim.training import LINE_FAULT_MODES
 from tests.links.devices import RegisterDevice

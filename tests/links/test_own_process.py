@@ -16,7 +16,8 @@ from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
 from app.plant.loader import read_plant
-from app.sim.eura_e800.drive import CE, FORWARD
+from app.sim.eura_e800.drive import FORWARD
+from app.sim.eura_e800.faults import CE
 from app.tags.quality import Origin, is_bad, is_good, origin
 from tests.conftest import PogonServer
 from tests.links.devices import Line, running, until

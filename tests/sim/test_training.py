@@ -3,7 +3,8 @@
 import pytest
 
 from app.errors import DeviceException
-from app.sim.eura_e800.drive import FAULTS, VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
+from app.sim.eura_e800.faults import FAULTS
 from app.sim.eura_e800.training import LIMITS
 from app.sim.training import BASE, END, REG_MACHINE_FAULT, is_training
 

@@ -27,7 +27,7 @@ from app.runtime import Runtime
 from app.settings import Settings
 from app.sim import training
 from app.sim.eura_e800 import training as own
-from app.sim.eura_e800.drive import FAULTS
+from app.sim.eura_e800.faults import FAULTS
 from app.sim.plant import SimPlant
 from app.sim.server import serve_tcp
 from app.tags.quality import is_good

@@ -2,7 +2,8 @@
 
 from app.plant.definitions import Equipment
 from app.sim.device import VirtualDevice
-from app.sim.eura_e800.drive import FAULTS, VirtualE800
+from app.sim.eura_e800.drive import VirtualE800
+from app.sim.eura_e800.faults import FAULTS
 from app.sim.options import number, table
 
 __all__ = ["FAULTS", "build"]

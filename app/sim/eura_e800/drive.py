@@ -21,85 +21,21 @@ Written from the maker's map (reference/eura-e800.md), never from the equipment 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from math import pi, sqrt
 from random import Random
-from types import MappingProxyType
 from typing import NamedTuple
 
 from app.errors import ConfigurationError, DeviceException
 from app.sim import training
 from app.sim.device import DT
 from app.sim.eura_e800 import training as own
+from app.sim.eura_e800.faults import CE, FAULTS, LU, OC, OE, OH, OL1, OL2, PATIENCE
+from app.sim.eura_e800.parameters import BY_ADDRESS, PARAMETERS, commissioned, limits
+from app.sim.eura_e800.registers import AO1, AO2, COMMAND, DO1, DO2, FIRST, LAST, LOCK, REGISTERS, RELAY
 from app.sim.induction_motor import MOTOR_SETS, SQRT3, InductionMotor, rated_point
 from app.sim.load import Load
 from app.sim.training import LineFault, TrainingRegisters, is_training
-
-REGISTERS: Mapping[int, tuple[str, float, str]] = MappingProxyType(
-    {
-        0x1000: ("output frequency", 0.01, "Hz"),
-        0x1001: ("output voltage", 1.0, "V"),
-        0x1002: ("output current", 0.01, "A"),
-        0x1003: ("poles and control mode", 1.0, ""),
-        0x1004: ("DC-bus voltage", 1.0, "V"),
-        0x1005: ("drive ratio and status", 1.0, ""),
-        0x1006: ("output torque", 1.0, "%"),
-        0x1007: ("heat-sink temperature", 1.0, "°C"),
-        0x1008: ("PID set value", 1.0, "%"),
-        0x1009: ("PID feedback", 1.0, "%"),
-        0x100A: ("integer power", 1.0, "kW"),
-        0x100B: ("DI terminal status", 1.0, ""),
-        0x100C: ("output terminal status", 1.0, ""),
-        0x100D: ("AI1", 1.0, ""),
-        0x100E: ("AI2", 1.0, ""),
-        0x100F: ("AI3", 1.0, ""),
-        0x1010: ("reserved", 1.0, ""),
-        0x1011: ("pulse input", 0.01, "%"),
-        0x1012: ("pulse output", 0.01, "%"),
-        0x1013: ("present stage speed", 1.0, ""),
-        0x1014: ("external count value", 1.0, ""),
-        0x1015: ("AO1 monitor", 0.01, "%"),
-        0x1016: ("AO2 monitor", 0.01, "%"),
-        0x1017: ("current speed", 1.0, "rpm"),
-        0x1018: ("accurate power", 0.1, "kW"),
-    }
-)
-"""Read-only registers: address → (name, scale [unit per raw step], unit). Section 2 of the sheet."""
-
-FIRST, LAST = 0x1000, 0x1018
-COMMAND, LOCK, AO1, AO2, DO1, DO2, RELAY = 0x2000, 0x2001, 0x2002, 0x2003, 0x2005, 0x2006, 0x2007
-
-FAULTS: Mapping[int, tuple[str, str]] = MappingProxyType(
-    {
-        0x04: ("OC", "over-current"),
-        0x05: ("OE", "DC over-voltage"),
-        0x06: ("PF1", "input phase loss"),
-        0x07: ("OL1", "inverter overload"),
-        0x08: ("LU", "under-voltage"),
-        0x09: ("OH", "overheat"),
-        0x0A: ("OL2", "motor overload"),
-        0x0B: ("Err", "interference"),
-        0x0C: ("LL", "LL (no text in any source)"),
-        0x0D: ("ESP", "external fault"),
-        0x0E: ("Err1", "password wrong"),
-        0x0F: ("Err2", "parameter tuning failed"),
-        0x10: ("Err3", "current fault before running"),
-        0x11: ("Err4", "current zero drift"),
-        0x12: ("OC1", "hardware over-current"),
-        0x13: ("PF0", "output phase loss"),
-        0x14: ("AErr", "analog line disconnected"),
-        0x15: ("EP3", "under-load (EP3)"),
-        0x16: ("EP", "under-load protection"),
-        0x17: ("PP", "PP (no text in any source)"),
-        0x18: ("nP", "pressure-control protection"),
-        0x19: ("Err5", "PID parameters set wrongly"),
-        0x1A: ("CE", "communication time-out; code assumed"),
-    }
-)
-"""Status code → keypad text, meaning. Section 4 of the sheet; from 0x12 on by order only."""
-
-OC, OE, OL1, LU, OH, OL2, CE = 0x04, 0x05, 0x07, 0x08, 0x09, 0x0A, 0x1A
 
 STANDBY, FORWARD, REVERSE = 0, 1, 2
 
@@ -126,119 +62,6 @@ BUS_CAPACITY = 470e-6
 """[F], for the drive of 4.5 A."""
 LOWEST_OUTPUT = 0.05
 """Lowest frequency the output makes, also while it passes zero [Hz]."""
-
-PATIENCE: Mapping[int, float] = {OC: 2.0, OE: 2.0, OL1: 20.0, LU: 2.0, OH: 60.0, OL2: 20.0}
-"""Injected faults with a physical cause: how long that may take to trip the drive before it trips regardless [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A function parameter of the drive."""
-
-    code: str
-    """`F114`"""
-    address: int
-    scale: float
-    """[unit per raw step]"""
-    low: float
-    high: float
-    default: float
-    """By the manual, not as commissioned (`COMMISSIONED`)."""
-    unit: str
-    choices: tuple[int, ...] = ()
-    """Values allowed, where the range has holes."""
-
-    def decode(self, raw: int) -> float:
-        """Engineering value of `raw`."""
-        return raw / self._steps
-
-    def encode(self, value: float) -> int:
-        """Raw word of `value`."""
-        return round(value * self._steps)
-
-    def accepts(self, value: float) -> bool:
-        """Whether `value` is in range, limits by other parameters aside."""
-        return self.low <= value <= self.high and (not self.choices or value in self.choices)
-
-    @property
-    def _steps(self) -> int:
-        return round(1 / self.scale)
-
-
-def parameter_address(code: str) -> int:
-    """Register of F-parameter `code`: group digit as high byte, two-digit index as low byte (F114 → 0x010E, FA00 → 0x0A00).
-
-    Raises:
-        ValueError: `code` is not F, a group digit 1–9 or A, and two decimal digits.
-    """
-    if len(code) != 4 or code[0] != "F" or code[1] not in "123456789A" or not code[2:].isdecimal():
-        raise ValueError(f"parameter {code!r}: expected F, 1–9 or A, and two digits, like F114")
-    return int(code[1], 16) << 8 | int(code[2:])
-
-
-def _parameters() -> Mapping[str, Parameter]:
-    whole, tenth, hundredth = 1.0, 0.1, 0.01
-    ramp = (tenth, 0.1, 3000.0, 5.0, "s")
-    rows: tuple[tuple[str, float, float, float, float, str, tuple[int, ...]], ...] = (
-        ("F106", whole, 0, 6, 2, "", (0, 2, 3, 6)),
-        ("F111", hundredth, 0, 650, 50, "Hz", ()),
-        ("F112", hundredth, 0, 650, 0.5, "Hz", ()),
-        ("F113", hundredth, 0, 650, 50, "Hz", ()),
-        ("F114", *ramp, ()),
-        ("F115", *ramp, ()),
-        ("F116", *ramp, ()),
-        ("F117", *ramp, ()),
-        ("F118", hundredth, 15, 650, 50, "Hz", ()),
-        ("F119", whole, 0, 1, 0, "", ()),
-        ("F124", hundredth, 0, 650, 5, "Hz", ()),
-        ("F125", *ramp, ()),
-        ("F126", *ramp, ()),
-        ("F131", whole, 0, 8191, 15, "", ()),
-        ("F137", whole, 0, 3, 0, "", ()),
-        ("F138", whole, 1, 20, 5, "", ()),
-        ("F139", whole, 1, 4, 1, "", ()),
-        ("F200", whole, 0, 4, 4, "", ()),
-        ("F201", whole, 0, 4, 4, "", ()),
-        ("F202", whole, 0, 2, 0, "", ()),
-        ("F203", whole, 0, 10, 0, "", (0, 1, 2, 3, 4, 5, 6, 9, 10)),
-        ("F209", whole, 0, 1, 0, "", ()),
-        ("F277", *ramp, ()),
-        ("F278", *ramp, ()),
-        ("F279", *ramp, ()),
-        ("F280", *ramp, ()),
-        ("F431", whole, 0, 10, 0, "", ()),
-        ("F432", whole, 0, 10, 1, "", ()),
-        ("F706", whole, 120, 190, 150, "%", ()),
-        ("F707", whole, 20, 100, 100, "%", ()),
-        ("F800", whole, 0, 2, 0, "", ()),
-        ("F801", hundredth, 0.2, 650, 0.75, "kW", ()),
-        ("F802", whole, 1, 440, 230, "V", ()),
-        ("F803", hundredth, 0.1, 650, 4.5, "A", ()),
-        ("F804", whole, 2, 100, 4, "", ()),
-        ("F805", whole, 1, 39000, 1395, "rpm", ()),
-        ("F810", hundredth, 1, 650, 50, "Hz", ()),
-        ("F900", whole, 1, 255, 1, "", ()),
-        ("F901", whole, 1, 2, 1, "", ()),
-        ("F902", whole, 1, 2, 2, "", ()),
-        ("F903", whole, 0, 2, 0, "", ()),
-        ("F904", whole, 0, 6, 3, "", ()),
-        ("F905", tenth, 0, 3000, 0, "s", ()),
-    )
-    return MappingProxyType(
-        {
-            code: Parameter(code, parameter_address(code), scale, low, high, default, unit, choices)
-            for code, scale, low, high, default, unit, choices in rows
-        }
-    )
-
-
-PARAMETERS: Mapping[str, Parameter] = _parameters()
-"""Code → parameter. Section 6 of the sheet; F111, F112, F113 also limit one another, and F124 when written."""
-
-COMMISSIONED: Mapping[str, float] = MappingProxyType({"F901": 2.0, "F902": 1.0, "F903": 2.0, "F905": 1.0})
-"""Where the virtual drive starts away from the maker's defaults: RTU, 8E1, communication time-out 1 s, as our guide sets it up."""
-
-_BY_ADDRESS: Mapping[int, Parameter] = {parameter.address: parameter for parameter in PARAMETERS.values()}
 
 
 class Communication(NamedTuple):
@@ -349,7 +172,7 @@ class VirtualE800:
         self._rated_losses = rated_point(self.motor_data, 230.0).losses
         self.drive_current = max(DRIVE_RATED_CURRENT, rated_current)
         """Rated output current of the drive [A]."""
-        self._factory = self._commissioned(rated_current, parameters or {})
+        self._factory = commissioned(self.motor_data, rated_current, parameters or {})
         self._training = TrainingRegisters(
             own.TYPE_CODE,
             FAULTS,
@@ -402,7 +225,7 @@ class VirtualE800:
         if function != 3:
             raise DeviceException(1, f"E800: function {function:02d}, expected 03")
         status = FIRST <= address <= LAST
-        if not status and address not in _BY_ADDRESS:
+        if not status and address not in BY_ADDRESS:
             raise DeviceException(2, f"E800: register 0x{address:04X} is not read")
         limit = self.block_limit if status else self.parameter_limit
         if not 1 <= count <= limit:
@@ -413,7 +236,7 @@ class VirtualE800:
             if self._image is None:
                 self._image = self._encode()
             return self._image[address - FIRST : address - FIRST + count]
-        wanted = [_BY_ADDRESS.get(at) for at in range(address, address + count)]
+        wanted = [BY_ADDRESS.get(at) for at in range(address, address + count)]
         words = [parameter.encode(self._value[parameter.code]) for parameter in wanted if parameter is not None]
         if len(words) != count:
             raise DeviceException(2, f"E800: not all of 0x{address:04X} + {count} are parameters")
@@ -443,10 +266,10 @@ class VirtualE800:
     def _check(self, address: int, word: int, staged: dict[str, float]) -> None:
         if not 0 <= word <= 0xFFFF:
             raise DeviceException(3, f"E800: {word} is not a word")
-        parameter = _BY_ADDRESS.get(address)
+        parameter = BY_ADDRESS.get(address)
         if parameter is not None:
             value = parameter.decode(word)
-            low, high = _limits(parameter, staged)
+            low, high = limits(parameter, staged)
             if not (parameter.accepts(value) and low <= value <= high):
                 raise DeviceException(3, f"{parameter.code} takes {low:g} to {high:g} {parameter.unit}, not {value:g}")
             staged[parameter.code] = value
@@ -535,7 +358,7 @@ class VirtualE800:
                     self._command_table[word]()
             elif address == LOCK:
                 self._take_lock(word)
-            elif (parameter := _BY_ADDRESS.get(address)) is not None:
+            elif (parameter := BY_ADDRESS.get(address)) is not None:
                 self._value[parameter.code] = parameter.decode(word)
                 if self.eeprom_enabled:
                     self._eeprom[parameter.code] = parameter.decode(word)
@@ -773,28 +596,6 @@ class VirtualE800:
 
     # ---- states to begin with
 
-    def _commissioned(self, rated_current: float, given: Mapping[str, float]) -> dict[str, float]:
-        data = self.motor_data
-        values = {code: parameter.default for code, parameter in PARAMETERS.items()} | dict(COMMISSIONED)
-        values |= {
-            "F801": min(max(round(data.rated_power / 1000, 2), 0.2), 650.0),
-            "F803": round(rated_current, 2),
-            "F805": data.rated_speed,
-        }
-        for code, value in given.items():
-            parameter = PARAMETERS.get(code)
-            if parameter is None:
-                raise ConfigurationError(f"parameter {code}: expected one of {', '.join(PARAMETERS)}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not parameter.accepts(value):
-                allowed = parameter.choices or f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
-                raise ConfigurationError(f"parameter {code} takes {allowed}, not {value!r}")
-            values[code] = parameter.decode(parameter.encode(value))
-        for code in ("F111", "F112", "F113"):
-            low, high = _limits(PARAMETERS[code], values)
-            if not low <= values[code] <= high:
-                raise ConfigurationError(f"parameter {code} takes {low:g} to {high:g} Hz, not {values[code]:g}")
-        return values
-
     def _power_up(self) -> None:
         self._value = dict(self._eeprom)
         self._staged = dict(self._eeprom)
@@ -895,18 +696,6 @@ class VirtualE800:
 
 
 _ROOT2 = sqrt(2.0)
-
-
-def _limits(parameter: Parameter, values: Mapping[str, float]) -> tuple[float, float]:
-    """Range of `parameter` as the others stand: F112 ≤ F113 ≤ F111, and a jog frequency is taken between the two."""
-    low, high = parameter.low, parameter.high
-    if parameter.code == "F111":
-        low = values["F113"]
-    elif parameter.code == "F112":
-        high = values["F113"]
-    elif parameter.code in ("F113", "F124"):
-        low, high = values["F112"], values["F111"]
-    return low, high
 
 
 def _overload(image: float, ratio: float, at_limit: float, dt: float) -> float:

@@ -10,21 +10,10 @@ import pytest
 
 from app.errors import ConfigurationError, DeviceException
 from app.sim.device import VirtualDevice
-from app.sim.eura_e800.drive import (
-    CE,
-    COMMISSIONED,
-    FAULTS,
-    OC,
-    OE,
-    OH,
-    OL1,
-    OL2,
-    PARAMETERS,
-    PATIENCE,
-    REGISTERS,
-    VirtualE800,
-    parameter_address,
-)
+from app.sim.eura_e800.drive import VirtualE800
+from app.sim.eura_e800.faults import CE, FAULTS, OC, OE, OH, OL1, OL2, PATIENCE
+from app.sim.eura_e800.parameters import COMMISSIONED, PARAMETERS, parameter_address
+from app.sim.eura_e800.registers import REGISTERS
 from app.sim.eura_e800.training import LIMITS
 
 QUIET = {"F905": 0.0}
