@@ -140,7 +140,7 @@ def test_events_and_reasons_of_the_program_have_a_name() -> None:
         return [int(code) for enum in enums for code in enum]  # type: ignore[attr-defined]
 
     assert set(codes(conveyor.ConveyorEvent, tracking.Code)) <= set(kind.events)
-    assert set(codes(conveyor.ConveyorReason, tracking.Reason)) <= set(kind.reasons)
+    assert set(codes(conveyor.ConveyorReason, tracking.EditReason)) <= set(kind.reasons)
     assert {command.code for command in kind.commands.values() if command.code} == set(codes(conveyor.ConveyorCommand))
 
 
