@@ -13,6 +13,9 @@ Of a type whose equipment runs a sequence, and of a machine that one may use, de
     [presets_of_simulation]
     pressure = [0, 250]                                 what a test of a sequence may set on the simulated machine: least, greatest
 
+A point may be bits of another one that is a whole word above it: `part_of = "status_word"` with `shift` and `mask`. A telegram of a command
+may depend on what the device says: `when` it is written at all, `after` what, and how long that is waited for (`within`).
+
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
 `command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
 data wins.

@@ -1,15 +1,20 @@
 """The drive's data say what the reference sheet, the words of the profile and the virtual drive say."""
 
 import importlib
+import re
 from itertools import product
+from pathlib import Path
 
 import pytest
 
 from app.plant import types
 from app.plant.definitions import EquipmentType, Point, Type
 from app.plant.expression import parse
+from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
 from app.profidrive.words import CONTROL_BITS, ENABLES, RUN, STATUS_BITS, Control, Status
+from app.settings import bundled
+from app.sim.plant import read_simulated
 from app.sim.sinamics import registers
 from app.sim.sinamics.messages import ALARMS, FAULTS
 
@@ -157,3 +162,25 @@ def test_every_message_has_its_texts_and_shows_its_number(drive: EquipmentType) 
 def test_the_package_of_the_virtual_drive_offers_the_same_messages() -> None:
     package = importlib.import_module("app.sim.sinamics")
     assert set(package.FAULTS) == {*FAULTS, *ALARMS} and len(package.FAULTS) == len(FAULTS) + len(ALARMS)
+
+
+def test_its_plant_has_no_mistakes_and_its_virtual_drives_take_it() -> None:
+    plant, problems = read_simulated(bundled("plants/sinamics"))
+    assert plant and problems == []
+    assert {item.type.name for item in plant.equipment.values()} == {"sinamics"}
+
+
+def test_the_plant_file_of_the_page_is_read_and_sends_nothing(tmp_path: Path) -> None:
+    page = (bundled("docs") / "sinamics.md").read_text("utf-8")
+    (block,) = re.findall(r"```toml\n(.*?)```", page, re.S)
+    head = '[plant]\nname = "x"\ntimezone = "UTC"\nlanguages = ["hr", "en", "de", "cs"]\n'
+    (tmp_path / "plant.toml").write_text(head + block, "utf-8")
+    plant, problems = read_plant(tmp_path)
+    assert plant and problems == [] and not plant.links["drives"].may_write
+
+
+def test_the_page_names_the_words_that_are_sent(drive: EquipmentType) -> None:
+    page = (bundled("docs") / "sinamics.md").read_text("utf-8")
+    for key in drive.commands:
+        for word in words(drive, key):
+            assert f"0x{word:04X}" in page, key
