@@ -21,7 +21,7 @@ from app.plant.derive import Derivation
 from app.tags.batch import Batch
 from app.tags.database import Standstill, Tag, TagDatabase
 from app.tags.quality import BAD, GOOD, NO_DATA, STALE, QualityReason, is_good, reason
-from tests.alarms.test_engine import HOT, Plot
+from tests.alarms.conftest import HOT, Plot
 from tests.conftest import PogonServer
 from tests.historian.conftest import point
 from tests.historian.recording import rows_of

@@ -13,7 +13,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.plant.definitions import Alarm
 from app.tags.quality import COMM_FAILURE
-from tests.alarms.test_engine import ANA, LOST, Plot
+from tests.alarms.conftest import ANA, LOST, Plot
 from tests.historian.rings import SECOND, Ring
 from tests.virtual import inline
 
