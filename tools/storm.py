@@ -66,7 +66,4 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    if os.environ.get("PYTHONHASHSEED") != "0":  # what is in a set comes in the same order every time
-        os.environ["PYTHONHASHSEED"] = "0"
-        os.execv(sys.executable, [sys.executable, "-m", "tools.storm", *sys.argv[1:]])
     sys.exit(main(sys.argv[1:]))

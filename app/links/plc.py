@@ -36,6 +36,8 @@ from app.registers.pdu import WRITE_SINGLE
 
 log = logging.getLogger(__name__)
 
+WHOLE_PARTS = (plc_map.AT_BOOTS, plc_map.AT_SCAN, plc_map.AT_STEP, plc_map.AT_CAPACITIES)
+"""Where the header may be cut: a serial line that still owes an answer to a first look is asked for parts, which it cannot be taken for."""
 TORN_TRIES = 3
 """How often an answer that the device was changing is asked for again at once."""
 HEARTBEAT = 1.0
@@ -104,7 +106,7 @@ class PlcUnit:
         for _ in range(TRIES):
             asked = self._bus.clock.micros()
             try:
-                words = await self._bus.read(station, Block(plc_map.HEADER, self._header_words))
+                words = await self._bus.read(station, Block(plc_map.HEADER, self._header_words, cuts=WHOLE_PARTS))
             except DeviceException as error:
                 last = error
                 if error.code not in NO_HEADER:

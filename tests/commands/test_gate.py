@@ -726,6 +726,29 @@ async def test_a_start_over_a_table_of_bad_values_never_writes() -> None:
         assert stand.link.writes == []
 
 
+@pytest.mark.parametrize("machine", ["m1", "gone"])
+async def test_refused_stops_of_a_second_are_one_line_with_their_number(machine: str) -> None:
+    stand = Stand()
+    nobody = person("vit", "viewer")
+
+    async def stops(count: int) -> None:
+        for _ in range(count):
+            with pytest.raises(Refused):
+                await stand.gate.ask(nobody, machine, "stop")
+
+    await stops(300)
+    assert len(stand.commands) <= 2, "one for each reason"
+    await stand.pass_time(1.1)
+    assert len(stand.commands) <= 4
+    assert sum(line.params.get("reason_count", 1) for line in stand.commands) == 300
+    await stops(1)
+    await stand.pass_time(2.2)
+    await stops(7)
+    await stand.gate.close()
+    assert sum(line.params.get("reason_count", 1) for line in stand.commands) == 308, "none is left out"
+    assert len(stand.commands) <= 8
+
+
 async def test_refusals_of_a_second_are_one_line_with_their_number() -> None:
     stand = Stand()
     stand.gate._admission.rate.take = lambda _person: True  # type: ignore[method-assign]

@@ -14,6 +14,8 @@ from app.sim.server import TcpServer
 from app.sim.training import LineFault
 from app.tags.quality import is_bad, is_good
 from tests.links.devices import Line, RegisterDevice, on_bus, row, running, until
+from tests.links.plc_devices import SmallPlc, plant
+from tests.virtual import loop_clock
 from tests.wires import serve_line
 
 KINDS = ("memory", "tcp", "rtu")
@@ -122,3 +124,28 @@ async def test_all_units_of_a_line_whose_cable_was_out_are_back_at_once() -> Non
         for device in devices.values():
             device.line_fault = LineFault()
         assert await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices)) < BACK + 1.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("lost", [1, 2, 3])
+async def test_answers_lost_at_the_first_look_at_a_plc_keep_nobody_waiting(kind: str, lost: int) -> None:
+    left = [lost]
+
+    def fault(pdu: bytes) -> str:
+        if pdu[:3] == b"\x03\x00\x00" and left[0]:
+            left[0] -= 1
+            return "answer"
+        return ""
+
+    device = SmallPlc()
+    async with plant(device, kind, start=False) as (line, bus):
+        bus.fault = fault
+        began = loop_clock().monotonic()
+        task = asyncio.create_task(line.link.run())
+        try:
+            await until(lambda: line.value("p.state") == 1, 20)
+            assert left == [0]
+            assert loop_clock().monotonic() - began < 2.0 + lost * 0.5
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)

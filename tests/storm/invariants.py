@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from sqlalchemy import select
 
@@ -11,6 +11,7 @@ from app.access.tables import audit_table
 from app.alarms.lifecycle import TRANSITIONS, Entry
 from app.alarms.tables import journal_table, state_table
 from app.commands.lifecycle import Progress, ProgressState
+from app.commands.open_sets import values_of
 from app.historian import tables as history
 from app.registers import plc_map
 from app.sim.bus import Bus
@@ -128,6 +129,9 @@ class Checker:
         shows = [one for one in self.shown.get(machine, ()) if one[0] >= since]
         if key in DRIVE_SHOWS and not any(DRIVE_SHOWS[key](status, frequency) for _, status, frequency, _ in shows):
             self.false.append(f"{machine}.{key} {progress.id}: the drive never showed it, {shows[-3:]}")
+        if key == "setpoints":
+            held = {one.key: device.parameter(one.code) for one in progress.changes if one.code.startswith("F")}
+            self._all_new({one.key: held.get(one.key, one.new) for one in progress.changes}, progress)
         if key in ("set_frequency", "frequency_setpoint") and progress.argument is not None:
             wanted = progress.argument
             if not any(abs(value - wanted) < 0.01 for *_, value in shows):
@@ -136,6 +140,14 @@ class Checker:
             present = device.parameter(key.upper())
             if abs(present - progress.argument) > 0.06:
                 self.false.append(f"{machine}.{key} {progress.id}: {present}, not {progress.argument}")
+
+    def _all_new(self, held: Mapping[str, float], progress: Progress) -> None:
+        """A set that is told as confirmed is there as a whole."""
+        for change in progress.changes:
+            if abs(held[change.key] - change.new) > 1e-3 + 1e-5 * abs(change.new):
+                self.false.append(
+                    f"{progress.equipment}.{change.key} {progress.id}: {held[change.key]}, not {change.new}"
+                )
 
     def _confirmed_by_plc(self, device: VirtualPlc, since: float, machine: str, key: str, progress: Progress) -> None:
         plant = self.world.runtime.plant
@@ -146,6 +158,8 @@ class Checker:
         if command is None and progress.argument is not None and key in device.settings:
             if abs(device.settings[key] - progress.argument) > 1e-3 + 1e-5 * abs(progress.argument):
                 self.false.append(f"{machine}.{key} {progress.id}: {device.settings[key]}, not {progress.argument}")
+        elif key == "setpoints" and progress.state is ProgressState.CONFIRMED:
+            self._all_new(device.settings, progress)
         elif command is not None and command.code and not command.stop:
             mine = [one for one in self.world.done if one.machine == machine and one.at >= since]
             if not any(one.taken for one in mine if one.code == command.code):
@@ -169,6 +183,8 @@ def nothing_twice(c: Checker) -> None:
         return
     c.counted = marks
     asked = Counter((machine, key) for _, machine, key in world.asked.values())
+    for id, keys in world.sets.items():  # each value once, and the former one when the set is put back
+        asked.update({(world.asked[id][1], key): 2 for key in keys})
     for one in accounts(world):
         most = sum(times * asked[one.machine, key] for key, times in one.keys.items())
         if one.count > most:
@@ -350,10 +366,14 @@ async def what_was_done_was_foretold(c: Checker) -> None:
         return
     rows = await world.runtime.db.read(
         lambda connection: connection.execute(
-            select(audit_table.c.object).where(audit_table.c.kind == "command.sent")
-        ).scalars().all()
+            select(audit_table.c.object, audit_table.c.params).where(audit_table.c.kind == "command.sent")
+        ).all()
     )  # fmt: skip
-    lines = Counter(rows)
+    lines = Counter(row.object for row in rows)
+    for row in rows:
+        machine, _, key = row.object.partition(".")
+        if key == "setpoints":
+            lines.update({f"{machine}.{one[0]}": 2 for one in values_of(json.loads(row.params))})
     for one in accounts(world):
         most = sum(times * lines[f"{one.machine}.{key}"] for key, times in one.keys.items())
         if one.count > most:

@@ -26,7 +26,7 @@ CALM = 20.0
 """At the end nothing goes wrong any more for so long, and everything has to be well again [s]."""
 
 ACTS = {
-    "enter": 6, "leave": 2, "look": 2, "take": 8, "give": 2, "want": 2, "command": 18, "set": 10, "stop": 6, "hold": 8,
+    "enter": 6, "leave": 2, "look": 2, "take": 8, "give": 2, "want": 2, "command": 18, "set": 10, "sets": 6, "stop": 6, "hold": 8,
     "acknowledge": 4, "roles": 2, "bar": 1,
 }  # fmt: skip
 FAULTS = {
@@ -98,7 +98,7 @@ def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrie
 
 
 def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:
-    who = "ana" if kind in ("command", "set", "hold") and random.random() < 0.6 else random.choice(list(PEOPLE))
+    who = "ana" if kind in ("command", "set", "sets", "hold") and random.random() < 0.6 else random.choice(list(PEOPLE))
     machine = random.choice(machines)
     number = random.randrange(1000)
     match kind:
@@ -116,6 +116,9 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
             }
         case "set":
             return {"who": who, "machine": machine, "number": number, "part": round(random.uniform(-0.2, 1.2), 3)}
+        case "sets":
+            parts = [round(random.uniform(-0.05, 1.05), 3) for _ in range(random.choice((2, 3, 5)))]
+            return {"who": who, "machine": machine, "number": number, "parts": parts}
         case "hold":
             seconds = round(random.uniform(0.1, 4), 1)
             return {"who": who, "machine": machine, "number": number, "how": random.choice(HOLDS), "seconds": seconds}

@@ -146,6 +146,23 @@ class WebWorld(World):
                 argument=self._typed(item, key, part), confirmed="1", reason="storm", password=PASSWORD,
             )  # fmt: skip
 
+    async def _do_sets(self, who: str, machine: str, number: int, parts: list[float]) -> None:
+        found = self._some_setpoints(machine, number, parts)
+        nonce = await self._nonce(who) if found and self.sids.get(who) else None
+        if nonce is not None:
+            now = [self._held(machine, key) for key in found]
+            await self._send(
+                who, f"/equipment/{machine}/parameters", id=self._order_set(machine, found), nonce=nonce, reason="storm",
+                key=list(found), value=list(found.values()), expected=now, confirmed="1", password=PASSWORD,
+            )  # fmt: skip
+
+    def _held(self, machine: str, key: str) -> str:
+        """A setpoint as the page shows it."""
+        tags = self.runtime.tags
+        handle = tags.handles.get(f"{machine}.{key}")
+        value = None if handle is None else tags.value(handle)
+        return f"{value:g}" if isinstance(value, int | float) else ""
+
     async def _do_hold(self, who: str, machine: str, number: int, how: str, seconds: float) -> None:
         command, browser = self._choose(machine, number, hold=True), self._browser(who)
         if command is None or browser is None or not self.sids.get(who):

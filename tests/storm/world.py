@@ -139,6 +139,8 @@ class World:
     told: list[Told] = field(default_factory=list)
     asked: dict[str, tuple[float, str, str]] = field(default_factory=dict)
     """Id of every order → when [s], machine, command."""
+    sets: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Id of every set of setpoints → what it wanted to write."""
     refused_stops: list[tuple[str, str, int]] = field(default_factory=list)
     lives: int = 0
     """Servers that were started."""
@@ -504,6 +506,36 @@ class World:
                 person, machine, key, self._typed(item, key, part), id=self._order(machine, key), nonce=gate.nonces.issue(person.session),
                 confirmed=True, proven=True, reason="storm",
             )  # fmt: skip
+
+    async def _do_sets(self, who: str, machine: str, number: int, parts: list[float]) -> None:
+        person = await self.person(who)
+        found = self._some_setpoints(machine, number, parts)
+        if person is None or not found or self.runtime.gate is None:
+            return
+        gate = self.runtime.gate
+        if gate.control.holder(machine) is None and number % 4:
+            with suppress(PogonError):
+                gate.control.take(person, machine)
+        with suppress(PogonError):
+            await gate.set_values(
+                person, machine, found, id=self._order_set(machine, found), nonce=gate.nonces.issue(person.session), confirmed=True,
+                proven=True, reason="storm",
+            )  # fmt: skip
+
+    def _some_setpoints(self, machine: str, number: int, parts: list[float]) -> dict[str, str]:
+        """Neighbours in the list of a machine's setpoints, with values."""
+        plant = None if self.down else self.runtime.plant
+        item = plant.equipment.get(machine) if plant else None
+        keys = list(item.type.setpoints) if item else []
+        if item is None or not keys:
+            return {}
+        chosen = [keys[(number + n) % len(keys)] for n in range(min(len(parts), len(keys)))]
+        return {key: self._typed(item, key, part) for key, part in zip(chosen, parts, strict=False)}
+
+    def _order_set(self, machine: str, values: Mapping[str, str]) -> str:
+        id = self._order(machine, "setpoints")
+        self.sets[id] = tuple(values)
+        return id
 
     def _typed(self, item: Equipment, key: str, part: float) -> str:
         """A value somewhere in the range of a setpoint, or a little outside."""
