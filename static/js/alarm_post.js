@@ -9,19 +9,20 @@ export async function post(url, fields) {
     return false;
   }
   const csrf = document.querySelector("[name=csrf]")?.value ?? "";
-  let answer;
+  let answer, html;
   try {
     answer = await fetch(url, {
       method: "POST", body: new URLSearchParams([["csrf", csrf], ...fields]),
       headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(10000),
     });
+    html = await answer.text(); // its time may end after the head came
   } catch {
     say(document.getElementById("message").dataset.network, "error");
     return false;
   }
   if (answer.headers.get("hx-redirect")) location.assign(answer.headers.get("hx-redirect"));
   else if (answer.redirected) location.assign(answer.url);
-  const line = new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("[data-message]");
+  const line = new DOMParser().parseFromString(html, "text/html").querySelector("[data-message]");
   say(line?.textContent.trim() || document.getElementById("message").dataset.refused, answer.ok ? line?.dataset.kind ?? "done" : "error");
   return answer.ok;
 }

@@ -46,10 +46,16 @@ export async function nonce() {
 export async function post(url, fields, limit = ANSWER, keepalive = false) {
   const data = new URLSearchParams({ csrf: csrf(), ...fields });
   try {
-    return await fetch(url, { method: "POST", body: data, headers: HEADERS, keepalive, signal: AbortSignal.timeout(limit) });
+    return await whole(await fetch(url, { method: "POST", body: data, headers: HEADERS, keepalive, signal: AbortSignal.timeout(limit) }));
   } catch {
     return null;
   }
+}
+
+/** An answer with all its text: a request may break off, and its time may end, after the head came. */
+export async function whole(answer) {
+  const { ok, status, headers, redirected, url } = answer, text = await answer.text();
+  return { ok, status, headers, redirected, url, text: async () => text, json: async () => JSON.parse(text) };
 }
 
 /** Draw an answer: its parts, its line, what it asks back. Returns the element it asks with, or nothing. */
@@ -484,7 +490,7 @@ async function faceplate(event, link) {
   event.preventDefault();
   let answer = null;
   try {
-    answer = await fetch(link.getAttribute("href"), { headers: HEADERS, signal: AbortSignal.timeout(5000) });
+    answer = await whole(await fetch(link.getAttribute("href"), { headers: HEADERS, signal: AbortSignal.timeout(5000) }));
   } catch { /* told below */ }
   if (!answer?.ok) return told(document.getElementById("message").dataset.network, "error");
   const dialog = document.importNode(new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("dialog"), true);
@@ -493,4 +499,4 @@ async function faceplate(event, link) {
   dialog.addEventListener("keydown", (inside) => { if (inside.key === "Escape" && !document.querySelector("#overlay [data-ask]") && dialog.querySelector("[data-dirty]") === null) close(); });
 }
 
-window.pogon.commands = { prepare, nonce, post, take, patch, told, identity, textsOf, open, quiet };
+window.pogon.commands = { prepare, nonce, post, whole, take, patch, told, identity, textsOf, open, quiet };

@@ -6,8 +6,12 @@ const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
 let open = "", pressed = false, busy = false, again = false, last = 0, timer = 0;
 
 async function fetched(path) {
-  const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(15000) }).catch(() => null);
-  return answer?.ok && !answer.redirected ? new DOMParser().parseFromString(await answer.text(), "text/html") : null;
+  try {
+    const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(15000) });
+    return answer.ok && !answer.redirected ? new DOMParser().parseFromString(await answer.text(), "text/html") : null;
+  } catch {
+    return null; // the page says by itself that nobody answers
+  }
 }
 
 function mark() {

@@ -108,11 +108,11 @@ form.addEventListener("submit", async (event) => {
   }
   let got = null;
   try {
-    got = await fetch(form.action, { method: "POST", body: fields, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(300000) });
+    got = await commands.whole(await fetch(form.action, { method: "POST", body: fields, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(300000) }));
   } catch { /* told below */ }
   delete form.dataset.busy;
   if (!got) return void (commands.told(document.getElementById("message").dataset.network, "error"), review());
-  const copy = got.clone(), answer = new DOMParser().parseFromString(await copy.text(), "text/html").querySelector("[data-answer]");
+  const answer = new DOMParser().parseFromString(await got.text(), "text/html").querySelector("[data-answer]");
   await commands.take(got, null);
   commands.quiet(3000);
   if (answer) {

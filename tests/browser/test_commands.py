@@ -424,6 +424,47 @@ def test_without_the_server_every_command_is_refused_here_but_stop_tries_and_tel
     wait_speed(page, lambda now: now > 900)
 
 
+CUT = """() => {
+    const real = window.fetch;
+    window.fetch = async (url, options) => { // the head comes, then its time ends
+        const { signal, ...given } = options, ended = new AbortController(), answer = await real(url, { ...given, signal: ended.signal });
+        if (url === "/nonce") return answer;
+        const text = answer.text.bind(answer);
+        answer.text = answer.json = () => { ended.abort(new DOMException("signal timed out", "TimeoutError")); return text(); };
+        return answer;
+    };
+}"""
+
+
+@pytest.mark.parametrize("what", ["command", "stop", "hold", "control", "faceplate", "setpoint"])
+def test_an_answer_whose_time_ends_after_its_head_is_none_and_throws_nothing(sit: Sit, what: str) -> None:
+    page = sit("ana", "/equipment/m2")
+    if what != "control":
+        take(page)
+    if what == "hold":
+        page.click(".op-mode label:has([value=hold])")
+        expect(page.locator("[data-hold='m2.jog_forward']")).not_to_have_attribute("aria-disabled", "true")
+    page.evaluate(CUT)
+    if what == "command":
+        page.click("[data-command='m2.coast']")
+    elif what == "stop":
+        page.click(".zone .stop")
+    elif what == "hold":
+        press(page)
+    elif what == "control":
+        page.click("[data-token=take]")
+    elif what == "faceplate":
+        page.click("[data-faceplate]")
+    else:
+        page.fill("#set-m2\\.set_frequency", "41")
+        page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("No answer|Not delivered"))
+    expect(page.locator("[data-hold='m2.jog_forward'][data-state=held]")).to_have_count(0)
+    page.mouse.up()
+    page.reload()
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+
+
 def test_a_machine_is_operated_with_the_keyboard_alone(sit: Sit) -> None:
     page = sit("ana")
     page.focus("[data-token=take]")
