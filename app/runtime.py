@@ -215,13 +215,13 @@ class Runtime:
             writers=self.links,
             audit=self.command_ends.write,
             dry_run=self.settings.dry_run,
+            on_stop_unconfirmed=self.alarms.system.stop_unconfirmed,
             rights=self.access.current,
             foretell=self.command_ends.foretell,
         )
         gate.configure(plant)
         gate.subscribe(self._operated.changed)
         gate.subscribe_ends(self.command_ends.ended)
-        gate.on_stop_unconfirmed = self.alarms.system.stop_unconfirmed
         return gate
 
     def _link(self, link: Link, machines: list[Equipment], bus: Bus | None) -> RegisterLink:

@@ -89,15 +89,6 @@ class Gate:
         """Whether everything is judged and nothing sent."""
         return self._state.dry_run
 
-    @property
-    def on_stop_unconfirmed(self) -> Callable[[str], None]:
-        """Called with a machine whose Stop was not read back."""
-        return self._state.on_stop_unconfirmed
-
-    @on_stop_unconfirmed.setter
-    def on_stop_unconfirmed(self, tell: Callable[[str], None]) -> None:
-        self._state.on_stop_unconfirmed = tell
-
     def configure(self, plant: Plant) -> None:
         """Take a plant, also after a reload. What is pending goes on for a machine that stays; for one that goes it is superseded."""
         former = self._state.configure(plant)

@@ -303,8 +303,7 @@ class ProductTracking(ProductTable):
         right = head + length if swapped else head
         if not (isfinite(right) and right - length >= 0.0 and right <= self.line.length):
             raise EditRefused(
-                EditReason.OUTSIDE_LINE,
-                f"head {head} mm with length {length} mm is not on 0 to {self.line.length:g} mm",
+                EditReason.OUTSIDE_LINE, f"head {head} mm, length {length} mm: not on 0 to {self.line.length:g} mm"
             )
         return right
 
