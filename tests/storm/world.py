@@ -301,17 +301,17 @@ class World:
     def _watch_plc(self, name: str, device: VirtualPlc) -> None:
         take, tell = device._take, device.event
         for sequence in range(
-            device.newest - device._events_kept + 1, device.newest + 1
+            device.newest - device._ring._kept + 1, device.newest + 1
         ):  # it told them when it was made
             row = sequence % EVENT_CAPACITY * plc_map.EVENT_WORDS
-            kept = plc_map.event_of(device._ring[row : row + plc_map.EVENT_WORDS])
+            kept = plc_map.event_of(device._ring.rows[row : row + plc_map.EVENT_WORDS])
             self.told.append(Told(name, device.boots, sequence, kept.code, self.now))
 
         def taken(request: Any) -> None:
-            known = any(answer.id == request.id for answer in device._answers)
+            known = device._answers.knows(request.id)
             take(request)
             if not known:
-                said = device._answers[0]
+                said = device._answers._answers[0]
                 self.done.append(Done(self.now, name, request.code, request.id, int(said.state) not in REJECTED))
 
         def happened(*given: Any, **named: Any) -> None:
