@@ -36,6 +36,7 @@ from app.access.tokens import GRANTABLE  # noqa: E402
 from app.cli_access import terminal  # noqa: E402
 from app.clock import SystemClock  # noqa: E402
 from app.db import Database  # noqa: E402
+from app.web.language import COOKIE as LANGUAGE  # noqa: E402
 
 PASSWORD = "tri plave ladice u kutu"
 SETTLED = 1800.0
@@ -45,8 +46,8 @@ STEEPEST = 5.0
 FIGURES = ("rss_mb", "threads", "files", "pogon_mb", "history_mb", "wal_mb", "written_mb", "cpu_s")
 MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
 PAGES = (
-    "/", "/alarms", "/alarms/summary", "/trends", "/records/passage", "/records/run", "/records/force",
-    "/audit", "/storage", "/communication", "/forces", "/users",
+    "/", "/alarms", "/alarms/summary", "/trends", "/records/passage", "/records/run", "/records/force", "/records/coil",
+    "/events", "/audit", "/storage", "/communication", "/forces", "/users",
     "/account", "/tokens", *(f"/equipment/{key}" for key in MACHINES),
 )  # fmt: skip
 LANGUAGES = ("hr", "en", "de", "cs")
@@ -115,8 +116,8 @@ class Crew:
 
     async def look(self) -> None:
         page = self.chance.choice(PAGES)
-        headers = {"Cookie": "; ".join(f"{k}={v}" for k, v in self.client.cookies.items() if k != "lang")}
-        headers["Cookie"] += f"; lang={self.chance.choice(LANGUAGES)}"
+        headers = {"Cookie": "; ".join(f"{k}={v}" for k, v in self.client.cookies.items() if k != LANGUAGE)}
+        headers["Cookie"] += f"; {LANGUAGE}={self.chance.choice(LANGUAGES)}"
         answer = await self.client.get(page, headers=headers)
         if answer.status_code != 200:
             self.odd[f"{page} {answer.status_code}"] += 1
@@ -256,6 +257,9 @@ async def soak(seconds: float, browsers: int, out: Path, seed: int, port: int) -
                     await asyncio.wait([work], timeout=min(60, seconds / 10))
                     if work.done():
                         work.result()
+                    if process.poll() is not None:
+                        print(f"the server ended with {process.returncode}, see {out.with_suffix('.log')}")
+                        return 1
                     row = {"seconds": round(time.monotonic() - began, 1)} | sample(process.pid, data)
                     rows.append(row)
                     table.writerow(row)
@@ -275,6 +279,9 @@ async def soak(seconds: float, browsers: int, out: Path, seed: int, port: int) -
             f"{name:12} {rows[0][name]:10.1f} {settled[0][name]:10.1f} {rows[-1][name]:10.1f} {max(row[name] for row in rows):10.1f} "
             f"{slope(settled, name):10.2f}"
         )
+    if failed := [what for what in (*crew.odd, *crew.done) if re.search(r" 5\d\d$", what)]:
+        print(f"answered with an error of the server: {', '.join(failed)}")
+        return 1
     grows = slope(settled, "rss_mb")
     if seconds >= 2 * SETTLED and grows > STEEPEST:
         print(f"memory grows by {grows:.1f} MB an hour: expected at most {STEEPEST:g}")
