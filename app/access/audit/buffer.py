@@ -54,21 +54,23 @@ class Buffer:
         """
         found = Found()
         try:
-            content = self.path.read_bytes()
+            file = self.path.open("rb")
         except FileNotFoundError:
             return found
-        head = re.fullmatch(rb"(?:([0-9]{20} [0-9a-f]{64} [0-9a-f]{64})\n)?\0*", content[:HEAD])
-        if head is None:
-            found.foreign = 1
-        elif head[1]:
-            found.head = head[1].decode()
-        at = HEAD
-        while at < len(content) and content[at]:
-            end = content.find(b"\n", at)
-            if end < 0:
-                break
-            self._take(content[at:end], found, end + 1)
-            at = end + 1
+        with file:
+            head = re.fullmatch(rb"(?:([0-9]{20} [0-9a-f]{64} [0-9a-f]{64})\n)?\0*", file.read(HEAD))
+            if head is None:
+                found.foreign = 1
+            elif head[1]:
+                found.head = head[1].decode()
+            at = HEAD
+            # record by record: nearly all of the file is room, and a thread that read it whole would keep as much memory
+            while (first := file.read(1)) not in (b"", b"\0"):
+                record = first + file.readline() if first != b"\n" else first
+                if not record.endswith(b"\n"):
+                    break
+                at += len(record)
+                self._take(record[:-1], found, at)
         return found
 
     def _take(self, record: bytes, found: Found, end: int) -> None:

@@ -1,12 +1,13 @@
 """What is in the buffer on the disk is taken once, and nothing that others put there."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from app.access.access import Access
-from app.access.audit.buffer import HEAD
+from app.access.audit.buffer import HEAD, SIZE, Buffer
 from app.access.audit.search import Filter
 from tests.access.audit.filled import broken_disk
 from tests.access.conftest import OpenAccess, boss
@@ -54,6 +55,23 @@ async def test_a_foreign_line_in_the_buffer_is_found_and_never_chained(
     (data / "audit.foreign").unlink()
     assert again.audit.check_now().ok
     assert open_access().audit.check_now().ok
+
+
+async def test_what_is_read_of_it_is_what_is_in_it_and_not_its_room(open_access: OpenAccess, data: Path) -> None:
+    """It is 4 MiB of room: each thread that read it whole kept as much memory."""
+    access = open_access()
+    broken_disk(access)
+    for number in range(3):
+        await access.audit.record("stop", boss(), f"m{number}")
+    made = Buffer(data, b"k" * 32)
+    assert made.path.stat().st_size == SIZE
+    tracemalloc.start()
+    try:
+        found = made.read()
+        assert tracemalloc.get_traced_memory()[1] < 100_000
+    finally:
+        tracemalloc.stop()
+    assert (found.lines, found.foreign) == ([], 3), "of another key"
 
 
 async def test_a_record_that_was_torn_off_is_none(open_access: OpenAccess, data: Path) -> None:
