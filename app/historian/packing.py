@@ -8,7 +8,7 @@ deflated.
 import zlib
 from array import array
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate, pairwise
@@ -120,7 +120,7 @@ def unpack(data: bytes) -> Packed:
     times, numbers, qualities, kinds, texts = parts
     return Packed(
         _sums(times),
-        array("d", _together(numbers) if place < 0 else [n / PLACES[place] for n in _sums(numbers)]),
+        array("d", _together(numbers) if place < 0 else [n / PLACES[place] for n in _signed_sums(numbers)]),
         _sums(qualities),
         kinds,
         tuple(orjson.loads(texts)) if texts else (),
@@ -135,12 +135,18 @@ def _whole(exact: "array[float]") -> "tuple[int, array[int] | array[float]]":
             if (
                 array("d", [n / factor for n in whole]).tobytes() == exact.tobytes()
             ):  # to the bit: there is a negative zero
-                return place, array("q", _changes(whole))
+                return place, array(
+                    "q", [2 * n if n >= 0 else -2 * n - 1 for n in _changes(whole)]
+                )  # small, whatever the sign
     return -1, exact
 
 
 def _sums(changes: bytes) -> "array[int]":
     return array("q", accumulate(array("q", _together(changes))))
+
+
+def _signed_sums(changes: bytes) -> Iterator[int]:
+    return accumulate(n >> 1 if n & 1 == 0 else ~(n >> 1) for n in array("q", _together(changes)))
 
 
 def _changes(values: Sequence[int]) -> list[int]:

@@ -251,9 +251,10 @@ def _of_samples(connection: Connection, number: int, begin: int, end: int, step:
 
 def _of_packed(part: Packed, step: int) -> list[_Cell]:
     out: list[_Cell] = []
-    at, count = 0, len(part)
+    at, count, times = 0, len(part), part.times
+    same = not count or min(part.qualities) == max(part.qualities)
     while at < count:
-        index = part.times[at] // step
+        index = times[at] // step
         to = part.place((index + 1) * step)
         numbers, qualities = part.numbers[at:to], part.qualities[at:to]
         first, last = part.number(at), part.number(to - 1)
@@ -261,8 +262,7 @@ def _of_packed(part: Packed, step: int) -> list[_Cell]:
             [n for n, kind in zip(numbers, part.kinds[at:to], strict=True) if kind == NUMBER] if part.kinds else numbers
         )
         low, high = (min(known), max(known)) if known else (None, None)
-        worst = max(quality & 3 for quality in qualities)
-        times = part.times
+        worst = qualities[0] & 3 if same else max(quality & 3 for quality in qualities)
         out.append(_Cell(index, low, high, times[at], first, times[to - 1], last, qualities[-1] & 3, worst, to - at))
         at = to
     return out
