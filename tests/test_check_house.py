@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import import_circles, named_machines
+from tools.check_house import import_circles, long_lines, named_machines
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -95,3 +95,16 @@ def tree(root: Path, files: dict[str, str]) -> Path:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
     return root
+
+
+@pytest.mark.parametrize(
+    ("length", "told"), [(160, []), (161, ["templates/pages/list.html:2: 161 characters, expected at most 160"])]
+)
+@pytest.mark.parametrize("sign", ["a", "č"])
+def test_a_line_of_a_template_that_is_too_long_is_told(tmp_path: Path, length: int, told: list[str], sign: str) -> None:
+    root = tree(tmp_path, {"templates/pages/list.html": f"<p>\n{sign * length}\n</p>\n", "app/web/long.py": "#" * 500})
+    assert list(long_lines(root)) == told
+
+
+def test_no_line_of_the_templates_is() -> None:
+    assert not list(long_lines(Path(__file__).resolve().parent.parent))

@@ -1,4 +1,4 @@
-"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine.
+"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; no line of a template is too long.
 
 A new machine is folders of its own. So no equipment type, none of its tables and no kind of its records is named in the rooms that serve
 all of them: in Python as a string or an imported module, in templates, scripts and sheets anywhere.
@@ -24,10 +24,12 @@ COMMON = {"fall", "run", "sequence", "step"}
 """Machine words that mean something elsewhere, too: only their keys (`run.state`), folders and modules are names of a machine."""
 PACKAGES = ("app.blocks", "app.sim", "app.web.screens")
 """Of which a machine has modules."""
+LONGEST_LINE = 160
+"""Of a template [characters]."""
 
 
 def main() -> int:
-    problems = [*import_circles(ROOT), *named_machines(ROOT)]
+    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT)]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 
@@ -97,6 +99,18 @@ def in_text(path: Path, words: set[str]) -> Iterator[tuple[int, str]]:
     )
     for number, line in enumerate(text.split("\n"), 1):
         yield from ((number, word) for word in words if re.search(f"[\"'/#-]{word}{_after(word)}", line))
+
+
+def long_lines(root: Path) -> Iterator[str]:
+    """Lines of templates that nobody reads, nor sees in a comparison what changed in them.
+
+    They are broken inside a tag, inside braces, beside a tag that is a block, and at column 0 behind `%}`: a page stays what it was.
+    """
+    for path in sorted(root.glob("templates/**/*.html")):
+        for number, line in enumerate(path.read_text("utf-8").split("\n"), 1):
+            if len(line) > LONGEST_LINE:
+                name = path.relative_to(root).as_posix()
+                yield f"{name}:{number}: {len(line)} characters, expected at most {LONGEST_LINE}"
 
 
 def _after(word: str) -> str:
