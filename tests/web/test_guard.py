@@ -190,11 +190,7 @@ def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
         staff.have(sid)
     elif kind.startswith("idle"):
         staff.enter(f"idle-{kind[5:]}", kind[5:])
-        access = staff.access
-        clock = deepcopy(access.sessions._clock)
-        assert isinstance(clock, ManualClock)
-        clock.advance(IDLE_AFTER + 1)
-        monkeypatch.setattr(access.sessions, "_clock", clock)
+        let_idle(staff, monkeypatch)
     elif kind.startswith("enrolling"):
         staff.enter(f"new-{kind[10:]}", kind[10:])
         monkeypatch.setattr(staff.access.sessions, "_factor_roles", frozenset({kind[10:]}))
@@ -203,10 +199,7 @@ def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
         if kind.endswith("before"):
             staff.access.people._db.run(lambda connection: connection.execute(delete(factor_table)) and None)
             old = staff.enter("careful")
-            clock = deepcopy(staff.access.sessions._clock)
-            assert isinstance(clock, ManualClock)
-            clock.advance(IDLE_AFTER + 1)
-            monkeypatch.setattr(staff.access.sessions, "_clock", clock)
+            let_idle(staff, monkeypatch)
         staff.access.people._db.run(lambda connection: put_factor(connection, key))
         half = staff.wait(staff.access.sign_in.with_password, "careful", PASSWORD, "127.0.0.1", "testclient", old)
         assert isinstance(half, HalfIn)
@@ -218,6 +211,16 @@ def come_as(staff: Staff, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
         staff.have(staff.wait(staff.access.sign_in.with_password, name, initial, "127.0.0.1", "testclient").sid)
     else:
         staff.enter(f"the-{kind}", kind)
+
+
+def let_idle(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For sessions it is later, for nothing else."""
+    sessions = staff.access.sessions
+    clock = deepcopy(sessions._clock)
+    assert isinstance(clock, ManualClock)
+    clock.advance(IDLE_AFTER + 1)
+    for part in (sessions, sessions._times):
+        monkeypatch.setattr(part, "_clock", clock)
 
 
 def put_factor(connection: Connection, person: int) -> None:
