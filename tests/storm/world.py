@@ -301,7 +301,7 @@ class World:
     def _watch_plc(self, name: str, device: VirtualPlc) -> None:
         take, tell = device._take, device.event
         for sequence in range(
-            device.newest - device._ring._kept + 1, device.newest + 1
+            device.newest - device._ring.kept + 1, device.newest + 1
         ):  # it told them when it was made
             row = sequence % EVENT_CAPACITY * plc_map.EVENT_WORDS
             kept = plc_map.event_of(device._ring.rows[row : row + plc_map.EVENT_WORDS])
@@ -311,7 +311,7 @@ class World:
             known = device._answers.knows(request.id)
             take(request)
             if not known:
-                said = device._answers._answers[0]
+                said = device._answers.newest
                 self.done.append(Done(self.now, name, request.code, request.id, int(said.state) not in REJECTED))
 
         def happened(*given: Any, **named: Any) -> None:

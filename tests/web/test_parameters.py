@@ -103,11 +103,11 @@ def test_a_machine_with_a_staging_area_takes_the_set_in_one_commit(staff: Staff,
     ivo.take("c1")
     device = runtime_of(staff.client).sim
     assert device is not None
-    commits = device.devices["c1"]._settings_generation  # type: ignore[attr-defined]
+    commits = device.devices["c1"]._settings.generation  # type: ignore[attr-defined]
     answer = write(ivo, "c1", {"jerk": "250", "acceleration": "70", "longest": "160", "shortest": "12"})
     assert set(rows(answer).values()) == {"yes"}, words(answer.text)
     assert held(staff, "c1.jerk", "c1.acceleration", "c1.longest", "c1.shortest") == [250, 70, 160, 12]
-    assert device.devices["c1"]._settings_generation == commits + 2  # type: ignore[attr-defined]
+    assert device.devices["c1"]._settings.generation == commits + 2  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,11 @@ class Answers:
         """Whether the command `id` was taken and is remembered."""
         return any(answer.id == id for answer in self._answers)
 
+    @property
+    def newest(self) -> Answer:
+        """The answer to the command that was taken last; there has been one."""
+        return self._answers[0]
+
     def add(self, id: int, verdict: Verdict, time: int) -> None:
         """The command `id` was taken at `time` [µs]."""
         answer = Answer(id, verdict.state, verdict.reason, verdict.detail & 0xFFFF, time)

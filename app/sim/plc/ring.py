@@ -21,7 +21,8 @@ class EventRing:
         """Sequence of the last event."""
         self.acknowledged = 0
         """Sequence up to which the host has stored them."""
-        self._kept = 0
+        self.kept = 0
+        """How many of the last ones are there."""
         self.rows: list[int] = [0] * (EVENT_CAPACITY * plc_map.EVENT_WORDS)
         """Their words."""
 
@@ -31,7 +32,7 @@ class EventRing:
         event = DeviceEvent(self.newest, time, code, source, value, tuple(snapshot), request)
         row = self.newest % EVENT_CAPACITY * plc_map.EVENT_WORDS
         self.rows[row : row + plc_map.EVENT_WORDS] = plc_map.event_words(event)
-        self._kept = min(self._kept + 1, EVENT_CAPACITY)
+        self.kept = min(self.kept + 1, EVENT_CAPACITY)
 
     @property
     def head(self) -> Sequence[int]:
@@ -39,7 +40,7 @@ class EventRing:
         return (
             EVENT_CAPACITY,
             plc_map.EVENT_WORDS,
-            *plc_map.long_words(self.newest - self._kept + 1),
+            *plc_map.long_words(self.newest - self.kept + 1),
             *plc_map.long_words(self.newest),
             *plc_map.long_words(self.acknowledged),
         )
