@@ -314,7 +314,7 @@ def test_the_summary_counts_by_machine(hall: Hall) -> None:
     html = hall.page("/alarms/summary")
     lines = {
         name: re.findall(r"<b>(\d+)</b>", cells)
-        for name, cells in re.findall(r'<th scope="row">(.*?)</th>(.*?)</tr>', html)
+        for name, cells in re.findall(r'<th scope="row">(.*?)</th>(.*?)</tr>', html, re.S)
     }
     others: list[str] = []
     calm = dict.fromkeys(("Fan 1", "Conveyor 1", "Coil car 1", "Coil transport 1"), others)
