@@ -53,6 +53,7 @@ function replace(fresh) {
   const focus = document.activeElement?.closest?.("#event-list tr[data-row]")?.dataset.row;
   const top = list().querySelector(".scroll").scrollTop, first = rows()[0]?.dataset.row;
   const height = list().querySelector(".scroll").scrollHeight;
+  fresh.querySelector(".e-lost")?.toggleAttribute("open", list().querySelector(".e-lost[open]") !== null);
   list().replaceWith(fresh);
   const box = fresh.querySelector(".scroll");
   box.scrollTop = top && rows()[0]?.dataset.row !== first ? top + box.scrollHeight - height : top; // what is read stays where it is
