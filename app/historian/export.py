@@ -475,12 +475,12 @@ def span(begin: str, end: str, zone: ZoneInfo, now: int) -> tuple[int, int]:
     first, last = moment(begin, zone, now), moment(end, zone, now)
     if last <= first:
         raise ConfigurationError(
-            f"to: {_meant(end, last, zone)}, expected a time after from: {_meant(begin, first, zone)}"
+            f"to: {meant(end, last, zone)}, expected a time after from: {meant(begin, first, zone)}"
         )
     return first, last
 
 
-def _meant(text: str, micros: int, zone: ZoneInfo) -> str:
+def meant(text: str, micros: int, zone: ZoneInfo) -> str:
     """What somebody wrote, and what time that is when it is not the same: relative, with another offset, or left out by the clock."""
     local = to_datetime(micros).astimezone(zone).isoformat(timespec="seconds")
     return text.strip() if local.startswith(text.strip()) else f"{text.strip()} (= {local})"

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from fastapi import Request
 
 from app.errors import Refused
+from app.historian.export import meant
 from app.web.audit import read_time
+from app.web.signin import zone_of
 
 RANGE = "history.range"
 """Why a span is refused whose end is not after its beginning."""
@@ -31,18 +33,20 @@ def span(request: Request, typed: Mapping[str, str]) -> tuple[int | None, int | 
         Refused: 422, one cannot be read; `RANGE`, the end is not after the beginning.
     """
     begin, end = read_time(request, typed["since"], "since"), read_time(request, typed["until"], "until")
-    in_order(begin, end)
+    in_order(request, (begin, end), (typed["since"], typed["until"]))
     return begin, end
 
 
-def in_order(begin: int | None, end: int | None) -> None:
-    """Refuse a span in which nothing can be.
+def in_order(request: Request, span: tuple[int | None, int | None], written: tuple[str, str]) -> None:
+    """Refuse a span [µs UTC] in which nothing can be; `written` is how somebody said it.
 
     Raises:
-        Refused: 422, `RANGE`.
+        Refused: 422, `RANGE`; it tells what is meant where that is another time: an hour that the clock leaves out, another offset.
     """
+    begin, end = span
     if begin is not None and end is not None and end <= begin:
-        raise Refused(RANGE, 422)
+        zone = zone_of(request)
+        raise Refused(RANGE, 422, begin=meant(written[0], begin, zone), end=meant(written[1], end, zone))
 
 
 def amount(text: str, field: str, below: float) -> float | None:

@@ -18,7 +18,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from app.errors import ConfigurationError, Refused, StorageError
 from app.historian import query
-from app.historian.export import FORMATS, Export, ExportSettings, Sheet, moment
+from app.historian.export import FORMATS, Export, ExportSettings, Sheet, meant, moment
 from app.plant.definitions import Kind, Point
 from app.web.errors import answer
 from app.web.guard import address_of, allow, check_points, person_of
@@ -323,15 +323,18 @@ def _tags(request: Request, most: int) -> list[str]:
 
 def _range(request: Request, runtime: "Runtime") -> tuple[int, int]:
     zone, now = _zone(runtime), runtime.clock.micros()
+    written = [
+        request.query_params.get(name, "").strip() or default for name, default in (("from", HOUR), ("to", "now"))
+    ]
     out = []
-    for name, default in (("from", HOUR), ("to", "now")):
-        text = request.query_params.get(name, "").strip() or default
+    for text in written:
         try:
             out.append(moment(text, zone, now))
         except ConfigurationError as error:
             raise Refused("history.time", 422, value=text[:40]) from error
     if out[1] <= out[0]:
-        raise Refused("history.range", 422)
+        begin, end = (meant(text, micros, zone) for text, micros in zip(written, out, strict=True))
+        raise Refused("history.range", 422, begin=begin, end=end)
     return out[0], out[1]
 
 

@@ -1,6 +1,7 @@
 """Series and exports as a browser asks for them, and the page Storage."""
 
 import hashlib
+import html
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import accumulate
@@ -140,6 +141,28 @@ def test_a_guest_sees_series_and_takes_nothing_home(staff: Staff) -> None:
 def test_what_cannot_be_is_refused_with_a_reason(staff: Staff, query: dict[str, Any], status: int) -> None:
     staff.enter("ana", "viewer")
     assert "history." not in ask(staff.client, "series", status, **query).text
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "told"),
+    [
+        (
+            "2026-03-29T02:30",
+            "2026-03-29T03:10",
+            ["2026-03-29T02:30 (= 2026-03-29T03:30:00+02:00)", "2026-03-29T03:10"],
+        ),
+        ("2026-10-25T01:30Z", "2026-10-25T02:30", ["2026-10-25T01:30Z (= 2026-10-25T02:30:00+01:00)"]),
+        ("now", "-1h", ["-1h (= ", "now (= "]),
+    ],
+)
+@pytest.mark.parametrize("part", ["series", "export.csv", "export/size"])
+def test_a_span_that_ends_before_it_begins_is_told_as_it_was_written_and_as_what_it_is(
+    staff: Staff, part: str, begin: str, end: str, told: list[str]
+) -> None:
+    """The clock leaves out an hour in spring and has one twice in autumn."""
+    staff.enter("ana", "viewer")
+    answer = html.unescape(ask(staff.client, part, 422, tags="m1.speed", from_=begin, to=end).text)
+    assert not [words for words in told if words not in answer], answer
 
 
 def test_the_export_is_a_file_that_proves_itself(staff: Staff, tmp_path: Path) -> None:

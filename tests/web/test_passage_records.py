@@ -247,7 +247,7 @@ def test_an_end_before_the_beginning_is_named_and_what_was_typed_stays(staff: St
     staff.client.cookies.set("pogon_lang", lang)
     turned = {"since": "2026-03-10T00:00", "until": "2026-03-09T00:00", "equipment": "c1"}
     page = get(staff, path, 422, **turned).text
-    said = runtime_of(staff.client).texts.text(lang, "history.range")
+    said = runtime_of(staff.client).texts.text(lang, "history.range", begin="2026-03-10T00:00", end="2026-03-09T00:00")
     assert re.search(rf'role="alert">.*<p>{re.escape(said)}</p>', page)
     assert 'name="since" type="datetime-local" value="2026-03-10T00:00"' in page
     assert 'name="until" type="datetime-local" value="2026-03-09T00:00"' in page

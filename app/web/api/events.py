@@ -91,7 +91,7 @@ async def events(
     if any(one and one.tzinfo is None for one in (begin, end)):
         raise HTTPException(422)
     since, until = (to_micros(one) if one else None for one in (begin, end))
-    in_order(since, until)
+    in_order(request, (since, until), (given.get("from", ""), given.get("to", "")))
     typed = {"equipment": equipment, "event": event, "q": text.strip(), "before": before, "since": "", "until": ""}
     wanted = replace(wanted_of(request, typed), begin=since, end=until)
 

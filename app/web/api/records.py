@@ -156,11 +156,11 @@ async def records(
 ) -> RecordsOut:
     """What became of things on machines, newest first; the filters of a kind are further parameters."""
     runtime, of = runtime_of(request), kind_of(request, kind)
+    given = request.query_params
     if any(one and one.tzinfo is None for one in (begin, end)):
         raise HTTPException(422)
     since, until = (to_micros(one) if one else None for one in (begin, end))
-    in_order(since, until)
-    given = request.query_params
+    in_order(request, (since, until), (given.get("from", ""), given.get("to", "")))
     if set(given) - OWN - set(of.filters) or len(given.multi_items()) != len(set(given)):
         raise HTTPException(422)
     typed = {name: given.get(name, "") for name in of.filters}
