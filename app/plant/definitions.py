@@ -328,6 +328,8 @@ class Device:
     connections: int = 1
     """TCP connections it allows."""
     pipelining: int = 1
+    keeps: bool = True
+    """What is written to it is kept when it is switched off."""
     fast: float = 0.1
     """Default scan periods [s]."""
     slow: float = 1.0

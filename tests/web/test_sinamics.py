@@ -125,3 +125,16 @@ def test_without_communication_nothing_is_claimed(client: TestClient) -> None:
 def test_its_sheet_is_the_house_s_and_the_demo_keeps_its_own(client: TestClient) -> None:
     assert "css/screens/drive." in client.get("/equipment/d1").text
     assert (Path(bundled("static")) / "screens" / "sinamics.css").is_file()
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_page_of_parameters_says_what_becomes_of_them_when_the_drive_is_switched_off(
+    people: Staff, lang: str
+) -> None:
+    """A drive of this kind keeps them in RAM."""
+    people.client.cookies.set("pogon_lang", lang)
+    page = unescape(people.client.get("/equipment/d1/parameters").text)
+    people.client.cookies.delete("pogon_lang")
+    texts = people.client.app.state.runtime.texts  # type: ignore[attr-defined]
+    assert texts.text(lang, "par.volatile") in page
+    assert texts.text(lang, "par.stored") not in page

@@ -22,6 +22,7 @@ def read_device(table: Table) -> Device:
         timeout=float(table.number("timeout", 0.25, 0, 60)),
         connections=table.whole("connections", 1, 1, 64),
         pipelining=table.whole("pipelining", 1, 1, 64),
+        keeps=table.flag("keeps", True),
         fast=float(table.number("fast", 0.1, 0.01, 3600)),
         slow=float(table.number("slow", 1.0, 0.01, 3600)),
         holes=tuple(_ranges(table, "holes")),
