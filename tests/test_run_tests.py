@@ -154,7 +154,12 @@ def test_what_several_lanes_tell_comes_one_after_the_other(
 @pytest.mark.parametrize(("share", "room"), [(0.97, True), (0.7, False), (0.5, False)])
 def test_there_is_room_where_every_core_is_free(monkeypatch: pytest.MonkeyPatch, share: float, room: bool) -> None:
     monkeypatch.setattr("tools.run_tests.SPIN", f"print({share})")
-    assert has_room(2) is room
+    assert has_room(4) is room
+
+
+def test_two_cores_have_none_for_several_stages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tools.run_tests.SPIN", "print(1.0)")
+    assert [has_room(cores) for cores in (1, 2, 3, 4)] == [False, False, False, True]
 
 
 def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[str]) -> None:

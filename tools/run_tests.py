@@ -141,8 +141,14 @@ def main(arguments: Sequence[str]) -> int:
     return 1 if any(result.failed for result in results) else 0
 
 
+SEVERAL = 4
+"""Cores that several stages need: side by side on two, browsers wait for what computes, and all takes as long."""
+
+
 def has_room(cores: int) -> bool:
-    """Whether nothing else runs here: who wants all of every core gets it."""
+    """Whether there are cores for several stages and nothing else runs on them: who wants all of every core gets it."""
+    if cores < SEVERAL:
+        return False
     spins = [subprocess.Popen([sys.executable, "-c", SPIN], stdout=subprocess.PIPE, text=True) for _ in range(cores)]
     return min(float(spin.communicate()[0]) for spin in spins) > ROOM
 

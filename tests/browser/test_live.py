@@ -55,7 +55,7 @@ CONTENT = """
 """
 SHEETS = (
     *(f"css/{name}" for name in ("tokens", "base", "panel", "value", "indicators", "tables", "plot", "offline")),
-    "screens/eura_e800",
+    "css/screens/drive",
 )
 
 

@@ -153,9 +153,10 @@ def test_an_address_that_makes_no_sense_is_refused(hall: Hall, query: str) -> No
 
 def test_parameters_are_inert_everywhere(hall: Hall) -> None:
     hall.tell("task_down", task=EVIL)
-    assert virtual.until(hall.standing)
+    named = f"sys.task_down.{EVIL}"
+    assert virtual.until(lambda: [one for one in hall.standing() if one.id == named])
     hall.staff.enter("eva", "operator")
-    occurrence = hall.one(f"sys.task_down.{EVIL}").occurrence
+    occurrence = hall.one(named).occurrence
     hall.staff.wait(hall.engine.journal.flush)
     paths = (
         "/",

@@ -69,7 +69,7 @@ def test_all_bits_of_both_words_stand_there_in_order_with_text_and_parameter(
     drawn = page(client, path, language)
     texts = types.read_type("sinamics", LANGUAGES)[0].type.texts[language]
     rows = re.findall(
-        r'<li class="([^"]*)" data-tag="d1\.(\w+)" data-class="([^"]*)"><span class="num">(\d+)</span>(.*?)</li>',
+        r'<li class="([^"]*)" data-tag="d1\.(\w+)"\s+data-class="([^"]*)">\s*<span class="num">(\d+)</span>(.*?)</li>',
         drawn,
         re.S,
     )

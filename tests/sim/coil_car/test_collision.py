@@ -12,6 +12,7 @@ from app.sim.coil_car.register_map import (
     ACTIONS,
     GEOMETRY,
     MOVEMENTS,
+    SETTINGS,
     STAGING,
     Block,
     CoilCarCommand,
@@ -103,7 +104,7 @@ def commotion(car: VirtualCoilCar, random: Random, seconds: float) -> Hit:
                 name = random.choice(
                     ("order_diameter", "automatic_horizontal", "automatic_vertical", "acceleration_horizontal")
                 )
-                low, high = {s.name: (s.low, s.high) for s in car._settings}[name]
+                low, high = {s.name: (s.low, s.high) for s in SETTINGS}[name]
                 talker.commit({name: random.uniform(low, high)}, STAGING)
             elif what < 0.95:
                 talker.train(training.REG_POWER, 1)
