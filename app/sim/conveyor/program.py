@@ -15,7 +15,7 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
 | length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
 | sensor that was suspected, S1 when it missed a product | the product of its first edge stays uncertain until the next sensor |
-| first-out | the first of gap stop, emergency stop, jam, encoder, host; stays until reset; a gap stop that ended by itself for 10 s |
+| first-out | first of gap stop, emergency stop, jam, encoder, host, until reset; a gap stop that ended: 10 s or until the next cause |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
 | edit, insert | only while the belts stand |
@@ -288,6 +288,8 @@ class VirtualConveyor(LineState):
             self._tell(event)
         if self.first_out.code == tracking.Code.GAP_STOP:
             self.first_out.ended = self.time
+            if self._next_out.code:
+                self.first_out, self._next_out = self._next_out, FirstOut()
 
     def _drive(self) -> None:
         """Choose every belt's speed and follow it with the ramp."""
@@ -379,7 +381,7 @@ class VirtualConveyor(LineState):
             self._gap_age = inf
             if self.modes.mode is not Mode.AUTOMATIC:
                 self._release_gap()
-        self.first_out = FirstOut()
+        self.first_out, self._next_out = FirstOut(), FirstOut()
         if self.pressed:
             self._first(ConveyorEvent.EMERGENCY_STOP)
         elif self.tracking.gap_stop and (gap := self.tracking.gap):
@@ -409,8 +411,11 @@ class VirtualConveyor(LineState):
         self.event(event.code, event.source, event.value, words_of(event.id, event.second, event.value2))
 
     def _first(self, code: int, source: int = 0, value: float = 0.0, *, rear: int = 0, front: int = 0) -> None:
+        cause = FirstOut(code, source, rear, front, self.time, value)
         if not self.first_out.code or self.first_out.ended:
-            self.first_out = FirstOut(code, source, rear, front, self.time, value)
+            self.first_out = cause
+        elif not self._next_out.code:
+            self._next_out = cause
 
     # ---- settings, training, power
 
@@ -491,7 +496,7 @@ class VirtualConveyor(LineState):
         self.modes.step(ModeInputs())
         self._setpoints = [0.0] * BELTS
         self._enabled = True
-        self.first_out = FirstOut()
+        self.first_out, self._next_out = FirstOut(), FirstOut()
         self._start, self._start_automatic = self._start_automatic, False
         self._select_manual = self._stopping = self._held = self._faulty = False
         self.pressed = self._silent = self.moving = self._unload = False

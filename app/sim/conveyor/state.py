@@ -36,6 +36,8 @@ class LineState(VirtualPlc):
     belts: tuple[Belt, ...]
     modes: ModeControl
     first_out: FirstOut
+    _next_out: FirstOut
+    """What stops the line, too; first when a gap stop has ended by itself."""
     moving: bool
     pressed: bool
     """The emergency stop is."""

@@ -371,6 +371,41 @@ async def test_settings_are_all_or_none_and_act_at_once() -> None:
     assert (await on.status())["automatic_speed"] == 40
 
 
+@pytest.mark.parametrize("belt", [1, 2, 3])
+@pytest.mark.parametrize("early", [0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0, -0.1, -0.3])
+async def test_a_jam_while_the_gap_stops_the_line_is_what_stopped_it_when_the_gap_is_over(
+    belt: int, early: float
+) -> None:
+    """A gap stop that ends by itself is forgotten; what keeps the line standing is not."""
+
+    async def meeting() -> TestLine:
+        on = line(settings={**QUICK, "unload_dwell": 3.0})
+        for place in (655.0, 485.0, 425.0):
+            await put(on, place)
+        await on.done(ConveyorCommand.START)
+        return on
+
+    on = await meeting()
+    begun = on.device.steps
+    await on.until_event(20)
+    steps = on.device.steps - begun
+    on = await meeting()
+    on.go(max(0.0, steps / 100 - early))
+    await on.train(training.REG_MACHINE_FAULT, belt)
+    for _ in range(40):
+        on.go(1)
+        status = await on.status()
+        if status["state"] == ConveyorState.FAULT:
+            break
+    assert status["state"] == ConveyorState.FAULT
+    on.go(25)
+    status = await on.status()
+    assert status["state"] == ConveyorState.FAULT
+    assert (status["first_out"], status["first_out_source"]) == (24, belt)
+    jam = next(event for event in await on.fetch() if event.code == 24)
+    assert status["first_out_time"] == jam.time
+
+
 # ---- faults: what the PLC sees, what it does, how it goes on
 
 
