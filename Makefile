@@ -34,7 +34,7 @@ test: setup $(VENV)/.test ## every test; T=tests/alarms a part, SEED=7 the order
 check: setup $(VENV)/.test ## format, lint, types, import rows, templates, languages
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
-	$(BIN)/mypy --strict app
+	$(BIN)/mypy --strict app tools
 	$(BIN)/lint-imports
 	$(BIN)/python tools/check_purity.py
 	$(BIN)/python tools/check_house.py

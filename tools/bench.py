@@ -69,7 +69,7 @@ def table(rows: list[Row]) -> str:
         "| what | measured | target | bare loop of the same run | measured / bare | target met |",
         "|---|---|---|---|---|---|",
     ]
-    notes = []
+    notes = list[str]()
     for row in rows:
         what, *rest = cells(row)
         if row.note:

@@ -70,7 +70,7 @@ def impure_times(folder: str, allowed: Sequence[str]) -> Iterator[str]:
 
 def names_of(tree: ast.Module) -> dict[str, str]:
     """What imported names stand for: `now` → `time.time` after `from time import time as now`."""
-    known = {}
+    known = dict[str, str]()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             known |= {alias.asname or alias.name: alias.name for alias in node.names}

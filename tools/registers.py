@@ -14,6 +14,7 @@ sys.path.insert(0, str(ROOT))
 
 from app.plant import types  # noqa: E402
 from app.plant.definitions import EquipmentType, Image, PlcMap, Point, TableMap  # noqa: E402
+from app.plant.type_files.data import TypeData  # noqa: E402
 from app.registers import plc_map as words  # noqa: E402
 
 FOLDER = ROOT / "docs" / "registers"
@@ -123,7 +124,7 @@ def pages() -> dict[Path, str]:
     return found
 
 
-def page(data: types.TypeData) -> str:
+def page(data: TypeData) -> str:
     """The whole map of one type."""
     kind = data.type
     assert kind.device.plc
@@ -262,7 +263,7 @@ def _snapshot(kind: EquipmentType) -> Iterator[str]:
         yield f"| {', '.join(str(at + word) for word in sorted(free))} | snapshot: 0 |"
 
 
-def _table(data: types.TypeData, table: TableMap) -> Iterator[str]:
+def _table(data: TypeData, table: TableMap) -> Iterator[str]:
     kind = data.type
     yield f"## Table `{table.key}` 0x{table.address:04X}"
     first = table.address + words.TABLE_HEAD

@@ -9,8 +9,10 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from email.message import Message
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import cast
 
 from cyclonedx.contrib.license.factories import LicenseFactory
 from cyclonedx.model import HashAlgorithm, HashType, Property
@@ -93,7 +95,7 @@ def browser_libraries() -> Iterator[Component]:
 def licences(name: str) -> list[License]:
     """What the installed package says; nothing for one that is not for this platform."""
     try:
-        about = distribution(name).metadata
+        about = cast(Message, distribution(name).metadata)
     except PackageNotFoundError:
         return [LicenseFactory().make_from_string(UNTOLD[name])] if name in UNTOLD else []
     said = about.get("License-Expression") or ""

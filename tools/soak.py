@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 import httpx2 as httpx
 import orjson
 import websockets
+from websockets.typing import Origin
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -105,7 +106,7 @@ class Crew:
         url = self.url.replace("http", "ws") + "/live"
         cookie = "; ".join(f"{name}={text}" for name, text in self.client.cookies.items())
         async with websockets.connect(
-            url, origin=self.url, additional_headers={"Cookie": cookie}, compression=None
+            url, origin=Origin(self.url), additional_headers={"Cookie": cookie}, compression=None
         ) as socket:
             await socket.send(orjson.dumps({"subscribe": kind, "rev": 0}).decode())
             with contextlib.suppress(TimeoutError):
@@ -139,7 +140,12 @@ class Crew:
         now = datetime.now(UTC)
         begin = now - timedelta(hours=self.chance.choice((0.05, 0.5, 4, 24)))
         tags = ",".join(self.chance.sample(("m1.speed", "m1.current", "m2.speed", "c1.belt_speed_1", "m1.torque"), 3))
-        asked = {"tags": "m1.frequency,m1.current", "from": begin.isoformat(), "to": now.isoformat(), "width": 1600}
+        asked: dict[str, str | int] = {
+            "tags": "m1.frequency,m1.current",
+            "from": begin.isoformat(),
+            "to": now.isoformat(),
+            "width": 1600,
+        }
         answer = await self.api.get("/api/v1/history", params=asked)
         self.done[f"trend {answer.status_code}"] += 1
         await self.client.get("/trends", params={"tags": tags})
@@ -206,7 +212,10 @@ def sample(pid: int, data: Path) -> dict[str, float]:
     status = dict(line.split(":", 1) for line in (process / "status").read_text().splitlines() if ":" in line)
     written = dict(line.split(": ") for line in (process / "io").read_text().splitlines())
     fields = (process / "stat").read_text().rpartition(")")[2].split()
-    size = lambda name: sum(file.stat().st_size for file in data.glob(name)) / 1e6  # noqa: E731
+
+    def size(name: str) -> float:
+        return sum(file.stat().st_size for file in data.glob(name)) / 1e6
+
     return {
         "rss_mb": int(status["VmRSS"].split()[0]) / 1000,
         "threads": int(status["Threads"]),

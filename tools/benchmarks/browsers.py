@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from benchmarks.common import Helper, Row, cpu_time, free_port, helper, milliseconds, resident, thousands, write_plant
 
@@ -10,9 +11,11 @@ SMALL = 10
 SECONDS = 8.0
 
 
-async def _load(server: Helper, crowd: Helper, sockets: int, kind: str) -> tuple[dict[str, float], float]:
+async def _load(
+    server: Helper, crowd: Helper, told: dict[str, Any], sockets: int, kind: str
+) -> tuple[dict[str, float], float]:
     """What the browsers got, and the CPU share of the server meanwhile."""
-    opened = await crowd.ask(f"open {sockets} {kind}")
+    opened = await crowd.ask(f"open {sockets} {kind} {','.join(told['sids'])}")
     assert isinstance(opened, dict) and opened["ready"] == sockets, opened
     before = cpu_time(server.pid)
     got = await crowd.ask(f"measure {SECONDS}")
@@ -42,7 +45,7 @@ async def _memory() -> tuple[float, int]:
             async with helper("server", plant, Path(name) / "data", port) as server, helper("crowd", port) as crowd:
                 told = await server.ask("ready")
                 assert isinstance(told, dict)
-                await _load(server, crowd, 50, "overview")
+                await _load(server, crowd, told, 50, "overview")
                 return resident(server.pid), int(told["tags"])
 
 
@@ -58,11 +61,11 @@ async def measure() -> list[Row]:
                 before = cpu_time(server.pid)
                 await crowd.ask("measure 4")
                 alone = (cpu_time(server.pid) - before) / 4
-                await _load(server, crowd, 50, "overview")
+                await _load(server, crowd, told, 50, "overview")
                 memory = resident(server.pid)
-                all_values, cost = await _load(server, crowd, 150, "overview")
+                all_values, cost = await _load(server, crowd, told, 150, "overview")
                 await crowd.ask("close")
-                one_machine, one_cost = await _load(server, crowd, 1000, "equipment/d1")
+                one_machine, one_cost = await _load(server, crowd, told, 1000, "equipment/d1")
                 await crowd.ask("close")
     frames = all_values["frames"] / all_values["seconds"]
     size, rate = all_values["bytes"] / all_values["frames"], frames / 200

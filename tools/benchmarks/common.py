@@ -6,11 +6,14 @@ import os
 import socket
 import statistics
 import sys
+import time
 from asyncio.subprocess import PIPE, Process
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from app.plant.events import Ring
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = ROOT / "tools" / "bench.py"
@@ -31,6 +34,35 @@ class Row:
     met: bool | None = None
     """Whether the target is met; None where there is none."""
     note: str = ""
+
+
+RING = Ring("bench")
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceEvent:
+    """An event as a link delivers it (`RingEvent`)."""
+
+    sequence: int
+    time: int
+    code: int
+    source: int
+    value: float
+    snapshot: Sequence[int]
+    boot: int = 1
+    request: int = 0
+    ring: Ring = RING
+
+
+def timed(work: Callable[[], object], times: int = 15) -> float:
+    """CPU time of one of them [s]: what the others on the machine do does not count."""
+    work()
+    taken = []
+    for _ in range(times):
+        began = time.thread_time()
+        work()
+        taken.append(time.thread_time() - began)
+    return median(taken)
 
 
 def percentile(values: Sequence[float], percent: float) -> float:

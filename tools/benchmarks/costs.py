@@ -73,7 +73,7 @@ def _alarms() -> list[Row]:
         handles, values = list(range(ALARMS)), [1.0] * ALARMS
         batch = Batch("link.l", 0, clock.micros(), clock.micros(), handles, values)
         tags.publish(batch)
-        each = _cost(lambda: engine.take(batch)) / ALARMS
+        each = _cost(lambda: engine.evaluation.take(batch)) / ALARMS
         numbers, limit = values, 100.0
         bare = _cost(lambda: [value > limit and numbers[0] < 1000 for value in numbers]) / ALARMS
         database.close()

@@ -1,6 +1,7 @@
 """Browsers in a process of their own: sockets that subscribe, take every frame off the wire, and note when it came.
 
-They do no more than that, so that as many as possible fit on the second core. Lines in: `open N KIND`, `measure SECONDS`, `watch SECONDS
+They do no more than that, so that as many as possible fit on the second core. Lines in: `open N KIND SID,SID…`
+(as people who are signed in, in turns; without any, bytes are all that is taken), `measure SECONDS`, `watch SECONDS
 HANDLE` (notes each value of one tag on each socket), `close`.
 """
 
@@ -9,6 +10,7 @@ import base64
 import os
 import sys
 import time
+from functools import partial
 
 import orjson
 
@@ -18,10 +20,11 @@ from benchmarks.common import lines_in, percentile, say
 class Browser(asyncio.Protocol):
     """One socket."""
 
-    def __init__(self, crowd: "Crowd", host: str, kind: str) -> None:
+    def __init__(self, crowd: "Crowd", host: str, kind: str, sid: str) -> None:
         self.crowd = crowd
         self.host = host
         self.kind = kind
+        self.sid = sid
         self.heard = bytearray()
         self.open = False
         self.transport: asyncio.Transport
@@ -35,6 +38,7 @@ class Browser(asyncio.Protocol):
         key = base64.b64encode(os.urandom(16)).decode()
         self.transport.write(
             f"GET /live HTTP/1.1\r\nHost: {self.host}\r\nOrigin: http://{self.host}\r\nUpgrade: websocket\r\n"
+            f"User-Agent: bench\r\nCookie: sid={self.sid}\r\n"
             f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
         )
 
@@ -124,10 +128,10 @@ async def _browse(port: int) -> None:
         if word == "open":
             crowd.ready = 0
             kind = rest[1] if len(rest) > 1 else ""
+            sids = rest[2].split(",") if len(rest) > 2 else [""]
             for index in range(int(rest[0])):
-                _, browser = await loop.create_connection(
-                    lambda kind=kind: Browser(crowd, host, kind), "127.0.0.1", port
-                )
+                one = partial(Browser, crowd, host, kind, sids[index % len(sids)])
+                _, browser = await loop.create_connection(one, "127.0.0.1", port)
                 crowd.browsers.append(browser)
                 if index % 20 == 19:
                     await asyncio.sleep(0.02)

@@ -3,6 +3,7 @@
 import sqlite3
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -145,11 +146,10 @@ def _packed(folder: Path) -> tuple[float, float, float, float]:
     empty = database.run(store.used)
     count = _walk(database)
     full = database.run(store.used)
-    began, point = time.process_time(), 0
-    while (
-        point := database.run(lambda connection, point=point: sealed.seal(connection, BEGIN + DAY, point))
-    ) is not None:  # type: ignore[misc]
-        pass
+    began = time.process_time()
+    point: int | None = 0
+    while point is not None:
+        point = database.run(partial(sealed.seal, before=BEGIN + DAY, point=point))
     took = time.process_time() - began
     packed = database.run(store.used)
     with database.engine.connect() as connection:

@@ -2,8 +2,6 @@
 
 import sqlite3
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
@@ -11,13 +9,14 @@ from zoneinfo import ZoneInfo
 from app.db import Database
 from app.historian import record_query as query
 from app.historian.events import Delivery, store
-from app.historian.record_export import RecordExport, RecordWish
+from app.historian.record_export import RecordExport, RecordExportSettings
 from app.historian.record_query import ANY, Wanted
 from app.historian.records import RecordFold
 from app.historian.store import DAY
 from app.plant import types
 from app.plant.definitions import Equipment
-from benchmarks.common import Row, median, milliseconds, thousands
+from app.plant.events import RingEvent
+from benchmarks.common import DeviceEvent, Row, milliseconds, thousands, timed
 
 TYPE = types.read_type("conveyor", ["en"])[0].type
 KIND = TYPE.records["passage"]
@@ -51,29 +50,6 @@ FROM record r, n
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Event:
-    sequence: int
-    time: int
-    code: int
-    source: int
-    value: float
-    snapshot: Sequence[int]
-    boot: int = 1
-    request: int = 0
-
-
-def _timed(work: Callable[[], object], times: int = 15) -> float:
-    """CPU time of one of them [s]: what the others on the machine do does not count."""
-    work()
-    taken = []
-    for _ in range(times):
-        began = time.thread_time()
-        work()
-        taken.append(time.thread_time() - began)
-    return median(taken)
-
-
 def _stored(folder: Path) -> tuple[float, float]:
     """Events stored per second as links deliver them, and rows of the same steps by bare sqlite3."""
     database = Database(folder / "stored.db", "history")
@@ -81,8 +57,8 @@ def _stored(folder: Path) -> tuple[float, float]:
     deliveries = []
     for product in range(1, STORED + 1):
         base = product * 10
-        events = [
-            _Event(base + n, BEGIN + base * 100_000 + n, code, n, 0.5, (0, product, 0, 0, 0, 0))
+        events: list[RingEvent] = [
+            DeviceEvent(base + n, BEGIN + base * 100_000 + n, code, n, 0.5, (0, product, 0, 0, 0, 0))
             for n, code in enumerate((1, 2, 3, 4, 3, 4, 3, 4, 5))
         ]
         deliveries.append(Delivery("c1", events))
@@ -129,20 +105,20 @@ async def measure() -> list[Row]:
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return _timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
             newest = query.find(connection, KIND, Wanted(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="c7")
             rare, alarms = page(outcome="lost"), page(given={"alarm": ANY, "correction": 3.0})
-            count = _timed(lambda: query.count(connection, KIND, Wanted(given={"alarm": ANY}), PASSAGES + 1), 5)
-            bare_page = _timed(
+            count = timed(lambda: query.count(connection, KIND, Wanted(given={"alarm": ANY}), PASSAGES + 1), 5)
+            bare_page = timed(
                 lambda: connection.exec_driver_sql(f"SELECT * FROM record ORDER BY id DESC LIMIT {PAGE + 1}").all()
             )
-            bare_scan = _timed(
+            bare_scan = timed(
                 lambda: connection.exec_driver_sql("SELECT count(*) FROM record WHERE alarms <> ''").scalar_one(), 5
             )
-            export = RecordExport(RecordWish(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND))
+            export = RecordExport(RecordExportSettings(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND))
             began = time.perf_counter()
             while not export.done:
                 export.read(connection)

@@ -19,7 +19,7 @@ async def measure() -> list[Row]:
                 told = await server.ask("ready")
                 assert isinstance(told, dict)
                 async with helper("crowd", port) as browsers:
-                    opened = await browsers.ask(f"open {SOCKETS} equipment/d1")
+                    opened = await browsers.ask(f"open {SOCKETS} equipment/d1 {','.join(told['sids'])}")
                     assert isinstance(opened, dict) and opened["ready"] == SOCKETS, opened
                     cpu = cpu_time(server.pid)
                     seen = await browsers.ask(f"watch {SECONDS} {told['handle']}")

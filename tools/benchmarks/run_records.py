@@ -1,8 +1,6 @@
 """Runs of sequences: events stored, and a page, a rare filter, times per step and the export of 50 000 runs."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
@@ -10,13 +8,14 @@ from zoneinfo import ZoneInfo
 from app.db import Database
 from app.historian import record_query as query
 from app.historian.events import Delivery, store
-from app.historian.record_export import RecordExport, RecordWish
+from app.historian.record_export import RecordExport, RecordExportSettings
 from app.historian.record_query import ANY, Wanted
 from app.historian.records import RecordFold
 from app.historian.store import DAY
 from app.plant import types
 from app.plant.definitions import Equipment, SequenceDefinition, SequenceStep
-from benchmarks.common import Row, median, milliseconds, thousands
+from app.plant.events import RingEvent
+from benchmarks.common import DeviceEvent, Row, milliseconds, thousands, timed
 
 TYPE = types.read_type("sequence", ["en"])[0].type
 KIND = TYPE.records["run"]
@@ -56,29 +55,6 @@ FROM record r, n ORDER BY r.id, i
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Event:
-    sequence: int
-    time: int
-    code: int
-    source: int
-    value: float
-    snapshot: Sequence[int] = BIT
-    boot: int = 1
-    request: int = 0
-
-
-def _timed(work: Callable[[], object], times: int = 15) -> float:
-    """CPU time of one of them [s]: what the others on the machine do does not count."""
-    work()
-    taken = []
-    for _ in range(times):
-        began = time.thread_time()
-        work()
-        taken.append(time.thread_time() - began)
-    return median(taken)
-
-
 def _stored(folder: Path) -> float:
     """Events stored per second as a link delivers them: one run of eight steps after the other."""
     database = Database(folder / "stored.db", "history")
@@ -87,10 +63,10 @@ def _stored(folder: Path) -> float:
     number = 0
     deliveries = []
     for _ in range(STORED):
-        told: list[_Event] = []
+        told: list[RingEvent] = []
         for code, step in ((1, 0), *((code, n) for n in range(1, STEPS + 1) for code in (3, 4)), (13, 0)):
             number += 1
-            told.append(_Event(number, BEGIN + number * 1_000_000, code, step, 5.0))
+            told.append(DeviceEvent(number, BEGIN + number * 1_000_000, code, step, 5.0, BIT))
         deliveries.append(Delivery("seq1", told))
     began = time.perf_counter()
     for one in deliveries:
@@ -111,32 +87,34 @@ async def measure() -> list[Row]:
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return _timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
             newest = query.find(connection, KIND, Wanted(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="seq3")
             rare = page(given={"first_out": "s3.pressure_ok"})
             both = page(equipment="seq2", given={"first_out": "s3.pressure_ok"}, outcome="aborted")
-            forced, choices = page(given={"forced": ANY}), _timed(lambda: query.choices(connection, KIND, "seq2"))
+            forced, choices = page(given={"forced": ANY}), timed(lambda: query.choices(connection, KIND, "seq2"))
             one = Wanted("seq1")
-            times = _timed(
+            times = timed(
                 lambda: (query.part_times(connection, KIND, one), query.times(connection, KIND, one, "done")), 5
             )
-            bare_page = _timed(
+            bare_page = timed(
                 lambda: connection.exec_driver_sql(f"SELECT * FROM record ORDER BY id DESC LIMIT {PAGE + 1}").all()
             )
-            bare_scan = _timed(
+            bare_scan = timed(
                 lambda: connection.exec_driver_sql("SELECT count(*) FROM record WHERE +key <> ''").scalar_one(),
                 5,
             )
-            bare_times = _timed(
+            bare_times = timed(
                 lambda: connection.exec_driver_sql(
                     "SELECT number, count(*), min(seconds), avg(seconds), max(seconds) FROM record_part GROUP BY number"
                 ).all(),
                 5,
             )
-            export = RecordExport(RecordWish(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND, names=[""] * STEPS))
+            export = RecordExport(
+                RecordExportSettings(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND, names=[""] * STEPS)
+            )
             began = time.perf_counter()
             while not export.done:
                 export.read(connection)

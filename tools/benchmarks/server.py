@@ -1,19 +1,23 @@
 """The product itself in a process, with two additions: more sockets than a real server takes, and somebody who clicks.
 
-Lines in: `ready` (answers once every link is up), `clicks N` (gives N commands over HTTP, answers their moments and values).
+Lines in: `ready` (answers once every link is up, with the cookies of people who are signed in), `clicks N` (gives N commands over HTTP,
+answers their moments and values).
 """
 
 import asyncio
 import logging
 import sys
 import time
+from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
 from urllib.parse import urlencode
 
 import uvicorn
 
+from app.access.access import Access
 from app.access.roles import Person, permissions_of
+from app.access.signin import SignedIn
 from app.links.statistics import LinkState
 from app.main import create_app
 from app.settings import Settings
@@ -22,8 +26,12 @@ from app.web.socket import sockets_of
 from benchmarks.common import lines_in, say
 
 BOSS = Person(0, "boss", "boss", frozenset({"admin"}), permissions_of({"admin"}), "")
+AGENT = "bench"
 PASSWORD = "tri plave ladice u kutu"
-PEOPLE = 5
+PEOPLE = 12
+"""Signed in; their browsers share them."""
+CLICKING = 5
+"""Of them, people who give commands."""
 PACE = 0.055
 """Between two clicks [s]: five people stay below five commands a second each."""
 
@@ -32,16 +40,19 @@ async def _serve(plant: Path, data: Path, port: int) -> None:
     settings = Settings(plant=plant, data=data, port=port, log_level="error")
     app = create_app(settings)
     sockets = sockets_of(app)
-    sockets.most = sockets.per_address = 5000
+    sockets.most = sockets.per_session = 5000
     config = uvicorn.Config(app, port=port, log_level="error", ws_max_size=65536, proxy_headers=False)
     server = Server(config, app, settings)
     serving = asyncio.create_task(server.serve())
+    people: list[str] = []
     async for line in lines_in():
         word, _, rest = line.partition(" ")
         if word == "ready":
-            say(await _ready(server, app))
+            told = await _ready(server, app)
+            people = people or [await _sign_in(app.state.runtime.access, n) for n in range(PEOPLE)]
+            say({**told, "sids": people})
         elif word == "clicks":
-            say(await _clicks(app, port, int(rest)))
+            say(await _clicks(app, port, int(rest), people[:CLICKING]))
     server.should_exit = True
     await serving
 
@@ -57,24 +68,30 @@ async def _ready(server: Server, app: object) -> dict[str, int]:
     return {"tags": len(runtime.tags), "handle": runtime.tags.handles.get("d1.counter", -1)}
 
 
-async def _clicks(app: object, port: int, number: int) -> list[tuple[float, int, int, int]]:
+async def _sign_in(access: Access, number: int) -> str:
+    """The cookie of a new operator."""
+    name = f"bench{number}"
+    await access.people.add(BOSS, name, "", ("operator",))
+    await asyncio.to_thread(access.people.set_password_now, BOSS, name, PASSWORD)
+    signed_in = await access.sign_in.with_password(name, PASSWORD, "127.0.0.1", AGENT)
+    assert isinstance(signed_in, SignedIn)
+    return signed_in.sid
+
+
+async def _clicks(app: object, port: int, number: int, sids: Sequence[str]) -> list[tuple[float, int, int, int]]:
     """(moment, unit, word, HTTP status) of each click: the new frequency of one drive after the other."""
     runtime = app.state.runtime  # type: ignore[attr-defined]
     access, gate = runtime.access, runtime.gate
     people = []
-    for index in range(PEOPLE):
-        name = f"bench{index}"
-        await access.people.add(BOSS, name, "", ("operator",))
-        await asyncio.to_thread(access.people.set_password_now, BOSS, name, PASSWORD)
-        sid = (await access.people.sign_in(name, PASSWORD, "127.0.0.1", "bench")).sid
-        who = await access.sessions.find(sid, "127.0.0.1", "bench")
+    for sid in sids:
+        who = await access.sessions.find(sid, "127.0.0.1", AGENT)
         assert who is not None
         people.append((sid, who))
     machines = list(runtime.plant.equipment.values())
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     results = []
     for index in range(number):
-        (sid, who), item = people[index % PEOPLE], machines[index % len(machines)]
+        (sid, who), item = people[index % len(people)], machines[index % len(machines)]
         if gate.control.holder(item.id) is None:
             gate.control.take(who, item.id)
         word = 1000 + index
@@ -89,7 +106,7 @@ async def _clicks(app: object, port: int, number: int) -> list[tuple[float, int,
         )
         head = (
             f"POST /equipment/{item.id}/command/set_frequency HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
-            f"Origin: http://127.0.0.1:{port}\r\nSec-Fetch-Site: same-origin\r\nUser-Agent: bench\r\nCookie: sid={sid}; lang=en\r\n"
+            f"Origin: http://127.0.0.1:{port}\r\nSec-Fetch-Site: same-origin\r\nUser-Agent: {AGENT}\r\nCookie: sid={sid}; lang=en\r\n"
             f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(form)}\r\nHX-Request: true\r\n\r\n"
         )
         began = time.monotonic()
