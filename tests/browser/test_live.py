@@ -42,15 +42,15 @@ STATES = {
 }
 CONTENT = """
 {% from "macros/value.html" import value, plain %}{% from "macros/indicators.html" import gauge, mai, spark, shown %}
-{% from "screens/eura_e800/symbol.html" import motor %}
+{% from "screens/eura_e800/symbol.html" import motor %}{% from "macros/drive.html" import values with context %}
 <main id="content" class="content">
 {% set status, setpoint = equipment.status, equipment.frequency_setpoint %}
 <p>{{ value(equipment.speed, "hero bare", unit=false) }} {{ value(equipment.speed, "boxed") }}</p>
 <p>{{ value(equipment.current) }} {{ value(setpoint, "key sp") }}</p>
 <p>{{ plain(status, bad=_("live.no_communication")) }} {{ plain(status, hexadecimal=true) }}</p>
-<p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(status) }}</p>
+<p>{{ plain(equipment.state_since, pattern=_("live.since")) }} {{ motor(equipment) }}</p>
 <p>{{ gauge(equipment.speed, [(setpoint, 30, status, "0,1"), (setpoint, -30, status, "2")]) }}</p>
-{% include "screens/eura_e800/values.html" %}
+{{ values(equipment, ["speed", "frequency", "current", "voltage", "power", "torque", "heatsink_temperature"], {"frequency": setpoint}) }}
 </main>
 """
 SHEETS = (

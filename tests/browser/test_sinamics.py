@@ -1,0 +1,116 @@
+"""The pages of a SINAMICS drive in a real browser: start and stop, a fault and its acknowledgement, the words bit by bit."""
+
+import re
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from app import bundled
+from tests.browser.station import LANGUAGES, SIZES, Sit, built, fault, serving, take
+from tests.browser.test_layout import BOTH, lay_out
+from tests.conftest import PogonServer
+
+WHO, HOME = "ivana", "/equipment/d2"
+PARTS = ("", "/page/words", "/faceplate", "/parameters")
+COMMANDS = ("forward", "reverse", "coast", "quick_stop", "reset", "stop")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    """One Pogon with the two drives of the bundled plant."""
+    folder = tmp_path_factory.mktemp("drives")
+    shutil.copytree(bundled("plants/sinamics"), folder / "plant")
+    with serving(folder) as running:
+        yield running
+
+
+def press(page: Page, command: str) -> None:
+    """Give a command of the column; it is done before anything else is."""
+    button = page.locator(f".op [data-command='d2.{command}']")
+    label = button.locator(".cmd-t").evaluate("text => text.firstChild.textContent")
+    asks = "danger" in (button.get_attribute("class") or "")
+    button.click()
+    if asks:
+        page.locator("#overlay .danger").click()
+    expect(page.locator("#message")).to_contain_text(re.compile(f"{label}: .*Done"), timeout=20_000)
+
+
+def bit(page: Page, name: str, on: bool) -> None:
+    row = page.locator(f"li[data-tag='d2.{name}']")
+    expect(row).to_have_class(re.compile(r"\bon\b") if on else re.compile(r"^(?!.*\bon\b)"))
+    expect(row.locator("svg")).to_be_visible(visible=on)
+
+
+def test_start_and_stop_are_seen_in_state_symbol_and_gauge(sit: Sit) -> None:
+    page = sit()
+    built(page, "d2")
+    take(page)
+    running, symbol = page.locator(".m-state .st-t").first, page.locator(".m-state .when-online .eq")
+    expect(running).not_to_have_text("In operation")
+    press(page, "forward")
+    expect(symbol).to_have_class(re.compile(r"\brun\b"))
+    expect(page.locator(".m-state .st-dir:not(.rev) use")).to_be_visible()
+    expect(page.locator(".m-state .st-dir.rev use")).to_be_hidden()
+    expect(page.locator(".m-gauge [role=meter]")).to_have_attribute("aria-valuenow", re.compile(r"^8\d\d|^9\d\d"))
+    press(page, "stop")
+    expect(symbol).not_to_have_class(re.compile(r"\brun\b"))
+    expect(page.locator(".m-state .st-dir use").first).to_be_hidden()
+
+
+@pytest.mark.parametrize("code", [7860, 30005, 1910])
+def test_a_fault_is_named_and_the_drive_runs_again_after_its_acknowledgement(sit: Sit, code: int) -> None:
+    page = sit()
+    built(page, "d2")
+    take(page)
+    reset = page.locator(".op [data-command='d2.reset']")
+    expect(reset).to_have_attribute("aria-disabled", "true")
+    press(page, "forward")
+    fault(page, "d2", code)
+    expect(page.locator(".si-fault")).to_contain_text(f"F{code:05d}")
+    expect(page.locator(".m-state .when-online [href$='#e-motor-x']")).to_be_visible()
+    page.locator("[data-faceplate]").first.click()
+    expect(page.locator("dialog .f-code")).to_have_text(f"F{code:05d}")
+    page.locator("dialog [data-close]").click()
+    fault(page, "d2", 0)
+    press(page, "reset")
+    expect(page.locator(".m-state .when-online [href$='#e-motor-x']")).to_be_hidden()
+    expect(page.locator(".si-fault")).not_to_contain_text("F0")
+    press(page, "forward")
+    press(page, "stop")
+
+
+def test_the_words_follow_the_drive_bit_by_bit(sit: Sit) -> None:
+    page = sit(path="/equipment/d2/page/words")
+    built(page, "d2")
+    take(page)
+    bit(page, "zsw1_operation_enabled", on=False)
+    press(page, "forward")
+    for name, on in (("zsw1_operation_enabled", True), ("zsw1_fault", False), ("stw1_invert", False)):
+        bit(page, name, on)
+    press(page, "reverse")
+    bit(page, "stw1_invert", on=True)
+    bit(page, "zsw1_forward", on=False)
+    press(page, "coast")
+    bit(page, "stw1_no_coast_stop", on=False)
+    bit(page, "zsw1_operation_enabled", on=False)
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_is_cut_and_no_command_is_missing_at_any_size(sit: Sit, server: PogonServer, lang: str) -> None:
+    page = sit(lang=lang)
+    found: list[str] = []
+    for machine in ("d1", "d2"):
+        for part in PARTS:
+            page.goto(f"{server.url}/equipment/{machine}{part}")
+            expect(page.locator("body")).to_have_attribute("data-live", "live")
+            page.evaluate("document.fonts.ready.then(() => 1)")
+            for size, (width, height) in SIZES.items():
+                lay_out(page, width, height, "panel-9" if size == "small" else "desk")
+                found += [f"{lang} {machine}{part} {size}: {one}" for one in page.evaluate(BOTH)]
+                if part == "/parameters":
+                    continue
+                seen = {key: page.locator(f"[data-command='{machine}.{key}']:visible").count() for key in COMMANDS}
+                found += [f"{lang} {machine}{part} {size}: no {key}" for key, n in seen.items() if not n]
+    assert found == [], "\n".join(["", *found])
