@@ -1,6 +1,5 @@
 """The drive's data say what reference sheet and virtual drive say."""
 
-import importlib
 import tomllib
 from pathlib import Path
 
@@ -10,6 +9,9 @@ from app.plant import types
 from app.plant.definitions import EquipmentType, Point
 from app.plant.expression import parse
 from app.plant.plant_files.languages import LANGUAGES
+from app.sim.eura_e800.faults import FAULTS
+from app.sim.eura_e800.parameters import PARAMETERS
+from app.sim.eura_e800.registers import REGISTERS
 
 LIVE = {"status", "frequency", "voltage", "current"}
 _data, _problems = types.read_type("eura_e800", LANGUAGES)
@@ -53,15 +55,14 @@ def test_a_parameter_stands_where_its_name_says(drive: EquipmentType) -> None:
 
 
 def test_the_virtual_drive_agrees_on_address_scale_and_unit(drive: EquipmentType) -> None:
-    e800 = importlib.import_module("app.sim.eura_e800.drive")
     for key, point in registers(drive).items():
         register = point.register
         assert register
-        if register.address in e800.REGISTERS:
-            _, scale, unit = e800.REGISTERS[register.address]
+        if register.address in REGISTERS:
+            _, scale, unit = REGISTERS[register.address]
             assert (key, register.scale, point.unit) == (key, scale, unit)
     for setpoint in drive.setpoints.values():
-        mine, theirs = drive.points[setpoint.key], e800.PARAMETERS[setpoint.code]
+        mine, theirs = drive.points[setpoint.key], PARAMETERS[setpoint.code]
         assert mine.register
         assert (setpoint.code, mine.register.address, mine.register.scale, mine.unit) == (
             setpoint.code,
@@ -70,8 +71,8 @@ def test_the_virtual_drive_agrees_on_address_scale_and_unit(drive: EquipmentType
             theirs.unit,
         )
         assert not set(setpoint.options) - set(theirs.choices or range(int(theirs.low), int(theirs.high) + 1))
-    assert set(e800.REGISTERS) <= {p.register.address for p in registers(drive).values() if p.register}
-    assert set(e800.FAULTS) <= set(drive.points["status"].texts)
+    assert set(REGISTERS) <= {p.register.address for p in registers(drive).values() if p.register}
+    assert set(FAULTS) <= set(drive.points["status"].texts)
 
 
 def test_no_point_lies_where_the_device_does_not_answer(drive: EquipmentType) -> None:

@@ -1,0 +1,25 @@
+"""The communication watchdog of an E800 (F905): from the first telegram on, silence is counted."""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Watchdog:
+    """Counts steps without a telegram."""
+
+    armed: bool = False
+    """Whether a telegram was heard since power-up."""
+    _heard: bool = False
+    _silent: int = 0
+
+    def telegram(self) -> None:
+        """One was heard; it counts at the next step border."""
+        self._heard = True
+
+    def step(self, limit: float, dt: float) -> bool:
+        """One step of `dt` [s]; True while it has been silent for longer than `limit` [s], 0 = never."""
+        if self._heard:
+            self._heard, self.armed, self._silent = False, True, 0
+            return False
+        self._silent += 1
+        return self.armed and limit > 0 and self._silent * dt > limit + 1e-9
