@@ -18,7 +18,8 @@ from app.sim.bus import Bus, damaged
 from app.sim.device import DT, VirtualDevice
 from app.sim.machines import VIRTUAL_DEVICES, Factory
 from app.sim.plc import VirtualPlc
-from app.sim.sequence.program import Machine, VirtualSequence
+from app.sim.sequence.machine import Machine
+from app.sim.sequence.program import VirtualSequence
 
 CATCH_UP = 20
 """Most steps that are made up for."""

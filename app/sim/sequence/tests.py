@@ -32,7 +32,8 @@ from app.sim import training
 from app.sim.device import DT
 from app.sim.plant import SimPlant
 from app.sim.plc import VirtualPlc
-from app.sim.sequence.program import Machine, VirtualSequence
+from app.sim.sequence.machine import Machine
+from app.sim.sequence.program import VirtualSequence
 from app.sim.type_tests import TestResult
 from app.tags.quality import GOOD, NO_DATA
 

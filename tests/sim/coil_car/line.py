@@ -23,7 +23,7 @@ from app.sim.coil_car import register_map as coil_car
 from app.sim.coil_car.program import VirtualCoilCar
 from app.sim.coil_car.register_map import ACTIONS
 from app.sim.plc import EVENT_CAPACITY, VirtualPlc
-from app.sim.sequence import program as sequence
+from app.sim.sequence import register_map as sequence
 from app.sim.sequence.program import VirtualSequence
 
 

@@ -13,7 +13,8 @@ from app.registers.pdu import Request, parse_answer, read_request
 from app.registers.plc_map import event_of, time_of
 from app.sim.bus import Bus
 from app.sim.sequence import training as own
-from app.sim.sequence.program import STATUS, SequenceCommand, VirtualSequence
+from app.sim.sequence.program import VirtualSequence
+from app.sim.sequence.register_map import STATUS, SequenceCommand
 from app.sim.server import serve_tcp
 from tests.sim.coil_car.line import Talker, teaching
 

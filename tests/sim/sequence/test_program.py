@@ -1,22 +1,18 @@
 """A sequence by its registers: runs, every command and refusal, forces, first-out, restart, and the coupling with its machine."""
 
-from dataclasses import replace
-
 import pytest
 
 from app.blocks.sequence import ALL, Cause, SequenceEvent, SequenceState
-from app.errors import ConfigurationError, DeviceException
-from app.plant.definitions import SequenceDefinition
+from app.errors import ConfigurationError
 from app.plant.sequences import checksum
 from app.registers import plc_map
-from app.registers.plc_map import Answer, AnswerState, DeviceEvent, real, real_of, time_of
+from app.registers.plc_map import DeviceEvent, real, real_of, time_of
 from app.sim import training
 from app.sim.coil_car import register_map as coil_car
 from app.sim.plc import EVENT_CAPACITY
-from app.sim.sequence import training as own
-from app.sim.sequence.program import (
+from app.sim.sequence.program import VirtualSequence
+from app.sim.sequence.register_map import (
     FALLS,
-    FORCE_ROWS,
     FORCES,
     NO_BIT,
     STAGING,
@@ -25,63 +21,21 @@ from app.sim.sequence.program import (
     SequenceCommand,
     SequenceDeviceEvent,
     SequenceReason,
-    VirtualSequence,
 )
-from tests.sim.coil_car.line import TRANSPORT, Line, Talker, bit, step, teaching
-
-DONE, REJECTED, FAILED = AnswerState.DONE, AnswerState.REJECTED, AnswerState.FAILED
-THREE = ((1.0, 10.0), (1.0, 10.0), (1.0, 10.0))
-
-
-def taught(
-    *times: tuple[float, float], loss_aborts: bool = False, keep_forces: bool = False
-) -> tuple[VirtualSequence, Talker]:
-    plc = VirtualSequence(teaching(*(times or THREE), loss_aborts=loss_aborts, keep_forces=keep_forces))
-    plc.step()
-    return plc, Talker(plc)
-
-
-def run(plc: VirtualSequence, seconds: float) -> None:
-    for _ in range(round(seconds * 100)):
-        plc.step()
-
-
-def word(plc: VirtualSequence, at: int) -> int:
-    return plc.read(3, STATUS + at, 1)[0]
-
-
-def long(plc: VirtualSequence, at: int) -> int:
-    words = plc.read(3, STATUS + at, 2)
-    return words[0] << 16 | words[1]
-
-
-def number(plc: VirtualSequence, at: int) -> float:
-    return real_of(long(plc, at))
-
-
-def flags(plc: VirtualSequence) -> set[str]:
-    names = (
-        *("stalled", "needs_acknowledge", "single_step", "automatic", "start_possible", "forces_active"),
-        *("output", "machine_manual"),
-    )
-    return {name for n, name in enumerate(names) if word(plc, 3) >> n & 1}
-
-
-def row(plc: VirtualSequence, table: int, slot: int, size: int) -> list[int]:
-    return plc.read(3, table + plc_map.TABLE_HEAD + slot * size, size)
-
-
-def step_row(plc: VirtualSequence, step: int) -> list[int]:
-    return row(plc, STEPS, step - 1, 32)
-
-
-def f32(words: list[int], at: int) -> float:
-    return real_of(words[at] << 16 | words[at + 1])
-
-
-def drop(talker: Talker, step: int, bits: int) -> None:
-    """Let permissives of `step` be missing from the next scan on."""
-    talker.train(own.REG_PERMISSIVES + step, ALL & ~bits)
+from tests.sim.coil_car.line import Line, Talker, teaching
+from tests.sim.sequence.stand import (
+    DONE,
+    drop,
+    f32,
+    flags,
+    long,
+    number,
+    row,
+    run,
+    step_row,
+    taught,
+    word,
+)
 
 
 def of(events: list[DeviceEvent], *codes: int) -> list[tuple[int, int, int]]:
@@ -110,36 +64,6 @@ def test_a_run_goes_through_its_steps_and_is_counted() -> None:
     one = step_row(plc, 1)
     assert (one[16] << 16 | one[17]) == 1 and [f32(one, at) for at in (18, 20, 22, 24)] == pytest.approx([1.0] * 4)
     assert [code for code, _ in talker.codes()] == [1, 3, 4, 3, 4, 3, 4, 13]
-
-
-def test_the_words_of_all_200_steps_are_taught_by_registers() -> None:
-    plc, talker = taught(*[(0.01, 5.0)] * 200)
-    for place in (0, 1, 14, 15, 100, 200):
-        assert plc.read(3, own.REG_WORDS + place, 1) == [ALL]
-        talker.train(own.REG_WORDS + place, ALL & ~(1 << place % 16))
-    plc.step()
-    assert word(plc, 6) == ALL & ~1 and step_row(plc, 200)[5] == ALL & ~(1 << 8) and step_row(plc, 99)[5] == ALL
-    assert plc.read(3, own.REG_PERMISSIVES, 15) == plc.read(3, own.REG_WORDS, 15), "the first also stand there"
-    drop(talker, 2, 0b10)
-    plc.preset({"word_3": 5})
-    plc.step()
-    assert plc.read(3, own.REG_WORDS + 2, 2) == [ALL & ~0b10, 5] and step_row(plc, 2)[5] == ALL & ~0b10
-    talker.train(training.REG_RESET, 1)
-    plc.step()
-    assert plc.read(3, own.REG_WORDS + 100, 101) == [ALL] * 101 and step_row(plc, 200)[5] == ALL
-
-
-def test_a_word_that_no_step_has_is_refused() -> None:
-    plc, _ = taught()
-    assert plc.read(3, own.REG_WORDS, 4) == [ALL] * 4
-    for ask in (
-        lambda: plc.read(3, own.REG_WORDS, 5),
-        lambda: plc.write(6, own.REG_WORDS + 4, [0]),
-        lambda: plc.write(16, own.REG_WORDS + 3, [0, 0]),
-    ):
-        with pytest.raises(DeviceException) as error:
-            ask()
-        assert error.value.code == 2
 
 
 def test_the_events_of_one_scan_stand_in_their_order_with_the_time_of_the_scan() -> None:
@@ -218,34 +142,6 @@ def test_a_stall_is_shown_and_passes() -> None:
 # ---- commands
 
 
-def test_suspend_freezes_and_resume_goes_on() -> None:
-    plc, talker = taught()
-    talker.ask(SequenceCommand.START)
-    run(plc, 0.5)
-    assert talker.ask(SequenceCommand.SUSPEND).state == DONE
-    assert (word(plc, 1), flags(plc)) == (SequenceState.SUSPENDED, set())
-    run(plc, 5)
-    assert f32(step_row(plc, 1), 12) == pytest.approx(0.5, abs=0.02) and step_row(plc, 1)[3] == 2
-    assert talker.ask(SequenceCommand.RESUME).state == DONE and word(plc, 1) == SequenceState.RUNNING
-    run(plc, 3)
-    assert word(plc, 1) == SequenceState.DONE and number(plc, 12) == pytest.approx(8.0, abs=0.05)
-
-
-def test_suspend_is_a_stop_and_is_never_refused() -> None:
-    plc, talker = taught()
-    assert talker.ask(SequenceCommand.SUSPEND).state == DONE and word(plc, 1) == SequenceState.IDLE
-    talker.ask(SequenceCommand.START)
-    assert word(plc, 1) == SequenceState.RUNNING, "a suspend before the start is forgotten"
-
-
-def test_a_suspend_in_the_scan_of_the_start_counts() -> None:
-    plc, _ = taught()
-    for code in (SequenceCommand.START, SequenceCommand.SUSPEND):
-        plc.write(16, plc_map.COMMAND, plc_map.request_words(plc_map.Request(code, id=100 + code)))
-    run(plc, 0.05)
-    assert word(plc, 1) == SequenceState.SUSPENDED
-
-
 def test_an_output_while_suspended_is_a_setting() -> None:
     plc, talker = taught()
     assert talker.commit({"output_while_suspended": 1.0}, STAGING).state == DONE
@@ -256,223 +152,10 @@ def test_an_output_while_suspended_is_a_setting() -> None:
     assert (answer.reason, answer.detail) == (21, 1)
 
 
-def test_abort_and_acknowledge() -> None:
-    plc, talker = taught()
-    talker.ask(SequenceCommand.START)
-    run(plc, 1.2)
-    assert talker.ask(SequenceCommand.ABORT).state == DONE
-    assert (word(plc, 1), word(plc, 2), long(plc, 16)) == (SequenceState.ABORTED, 2, 1)
-    assert [word(plc, at) for at in (28, 29, 30, 31)] == [Cause.OPERATOR, 0, NO_BIT, 2]
-    assert talker.ask(SequenceCommand.START).reason == SequenceReason.NEEDS_ACKNOWLEDGE
-    assert talker.ask(SequenceCommand.ACKNOWLEDGE).state == DONE
-    assert (word(plc, 1), word(plc, 28)) == (SequenceState.IDLE, 0)
-    assert talker.ask(SequenceCommand.START).state == DONE
-
-
-def test_single_step_goes_on_when_told() -> None:
-    plc, talker = taught()
-    assert talker.ask(SequenceCommand.SINGLE_ON).state == DONE and "single_step" in flags(plc)
-    talker.ask(SequenceCommand.START)
-    assert talker.ask(SequenceCommand.ADVANCE).reason == SequenceReason.WRONG_STATE, "its minimum is not over"
-    run(plc, 3)
-    assert word(plc, 2) == 1
-    drop(talker, 2, 1 << 9)
-    plc.step()
-    answer = talker.ask(SequenceCommand.ADVANCE)
-    assert (answer.reason, answer.detail) == (SequenceReason.MISSING, 2 * 16 + 9)
-    drop(talker, 2, 0)
-    plc.step()
-    assert talker.ask(SequenceCommand.ADVANCE).state == DONE and word(plc, 2) == 2
-    assert talker.ask(SequenceCommand.SINGLE_OFF).state == DONE
-    run(plc, 2.5)
-    assert word(plc, 1) == SequenceState.DONE
-    codes = [code for code, _ in talker.codes()]
-    assert SequenceDeviceEvent.SINGLE_ON in codes and SequenceDeviceEvent.SINGLE_OFF in codes
-
-
-def test_automatic_starts_again_whenever_it_can() -> None:
-    plc, talker = taught((0.5, 5.0), (0.5, 5.0))
-    talker.ask(SequenceCommand.AUTOMATIC_ON)
-    run(plc, 3.5)
-    assert long(plc, 14) == 3 and "automatic" in flags(plc)
-    drop(talker, 1, 1)
-    run(plc, 3)
-    done = long(plc, 14)
-    run(plc, 3)
-    assert long(plc, 14) == done and word(plc, 1) == SequenceState.DONE
-    drop(talker, 1, 0)
-    run(plc, 0.3)
-    assert word(plc, 1) == SequenceState.RUNNING
-    talker.ask(SequenceCommand.AUTOMATIC_OFF)
-    run(plc, 5)
-    assert word(plc, 1) == SequenceState.DONE
-
-
-def test_automatic_does_not_start_what_needs_an_acknowledge() -> None:
-    plc, talker = taught()
-    talker.ask(SequenceCommand.AUTOMATIC_ON)
-    run(plc, 0.5)
-    talker.ask(SequenceCommand.ABORT)
-    run(plc, 2)
-    assert word(plc, 1) == SequenceState.ABORTED
-    talker.ask(SequenceCommand.ACKNOWLEDGE)
-    run(plc, 0.1)
-    assert word(plc, 1) == SequenceState.RUNNING
-
-
-def test_a_start_that_is_refused_says_which_permissive_is_missing() -> None:
-    plc, talker = taught()
-    drop(talker, 1, 0b100100)
-    answer = talker.ask(SequenceCommand.START)
-    assert (answer.state, answer.reason, answer.detail) == (REJECTED, SequenceReason.MISSING, 16 + 2)
-    drop(talker, 0, 1 << 15)
-    answer = talker.ask(SequenceCommand.START)
-    assert (answer.reason, answer.detail) == (SequenceReason.MISSING, 15)
-    assert word(plc, 1) == SequenceState.IDLE
-
-
-def refused(talker: Talker, *asked: int) -> Answer:
-    answer = talker.ask(*asked)
-    assert answer.state == REJECTED
-    return answer
-
-
-def test_every_refusal() -> None:
-    _, talker = taught()
-    seen = {
-        refused(talker, 99).reason,
-        refused(talker, SequenceCommand.ABORT).reason,
-        refused(talker, SequenceCommand.RESUME).reason,
-        refused(talker, SequenceCommand.ADVANCE).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 4, real(1.0), real(2.0)).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 0, real(1.0), real(2.0)).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 1, real(-1.0), real(2.0)).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 1, real(5.0), real(2.0)).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 1, real(5.0), real(40000.0)).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 1, real(float("nan")), real(2.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 4, 0, real(5.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 1, 16, real(5.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 1, 15, real(5.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 0, 0, real(5.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 1, 0, real(0.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 1, 0, real(28801.0)).reason,
-        refused(talker, SequenceCommand.FORCE, 1, 0, real(float("nan"))).reason,
-        refused(talker, SequenceCommand.RELEASE, 1, 0).reason,
-        refused(talker, SequenceCommand.RELEASE, 9, 0).reason,
-        refused(talker, SequenceCommand.RELEASE, 1, 16).reason,
-    }
-    talker.ask(SequenceCommand.START)
-    seen |= {
-        refused(talker, SequenceCommand.START).reason,
-        refused(talker, SequenceCommand.ACKNOWLEDGE).reason,
-        refused(talker, SequenceCommand.SET_TIMES, 2, real(1.0), real(2.0)).reason,
-    }
-    talker.ask(SequenceCommand.ABORT)
-    seen |= {refused(talker, SequenceCommand.START).reason}
-    talker.ask(SequenceCommand.ACKNOWLEDGE)
-    drop(talker, 1, 1)
-    seen |= {refused(talker, SequenceCommand.START).reason}
-    for place in range(FORCE_ROWS):
-        at, which = divmod(place, 14)
-        assert talker.ask(SequenceCommand.FORCE, 1 + at, which, real(100.0)).state == DONE
-    seen |= {refused(talker, SequenceCommand.FORCE, 3, 14, real(5.0)).reason}
-    assert talker.ask(SequenceCommand.FORCE, 1, 0, real(200.0)).state == DONE, "one that is there can be made longer"
-    assert seen == set(SequenceReason) - {SequenceReason.MACHINE}, "MACHINE: see the coupling below"
-
-
-def test_a_machine_that_is_not_in_automatic_refuses_the_start() -> None:
-    line = Line()
-    line.machine.ask(coil_car.CoilCarCommand.MANUAL)
-    assert "machine_manual" in flags(line.plc) and "start_possible" not in flags(line.plc)
-    assert line.sequence.ask(SequenceCommand.START).reason == SequenceReason.MACHINE
-
-
 # ---- times
 
 
-def test_times_are_locked_while_it_runs_and_an_override_is_told() -> None:
-    plc, talker = taught()
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(2.0), real(4.0)).state == DONE
-    two = step_row(plc, 2)
-    assert (f32(two, 8), f32(two, 10)) == (2.0, 4.0)
-    talker.ask(SequenceCommand.START)
-    talker.events()
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0)).reason == SequenceReason.LOCKED
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(3.0), 1).state == DONE
-    (event,) = (event for event in talker.events() if event.code == SequenceDeviceEvent.TIMES_CHANGED)
-    assert event.source == 2 and event.value == 3.0
-    assert real_of(event.snapshot[4] << 16 | event.snapshot[5]) == 1.0
-    assert talker.ask(SequenceCommand.SUSPEND).state == DONE
-    assert talker.ask(SequenceCommand.SET_TIMES, 2, real(1.0), real(5.0)).reason == SequenceReason.LOCKED
-
-
 # ---- forces
-
-
-def test_a_force_lets_the_sequence_go_on_and_ends_by_itself() -> None:
-    plc, talker = taught()
-    drop(talker, 1, 1 << 3)
-    plc.step()
-    assert talker.ask(SequenceCommand.FORCE, 1, 3, real(2.0), owner=7).state == DONE
-    assert word(plc, 8) == 1 and {"forces_active", "start_possible"} <= flags(plc)
-    one = step_row(plc, 1)
-    assert (one[4], one[5], one[6], one[7]) == (ALL, ALL & ~8, 8, 0x7FFF)
-    words = row(plc, FORCES, 0, 12)
-    assert (words[0] << 16 | words[1], words[3], words[4], words[5]) == (16 + 3 + 1, 1, 1, 3)
-    assert f32(words, 6) == pytest.approx(2.0, abs=0.02) and (words[8] << 16 | words[9], words[10]) == (2, 7)
-    talker.events()
-    run(plc, 1.0)
-    assert f32(row(plc, FORCES, 0, 12), 6) == pytest.approx(1.0, abs=0.02)
-    run(plc, 1.0)
-    assert word(plc, 8) == 0 and flags(plc) == set() and row(plc, FORCES, 0, 12)[:2] == [0, 0]
-    (event,) = talker.events()
-    assert (event.code, event.source, event.snapshot[0], event.value) == (SequenceEvent.RELEASED, 1, 3, 1.0)
-
-
-def test_the_device_releases_a_force_while_nobody_asks_it_anything() -> None:
-    plc, talker = taught()
-    talker.ask(SequenceCommand.FORCE, 1, 3, real(28800.0))
-    for _ in range(100 * 60):
-        plc.step()
-    assert plc.block.forces
-    talker.ask(SequenceCommand.FORCE, 1, 3, real(10.0))
-    for _ in range(999):
-        plc.step()
-    assert plc.block.forces
-    plc.step()
-    assert not plc.block.forces
-
-
-def test_a_force_is_released_by_hand_one_by_one_or_all() -> None:
-    plc, talker = taught()
-    for place in (1, 2, 3):
-        talker.ask(SequenceCommand.FORCE, 2, place, real(60.0))
-    talker.events()
-    assert talker.ask(SequenceCommand.RELEASE, 2, 2).state == DONE and word(plc, 8) == 2
-    answer = talker.ask(SequenceCommand.RELEASE_ALL)
-    assert (answer.state, answer.detail, word(plc, 8)) == (DONE, 2, 0)
-    assert talker.ask(SequenceCommand.RELEASE_ALL).state == DONE
-    released = [event for event in talker.events() if event.code == SequenceEvent.RELEASED]
-    assert [(event.snapshot[0], event.value) for event in released] == [(2, 0.0), (1, 0.0), (3, 0.0)]
-
-
-def test_a_force_keeps_its_row_as_long_as_it_is_there() -> None:
-    plc, talker = taught()
-    for place in (1, 2, 3):
-        talker.ask(SequenceCommand.FORCE, 2, place, real(60.0))
-    generation = plc.read(3, FORCES, 1)[0]
-    talker.ask(SequenceCommand.RELEASE, 2, 1)
-    assert row(plc, FORCES, 1, 12)[5] == 2 and plc.read(3, FORCES, 1)[0] != generation
-    talker.ask(SequenceCommand.FORCE, 3, 9, real(60.0))
-    assert row(plc, FORCES, 0, 12)[5] == 9
-
-
-def test_a_bit_that_nobody_names_cannot_be_forced() -> None:
-    line = Line()
-    assert line.sequence.ask(SequenceCommand.FORCE, 2, 9, real(5.0)).reason == SequenceReason.NO_SUCH_BIT
-    assert line.sequence.ask(SequenceCommand.FORCE, 2, 1, real(5.0)).reason == SequenceReason.FORBIDDEN
-    assert line.sequence.ask(SequenceCommand.FORCE, 0, 1, real(5.0)).reason == SequenceReason.FORBIDDEN
-    assert line.sequence.ask(SequenceCommand.FORCE, 2, 0, real(5.0)).state == DONE
 
 
 # ---- what fell
@@ -544,7 +227,7 @@ def test_an_abort_condition_of_the_machine_stops_everything() -> None:
     assert line.machine.ask(coil_car.CoilCarCommand.AUTOMATIC).state == DONE
     assert line.sequence.ask(SequenceCommand.ACKNOWLEDGE).state == DONE
     line.start()
-    line.until(lambda: line.plc.runs_done == 1, 90)
+    line.until(lambda: line.plc.runs.done == 1, 90)
 
 
 # ---- with its machine
@@ -553,14 +236,14 @@ def test_an_abort_condition_of_the_machine_stops_everything() -> None:
 def test_a_coil_goes_from_the_mandrel_to_a_saddle_and_the_next_follows_by_itself() -> None:
     line = Line()
     line.sequence.ask(SequenceCommand.AUTOMATIC_ON)
-    line.until(lambda: line.plc.runs_done == 3, 260)
+    line.until(lambda: line.plc.runs.done == 3, 260)
     assert line.car.machine.saddles == pytest.approx([1300.0] * 3, abs=0.5)
     line.run(30)
     assert line.plc.block.state is SequenceState.DONE and line.car.signal("target_free") == 0
     assert line.sequence.ask(SequenceCommand.START).reason == SequenceReason.MISSING
     line.machine.ask(coil_car.CoilCarCommand.REMOVED, 3)
     line.machine.ask(coil_car.CoilCarCommand.REMOVED, 2)
-    line.until(lambda: line.plc.runs_done == 4, 90)
+    line.until(lambda: line.plc.runs.done == 4, 90)
     assert line.car.machine.saddles[1] and not line.car.machine.saddles[2]
     assert line.car.signal("collision") == 0
 
@@ -577,7 +260,7 @@ def test_a_suspended_transport_stands_and_goes_on() -> None:
     line.run(5)
     assert not line.car.moving and line.car.machine.x == where
     line.sequence.ask(SequenceCommand.RESUME)
-    line.until(lambda: line.plc.runs_done == 1, 60)
+    line.until(lambda: line.plc.runs.done == 1, 60)
     assert line.car.machine.saddles[0]
 
 
@@ -602,42 +285,6 @@ def test_the_machine_stops_when_the_device_of_the_sequence_is_gone() -> None:
     for _ in range(500):
         line.car.step()
     assert not line.car.moving
-
-
-def test_frozen_inputs_are_a_fault_of_the_instructor() -> None:
-    line = Line()
-    line.start()
-    line.to_step(2)
-    line.sequence.fault(1)
-    line.tick()
-    line.car.preset({"pressure": 10})
-    line.run(1)
-    assert word(line.plc, 1) == SequenceState.RUNNING
-    line.sequence.fault(0)
-    line.run(0.1)
-    assert word(line.plc, 1) == SequenceState.ABORTED
-
-
-@pytest.mark.parametrize(
-    ("definition", "said"),
-    [
-        (replace(TRANSPORT, steps=(step("a", bit(5, "x", "speed > 1")),)), "speed"),
-        (replace(TRANSPORT, steps=(step("a", action="fly"),)), "fly"),
-        (replace(TRANSPORT, steps=(step("a", bit(5, "x", "")),)), "x has no sentence"),
-        (replace(TRANSPORT, steps=(step("a", bit(5, "x", "mode == 1", "speed")),)), "value speed"),
-    ],
-)
-def test_a_definition_that_does_not_fit_the_machine_says_why(definition: SequenceDefinition, said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said):
-        Line(definition)
-
-
-def test_a_sentence_that_cannot_be_decided_is_missing() -> None:
-    definition = replace(TRANSPORT, steps=(step("a", bit(5, "near", "contact_height < 900")),))
-    line = Line(definition, coil=False, settings={"automatic_winding": 0.0})
-    assert line.sequence.ask(SequenceCommand.START).detail == 16 + 5
-    line.car.preset({"coil": 1})
-    assert line.sequence.ask(SequenceCommand.START).state == DONE
 
 
 # ---- restart
@@ -671,18 +318,6 @@ def test_a_power_cycle_aborts_the_run_and_keeps_what_is_retained() -> None:
     assert word(plc, 1) == SequenceState.ABORTED, "it does not start again by itself"
     talker.ask(SequenceCommand.ACKNOWLEDGE)
     assert talker.ask(SequenceCommand.START).state == DONE
-
-
-def test_forces_outlive_a_restart_when_the_definition_says_so() -> None:
-    plc, talker = taught(keep_forces=True)
-    talker.ask(SequenceCommand.FORCE, 1, 1, real(10.0), owner=3)
-    run(plc, 4)
-    talker.train(training.REG_POWER, 1)
-    run(plc, 1)
-    words = row(plc, FORCES, 0, 12)
-    assert words[3:6] == [1, 1, 1] and words[8:11] == [0, 10, 3] and f32(words, 6) == pytest.approx(5.0, abs=0.05)
-    run(plc, 6)
-    assert word(plc, 8) == 0
 
 
 def test_a_first_out_outlives_a_restart() -> None:
@@ -723,13 +358,3 @@ def test_the_same_writes_give_the_same_run() -> None:
         ]
 
     assert once() == once()
-
-
-def test_without_a_machine_words_beyond_the_training_registers_are_presets() -> None:
-    plc = VirtualSequence(teaching(*((0.5, 5.0),) * 20))
-    plc.preset({"word_20": 0xFFFE, "word_0": 0xFFFF})
-    plc.step()
-    assert step_row(plc, 20)[5] == 0xFFFE and step_row(plc, 19)[5] == ALL
-    for values in ({"word_21": 1.0}, {"word_1": 70000.0}, {"pressure": 1.0}, {"word_1": 0.5}):
-        with pytest.raises(ValueError, match="expected"):
-            plc.preset(values)

@@ -10,7 +10,7 @@ from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
 from app.registers.codec import decode
 from app.sim.plc import VirtualPlc
-from app.sim.sequence import program as sequence
+from app.sim.sequence import register_map as sequence
 from app.sim.sequence.program import VirtualSequence
 from tests.sim.coil_car.line import Line, Talker
 
@@ -101,7 +101,7 @@ def test_a_run_that_was_aborted_reads_as_it_was() -> None:
         "first_out_value": 33.0,
         "first_out_together": out.together,
         "first_out_abort_word": 0xFFFF,
-        "run_start": plc.run_start,
+        "run_start": plc.runs.start,
         "falls": len(run.falls),
         "device_steps": 8,
         "longest_force": 28800,

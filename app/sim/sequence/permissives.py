@@ -1,0 +1,144 @@
+"""The permissive words of a sequence: sentences over the signals of its machine, or words that an instructor teaches."""
+
+from collections.abc import Mapping
+from math import isfinite, nan
+
+from app.blocks.sequence import ALL
+from app.errors import ConfigurationError
+from app.plant.definitions import SequenceDefinition
+from app.plant.expression import parse
+from app.sim.sequence.machine import Machine
+from app.tags.quality import GOOD, NO_DATA
+
+
+class Permissives:
+    """Words of a definition, abort conditions first, then one per step; a bit that nobody names is there.
+
+    A sentence that cannot be decided counts as missing. Sentences are decided again only when a signal that they name has changed.
+    """
+
+    def __init__(self, definition: SequenceDefinition) -> None:
+        """Without a machine, all taught words 1."""
+        self._definition = definition
+        self.machine: Machine | None = None
+        self.steps = len(definition.steps)
+        words = tuple(definition.permissives(number) for number in range(self.steps + 1))
+        sentences = list(dict.fromkeys(one.when for permissives in words for one in permissives if one.when))
+        self._sentences = tuple(parse(text) for text in sentences)
+        self._reads = tuple(
+            tuple((one.bit, sentences.index(one.when)) for one in permissives if one.when) for permissives in words
+        )
+        self._names = tuple(dict.fromkeys(name for sentence in self._sentences for name in sorted(sentence.names)))
+        self._unnamed = tuple(ALL & ~sum(1 << one.bit for one in permissives) for permissives in words)
+        self._value_of = {
+            (number, one.bit): one.value for number, permissives in enumerate(words) for one in permissives if one.value
+        }
+        self.forget()
+
+    words: tuple[int, ...]
+    """As they count now."""
+
+    def forget(self) -> None:
+        """As never taught, nothing decided yet."""
+        self._taught = [ALL] * (self.steps + 1)
+        self._decide_anew()
+        self.words = self._unnamed
+
+    def attach(self, machine: Machine | None) -> None:
+        """Couple with `machine`; None = with none.
+
+        Raises:
+            ConfigurationError: see `fits`.
+        """
+        if machine is not None:
+            self.fits(machine)
+        self.machine = machine
+        self._decide_anew()
+        self.take()
+
+    def fits(self, machine: Machine) -> None:
+        """Whether `machine` has what the definition names.
+
+        Raises:
+            ConfigurationError: a sentence or a step names what the machine does not have.
+        """
+        known, can, name = set(machine.signals), set(machine.actions), self._definition.name
+        for sentence in self._sentences:
+            if strangers := sorted(sentence.names - known):
+                raise ConfigurationError(
+                    f'{name}: "{sentence.text}" names {", ".join(strangers)}, expected signals of {machine.type}'
+                )
+        for number in range(self.steps + 1):
+            for one in self._definition.permissives(number):
+                if not one.when or (one.value and one.value not in known):
+                    missing = f"value {one.value}" if one.when else "no sentence"
+                    raise ConfigurationError(f"{name}: {one.key} has {missing}, expected signals of {machine.type}")
+        for step in self._definition.steps:
+            if strangers := sorted(set(step.actions) - can):
+                raise ConfigurationError(
+                    f"{name}: step {step.key} asks {', '.join(strangers)}, "
+                    f"expected of {machine.type}: {', '.join(machine.actions)}"
+                )
+
+    def teach(self, number: int, word: int) -> None:
+        """Of a sequence without a machine: the word of a step, 0 = the abort conditions."""
+        self._taught[number] = word
+
+    def take(self) -> None:
+        """Look at the machine, or at what was taught."""
+        if self.machine is None:
+            self.words = tuple(word | free for word, free in zip(self._taught, self._unnamed, strict=True))
+        elif self._decide(self.machine):
+            self.words = self._decided = tuple(
+                word | sum(1 << bit for bit, n in reads if self._true[n])
+                for word, reads in zip(self._unnamed, self._reads, strict=True)
+            )
+        else:
+            self.words = self._decided
+
+    @property
+    def machine_manual(self) -> bool:
+        """Whether the machine takes no actions: it is not in automatic."""
+        return self.machine is not None and not self.machine.takes_actions
+
+    def named(self, number: int, bit: int) -> bool:
+        """Whether the definition names this permissive."""
+        return not self._unnamed[number] >> bit & 1
+
+    def missing(self, number: int, forced: int) -> int:
+        """Lowest permissive of a step (0 = abort) that is missing now in spite of those `forced`, -1 = none."""
+        word = ~(self.words[number] | forced) & ALL
+        return (word & -word).bit_length() - 1
+
+    def value(self, step: int, bit: int) -> float:
+        """What is behind a permissive; NaN = nothing, or not known."""
+        name = self._value_of.get((step, bit))
+        return self.machine.signal(name) if name and self.machine else nan
+
+    def _decide_anew(self) -> None:
+        self._signals: dict[str, float] = {}
+        self._true: list[bool] = []
+        self._decided = self._unnamed
+
+    def _decide(self, machine: Machine) -> bool:
+        """Decide what has to be; whether any sentence is decided otherwise than before."""
+        before = self._signals
+        now = self._signals = {name: machine.signal(name) for name in self._names}
+        if now == before and self._true:
+            return False
+        changed = False
+        for n, sentence in enumerate(self._sentences):
+            if n < len(self._true) and all(now[name] == before.get(name) for name in sentence.names):
+                continue
+            holds = sentence.true(lambda name: _reading(now, name)) is True
+            if n < len(self._true):
+                changed |= self._true[n] is not holds
+                self._true[n] = holds
+            else:
+                changed = True
+                self._true.append(holds)
+        return changed
+
+
+def _reading(signals: Mapping[str, float], name: str) -> tuple[float | None, int]:
+    return (signals[name], GOOD) if isfinite(signals[name]) else (None, NO_DATA)
