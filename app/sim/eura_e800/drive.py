@@ -38,9 +38,9 @@ from app.sim.eura_e800.protection import Protection
 from app.sim.eura_e800.ramp import Ramp
 from app.sim.eura_e800.registers import AO1, AO2, COMMAND, DO1, DO2, FIRST, LOCK, RELAY
 from app.sim.eura_e800.requests import check_function, check_output, check_read, is_status
-from app.sim.eura_e800.watchdog import Watchdog
 from app.sim.induction_motor import MOTOR_SETS, InductionMotor
 from app.sim.training import LineFault, TrainingRegisters, is_training
+from app.sim.watchdog import Watchdog
 
 STANDBY, FORWARD, REVERSE = 0, 1, 2
 

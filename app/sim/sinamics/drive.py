@@ -25,62 +25,29 @@ confirms:
 """
 
 from collections.abc import Mapping, Sequence
-from math import sqrt
-from random import Random
-from types import MappingProxyType
 
-from app.errors import ConfigurationError, DeviceException
+from app.errors import ConfigurationError
 from app.profidrive.scaling import Scaling
-from app.profidrive.state_machine import STOPPING, Inputs, State, StateMachine
+from app.profidrive.state_machine import Inputs, State, StateMachine
 from app.profidrive.words import ENABLES, RUN, Control, Status
 from app.sim import training
 from app.sim.device import DT
 from app.sim.induction_motor import MOTOR_SETS, SQRT3
-from app.sim.load import Load
 from app.sim.sinamics import messages
 from app.sim.sinamics import registers as map
 from app.sim.sinamics import training as own
+from app.sim.sinamics.excitation import BRAKE_TIME, Excitation
+from app.sim.sinamics.fault_buffer import FaultBuffer
+from app.sim.sinamics.image import Readings, reading
 from app.sim.sinamics.messages import ALARMS, FAULTS
-from app.sim.sinamics.shaft import RPM, Resistance, Shaft, Supply
+from app.sim.sinamics.monitoring import Monitoring, Watched
+from app.sim.sinamics.parameters import commissioned
+from app.sim.sinamics.power import PowerUnit
+from app.sim.sinamics.ramp import RampGenerator
+from app.sim.sinamics.requests import Requests
+from app.sim.sinamics.shaft import RPM, Shaft, Supply
 from app.sim.training import LineFault, TrainingRegisters, is_training
-
-DEFAULTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
-    {
-        "p0346": (0.4, 0, 20),
-        "p0347": (0.6, 0, 20),
-        "p1082": (1500, 0, 16250),
-        "p1120": (5, 0, 650),
-        "p1121": (5, 0, 650),
-        "p1135": (1, 0, 600),
-        "p1226": (20, 0, 16250),
-        "p2040": (1000, 0, 1999999),
-        "p2155": (900, 0, 16250),
-        "p2163": (90, 0, 16250),
-        "p2000": (1500, 6, 32767),
-    }
-)
-"""Parameters that a plant file may set → default, least, greatest; times [s], speeds [rpm], p2040 [ms]. Numbers and defaults other than of
-p1120, p1121, p2000 and p2040 are unconfirmed."""
-
-SITUATIONS, PLACES = 8, 8
-"""The fault buffer: so many situations of so many faults."""
-REACTION_PATIENCE = 1.0
-"""Blocked at the limit for so long: F07900 [s]."""
-DEVIATION_PATIENCE = 2.0
-BRAKE_TIME = 0.1
-"""[s]"""
-CHOPPER, OVER, UNDER = 750.0, 820.0, 360.0
-"""DC link: chopper, trip above, trip below [V]."""
-MOTOR_WARM, MOTOR_HOT, MOTOR_RESET = 120.0, 145.0, 110.0
-SINK_WARM, SINK_HOT, SINK_RESET = 75.0, 85.0, 70.0
-"""[°C]"""
-MOTOR_TIME, SINK_TIME = 480.0, 240.0
-"""[s]"""
-MOTOR_RISE, SINK_RISE = 80.0, 35.0
-"""At rated current [K]."""
-OVERLOAD_TIME, OVERLOAD_AT = 60.0, 1.5
-"""Image full after so long [s] at that multiple of the rated current."""
-FIRMWARE, POWER_UNIT = 470, 10001
+from app.sim.watchdog import Watchdog
 
 
 class VirtualSinamics:
@@ -90,28 +57,16 @@ class VirtualSinamics:
     dt: float = DT
 
     machine: StateMachine
-    shaft: Shaft
-    flux: float
-    """[1 = rated]"""
-    ramp: float
-    """Output of the ramp generator [rpm]."""
-    bus_voltage: float
-    """[V DC]"""
-    motor_temperature: float
-    sink_temperature: float
-    """[°C]"""
-    overload: float
-    """Image of the I²t, trips at 1."""
-    energy: float
-    """[kWh]"""
-    buffer: list[list[int]]
-    """r0947: situations of faults, the present one first; 0 = none."""
-    _alarms: list[int]
-    _entered: list[int]
-    _away_for: float
-    _blocked_for: float
-    _pulsing: float
-    _load: Load
+    power: PowerUnit
+    buffer: FaultBuffer
+    _ramp: RampGenerator
+    _excitation: Excitation
+    _monitoring: Monitoring
+    _watchdog: Watchdog
+    _value: dict[str, float]
+    """Parameters by code [their unit]."""
+    _output: list[int]
+    """Process data to the drive."""
 
     def __init__(
         self,
@@ -146,11 +101,11 @@ class VirtualSinamics:
             raise ConfigurationError(f"process_words is 2 or 10, not {process_words}")
         if not inertia_ratio >= 0:
             raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
-        self.process_words = process_words
+        self._requests = Requests(process_words)
         self.rated_current = rated_current
         self.data = MOTOR_SETS["B"].sized(rated_current * SQRT3)
         self._seed, self._start, self._setpoint, self._inertia_ratio = seed, start, setpoint, inertia_ratio
-        self._factory = self._commissioned(parameters or {})
+        self._factory = commissioned(rated_current, parameters or {})
         world = {own.REG_LOAD: load, own.REG_LOAD_QUADRATIC: quadratic_load, own.REG_DISTURBANCE: disturbance}
         for address, value in world.items():
             low, high = own.LIMITS[address]
@@ -170,7 +125,6 @@ class VirtualSinamics:
             limits=own.LIMITS,
         )
         self._pending: list[tuple[int, int]] = []
-        self._heard = False
         self._to_initial_state()
 
     # ---- the bus side
@@ -191,16 +145,10 @@ class VirtualSinamics:
         """
         if is_training(address):
             return self._training.read(function, address, count)
-        if function != 3:
-            raise DeviceException(1, f"SINAMICS: function {function:02d}, expected 03")
-        if not 1 <= count <= 125:
-            raise DeviceException(3, f"SINAMICS: {count} registers, expected 1 to 125")
-        numbers = range(address + map.FIRST_NUMBER, address + count + map.FIRST_NUMBER)
-        missing = next((number for number in numbers if not self._exists(number)), None)
-        if missing is not None:
-            raise DeviceException(2, f"SINAMICS: register {missing} does not exist")
-        self._heard |= not map.WATCHED.isdisjoint(numbers)
-        return [self._word(number) for number in numbers]
+        numbers = self._requests.check_read(function, address, count)
+        self._watch(numbers)
+        readings = self._readings()
+        return [self._word(number, readings) for number in numbers]
 
     def write(self, function: int, address: int, words: Sequence[int]) -> None:
         """Functions 06 and 16 to what the map lists as writable, and to training registers.
@@ -213,38 +161,13 @@ class VirtualSinamics:
             self._training.check(function, address, words)
             self._pending += enumerate(words, address)
             return
-        if function not in (6, 16):
-            raise DeviceException(1, f"SINAMICS: function {function:02d}, expected 06 or 16")
-        if not words or len(words) > 123 or (function == 6 and len(words) != 1):
-            raise DeviceException(3, f"SINAMICS: {len(words)} words with function {function:02d}")
-        for number, word in enumerate(words, address + map.FIRST_NUMBER):
-            self._check(number, word)
-        self._heard |= not map.WATCHED.isdisjoint(
-            range(address + map.FIRST_NUMBER, address + len(words) + map.FIRST_NUMBER)
-        )
+        self._watch(self._requests.check_write(function, address, words))
         self._pending += enumerate(words, address)
 
-    def _exists(self, number: int) -> bool:
-        if number in map.REGISTERS:
-            return True
-        return any(first <= number < first + self.process_words for first in (map.CONTROL, map.STATUS))
-
-    def _check(self, number: int, word: int) -> None:
-        if not self._exists(number):
-            raise DeviceException(2, f"SINAMICS: register {number} does not exist")
-        if not 0 <= word <= 0xFFFF:
-            raise DeviceException(3, f"SINAMICS: {word} is not a word")
-        if map.CONTROL <= number < map.PROCESS_OUT_END:
-            return
-        register = map.REGISTERS.get(number)
-        if register is None or not register.writable:
-            self._access_error = 1
-            raise DeviceException(4, f"SINAMICS: register {number} is read only")
-        value = register.decode(word)
-        if not register.low <= value <= register.high:
-            self._access_error = 2
-            allowed = f"{register.low:g} to {register.high:g} {register.unit}".rstrip()
-            raise DeviceException(3, f"{register.parameter} takes {allowed}, not {value:g}")
+    def _watch(self, numbers: range) -> None:
+        """An access to these: a sign of life where the monitoring counts them."""
+        if not map.WATCHED.isdisjoint(numbers):
+            self._watchdog.telegram()
 
     # ---- what one sees from outside
 
@@ -256,17 +179,27 @@ class VirtualSinamics:
     @property
     def speed(self) -> float:
         """Of the shaft [rpm], negative in reverse."""
-        return self.shaft.speed * RPM
+        return self.power.speed
+
+    @property
+    def shaft(self) -> Shaft:
+        """Motor, speed loop and rotating mass."""
+        return self.power.shaft
+
+    @property
+    def ramp(self) -> float:
+        """Output of the ramp generator [rpm]."""
+        return self._ramp.output
 
     @property
     def faults(self) -> list[int]:
         """Numbers that stand."""
-        return [number for number in self.buffer[0] if number]
+        return self.buffer.standing
 
     @property
     def alarms(self) -> list[int]:
         """Numbers of alarms that are there now, in the order in which they came."""
-        return list(self._alarms)
+        return list(self._monitoring.alarms)
 
     @property
     def status(self) -> int:
@@ -274,16 +207,17 @@ class VirtualSinamics:
         word = self.machine.status
         if self.local:
             word &= ~Status.CONTROL_REQUESTED
-        deviation = abs(self._reference - self.speed)
+        deviation = abs(self._ramp.reference(self.machine, self._value) - self.speed)
+        alarms = self._monitoring.alarms
         for bit, on in (
-            (Status.ALARM, bool(self._alarms)),
+            (Status.ALARM, bool(alarms)),
             (Status.SPEED_WITHIN_TOLERANCE, deviation <= self._value["p2163"]),
             (Status.COMPARISON_REACHED, abs(self.speed) >= self._value["p2155"]),
             (Status.LIMIT_NOT_REACHED, not self.shaft.limited),
-            (Status.BRAKE_OPEN, self._pulsing >= BRAKE_TIME),
-            (Status.NO_MOTOR_OVERTEMPERATURE, messages.MOTOR_WARM not in self._alarms),
-            (Status.FORWARD, self._forward),
-            (Status.NO_POWER_UNIT_OVERLOAD, messages.NEAR_OVERLOAD not in self._alarms),
+            (Status.BRAKE_OPEN, self._excitation.brake_open),
+            (Status.NO_MOTOR_OVERTEMPERATURE, messages.MOTOR_WARM not in alarms),
+            (Status.FORWARD, self.power.forward),
+            (Status.NO_POWER_UNIT_OVERLOAD, messages.NEAR_OVERLOAD not in alarms),
         ):
             word |= bit if on else 0
         return word
@@ -301,24 +235,26 @@ class VirtualSinamics:
 
     def step(self) -> None:
         """Advance by 10 ms: writes act, the program and the physics move, the words are new."""
-        self._take_writes()
-        self._watch_communication()
+        if self._pending:
+            self._take_writes()
+        if self._watchdog.step(self._value["p2040"] / 1000, self.dt) and self.machine.pulses:
+            self.buffer.enter(messages.TIMEOUT)
         self._run_machine()
-        self._magnetise()
-        self._ramp()
-        self._move()
-        self._warm_up()
-        self._protect()
+        self._excitation.step(self.machine, self._value, self.dt)
+        limited = self.shaft.limited
+        self._ramp.step(self.machine, self._value, self._excitation, self.speed, limited=limited, dt=self.dt)
+        excited = self.state is State.SWITCHED_ON
+        self.power.step(self._supply(), self.dt, excited=excited, blocked=self._injected == messages.BLOCKED)
+        for number in self._monitoring.step(self.power, self._watched(), self.dt):
+            self.buffer.enter(number)
 
     def _take_writes(self) -> None:
-        if not self._pending:
-            return
         initial = False
         for address, word in self._pending:
             if is_training(address):
                 initial |= self._training.act(address, word)
                 if address == training.REG_MACHINE_FAULT:
-                    self._blocked_for = 0.0
+                    self._monitoring.forgive()
                 continue
             number = address + map.FIRST_NUMBER
             if number < map.PROCESS_OUT_END:
@@ -330,33 +266,9 @@ class VirtualSinamics:
         if initial:
             self._to_initial_state()
 
-    def _watch_communication(self) -> None:
-        if self._heard:
-            self._heard, self._armed, self._silent = False, True, 0
-            return
-        self._silent += 1
-        limit = self._value["p2040"] / 1000
-        if self._armed and limit > 0 and self.machine.pulses and self._silent * self.dt > limit + 1e-9:
-            self._enter(messages.TIMEOUT)
-
     @property
     def _injected(self) -> int:
         return self._training[training.REG_MACHINE_FAULT]
-
-    def _causes(self) -> list[int]:
-        """Faults whose cause is there now, and that no acknowledgement takes away."""
-        injected = self._injected
-        found = [injected] if injected in FAULTS and injected != messages.BLOCKED else []
-        for number, there in (
-            (messages.MOTOR_HOT, self.motor_temperature >= MOTOR_RESET),
-            (messages.SINK_HOT, self.sink_temperature >= SINK_RESET),
-            (messages.UNDERVOLTAGE, self.bus_voltage < UNDER),
-            (messages.OVERVOLTAGE, self.bus_voltage > OVER),
-            (messages.OVERLOAD, self.overload >= 0.9),
-        ):
-            if there and number in self.buffer[0] and number not in found:
-                found.append(number)
-        return found
 
     def _run_machine(self) -> None:
         word = self._output[0]
@@ -364,268 +276,95 @@ class VirtualSinamics:
             word = ENABLES
         machine, before = self.machine, self.machine.control
         now = word if word & Control.BY_PLC else before
-        causes = self._causes()
+        causes = self._monitoring.causes(self.power, self._injected, self.buffer.present)
         if now & ~before & Control.ACKNOWLEDGE:
-            self._acknowledge()
+            self.buffer.acknowledge()
         for number in causes:
-            self._enter(number)
-        reactions = [FAULTS[number].reaction for number in (*self._entered, *causes)]
-        self._entered.clear()
+            self.buffer.enter(number)
+        reactions = [FAULTS[number].reaction for number in (*self.buffer.take_new(), *causes)]
+        standstill = self._standstill
         machine.step(
             Inputs(
                 word,
-                abs(self.speed) < max(self._value["p1226"], 1.0) and abs(self.ramp) < max(self._value["p1226"], 1.0),
-                self.flux >= 1.0,
+                abs(self.speed) < standstill and abs(self.ramp) < standstill,
+                self._excitation.complete,
                 max(reactions) if reactions else None,
                 not self._training[own.REG_INTERLOCK],
                 not self._training[own.REG_EMERGENCY],
             )
         )
         if word & Control.BY_PLC:
-            raw = self._output[1]
-            self._held = raw - 0x10000 if raw >= 0x8000 else raw
-
-    def _acknowledge(self) -> None:
-        """Situations move on by one, the last is forgotten; what still has its cause is entered again."""
-        if any(self.buffer[0]):
-            self.buffer = [[0] * PLACES, *self.buffer[:-1]]
-
-    def _enter(self, number: int) -> None:
-        """A fault comes: into the next free place, or over the last one."""
-        present = self.buffer[0]
-        if number in present:
-            return
-        place = present.index(0) if 0 in present else PLACES - 1
-        present[place] = number
-        self._entered.append(number)
-
-    def _magnetise(self) -> None:
-        wanted = self.machine.pulses or (
-            self.state is State.SWITCHED_ON and self.machine.control & Control.ENABLE_OPERATION
-        )
-        if wanted:
-            self.flux = min(1.0, self.flux + (self.dt / self._value["p0346"] if self._value["p0346"] else 1.0))
-        else:
-            self.flux = max(0.0, self.flux - (self.dt / self._value["p0347"] if self._value["p0347"] else 1.0))
-        self._pulsing = self._pulsing + self.dt if self.machine.pulses else 0.0
+            self._ramp.take(self._output[1])
 
     @property
-    def _reference(self) -> float:
-        """Set-point before the ramp [rpm]."""
-        word = self.machine.control
-        if not self.machine.pulses or self.state in STOPPING or not word & Control.ENABLE_SETPOINT:
-            return 0.0
-        wanted = Scaling(self._value["p2000"]).value(self._held)
-        wanted = -wanted if word & Control.INVERT else wanted
-        return min(max(wanted, -self._value["p1082"]), self._value["p1082"])
+    def _standstill(self) -> float:
+        """Below it the motor stands [rpm]."""
+        return max(self._value["p1226"], 1.0)
 
-    def _ramp(self) -> None:
-        machine, word = self.machine, self.machine.control
-        if not machine.pulses or self._pulsing <= self.dt + 1e-9:
-            self.ramp = self.speed
-            if not machine.pulses:
-                return
-        stopping = machine.state in STOPPING
-        if not stopping and not word & Control.ENABLE_RAMP:
-            self.ramp = 0.0
-            return
-        if not stopping and (not word & Control.CONTINUE_RAMP or self._pulsing < BRAKE_TIME):
-            return
-        target = self._reference
-        slower = self.ramp * (target - self.ramp) < 0
-        braking = "p1121" if slower else "p1120"
-        time = self._value["p1135" if machine.state is State.QUICK_STOP else braking]
-        if self.shaft.limited and not slower and abs(self.ramp - self.speed) > self._value["p2163"]:
-            return
-        reach = self._value["p1082"] / time * self.dt if time > 0 else float("inf")
-        gap = -self.ramp if slower and self.ramp * target < 0 else target - self.ramp
-        self.ramp = self.ramp + gap if abs(gap) <= reach else round(self.ramp + (reach if gap > 0 else -reach), 9)
+    def _supply(self) -> Supply:
+        return Supply(self.machine.pulses, self.ramp / RPM, self._excitation.flux, self._value["p0640"])
 
-    def _move(self) -> None:
-        load, rated = self._load, self.data.rated_torque
-        load.constant = self._training[own.REG_LOAD] / 100
-        load.quadratic = self._training[own.REG_LOAD_QUADRATIC] / 100
-        load.disturbance = self._training[own.REG_DISTURBANCE] / 100
-        load.step(self.dt)
-        supply = Supply(self.machine.pulses, self.ramp / RPM, self.flux, self._value["p0640"])
-        self.shaft.step(supply, self._resistance(20 * rated if self._injected == messages.BLOCKED else 0.0), self.dt)
-        if self.state is State.SWITCHED_ON and self.flux:
-            self.shaft.current = self.flux * self.shaft.magnetising_current
-        if abs(self.speed) > 1:
-            self._forward = self.speed > 0
-        power = max(0.0, self.shaft.power)
-        self.energy += power * self.dt / 3.6e6
-        supplied = self._training[own.REG_SUPPLY] * sqrt(2)
-        sag = 0.01 * supplied * power / max(self.data.rated_power, 1.0)
-        wanted = supplied - sag
-        if self.shaft.power < 0:
-            wanted = max(wanted, min(CHOPPER, wanted + 300 * -self.shaft.power / self.data.rated_power))
-        self.bus_voltage += (wanted - self.bus_voltage) * min(1.0, self.dt / 0.05)
-
-    def _resistance(self, blocked: float) -> Resistance:
-        rated, speed = self.data.rated_torque, self.data.rated_angular_speed
-        friction = self.data.friction_power / speed
-        return Resistance(
-            self._load.torque * rated + friction + blocked,
-            self._load.breakaway * rated + friction + blocked,
-            self._load.quadratic * rated / (speed * speed),
+    def _watched(self) -> Watched:
+        values = self._value
+        return Watched(
+            pulses=self.machine.pulses,
+            operating=self.state is State.OPERATION,
+            ramp=self.ramp,
+            tolerance=values["p2163"],
+            standstill=self._standstill,
+            greatest_speed=values["p1082"],
+            injected=self._injected,
         )
-
-    def _warm_up(self) -> None:
-        ratio = self.shaft.current / self.rated_current
-        ambient = self._training[own.REG_AMBIENT]
-        self.motor_temperature += (ambient + MOTOR_RISE * ratio**2 - self.motor_temperature) * self.dt / MOTOR_TIME
-        self.sink_temperature += (ambient + SINK_RISE * ratio**2 - self.sink_temperature) * self.dt / SINK_TIME
-        free = 1.1 * 1.1
-        self.overload += (ratio**2 - free) / (OVERLOAD_AT**2 - free) * self.dt / OVERLOAD_TIME
-        self.overload = min(max(self.overload, 0.0), 1.2)
-
-    def _protect(self) -> None:
-        pulses = self.machine.pulses
-        for number, there in (
-            (messages.MOTOR_HOT, self.motor_temperature > MOTOR_HOT),
-            (messages.SINK_HOT, self.sink_temperature > SINK_HOT),
-            (messages.OVERLOAD, self.overload >= 1.0),
-            (messages.OVERVOLTAGE, self.bus_voltage > OVER),
-            (messages.UNDERVOLTAGE, pulses and self.bus_voltage < UNDER),
-            (messages.OVERSPEED, pulses and abs(self.speed) > 1.2 * self._value["p1082"] + 30),
-        ):
-            if there:
-                self._enter(number)
-        blocked = pulses and self.shaft.limited and abs(self.speed) < max(self._value["p1226"], 1.0)
-        self._blocked_for = self._blocked_for + self.dt if blocked else 0.0
-        if self._blocked_for > REACTION_PATIENCE:
-            self._enter(messages.BLOCKED)
-        away = self.state is State.OPERATION and abs(self.ramp - self.speed) > self._value["p2163"]
-        self._away_for = self._away_for + self.dt if away else 0.0
-        wanted = {
-            messages.MOTOR_WARM: self.motor_temperature > MOTOR_WARM,
-            messages.SINK_WARM: self.sink_temperature > SINK_WARM,
-            messages.NEAR_OVERLOAD: self.overload > 0.8,
-            messages.DEVIATION: self._away_for > DEVIATION_PATIENCE,
-        }
-        if self._injected in ALARMS:
-            wanted[self._injected] = True
-        self._alarms = [number for number in self._alarms if wanted.get(number)]
-        self._alarms += [number for number, there in wanted.items() if there and number not in self._alarms]
 
     # ---- states to begin with
 
-    def _commissioned(self, given: Mapping[str, float]) -> dict[str, float]:
-        values = {code: default for code, (default, _, _) in DEFAULTS.items()}
-        values |= {one.parameter: 0.0 for one in map.REGISTERS.values() if one.writable and one.parameter not in values}
-        values |= {"p2291": 100.0, "p2269": 100.0, "p2280": 1.0, "p2285": 30.0}
-        current = map.REGISTERS[40321]
-        values["p0640"] = min(max(round(1.5 * self.rated_current, 1), current.low), current.high)
-        limits = {code: limit[1:] for code, limit in DEFAULTS.items()} | {"p0640": (current.low, current.high)}
-        for code, value in given.items():
-            if code not in limits:
-                raise ConfigurationError(f"parameter {code}: expected one of {', '.join(limits)}")
-            low, high = limits[code]
-            if not low <= value <= high:
-                raise ConfigurationError(f"parameter {code} takes {low:g} to {high:g}, not {value:g}")
-            values[code] = value
-        if "p1082" not in given:
-            values["p1082"] = values["p2000"]
-        return values
-
     def _to_initial_state(self) -> None:
         """As constructed, the random sequence included."""
-        random = Random(self._seed)
         self._training.reset()
-        area = self._training
-        self._load = Load(
-            random,
-            area[own.REG_LOAD] / 100,
-            area[own.REG_LOAD_QUADRATIC] / 100,
-            area[own.REG_DISTURBANCE] / 100,
-        )
         self._value = dict(self._factory)
         self._output = [0] * 10
         self._output[1] = Scaling(100.0).raw(self._setpoint) & 0xFFFF
-        self._held = 0
         self._pending.clear()
-        self._heard = self._armed = False
-        self._silent = 0
+        self._watchdog = Watchdog()
         self.machine = StateMachine()
-        self.shaft = Shaft(self.data, self.data.inertia * (1 + self._inertia_ratio))
-        self.flux = self.ramp = self._pulsing = self._blocked_for = self._away_for = 0.0
-        self.energy = self.overload = 0.0
-        self.buffer = [[0] * PLACES for _ in range(SITUATIONS)]
-        self._entered = []
-        self._alarms = []
-        self._forward = True
-        self._access_error = 0
-        self.bus_voltage = sqrt(2) * area[own.REG_SUPPLY]
-        self.motor_temperature = self.sink_temperature = float(area[own.REG_AMBIENT])
+        inertia = self.data.inertia * (1 + self._inertia_ratio)
+        self.power = PowerUnit(self._training, self.data, self.rated_current, inertia=inertia, seed=self._seed)
+        self.buffer = FaultBuffer()
+        self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
+        self._requests.access_error = 0
         if self._start:
             self._already_running(self._start == "reverse")
 
     def _already_running(self, reverse: bool) -> None:
         self._output[0] = RUN | (Control.INVERT if reverse else 0)
-        self._held = self._output[1]
+        self._ramp.take(self._output[1])
         self.machine = StateMachine(state=State.OPERATION, control=self._output[0])
-        self.flux, self._pulsing = 1.0, BRAKE_TIME + self.dt
-        self.ramp = self._reference
-        supply = Supply(True, self.ramp / RPM, self.flux, self._value["p0640"])
-        self.shaft.settle(self.ramp / RPM, supply, self._resistance(0.0))
-        self._forward = not reverse
-        ratio, ambient = self.shaft.current / self.rated_current, self._training[own.REG_AMBIENT]
-        self.motor_temperature = ambient + MOTOR_RISE * ratio**2
-        self.sink_temperature = ambient + SINK_RISE * ratio**2
+        self._excitation = Excitation(1.0, BRAKE_TIME + self.dt)
+        self._ramp.output = self._ramp.reference(self.machine, self._value)
+        self.power.settle(self.ramp, self._supply())
+        self.power.forward = not reverse
 
     # ---- the registers
 
-    def _word(self, number: int) -> int:
+    def _word(self, number: int, readings: Readings) -> int:
         if number in map.REGISTERS:
             register = map.REGISTERS[number]
-            return register.encode(self._reading(number, register.parameter))
+            value = self._value.get(register.parameter)
+            return register.encode(reading(readings, number) if value is None else value)
         if number < map.PROCESS_OUT_END:
             return self._output[number - map.CONTROL]
         if number == map.STATUS:
             return self.status
         return Scaling(self._value["p2000"]).encode(self.speed)[0] if number == map.ACTUAL else 0
 
-    def _reading(self, number: int, parameter: str) -> float:
-        if parameter in self._value:
-            return self._value[parameter]
-        if 40400 <= number < 40408:
-            return self.buffer[0][number - 40400]
-        it = self.shaft
-        match number:
-            case 40240:
-                return float(not self._training[own.REG_INTERLOCK])
-            case 40241:
-                return float(not self._training[own.REG_EMERGENCY])
-            case 40300:
-                return POWER_UNIT
-            case 40301:
-                return FIRMWARE
-            case 40320:
-                return self.data.rated_power / 1000
-            case 40340:
-                return self.ramp if self.machine.pulses else 0.0
-            case 40341:
-                return self.speed
-            case 40342:
-                return it.frequency
-            case 40343:
-                return it.voltage
-            case 40344:
-                return self.bus_voltage
-            case 40345:
-                return it.current
-            case 40346:
-                return it.torque
-            case 40347:
-                return max(0.0, it.power) / 1000
-            case 40348:
-                return self.energy
-            case 40349:
-                return float(not self.local)
-            case 40408 | 40409:
-                return self._alarms[0 if number == 40408 else -1] if self._alarms else 0
-            case map.ACCESS_ERROR:
-                return self._access_error
-            case _:
-                return 0.0
+    def _readings(self) -> Readings:
+        return Readings(
+            power=self.power,
+            ramp=self.ramp if self.machine.pulses else 0.0,
+            interlock=bool(self._training[own.REG_INTERLOCK]),
+            emergency=bool(self._training[own.REG_EMERGENCY]),
+            local=self.local,
+            faults=self.buffer.present,
+            alarms=self._monitoring.alarms,
+            access_error=self._requests.access_error,
+        )

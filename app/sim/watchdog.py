@@ -1,4 +1,4 @@
-"""The communication watchdog of an E800 (F905): from the first telegram on, silence is counted."""
+"""The communication watchdog of a drive: from the first telegram on, silence is counted."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ class Watchdog:
     """Counts steps without a telegram."""
 
     armed: bool = False
-    """Whether a telegram was heard since power-up."""
+    """Whether a telegram was ever heard."""
     _heard: bool = False
     _silent: int = 0
 
