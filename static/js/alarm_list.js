@@ -1,5 +1,6 @@
 // The alarm list: fetched again when the alarms change, but never moving under a finger or a selection; durations count by themselves.
 import { ask, post } from "./alarm_post.js";
+import { parsed, renewing } from "./fetched.js";
 
 const HELD = 500; // a row must have been there this long before it can be acknowledged [ms]
 const changes = document.getElementById("alarm-changes"), panel = document.getElementById("alarm-detail");
@@ -7,7 +8,7 @@ const selected = document.getElementById("ack-selected"), visible = document.get
 const list = () => document.getElementById("alarm-list");
 const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
 const chosen = new Set(), seen = new Map(); // occurrences that are ticked; row → since when it can be seen
-let open = "", pressed = false, busy = false, again = false, clock = 0, clockAt = 0;
+let open = "", pressed = false, merged = false, clock = 0, clockAt = 0;
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
@@ -56,22 +57,13 @@ function offer() {
 
 const held = () => pressed || chosen.size > 0;
 
-async function refresh() {
-  if (!list()) return;
-  if (busy) { again = true; return; }
-  busy = true;
-  try {
-    const answer = await fetch(list().dataset.src, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(15000) });
-    if (answer.ok && !answer.redirected) take(new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("alarm-list"));
-  } catch { /* the page says by itself that nobody answers */ }
-  busy = false;
-  if (again) { again = false; refresh(); }
-}
+const refresh = renewing(() => list()?.dataset.src, (html) => take(parsed(html).getElementById("alarm-list")), 15000);
 
 /** Put `fresh` in place of the list, or, while somebody works in it, only what changed in the rows that are there. */
 function take(fresh) {
   if (!fresh) return;
-  if (held()) merge(fresh);
+  merged = held();
+  if (merged) merge(fresh);
   else replace(fresh);
   setClock();
   if (open) renewDetail();
@@ -124,14 +116,14 @@ function tick(row, on) {
   on ? chosen.add(row.dataset.row) : chosen.delete(row.dataset.row);
 }
 
-async function show(occurrence) {
+function show(occurrence) {
   open = occurrence;
   for (const row of rows()) row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
-  if (!panel) return;
-  const answer = await fetch(`/alarms/detail/${occurrence}`, { headers: { "HX-Request": "true" } }).catch(() => null);
-  if (answer?.ok && open === occurrence && !answer.redirected)
-    panel.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
+  if (panel) renewShown();
 }
+
+const detail = () => open && `/alarms/detail/${open}`;
+const renewShown = renewing(detail, (html, path) => { if (path === detail()) panel.replaceChildren(...parsed(html).body.childNodes); });
 
 let drawnDetail = "";
 function renewDetail() {
@@ -179,7 +171,7 @@ for (const end of ["pointerup", "pointercancel"])
   document.addEventListener(end, () => setTimeout(() => {
     const was = pressed;
     pressed = false;
-    if (was && again) refresh();
+    if (was && merged && !held()) refresh();
   }, 300), true);
 document.addEventListener("visibilitychange", () => { if (!document.hidden && !held()) refresh(); });
 

@@ -2,6 +2,7 @@
 //   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
 //   data-mark-of | data-mark-area | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a point
 import { post } from "./alarm_post.js";
+import { parsed, renewing } from "./fetched.js";
 
 const banner = document.getElementById("alarms");
 const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
@@ -58,24 +59,12 @@ export function mark() {
 
 const inside = document.getElementById("banner");
 const shown = () => inside?.querySelector("[data-marks]")?.dataset ?? {};
-let busy = false, again = false;
 
-/** Fetch the banner again; while one fetch runs, one more waits. */
-async function refresh() {
-  if (!banner.dataset.src) return;
-  if (busy) { again = true; return; }
-  busy = true;
-  try {
-    const answer = await fetch(banner.dataset.src, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(8000) });
-    if (answer.ok && !answer.redirected) draw(await answer.text());
-  } catch { /* the page says by itself that nobody answers */ }
-  busy = false;
-  if (again) { again = false; refresh(); }
-}
+/** Fetch the banner again. */
+const refresh = renewing(() => banner.dataset.src, (html) => draw(parsed(html).body));
 
-function draw(html) {
+function draw(fresh) {
   const before = shown().occurrence;
-  const fresh = new DOMParser().parseFromString(html, "text/html").body;
   const focused = inside.contains(document.activeElement) && document.activeElement.id;
   inside.replaceChildren(...fresh.childNodes);
   if (focused) document.getElementById(focused)?.focus();
@@ -219,10 +208,7 @@ news?.addEventListener("signal", listen);
 document.addEventListener("pogon:drawn", mark);
 document.addEventListener("htmx:after:swap", mark);
 const summary = document.getElementById("alarm-summary");
-async function renewSummary() {
-  const answer = await fetch("/alarms/summary", { headers: { "HX-Request": "true" } }).catch(() => null);
-  if (answer?.ok && !answer.redirected) summary.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
-}
+const renewSummary = renewing(() => "/alarms/summary", (html) => summary.replaceChildren(...parsed(html).body.childNodes));
 if (summary) document.getElementById("alarm-changes")?.addEventListener("signal", renewSummary);
 mark();
 listen();

@@ -1,5 +1,6 @@
 // Commands: a press fetches a fresh nonce, posts, and draws what became of it. Whatever has a data-part is drawn anew in place, so that
 // focus, what is being typed and what is being held survive; everybody's column is fetched again when the revision tag of its machine changes.
+import { parsed, renewing } from "./fetched.js";
 import { number } from "./format.js";
 
 const body = document.body, lang = body.dataset.lang;
@@ -172,20 +173,13 @@ setInterval(() => {
 
 // ---- fetching again when something changed ---------------------------------------------------------------------------------------------
 
-const fetching = new Map();
+const renewers = new Map(); // address of what operates a machine → what fetches it anew
 
-/** Fetch what `root` shows anew; while one is on its way, once more after it. */
-async function refresh(root) {
-  const url = root.dataset.url;
-  if (fetching.has(url)) { fetching.set(url, true); return; }
-  fetching.set(url, false);
-  try {
-    const answer = await fetch(url, { headers: HEADERS, signal: AbortSignal.timeout(5000) });
-    if (answer.ok) patch(new DOMParser().parseFromString(await answer.text(), "text/html"));
-  } catch { /* the page says by itself when the server is gone */ }
-  const again = fetching.get(url);
-  fetching.delete(url);
-  if (again && root.isConnected) setTimeout(() => refresh(root), 100);
+/** Fetch what `root` shows anew. */
+function refresh(root) {
+  const { url } = root.dataset, shown = () => document.querySelector(`[data-operation][data-url="${CSS.escape(url)}"]`);
+  if (!renewers.has(url)) renewers.set(url, renewing(() => shown() && url, (html) => patch(parsed(html)), 5000));
+  return renewers.get(url)();
 }
 
 const observed = new WeakSet();

@@ -1,31 +1,30 @@
 // A list of what machines did (product passages, runs): fetched again when it changes, while nobody holds a row; the chosen one beside it.
-const PAUSE = 1000; // least time between two fetches [ms]
+import { parsed, renewing } from "./fetched.js";
+
+const LIMIT = 15000, PAUSE = 1000; // least time between two fetches [ms]
 const panel = document.getElementById("event-detail");
 const list = () => document.getElementById("event-list");
 const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
-let open = "", pressed = false, busy = false, again = false, last = 0, timer = 0;
-
-async function fetched(path) {
-  try {
-    const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(15000) });
-    return answer.ok && !answer.redirected ? new DOMParser().parseFromString(await answer.text(), "text/html") : null;
-  } catch {
-    return null; // the page says by itself that nobody answers
-  }
-}
+let open = "", pressed = false, again = false, last = 0, timer = 0;
 
 function mark() {
   for (const row of rows()) row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
 }
 
-async function show(id) {
+function show(id) {
   open = id;
   mark();
-  const page = await fetched(`${list().dataset.detail}${id}`);
-  if (!page || open !== id) return;
-  const top = panel.querySelector(".scroll")?.scrollTop ?? 0, same = panel.dataset.shown === id;
-  panel.replaceChildren(...page.body.childNodes);
-  panel.dataset.shown = id;
+  return renewShown();
+}
+
+const detail = () => open && list() && `${list().dataset.detail}${open}`;
+const renewShown = renewing(detail, draw, LIMIT);
+
+function draw(html, path) {
+  if (path !== detail()) return;
+  const top = panel.querySelector(".scroll")?.scrollTop ?? 0, same = panel.dataset.shown === open;
+  panel.replaceChildren(...parsed(html).body.childNodes);
+  panel.dataset.shown = open;
   const box = panel.querySelector(".scroll");
   if (same && box) box.scrollTop = top;
 }
@@ -33,20 +32,22 @@ async function show(id) {
 /** Soon, at most once a second, never under a finger, never on an older page. */
 function refresh() {
   if (!list() || !("liveList" in list().dataset)) return;
-  if (busy || pressed) { again = true; return; }
+  if (pressed) { again = true; return; }
   clearTimeout(timer);
   timer = setTimeout(take, Math.max(0, last + PAUSE - performance.now()));
 }
 
-async function take() {
-  if (document.hidden) { again = true; return; }
-  busy = true;
+function take() {
+  if (document.hidden) return; // asked for when it is seen again
   last = performance.now();
-  const page = await fetched(list().dataset.src), fresh = page?.getElementById("event-list");
-  if (fresh && !pressed) replace(fresh);
-  busy = false;
-  if (again) { again = false; refresh(); }
+  renewList();
 }
+
+const renewList = renewing(() => list()?.dataset.src, (html) => {
+  const fresh = parsed(html).getElementById("event-list");
+  if (pressed) again = true;
+  else if (fresh) replace(fresh);
+}, LIMIT);
 
 function replace(fresh) {
   const before = rows().find((row) => row.dataset.row === open)?.dataset.mark;

@@ -2,16 +2,16 @@
 import { Chart } from "./chart.js";
 import { page } from "./values.js";
 
-const SPAN = 600e6, AGAIN = 60000;
+const SPAN = 600e6, AGAIN = 60000, LIMIT = 15000;
 const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
 const { lang, zone } = page;
 let heard = [0, 0];
 const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
 
 async function ask(path) {
-  const answer = await fetch(path, { headers: { "HX-Request": "true" } });
+  const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(LIMIT) });
   if (!answer.ok) throw new Error(path);
-  return answer.json();
+  return await answer.json();
 }
 
 /** Give the sparklines on the page their past. */

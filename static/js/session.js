@@ -15,7 +15,7 @@
     if (now - told < TOUCH && !warned) return;
     told = now;
     try {
-      const answer = await fetch("/session/active", { method: "POST", headers: { "X-CSRF-Token": token() } });
+      const answer = await fetch("/session/active", { method: "POST", headers: { "X-CSRF-Token": token() }, signal: AbortSignal.timeout(5000) });
       if (!answer.ok || answer.headers.get("X-Idle") === "1") return location.reload();
       until = performance.now() + Number(await answer.text()) * 1000;
       if (warned) window.pogon.say("", "info");

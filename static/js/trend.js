@@ -10,6 +10,7 @@ const { texts } = begun;
 const canvas = holder.querySelector("[data-canvas]"), say = holder.querySelector("[data-say]");
 const one = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
 const { lang, zone } = page;
+const LIMIT = 60000; // of an answer [ms]
 const LEAST = 1e6, MOST = 3660 * 86400e6, SETTLED = 150;
 const UNITS = { s: 1e6, m: 60e6, h: 3600e6, d: 86400e6 };
 const several = new Set(begun.pens.map((pen) => pen.machine)).size > 1;
@@ -55,8 +56,8 @@ function remember() {
 // ---- fetching -------------------------------------------------------------------------------------------------
 
 async function fetched(path, signal) {
-  const answer = await fetch(path, { signal, headers: { "HX-Request": "true" } });
-  if (answer.ok) return answer.json();
+  const answer = await fetch(path, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
+  if (answer.ok) return await answer.json();
   const words = new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("[data-message]")?.textContent.trim();
   throw new Error(words || texts.unavailable, { cause: answer.status });
 }
@@ -388,7 +389,7 @@ function picker() {
     search?.abort();
     search = new AbortController();
     try {
-      const answer = await fetch(`${drop.dataset.picker}&q=${encodeURIComponent(field.value)}`, { signal: search.signal, headers: { "HX-Request": "true" } });
+      const answer = await fetch(`${drop.dataset.picker}&q=${encodeURIComponent(field.value)}`, { signal: AbortSignal.any([search.signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
       const content = new DOMParser().parseFromString(await answer.text(), "text/html").body;
       found.replaceChildren(...content.childNodes);
     } catch (error) {

@@ -1,6 +1,7 @@
 // The products of a line, to scale. Every slot of the table has its group. What it draws hangs on its head, and only the head is moved: the
 // box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
 // tail changed about) nothing glides.
+import { renewing } from "../js/fetched.js";
 import { number } from "../js/format.js";
 
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
@@ -196,7 +197,7 @@ document.addEventListener("change", ({ target }) => {
 
 document.addEventListener("toggle", ({ target }) => {
   const place = target.open && target.querySelector?.("[data-hands]");
-  if (place) fetch(place.dataset.hands, { headers: { "HX-Request": "true" } }).then((answer) => answer.text()).then((html) => { place.innerHTML = html; }).catch(() => {});
+  if (place) renewing(() => place.isConnected && place.closest("[open]") && place.dataset.hands, (html) => { place.innerHTML = html; })();
 }, true);
 
 document.addEventListener("submit", async (event) => {

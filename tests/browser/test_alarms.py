@@ -8,6 +8,18 @@ from playwright.sync_api import expect
 
 from tests.browser.station import AXE, Operator
 
+CUT = """() => {
+    const real = window.fetch;
+    window.cut = true;
+    window.fetch = async (url, options) => { // the head comes, then the line breaks
+        const ended = new AbortController(), answer = await real(url, { ...options, signal: ended.signal });
+        if (!window.cut) return answer;
+        const text = answer.text.bind(answer);
+        answer.text = () => { ended.abort(); document.body.dataset.lost = "some"; return text(); };
+        return answer;
+    };
+}"""
+
 
 def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operator: Operator) -> None:
     page = operator.page
@@ -89,6 +101,24 @@ def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> Non
     other.close()
     operator.trip(2, 9)
     expect(silence).to_have_attribute("aria-pressed", "false", timeout=30_000)
+
+
+@pytest.mark.parametrize("path", ["/alarms", "/"])
+def test_what_is_shown_is_made_good_when_answers_broke_off(operator: Operator, path: str) -> None:
+    page = operator.page
+    operator.go(path)
+    rows = page.locator("tr[data-row]")
+    before = rows.count()
+    page.evaluate(CUT)
+    operator.trip(1, 4)
+    expect(page.locator("body")).to_have_attribute("data-lost", "some", timeout=30_000)
+    page.wait_for_timeout(1500)
+    expect(page.locator("#alarms")).to_contain_text("No active alarms")
+    page.evaluate("() => { window.cut = false; }")
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent")
+    if path == "/alarms":
+        expect(rows).to_have_count(before + 1)
+        expect(page.locator("#alarm-detail h2")).to_have_text("Converter: overcurrent")
 
 
 @pytest.mark.parametrize("path", ["/alarms", "/alarms?tab=journal", "/"])
