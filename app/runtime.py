@@ -14,6 +14,7 @@ from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock, SystemClock
 from app.commands.gate import Gate
+from app.commands.machine import Machine
 from app.database_watch import DatabaseWatch
 from app.db import Database
 from app.errors import ConfigurationError, StorageError
@@ -24,14 +25,22 @@ from app.links.register_link import RegisterLink
 from app.live.frames import Live
 from app.plant.changes import renamed
 from app.plant.definitions import Equipment, Link, Plant, Point, Problem
-from app.plant.derive import Derivation
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, EVENTS
 from app.plant.texts import Texts
 from app.running.command_ends import CommandEnds
 from app.running.derived import DerivedPoints
 from app.running.modbus_door import ModbusDoor
-from app.running.next_plant import NextPlant, next_links, next_simulation, read_words, simulated_links
+from app.running.next_plant import (
+    NextPlant,
+    Parts,
+    next_links,
+    next_simulation,
+    parts_of,
+    read_words,
+    simulated_links,
+    stations_of,
+)
 from app.running.plant_files import PlantFiles
 from app.running.revisions import Revisions
 from app.running.ring_events import RingEvents
@@ -39,7 +48,6 @@ from app.running.session_watch import SessionWatch
 from app.running.sweep import Sweep
 from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
 from app.running.system_values import system_values
-from app.running.tag_list import points_of, tag_of
 from app.settings import Settings
 from app.sim.bus import Bus
 from app.sim.plant import SimPlant, exchange, read_simulated
@@ -67,7 +75,7 @@ class Runtime:
         self.plant: Plant | None = None
         self.problems: list[Problem] = []
         """What was wrong with the plant files when they were taken."""
-        self.points: dict[str, Point] = {}
+        self.points: Mapping[str, Point] = {}
         self.links: dict[str, RegisterLink] = {}
         self.sim: SimPlant | None = None
         self.gate: Gate | None = None
@@ -135,6 +143,7 @@ class Runtime:
             await self._start_plant(self.plant)
         else:
             self._configure()
+            self.alarms.look()
         self.supervisor.start("sweep", self.sweep.run)  # not before there are tags that it publishes
         self.supervisor.start("live", self.live.beat)
         await self._record()
@@ -192,23 +201,24 @@ class Runtime:
         self.access.tell = lambda alarm, name: self.alarms.system.report(alarm, params={"account": name})
 
     async def _start_plant(self, plant: Plant) -> None:
-        self.texts = Texts.read(plant)
+        self.texts, derivation = await read_words(plant)
         self.access.passwords.plant_name = " ".join(plant.name.values())
         if memory := simulated_links(plant):
             self.sim = self._simulate(plant, memory)
-        derivation = Derivation(plant)
+        parts = await asyncio.to_thread(parts_of, plant, self.texts, list(plant.links), self.alarms)
         await self.derived.restore(derivation)
         self.derived.take(derivation)
         self.supervisor.start("retained", self.derived.run)
         self.links.update(next_links({}, plant, self.sim.buses if self.sim else {}, self._link))
-        self._configure()
-        self.gate = self._make_gate(plant)
+        self._configure(parts)
+        await self.alarms.look_in_turns()
+        self.gate = self._make_gate(parts.machines)
         await self.command_ends.resume(self.gate, plant)
         self.supervisor.start("commands", self.gate.run)
         self._keep_running()
         await self.modbus.open(self.sim)
 
-    def _make_gate(self, plant: Plant) -> Gate:
+    def _make_gate(self, machines: Mapping[str, Machine]) -> Gate:
         gate = Gate(
             self.tags,
             self.clock,
@@ -219,7 +229,7 @@ class Runtime:
             rights=self.access.current,
             foretell=self.command_ends.foretell,
         )
-        gate.configure(plant)
+        gate.take(machines)
         gate.subscribe(self._operated.changed)
         gate.subscribe_ends(self.command_ends.ended)
         return gate
@@ -234,11 +244,12 @@ class Runtime:
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
         return SimPlant(plant, self.clock, links=links)
 
-    def _configure(self, person: Person | None = None) -> None:
+    def _configure(self, parts: Parts | None = None, person: Person | None = None) -> None:
         """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""
-        self.points = {point.name: point for point in points_of(self.plant, self.links)}
-        self.tags.configure(tag_of(point, self.plant) for point in self.points.values())
-        self.alarms.configure(self.plant, self.texts, person)
+        parts = parts or parts_of(self.plant, self.texts, self.links, self.alarms)
+        self.points = parts.points
+        self.tags.take(parts.table)
+        self.alarms.take(parts.alarms, person)
         self.events.configure(self.plant.equipment.values() if self.plant else ())
         self.derived.renew()
         self.live.renew()
@@ -267,9 +278,14 @@ class Runtime:
         former = self._as_it_runs(old)
         try:
             self._exchange_plant(new, person)
+            await asyncio.sleep(0)
+            self.derived.compute_all()
+            await self.alarms.look_in_turns()
         except Exception:
             log.exception("plant not exchanged, the former one goes on")
             self._exchange_plant(former, person)
+            self.derived.compute_all()
+            self.alarms.look()
             raise
         finally:
             self._keep_running()
@@ -298,19 +314,21 @@ class Runtime:
         sim, taken = next_simulation(
             self.sim, plant, renamed(old, plant), self._simulate, on_one_port=bool(self.modbus.wanted)
         )
-        links = next_links(self.links, plant, taken[2] if taken else {}, self._link)
-        numbers = await self.recorder.register(points_of(plant, links))
+        links = await asyncio.to_thread(next_links, self.links, plant, taken[2] if taken else {}, self._link)
+        stations = await asyncio.to_thread(stations_of, plant, links)
+        parts = await asyncio.to_thread(parts_of, plant, texts, list(links), self.alarms)
+        numbers = await self.recorder.register(parts.points.values())
         with suppress(StorageError):
             await self.derived.keep()
         await self.derived.restore(derivation)  # a machine that comes back goes on where it left
-        return NextPlant(plant, texts, derivation, links, numbers, sim, taken)
+        return NextPlant(plant, texts, derivation, parts, links, stations, numbers, sim, taken)
 
     def _as_it_runs(self, plant: Plant) -> NextPlant:
         """What to come back to."""
         sim, derivation = self.sim, self.derived.derivation
         assert derivation is not None
         taken = (dict(sim.equipment), dict(sim.devices), dict(sim.buses)) if sim else None
-        return NextPlant(plant, self.texts, derivation, dict(self.links), self._numbers, sim, taken)
+        return NextPlant(plant, self.texts, derivation, None, dict(self.links), {}, self._numbers, sim, taken)
 
     def _exchange_plant(self, new: NextPlant, person: Person | None) -> None:
         """Everything that knows the plant knows the other one now; no await, so no batch falls between two revisions."""
@@ -323,14 +341,14 @@ class Runtime:
         self.links.clear()
         self.links.update(new.links)
         self.derived.take(new.derivation)
-        self._configure(person)
+        parts = new.parts or parts_of(new.plant, new.texts, new.links, self.alarms)
+        self._configure(parts, person)
         for name, link in self.links.items():
-            link.renew(new.plant.on_link(name))
+            link.renew(new.plant.on_link(name), new.stations.get(name))
         if self.gate is not None:
-            self.gate.configure(new.plant)
+            self.gate.take(parts.machines)
         self._numbers = new.numbers
         self.recorder.follow(self.points.values(), new.numbers)
-        self.derived.compute_all()
         self.modbus.follow(new.sim)
         for name in gone:
             self.alarms.system.report("link_down", active=False, params={"link": name})

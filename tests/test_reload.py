@@ -229,16 +229,16 @@ async def test_an_error_while_taking_them_brings_the_former_plant_back(
         await plant.until(lambda: plant.good("m1.frequency"))
         gate, broken = runtime.gate, 1
         assert gate is not None
-        configure = gate.configure
+        take = gate.take
 
         def fail(definitions: Any) -> None:
             nonlocal broken
             broken -= 1
             if broken == 0:
                 raise RuntimeError("no room")
-            configure(definitions)
+            take(definitions)
 
-        monkeypatch.setattr(gate, "configure", fail)
+        monkeypatch.setattr(gate, "take", fail)
         answer = await plant.take(DEMO + M3)
         assert not answer.done and answer.refused == "plant.refused.failed" and "no room" in answer.error
         assert set(runtime.plant.equipment) == {"m1", "m2", "c1", "cc1", "seq1"}  # type: ignore[union-attr]

@@ -8,6 +8,7 @@ within a quarter of a second (`counts`), and in the database as soon as it takes
 import asyncio
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from app.access.roles import Person
 from app.alarms.alarm_list import AlarmList
@@ -33,8 +34,20 @@ from app.plant.definitions import Alarm, Plant
 from app.plant.texts import Texts
 from app.tags.database import TagDatabase
 
+PORTION = 500
+"""So many alarms are looked at in one turn of the loop."""
 IDLE = 0.5
 """What depends on time alone is looked at this often [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class NextAlarms:
+    """The alarms of a plant, before they are taken."""
+
+    texts: Texts | None
+    config: str
+    """Digest of their definitions."""
+    index: AlarmIndex
 
 
 class AlarmEngine:
@@ -69,27 +82,41 @@ class AlarmEngine:
         self.annunciations.restore(times)
 
     def configure(self, plant: Plant | None, texts: Texts | None = None, person: Person | None = None) -> None:
-        """Take the alarms of `plant`; those that stand stay by their id, those whose definition is gone are closed.
+        """Take the alarms of a plant that nobody has looked at yet, and look at them all. The tag database was configured before."""
+        self.take(self.prepare(plant, texts, self._tags.handles), person)
+        self.look()
 
-        Call it after the tag database was configured: handles are looked up again. `person` is who had the plant read anew.
+    def prepare(self, plant: Plant | None, texts: Texts | None, handles: Mapping[str, int]) -> NextAlarms:
+        """The alarms of `plant`, whose points will have these `handles`; with some thousand of them this takes a while.
+
+        Nothing of what runs is touched: this may be done in a thread.
         """
-        self._texts = texts or self._texts
         equipment = plant.equipment if plant else {}
         rows = [alarm for item in equipment.values() for alarm in item.alarms]
-        self._states.configure(self._texts, hashlib.sha256(repr(rows).encode()).hexdigest()[:12])
+        index = AlarmIndex(self._tags, handles)
+        index.fill(equipment)
+        return NextAlarms(texts, hashlib.sha256(repr(rows).encode()).hexdigest()[:12], index)
+
+    def take(self, new: NextAlarms, person: Person | None = None) -> None:
+        """Take the alarms of a plant; those that stand stay by their id, those whose definition is gone are closed.
+
+        Call it after the tag database took the handles that `new` was made with, and one of the looks afterwards. `person` is who had the
+        plant read anew.
+        """
+        self._texts = new.texts or self._texts
+        self._states.configure(self._texts, new.config)
         self._occurrences.clear()
         self.evaluation.clear()
-        old = self._index.clear(equipment)
+        old = self._index.take(new.index)
+        equipment = self._index.equipment
         changed: list[tuple[Watch, Alarm]] = []
-        for item in equipment.values():
-            for alarm in item.alarms:
-                watch = self._index.of_plant(item, alarm)
-                before = old.pop(watch.id, None)
-                if before is not None:
-                    carry(before, watch)
-                    if before.alarm != alarm:
-                        changed.append((watch, before.alarm))
-                self.evaluation.enrol(watch)
+        for watch in self._index:
+            before = old.pop(watch.id, None)
+            if before is not None:
+                carry(before, watch)
+                if before.alarm != watch.alarm:
+                    changed.append((watch, before.alarm))
+            self.evaluation.begin(watch)
         for watch in list(old.values()):
             if isinstance(watch.condition, Reported) and (not watch.equipment or watch.equipment in equipment):
                 self.evaluation.enrol(old.pop(watch.id))
@@ -98,8 +125,20 @@ class AlarmEngine:
         self._restore()
         for watch, previous in changed:
             self._states.redefined(watch, previous, person)
-        self.evaluation.evaluate(list(self._index))
         self.list.touch()
+
+    def look(self) -> None:
+        """Look at all alarms."""
+        self.evaluation.evaluate(list(self._index))
+
+    async def look_in_turns(self) -> None:
+        """As `look`, some hundred at a time: nobody waits for the rest."""
+        watches = list(self._index)
+        for begin in range(0, len(watches), PORTION):
+            self.evaluation.evaluate(
+                [watch for watch in watches[begin : begin + PORTION] if self._index.get(watch.id) is watch]
+            )
+            await asyncio.sleep(0)
 
     def _restore(self) -> None:
         """Put back how the alarms stood; nothing of it asks for attention anew."""

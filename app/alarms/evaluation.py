@@ -51,8 +51,12 @@ class Evaluation:
 
     def enrol(self, watch: Watch) -> None:
         """Take an alarm into service, however it stands."""
-        watch.listed = None
         self._index.add(watch)
+        self.begin(watch)
+
+    def begin(self, watch: Watch) -> None:
+        """As `enrol`, of an alarm that the index has already."""
+        watch.listed = None
         self._occurrences.keep(watch)
         self._states.arm(watch)
         self._follow(watch)

@@ -20,10 +20,12 @@ COMM = "comm"
 class AlarmIndex:
     """The alarms of the plant and of the system, in the order of evaluation."""
 
-    def __init__(self, tags: TagDatabase) -> None:
+    def __init__(self, tags: TagDatabase, handles: Mapping[str, int] | None = None) -> None:
+        """`handles`: of tags that `tags` is going to have; else those that it has."""
         self.equipment: Mapping[str, Equipment] = {}
         """The machines of the plant by id."""
         self._tags = tags
+        self._given = handles
         self._by_id: dict[str, Watch] = {}
         self._readers: dict[int, list[Watch]] = {}
         self._timed: list[Watch] = []
@@ -31,12 +33,19 @@ class AlarmIndex:
         self._members: dict[str, list[Watch]] = {}
         self._by_event: dict[str, dict[int, list[Watch]]] = {}
 
-    def clear(self, equipment: Mapping[str, Equipment]) -> dict[str, Watch]:
-        """Begin anew with the machines `equipment`; the alarms that were there, by id."""
-        old = self._by_id
+    def fill(self, equipment: Mapping[str, Equipment]) -> None:
+        """Take in the alarms of the machines `equipment`."""
         self.equipment = equipment
-        self._by_id, self._readers, self._timed = {}, {}, []
-        self._roots, self._members, self._by_event = {}, {}, {}
+        for item in equipment.values():
+            for alarm in item.alarms:
+                self.add(self.of_plant(item, alarm))
+
+    def take(self, other: "AlarmIndex") -> dict[str, Watch]:
+        """Be as `other`, which is not used any more; the alarms that were there, by id."""
+        old = self._by_id
+        self.equipment = other.equipment
+        self._by_id, self._readers, self._timed = other._by_id, other._readers, other._timed
+        self._roots, self._members, self._by_event = other._roots, other._members, other._by_event
         return old
 
     def add(self, watch: Watch) -> None:
@@ -152,12 +161,16 @@ class AlarmIndex:
             once=definition.once,
         )
 
+    @property
+    def _known(self) -> Mapping[str, int]:
+        return self._tags.handles if self._given is None else self._given
+
     def _handles(self, names: Mapping[str, str], keys: Iterable[str]) -> list[int]:
-        known = self._tags.handles
+        known = self._known
         return [known[names[key]] for key in keys if names.get(key) in known]
 
     def _look(self, names: Mapping[str, str]) -> Callable[[str], tuple[Value, int]]:
-        known, tags = self._tags.handles, self._tags
+        known, tags = self._known, self._tags
         handles = {key: known[name] for key, name in names.items() if name in known}
 
         def look(key: str) -> tuple[Value, int]:
@@ -167,7 +180,7 @@ class AlarmIndex:
         return look
 
     def _age(self, names: Mapping[str, str]) -> Callable[[str], float | None]:
-        known, tags = self._tags.handles, self._tags
+        known, tags = self._known, self._tags
 
         def age(key: str) -> float | None:
             handle = known.get(names.get(key, ""))

@@ -244,11 +244,12 @@ def record(
 
 def carry(before: Watch, after: Watch) -> None:
     """What lives on when a definition is read anew."""
-    for name in (
-        "life", "known", "occurrence", "first_true", "annunciated", "returned", "acked_at", "acked_by", "value",
-        "limit", "count", "raises", "ordinal", "uncertain", "params", "event",
-    ):  # fmt: skip
-        setattr(after, name, getattr(before, name))
+    after.life, after.known, after.uncertain = before.life, before.known, before.uncertain
+    after.occurrence, after.ordinal = before.occurrence, before.ordinal
+    after.first_true, after.annunciated, after.returned = before.first_true, before.annunciated, before.returned
+    after.acked_at, after.acked_by = before.acked_at, before.acked_by
+    after.value, after.limit, after.params, after.event = before.value, before.limit, before.params, before.event
+    after.count, after.raises = before.count, before.raises
     if isinstance(before.condition, ByEvent) and isinstance(after.condition, ByEvent):
         for name in ("raised", "until", "proved"):
             setattr(after.condition, name, getattr(before.condition, name))

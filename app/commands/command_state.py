@@ -66,18 +66,16 @@ class CommandState:
         self.delivery = Delivery(writers, clock, self.may_go_on, self.readings)
         self.checks = Checks(self.readings, clock, writers, self.control, rights)
 
-    def configure(self, plant: Plant) -> list[Machine]:
-        """Take the machines of `plant`; those that were there before, with what is at work on them, are returned.
+    def configure(self, machines: Mapping[str, Machine]) -> list[Machine]:
+        """Take `machines`, as `machines_of` makes them; those that were there before, with what is at work on them, are returned.
 
         What is at work goes on for a machine that stays; for one that goes it is superseded.
         """
         former, self.machines = self.machines, {}
-        for item in plant.equipment.values():
-            machine = _machine(item, plant)
-            old = former.get(item.id)
-            if old is not None:
+        for id, machine in machines.items():
+            if (old := former.get(id)) is not None:
                 machine.go_on_from(old)
-            self.machines[item.id] = machine
+            self.machines[id] = machine
         for gone in former.values():
             if gone.item.id in self.machines or gone.job is None:
                 continue
@@ -203,6 +201,11 @@ class CommandState:
             self.on_stop_unconfirmed(equipment)
         except Exception:
             log.exception("alarm for an unconfirmed stop failed equipment=%s", equipment)
+
+
+def machines_of(plant: Plant) -> dict[str, Machine]:
+    """The machines of `plant`, with nothing at work on them; with some hundred of them this takes a while."""
+    return {item.id: _machine(item, plant) for item in plant.equipment.values()}
 
 
 def _machine(item: Equipment, plant: Plant) -> Machine:

@@ -24,7 +24,7 @@ from app.access.roles import Person, Rights
 from app.clock import Clock
 from app.commands import interlocks, value_set
 from app.commands.admission import Admission
-from app.commands.command_state import CommandState
+from app.commands.command_state import CommandState, machines_of
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
@@ -90,8 +90,15 @@ class Gate:
         return self._state.dry_run
 
     def configure(self, plant: Plant) -> None:
-        """Take a plant, also after a reload. What is pending goes on for a machine that stays; for one that goes it is superseded."""
-        former = self._state.configure(plant)
+        """As `take`, of a plant that nobody has looked at yet."""
+        self.take(machines_of(plant))
+
+    def take(self, machines: Mapping[str, Machine]) -> None:
+        """Take the machines of a plant (`command_state.machines_of`), also after a reload.
+
+        What is pending goes on for a machine that stays; for one that goes it is superseded.
+        """
+        former = self._state.configure(machines)
         for machine in former:
             self._sets.stop(machine, "why.reloaded")
         self.control.keep_only(frozenset(self._state.machines))

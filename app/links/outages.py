@@ -315,7 +315,8 @@ class Outages(Line):
         self._wake()
 
     def _prepare(self, station: Station) -> None:
-        station.plan()
+        if not station.blocks:
+            station.plan()
         station.services = [
             KINDS[type(definition)](self, station, definition) for definition in station.device.services
         ]

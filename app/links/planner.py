@@ -4,9 +4,11 @@ Cost of a plan [registers] = telegrams x overhead + registers read; the plan of 
 points in order of address). Overhead is what a telegram costs beside its registers: reference/modbus.md section 1 and section 3 item 3.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from operator import itemgetter
 
 from app.links.contract import Block
 from app.plant.definitions import Device, Link, Point, Register, Scan, TableMap
@@ -146,7 +148,13 @@ def _is_unreadable(register: Register, function: int, device: Device, learned: L
 
 def _walls(device: Device, function: int, learned: Learned) -> list[Span]:
     known = ((a, b) for f, a, b in learned.bad | learned.gaps if f == function)
-    return sorted([*device.holes, *device.write_only, *known])
+    apart: list[Span] = []
+    for first, last in sorted([*device.holes, *device.write_only, *known]):
+        if apart and first <= apart[-1][1]:
+            apart[-1] = apart[-1][0], max(last, apart[-1][1])
+        else:
+            apart.append((first, last))
+    return apart
 
 
 def _ride(points: Sequence[Point], readings: list[Reading], function: int, limit: int) -> list[Point]:
@@ -167,7 +175,7 @@ def _ride(points: Sequence[Point], readings: list[Reading], function: int, limit
     return rest
 
 
-def _cut(points: Sequence[Point], limit: int, walls: Collection[Span], cost: float) -> list[list[Point]]:
+def _cut(points: Sequence[Point], limit: int, walls: Sequence[Span], cost: float) -> list[list[Point]]:
     """Cut the points, in order of address, into groups of least cost."""
     spans = sorted(((span_of(point.register), point) for point in points if point.register), key=lambda item: item[0])
     best: list[tuple[float, int]] = [(0.0, 0)]
@@ -177,7 +185,7 @@ def _cut(points: Sequence[Point], limit: int, walls: Collection[Span], cost: flo
         for begin in range(end - 1, -1, -1):
             first = spans[begin][0][0]
             last = max(last, spans[begin][0][1])
-            if last - first + 1 > limit or any(first <= b and a <= last for a, b in walls):
+            if last - first + 1 > limit or _between(first, last, walls):
                 break
             choice = min(choice, (best[begin][0] + cost + last - first + 1, begin))
         best.append(choice)
@@ -188,6 +196,12 @@ def _cut(points: Sequence[Point], limit: int, walls: Collection[Span], cost: flo
         groups.append([point for _, point in spans[begin:end]])
         end = begin
     return groups[::-1]
+
+
+def _between(first: int, last: int, walls: Sequence[Span]) -> bool:
+    """Whether one of the `walls`, in order and apart, has an address of `first` to `last`."""
+    place = bisect_left(walls, first, key=itemgetter(1))
+    return place < len(walls) and walls[place][0] <= last
 
 
 def _around(points: Sequence[Point], function: int) -> Block:

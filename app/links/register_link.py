@@ -140,19 +140,26 @@ class RegisterLink:
         """Whether `renew` could take these machines; else the link is to be built anew."""
         return _lanes(self.link, equipment) == _lanes(self.link, list(self._equipment.values()))
 
-    def renew(self, equipment: Sequence[Equipment]) -> None:
-        """Read these machines from now on. A unit whose registers stay as they are is read on without a pause.
+    def prepare(self, equipment: Sequence[Equipment]) -> dict[int, Station]:
+        """What reads these machines, by unit, for `renew`. A unit whose registers stay as they are keeps what reads it.
 
-        Call it after the tag database was configured for them. Their units were checked by the plant file.
+        Nothing of what runs is touched: this may be done in a thread. Their units were checked by the plant file.
         """
         stations: dict[int, Station] = {}
         for unit, items in _by_unit(equipment).items():
             before = self._runner.stations.get(unit)
-            if before is not None and _wiring(before.equipment) == _wiring(items):
-                before.equipment = items
-                stations[unit] = before
-            else:
-                stations[unit] = self._station(unit, items)
+            stays = before is not None and _wiring(before.equipment) == _wiring(items)
+            stations[unit] = before if before is not None and stays else self._station(unit, items)
+        return stations
+
+    def renew(self, equipment: Sequence[Equipment], stations: Mapping[int, Station] | None = None) -> None:
+        """Read these machines from now on, by the `stations` that `prepare` made for them; those that stay are read on without a pause.
+
+        Call it after the tag database was configured for them.
+        """
+        stations = self.prepare(equipment) if stations is None else stations
+        for unit, items in _by_unit(equipment).items():
+            stations[unit].equipment = items
         self._equipment = {item.id: item for item in equipment}
         self._runner.change(stations)
 
@@ -334,7 +341,9 @@ class RegisterLink:
     # details
 
     def _station(self, unit: int, items: Sequence[Equipment]) -> Station:
-        return Station(self.link, unit, items, f"link.{self.name}", lambda: next(self._numbers))
+        station = Station(self.link, unit, items, f"link.{self.name}", lambda: next(self._numbers))
+        station.plan()
+        return station
 
     def _encoded(self, item: Equipment, point: str, value: float) -> SetWrite:
         definition = self._point_named(item, point)

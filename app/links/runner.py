@@ -103,7 +103,7 @@ class LinkRunner(Outages):
         """Read these units from now on; one whose station is the same object goes on as if nothing were."""
         gone = [station for number, station in self.stations.items() if stations.get(number) is not station]
         fresh = [station for number, station in stations.items() if self.stations.get(number) is not station]
-        self.stations = stations
+        former, self.stations = self.stations, stations
         for station in gone:
             station.end_tasks()
             for block in station.blocks:
@@ -112,11 +112,11 @@ class LinkRunner(Outages):
         for station in fresh:
             self.statistics.units.setdefault(station.number, UnitStatistics())
             self._prepare(station)
-            before = next((old for old in gone if old.number == station.number), None)
+            before = former.get(station.number)
             for service in station.services:
-                former = before.service(type(service)) if before is not None else None
-                if former is not None:
-                    service.adopt(former)
+                predecessor = before.service(type(service)) if before is not None else None
+                if predecessor is not None:
+                    service.adopt(predecessor)
             if self._open:
                 self.attend(station, self._bring_up(station))
             else:

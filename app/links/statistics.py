@@ -171,7 +171,6 @@ class StatisticsPublisher:
         self._tags = tags
         self._clock = clock
         self._revision = -1
-        self._handles: dict[str, int] = {}
         self._last: dict[str, Value] = {}
         self._since = clock.monotonic()
         self._before = (0, 0.0, 0, 0.0)
@@ -194,19 +193,12 @@ class StatisticsPublisher:
         tags = self._tags
         if tags.revision != self._revision:
             self._revision, self._last = tags.revision, {}
-            names = {name[len(self._prefix) :]: handle for name, handle in tags.handles.items() if self._is_ours(name)}
-            self._handles = names
-        if not self._handles:
-            return
-        values = self._values()
-        changed = {key: value for key, value in values.items() if key in self._handles and self._last.get(key) != value}
-        self._last |= changed
+        values, last = self._values(), self._last
+        changed = {key: value for key, value in values.items() if last.get(key) != value and self._prefix + key in tags}
+        last |= changed
         now = self._clock.micros()
-        handles = [self._handles[key] for key in changed]
+        handles = [tags.handle(self._prefix + key) for key in changed]
         tags.publish(Batch(SOURCE, self._block, now, now, handles, list(changed.values())))
-
-    def _is_ours(self, name: str) -> bool:
-        return name.startswith(self._prefix)
 
     def _values(self) -> dict[str, Value]:
         s = self._statistics

@@ -1,20 +1,36 @@
 """Another plant in place of the one that runs: what can fail is prepared beside it, so that the exchange itself waits for nothing."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from app.alarms.engine import AlarmEngine, NextAlarms
+from app.commands.command_state import machines_of
+from app.commands.machine import Machine
 from app.links.register_link import RegisterLink
+from app.links.station import Station
 from app.plant.changes import same_line
-from app.plant.definitions import Equipment, Link, Plant
+from app.plant.definitions import Equipment, Link, Plant, Point
 from app.plant.derive import Derivation
 from app.plant.texts import Texts
+from app.running.tag_list import points_of, tag_of
 from app.sim.bus import Bus
 from app.sim.device import VirtualDevice
 from app.sim.plant import SimPlant, units
+from app.tags.database import TagTable
 
 Taken = tuple[dict[str, Equipment], dict[str, VirtualDevice], dict[str, Bus]]
 """Machines, virtual devices and buses of a simulated plant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What is made of a plant before it is taken, so that taking it holds nobody up."""
+
+    points: Mapping[str, Point]
+    table: TagTable
+    alarms: NextAlarms
+    machines: Mapping[str, Machine]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +40,11 @@ class NextPlant:
     plant: Plant
     texts: Texts
     derivation: Derivation
+    parts: Parts | None
+    """None: made when it is taken, for what is not expected to be needed."""
     links: Mapping[str, RegisterLink]
+    stations: Mapping[str, Mapping[int, Station]]
+    """What reads the machines of each link; of one that is not here it is made when the plant is taken."""
     numbers: Mapping[str, int]
     """Of its points in the history."""
     sim: SimPlant | None = None
@@ -35,6 +55,14 @@ class NextPlant:
 async def read_words(plant: Plant) -> tuple[Texts, Derivation]:
     """The texts and the derived points of `plant`; with some thousand machines this takes a while."""
     return await asyncio.to_thread(lambda: (Texts.read(plant), Derivation(plant)))
+
+
+def parts_of(plant: Plant | None, texts: Texts | None, links: Iterable[str], alarms: AlarmEngine) -> Parts:
+    """The parts of `plant` with these `links`; nothing of what runs is touched."""
+    points = {point.name: point for point in points_of(plant, links)}
+    table = TagTable(tag_of(point, plant) for point in points.values())
+    machines = machines_of(plant) if plant else {}
+    return Parts(points, table, alarms.prepare(plant, texts, table.handles), machines)
 
 
 def next_simulation(
@@ -75,6 +103,11 @@ def next_links(
         fits = former is not None and same_line(former.link, link) and former.fits(machines)
         links[name] = former if former is not None and fits else make(link, machines, buses.get(name))
     return links
+
+
+def stations_of(plant: Plant, links: Mapping[str, RegisterLink]) -> dict[str, dict[int, Station]]:
+    """What reads the machines of `plant`, by link and unit; nothing of what runs is touched."""
+    return {name: link.prepare(plant.on_link(name)) for name, link in links.items()}
 
 
 def simulated_links(plant: Plant) -> list[str]:

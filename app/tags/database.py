@@ -1,7 +1,7 @@
 """The tag database: the last value of every point, with its quality and its age."""
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -29,6 +29,24 @@ class Tag:
     """The only one that may publish it."""
     stale_after: float = 0.0
     """Age from which the value counts as stale [s]; 0 = never."""
+
+
+class TagTable:
+    """A set of tags with what is looked up in it, made before it is taken: with some ten thousand this takes a while."""
+
+    def __init__(self, tags: Iterable[Tag]) -> None:
+        """
+        Raises:
+            ValueError: two tags have one name.
+        """
+        self.tags = list(tags)
+        self.handles = {tag.name: index for index, tag in enumerate(self.tags)}
+        """Handle of every tag by name."""
+        self.places = [(tag.id, tag.source) for tag in self.tags]
+        """What a value belongs to, by handle."""
+        self.by_place = {place: handle for handle, place in enumerate(self.places)}
+        if len(self.handles) != len(self.tags):
+            raise ValueError(f"tag names must be unique: {len(self.tags) - len(self.handles)} are not")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +82,8 @@ class TagDatabase:
 
     def __init__(self, clock: Clock) -> None:
         self.revision = 0
-        self.tags: list[Tag] = []
         self._clock = clock
-        self._handles: dict[str, int] = {}
+        self._table = TagTable(())
         self._values: list[Value] = []
         self._qualities: list[int] = []
         self._times: list[int] = []
@@ -92,17 +109,17 @@ class TagDatabase:
         """End of the last standstill [µs UTC]."""
 
     def configure(self, tags: Iterable[Tag]) -> None:
-        """Take a new set of tags; values of tags whose id and source stay are kept.
+        """As `take`, of tags that nobody has looked at yet.
 
         Raises:
             ValueError: two tags have one name.
         """
-        kept = {(tag.id, tag.source): index for index, tag in enumerate(self.tags)}
-        new = list(tags)
-        handles = {tag.name: index for index, tag in enumerate(new)}
-        if len(handles) != len(new):
-            raise ValueError(f"tag names must be unique: {len(new) - len(handles)} are not")
-        old = [kept.get((tag.id, tag.source)) for tag in new]
+        self.take(TagTable(tags))
+
+    def take(self, table: TagTable) -> None:
+        """Take a new set of tags; values of tags whose id and source stay are kept."""
+        kept = self._table.by_place
+        old = [kept.get(place) for place in table.places]
         self._values = [None if o is None else self._values[o] for o in old]
         self._qualities = [NO_DATA if o is None else self._qualities[o] for o in old]
         self._times = [0 if o is None else self._times[o] for o in old]
@@ -112,19 +129,24 @@ class TagDatabase:
             if block is not None:
                 self._members.setdefault(block, set()).add(handle)
         self._stale, self._limits = {}, {}
-        self.tags, self._handles = new, handles
+        self._table = table
         self.revision += 1
 
+    @property
+    def tags(self) -> Sequence[Tag]:
+        """All tags; their handles are their places."""
+        return self._table.tags
+
     def __len__(self) -> int:
-        return len(self.tags)
+        return len(self._table.tags)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._handles
+        return name in self._table.handles
 
     @property
     def handles(self) -> Mapping[str, int]:
         """Handle of every tag by name."""
-        return self._handles
+        return self._table.handles
 
     def handle(self, name: str) -> int:
         """Handle of the tag `name`.
@@ -132,7 +154,7 @@ class TagDatabase:
         Raises:
             KeyError: there is no such tag.
         """
-        return self._handles[name]
+        return self._table.handles[name]
 
     def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
         """Call `subscriber` with every batch from now on; the returned function ends it."""
@@ -184,7 +206,7 @@ class TagDatabase:
         Raises:
             KeyError: there is no such tag.
         """
-        return self.read(self._handles[name])
+        return self.read(self._table.handles[name])
 
     def value(self, handle: int) -> Value:
         """The value alone."""

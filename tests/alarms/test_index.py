@@ -14,10 +14,7 @@ def filled(plot: Plot, *alarms: Alarm) -> tuple[AlarmIndex, TagDatabase]:
     tags, made = TagDatabase(plot.clock), plant(*alarms, machines=("m1", "m2"))
     tags.configure(Tag(point.name, point.id, "hall") for point in made.points.values())
     index = AlarmIndex(tags)
-    index.clear(made.equipment)
-    for item in made.equipment.values():
-        for alarm in item.alarms:
-            index.add(index.of_plant(item, alarm))
+    index.fill(made.equipment)
     return index, tags
 
 
@@ -62,7 +59,7 @@ async def test_a_sentence_that_ends_what_was_reported_is_listened_to_once(plot: 
 
 async def test_cleared_it_gives_back_what_was_there_and_knows_nothing(plot: Plot) -> None:
     index, tags = filled(plot, TRIP, LOST)
-    old = index.clear({})
+    old = index.take(AlarmIndex(tags))
     assert list(old) == ["m1.trip", "m1.communication", "m2.trip", "m2.communication"]
     assert (list(index), index.root("m1"), list(index.members("m1"))) == ([], None, [])
     assert index.readers(range(len(tags.tags))) == []

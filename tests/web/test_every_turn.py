@@ -24,6 +24,8 @@ from tests.web.work import bare_loop, frozen, timed
 
 MOST_TIME = 2.0
 """Of one turn, in times of counting to a million: 40 to 50 ms of a processor."""
+EXCHANGE = 5.0
+"""Of the turn that puts a plant of eleven thousand points in the place of another: it is one, so that no batch falls between."""
 TRIES = 4
 """A machine that is busy may lengthen some of them, not all."""
 LARGE = """
@@ -160,3 +162,32 @@ def test_no_request_takes_long_of_a_turn(staff: Staff) -> None:
         if min(told) >= MOST_TIME:
             fell.append(f"{min(told):.1f} times counting to a million: {method} {path} ({given})")
     assert not fell, "\n".join(sorted(fell, reverse=True))
+
+
+def longest_of_a_reload(staff: Staff, text: str) -> float:
+    """In times of counting to a million."""
+    runtime = runtime_of(staff.client)
+    Path(runtime.settings.plant, "plant.toml").write_text(text, "utf-8")
+    seen = staff.wait(runtime.plant_files.look)
+    with timed() as spent:
+        taken = staff.wait(runtime.plant_files.reload, None, seen.digest)
+    assert taken.done, taken
+    return spent.longest / bare_loop()
+
+
+def test_no_turn_of_a_reload_is_long(staff: Staff) -> None:
+    runtime = runtime_of(staff.client)
+    assert len(runtime.points) > 11_000
+    whole = Path(runtime.settings.plant, "plant.toml").read_text("utf-8")
+    for change in (
+        ("repeat = 60", "repeat = 59"),
+        ("rated_current = 2.5", "rated_current = 2.6"),
+        ('en = "Line {n}"', 'en = "Row {n}"'),
+        ("port = 1503", "port = 1504"),
+    ):
+        told = []
+        for _ in range(TRIES):
+            told += [longest_of_a_reload(staff, text) for text in (whole.replace(*change), whole)]
+            if min(told) < EXCHANGE:
+                break
+        assert min(told) < EXCHANGE, f"{change}: {told}"
