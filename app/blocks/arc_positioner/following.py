@@ -229,6 +229,15 @@ class ArcFollower:
         still = Point(0.0, 0.0)
         return Outputs(still, still, False, self._angle, nan, nan, Phase.OFF, self.fault)
 
+    def lay(self, circle: Circle, near: float) -> None:
+        """Take a circle that is known from elsewhere, the load about `near` [°]; not while moving."""
+        self.circle, self._angle = circle, near
+
+    def release(self) -> None:
+        """Stand still, because an axis does: the next start counts when it comes, and the circle stays."""
+        self.safe()
+        self._started = False
+
     def path_speed(self, radius: float, set_speed: float) -> float:
         """Speed along a path of `radius` [mm] at which neither axis is asked for too much [mm/s]."""
         weaker = min(self.x.acceleration, self.y.acceleration)

@@ -65,6 +65,27 @@ class AxisData:
 
 
 @dataclass(slots=True)
+class Brake:
+    """A brake beside the first one, for a hoist that has two."""
+
+    position: float = 0.0
+    """0 closed, 1 open."""
+    stuck: bool = False
+    """Fault: it stays as it is."""
+    holds: bool = True
+
+    def step(self, open_brake: bool, data: AxisData, dt: float) -> None:
+        """`dt` [s] with this command."""
+        if not self.stuck:
+            self.position, self.holds = _moved(self.position, self.holds, open_brake, data, dt)
+
+    @property
+    def is_open(self) -> bool:
+        """Feedback: fully open."""
+        return self.position >= 1.0
+
+
+@dataclass(slots=True)
 class Axis:
     """Moves by what the drive is told while the brake is open; a closed brake holds it, or brings it to a stop.
 
@@ -85,6 +106,8 @@ class Axis:
     """How long the drive has worked against a closed brake [s]: has to stay 0."""
     safety_brake: bool = False
     """Has fallen in."""
+    second: Brake | None = None
+    """The other brake of a hoist; one that holds is enough."""
     holds: bool = field(init=False)
     """A brake does."""
     _ramp: Ramp = field(init=False)
@@ -118,7 +141,7 @@ class Axis:
             self.speed = self._ramp.speed + (before - self._ramp.speed) * keep
             if abs(self.speed) < 1e-4 and not self._ramp.speed:
                 self.speed = 0.0
-        if self.holds or self.safety_brake:
+        if self.held:
             if torque and abs(self._ramp.speed) > 0.5 and not before:
                 self.strain += dt
             self.speed = approach(before, 0.0, 0.0, data.brake_deceleration * dt)
@@ -135,10 +158,26 @@ class Axis:
         resolution = self.data.resolution
         return floor(self.position / resolution) * resolution if resolution else self.position
 
+    @property
+    def held(self) -> bool:
+        """Any brake holds it."""
+        return self.holds or self.safety_brake or (self.second is not None and self.second.holds)
+
+    def take(self, data: AxisData) -> None:
+        """Go on with other ramps, speeds or times."""
+        self.data = data
+        self._ramp.acceleration, self._ramp.deceleration = data.acceleration, data.deceleration
+
     def _move_brake(self, open_brake: bool, dt: float) -> None:
-        if self.stuck:
-            return
-        time = self.data.brake_release if open_brake else self.data.brake_close
-        change = dt / time if time else 1.0
-        self.brake = min(1.0, self.brake + change + 1e-9) if open_brake else max(0.0, self.brake - change - 1e-9)
-        self.holds = self.brake <= 0.0 or (self.holds and self.brake < 1.0)
+        if self.second is not None:
+            self.second.step(open_brake, self.data, dt)
+        if not self.stuck:
+            self.brake, self.holds = _moved(self.brake, self.holds, open_brake, self.data, dt)
+
+
+def _moved(brake: float, holds: bool, open_brake: bool, data: AxisData, dt: float) -> tuple[float, bool]:
+    """(position, whether it holds) of a brake after `dt` [s]."""
+    time = data.brake_release if open_brake else data.brake_close
+    change = dt / time if time else 1.0
+    brake = min(1.0, brake + change + 1e-9) if open_brake else max(0.0, brake - change - 1e-9)
+    return brake, brake <= 0.0 or (holds and brake < 1.0)

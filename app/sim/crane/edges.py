@@ -1,0 +1,106 @@
+"""What the crane's PLC tells of its crane: everything that has changed since the last scan, as events."""
+
+from app.blocks.drive_control import Alarm
+from app.blocks.limit_switches import Alarm as LimitAlarm
+from app.blocks.limit_switches import End
+from app.sim.crane.plc_axis import HOT
+from app.sim.crane.register_map import DRIVE_EVENTS, CraneEvent
+from app.sim.crane.state import CraneView
+
+_PAIRS = (
+    ("emergency", CraneEvent.EMERGENCY_STOP, CraneEvent.EMERGENCY_STOP_OFF),
+    ("overload", CraneEvent.OVERLOAD, CraneEvent.OVERLOAD_OVER),
+    ("rope_overlap", CraneEvent.ROPE_OVERLAP, CraneEvent.ROPE_OVERLAP_OVER),
+    ("slack_rope", CraneEvent.SLACK_ROPE, CraneEvent.SLACK_ROPE_OVER),
+    ("scale_ok", CraneEvent.SCALE_BACK, CraneEvent.SCALE_FAULT),
+    ("host_silent", CraneEvent.HOST_SILENT, CraneEvent.HOST_BACK),
+)
+_LIMITS = {
+    LimitAlarm.STOP_HIT: CraneEvent.STOP_HIT,
+    LimitAlarm.SLOW_FAILED: CraneEvent.SWITCH_FAILED,
+    LimitAlarm.STOP_FAILED: CraneEvent.SWITCH_FAILED,
+    LimitAlarm.SWITCH_STUCK: CraneEvent.SWITCH_STUCK,
+}
+
+
+class Edges:
+    """What was seen of one crane in the last scan."""
+
+    def __init__(self, crane: CraneView) -> None:
+        self._crane = crane
+        self._facts: tuple[bool, ...] = ()
+        self._load: tuple[bool, int] = (False, 0)
+        self._alarms: dict[int, frozenset[Alarm]] = {}
+        self._hot: dict[int, bool] = {}
+        self._limits: dict[str, frozenset[tuple[End, LimitAlarm]]] = {}
+        self._encoders: dict[str, bool] = {}
+        self._safety = False
+
+    def take_stock(self) -> None:
+        """What is so now is not news."""
+        crane = self._crane
+        self._facts = tuple(bool(getattr(crane, name)) for name, _, _ in _PAIRS)
+        self._load = (crane.load.locked, crane.load.stand)
+        self._safety = crane.safety_brake
+        for axis in crane.axes.values():
+            self._encoders[axis.name] = axis.encoder_ok
+            self._limits[axis.name] = frozenset(axis.limits.standing)
+            for motor in axis.motors:
+                self._alarms[motor.number] = frozenset(motor.control.alarms)
+                self._hot[motor.number] = motor.temperature >= HOT
+
+    def look(self) -> None:
+        """Tell what has changed since the last scan."""
+        crane = self._crane
+        facts = tuple(bool(getattr(crane, name)) for name, _, _ in _PAIRS)
+        if facts != self._facts:
+            for (name, rise, fall), before, now in zip(_PAIRS, self._facts, facts, strict=True):
+                if before != now:
+                    crane.event(rise if now else fall, 0, crane.weight if name == "overload" else 0.0)
+            self._facts = facts
+        if crane.safety_brake != self._safety:
+            self._safety = crane.safety_brake
+            if self._safety:
+                crane.event(CraneEvent.SAFETY_BRAKE)
+        self._look_at_load()
+        for number, axis in enumerate(crane.axes.values(), 1):
+            if axis.encoder_ok != self._encoders[axis.name]:
+                self._encoders[axis.name] = axis.encoder_ok
+                crane.event(CraneEvent.ENCODER_BACK if axis.encoder_ok else CraneEvent.ENCODER_FAULT, number)
+            for motor in axis.motors:
+                self._look_at_motor(motor.number, motor.control.alarms, motor.temperature >= HOT)
+            if any(axis.limits.alarms.values()) or self._limits[axis.name]:
+                now_standing = frozenset(axis.limits.standing)
+                told = set()
+                for end, alarm in axis.limits.standing:
+                    what = (_LIMITS[alarm], 2 * number - (end is End.LOW))
+                    if (end, alarm) not in self._limits[axis.name] and what not in told:
+                        told.add(what)
+                        crane.event(*what, axis.position)
+                self._limits[axis.name] = now_standing
+
+    def _look_at_motor(self, number: int, alarms: set[Alarm], hot: bool) -> None:
+        if alarms != self._alarms[number]:
+            for alarm in Alarm:
+                if alarm in alarms and alarm not in self._alarms[number]:
+                    self._crane.event(DRIVE_EVENTS[alarm], number)
+            self._alarms[number] = frozenset(alarms)
+        if hot != self._hot[number]:
+            self._hot[number] = hot
+            self._crane.event(CraneEvent.HOT if hot else CraneEvent.COOL, number)
+
+    def _look_at_load(self) -> None:
+        load = self._crane.load
+        now = (load.locked, load.stand)
+        if now == self._load:
+            return
+        locked, stand = self._load
+        self._load = now
+        if load.locked and not locked:
+            self._crane.event(CraneEvent.LOCKED, load.at)
+        if stand and not load.stand:
+            self._crane.event(CraneEvent.LIFTED, stand, load.weight)
+        elif load.stand and not stand:
+            self._crane.event(CraneEvent.SET_DOWN, load.stand, load.weight)
+        if locked and not load.locked:
+            self._crane.event(CraneEvent.UNLOCKED, load.at)

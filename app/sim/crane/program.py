@@ -1,0 +1,484 @@
+"""A virtual PLC that runs a ladle crane: its program, over `plc_axis`, `travel`, `sequence` and `ladle`; its registers: `register_map`.
+
+Type code 40. The program runs every 20 ms while anything moves or is energised, else every 50 ms.
+
+| subject | rule |
+| --- | --- |
+| manual | hold-to-run, one axis at a time, at the speed step that is selected |
+| automatic | the sequence; hold-to-run suspends a cycle, and then moves an axis as in manual |
+| stop | all axes by their ramps, mode off, a cycle is suspended |
+| emergency stop | quick stop of every drive; latched until a reset |
+| alarm of a drive, limit switch, encoder, scale, rope, overload, host | suspends a cycle with its reason |
+| settings | those of an axis that moves are not changed |
+"""
+
+from collections.abc import Callable, Mapping
+from math import isnan
+
+from app.blocks.arc_positioner.circle import Circle
+from app.blocks.arc_positioner.following import Phase
+from app.blocks.drive_selection import Selection
+from app.blocks.joystick import Joystick, Lever
+from app.blocks.positioner.positioner import Phase as MovePhase
+from app.registers import plc_map
+from app.registers.plc_map import AnswerState, Request, real_of
+from app.sim import training
+from app.sim.crane import signals
+from app.sim.crane import training as own
+from app.sim.crane.configuration import SETTINGS, Places, checked, faulty
+from app.sim.crane.edges import Edges
+from app.sim.crane.ladle import Load
+from app.sim.crane.orders import Orders
+from app.sim.crane.plc_axis import Asked, PlcAxis, Surroundings
+from app.sim.crane.register_map import (
+    AXES,
+    AXIS_AT,
+    AXIS_WORDS,
+    CONFIGURATION,
+    CONFIGURATION_WORDS,
+    DRIVES,
+    SETTINGS_AT,
+    STAGING,
+    STANDS,
+    STATUS,
+    STATUS_WORDS,
+    CraneCommand,
+    CraneEvent,
+    CraneReason,
+    DriveChoice,
+    Mode,
+    StepState,
+    Suspension,
+)
+from app.sim.crane.sequence import READING, CraneSequence, Cycle
+from app.sim.crane.state import CraneView
+from app.sim.crane.travel import Travel
+from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
+from app.sim.plc import rejected as no
+
+BUSY, IDLE = 2, 5
+"""Scans of the PLC between two of the program, while something moves and while nothing does."""
+STARTS = {"stopped": Mode.OFF, "automatic": Mode.AUTOMATIC, "manual": Mode.MANUAL}
+"""Mode that a crane may be switched on in for the first time."""
+STILL = Asked()
+_SELECTIONS = {
+    DriveChoice.NONE: Selection.NONE,
+    DriveChoice.FIRST: Selection.FIRST,
+    DriveChoice.SECOND: Selection.SECOND,
+    DriveChoice.BOTH: Selection.BOTH,
+    DriveChoice.BY_HOURS: Selection.BY_HOURS,
+}
+
+
+class VirtualCrane(CraneView):
+    """The PLC of one crane."""
+
+    type = "crane"
+    TYPE_CODE = own.TYPE_CODE
+
+    edges: Edges
+    _joystick: Joystick
+    _start_mode: Mode
+    _seen: StepState
+    _since: int
+    """Scans of the PLC since the last one of the program."""
+    _dt: float
+    """Of the present scan of the program [s]."""
+    _busy: bool
+    _hurry: bool
+    """The next scan is one of the program: something was asked."""
+    _acknowledge: bool
+    _silent: bool
+
+    def __init__(
+        self,
+        places: Places | None = None,
+        *,
+        start: str = "stopped",
+        orders: bool = False,
+        pause: float = 20.0,
+        ladle: float = 210.0,
+        stand: int = 1,
+        settings: Mapping[str, float] | None = None,
+    ) -> None:
+        """A crane just switched on for the first time, at its safe height over stand 1.
+
+        `start`: automatic, manual or stopped; `orders`: it orders its own cycles, `pause` [s] between them; `ladle` [t] on `stand`;
+        `settings`: initial setpoints by name.
+
+        Raises:
+            ValueError: a number or a setting that cannot be.
+        """
+        self.places = places or Places()
+        if start not in STARTS:
+            raise ValueError(f"start = {start}: expected {', '.join(STARTS)}")
+        for name, value, low, high in (
+            ("pause", pause, 0, 3600),
+            ("ladle", ladle, 0, 400),
+            ("stand", stand, 1, STANDS),
+        ):
+            if not low <= value <= high:
+                raise ValueError(f"{name} = {value:g}: expected {low:g} to {high:g}")
+        given = checked(dict(settings or {}))
+        initial = [Setting(s.name, given.get(s.name, s.default), s.low, s.high) for s in SETTINGS]
+        if number := faulty({s.name: s.default for s in initial}, self.places):
+            raise ValueError(
+                f"{initial[number - 1].name} = {initial[number - 1].default:g} does not go with the others"
+            )
+        self._start_in, self._ladle, self._stand = STARTS[start], ladle, stand
+        self.orders = Orders(self, active=orders, pause=pause)
+        super().__init__(
+            settings=initial,
+            settings_at=SETTINGS_AT,
+            staging_at=STAGING,
+            images=(
+                Image(STATUS, STATUS_WORDS, lambda: signals.status(self)),
+                Image(CONFIGURATION, CONFIGURATION_WORDS, lambda: signals.configuration(self.places)),
+                *(Image(AXIS_AT[name], AXIS_WORDS, self._image(name)) for name in AXES),
+            ),
+            configuration=CONFIGURATION,
+            capacities=(len(AXES), len(DRIVES), len(SETTINGS), STANDS, EVENT_CAPACITY),
+            faults=own.FAULTS,
+            words={own.REG_ORDERS: int(orders), own.REG_PAUSE: round(pause), own.REG_LADLE: round(ladle * 10)},
+            limits=own.LIMITS,
+        )
+        self._start_up()
+
+    def _image(self, name: str) -> Callable[[], bytes]:
+        return lambda: signals.axis(self, self.axes[name])
+
+    # ---- what the sequence uses
+
+    def stand(self, number: int) -> Mapping[str, float]:
+        """Where the lock of a stand is."""
+        return self.places.stand(number)
+
+    def position(self, axis: str) -> float:
+        """As measured [mm]."""
+        return self.axes[axis].position
+
+    def positioning(self, axis: str, target: float) -> MovePhase:
+        """Bring an axis there."""
+        return self.travel.position(axis, target, self._dt)
+
+    def circling(self, angles: tuple[float, float]) -> bool:
+        """Circular move; whether it is there."""
+        travel = self.travel
+        done = travel.circle_to(angles, self.load_part, bool(self.path_mode), self._dt)
+        if done:
+            self.event(CraneEvent.PATH_DONE, self.cycle.step, travel.worst)
+        elif travel.phase is Phase.FAULT:
+            self.event(CraneEvent.PATH_FAULT, signals.FAULT_WORDS[travel.fault], travel.worst)
+            self.sequence.suspend(Suspension.PATH)
+        return done
+
+    def lay_circle(self, circle: Circle) -> None:
+        """The circle of the next circular move."""
+        self.travel.lay(circle)
+
+    def weighed(self) -> float:
+        """What the scale says [t]."""
+        return self.weight
+
+    # ---- one scan
+
+    def _scan(self) -> None:
+        self._since += 1
+        if self._since < (BUSY if self._busy else IDLE) and not self._hurry:
+            return
+        self._dt, self._since, self._hurry = self._since * self.dt, 0, False
+        dt = self._dt
+        self.travel.begin()
+        self._judge()
+        self.orders.step(dt)
+        levers = self._levers()
+        if self.cycle.open and not self.stopping:
+            self.sequence.step(dt)
+        self.travel.end(dt)
+        asked = {} if self.stopping or self.held or self.emergency else {**self.travel.asked, **levers}
+        self._move(asked, dt)
+        self.edges.look()
+        if self.cycle.state is not self._seen:
+            self._seen = self.cycle.state
+            self.cycles_done += self._seen is StepState.DONE
+            self.cycles_aborted += self._seen is StepState.ABORTED
+        self._busy = bool(asked) or self.moving or any(axis.energised for axis in self.axes.values())
+        if self.stopping and not self.moving:
+            self.stopping = False
+
+    def _move(self, asked: Mapping[str, Asked], dt: float) -> None:
+        safe = not self.emergency and not self.held
+        up = self.scale_ok and not self.overload and not self.rope_overlap
+        speeds = {name: axis.speed for name, axis in self.axes.items()}
+        for name, axis in self.axes.items():
+            hoist = name == "hoist"
+            around = Surroundings(
+                safe,
+                not hoist or up,
+                not hoist or not self.slack_rope,
+                self._acknowledge,
+                self.fault,
+                self.load.rope.load,
+            )
+            axis.step(asked.get(name, STILL), around, dt)
+        self._acknowledge = False
+        if self._busy or any(asked) or any(self.load.swing.values()):
+            at = {name: axis.axis.position for name, axis in self.axes.items()}
+            now = {name: axis.speed for name, axis in self.axes.items()}
+            self.load.step(at, now, {name: now[name] - speeds[name] for name in now}, dt)
+        self.weight = self.load.scale(self.fault, self.settings["overload_limit"])
+
+    def _judge(self) -> None:
+        """What ends a cycle's way, and what latches."""
+        if self.emergency:
+            self.latched = True
+        if self.host_silent != self._silent:
+            self._silent = self.host_silent
+            if self._silent:
+                self.sequence.suspend(Suspension.HOST)
+                self.mode = Mode.OFF
+        if self.cycle.runs:
+            why = self._reason()
+            if why is not Suspension.NONE:
+                self.sequence.suspend(why)
+
+    def _reason(self) -> Suspension:
+        """Why a cycle cannot go on."""
+        axes = self.axes.values()
+        if self.emergency or self.held:
+            return Suspension.EMERGENCY_STOP
+        if not all(axis.drives_ok for axis in axes):
+            return Suspension.DRIVE
+        if any(any(axis.limits.alarms.values()) for axis in axes):
+            return Suspension.LIMIT
+        if not all(axis.encoder_ok for axis in axes):
+            return Suspension.ENCODER
+        if not self.scale_ok:
+            return Suspension.SCALE
+        if self.overload:
+            return Suspension.OVERLOAD
+        return Suspension.ROPE if self.rope_overlap or self.slack_rope else Suspension.NONE
+
+    def _levers(self) -> Mapping[str, Asked]:
+        """What hold-to-run asks; in automatic it suspends first."""
+        bits = self.hold
+        if bits and self.mode is Mode.AUTOMATIC:
+            self.sequence.suspend(Suspension.JOG)
+        levers = {
+            name: Lever((bits >> 2 * n & 1) - (bits >> 2 * n + 1 & 1), self.speed_step) for n, name in enumerate(AXES)
+        }
+        both = any(bits >> 2 * n & 3 == 3 for n in range(len(AXES)))
+        by_hand = self.mode is Mode.MANUAL or (self.mode is Mode.AUTOMATIC and self.cycle.state is StepState.SUSPENDED)
+        allowed = by_hand and not (both or self.held or self.emergency or self.stopping)
+        moved = self._joystick.step(levers, self.steps if bits else -1, self._dt, allowed=allowed)
+        if not moved.axis or any(axis.moving for name, axis in self.axes.items() if name != moved.axis):
+            return {}
+        return {moved.axis: Asked(moved.speed, True)}
+
+    # ---- commands
+
+    def _execute(self, request: Request) -> Verdict:
+        self._hurry = True
+        code, first = request.code, request.arguments[0]
+        match code:
+            case CraneCommand.STOP:
+                return self._stop()
+            case CraneCommand.RESET:
+                return self._reset()
+            case CraneCommand.AUTOMATIC:
+                return self._change_mode(Mode.AUTOMATIC)
+            case CraneCommand.MANUAL:
+                return self._change_mode(Mode.MANUAL)
+            case CraneCommand.START_CYCLE:
+                return self.order(first, request.arguments[1], real_of(request.arguments[2]))
+            case CraneCommand.SUSPEND | CraneCommand.RESUME | CraneCommand.ABORT:
+                return self._intervene(code)
+            case CraneCommand.CONFIRM_WEIGHT:
+                return self.confirm_weight(real_of(first))
+        return self._select(code, first)
+
+    def _stop(self) -> Verdict:
+        self.event(CraneEvent.STOP)
+        self.sequence.suspend(Suspension.STOP)
+        self.mode = Mode.OFF
+        self.stopping = self.moving
+
+        def standing() -> AnswerState:
+            return AnswerState.RUNNING if self.stopping else AnswerState.DONE
+
+        return Verdict(AnswerState.RUNNING, until=standing) if self.stopping else Verdict()
+
+    def _reset(self) -> Verdict:
+        if self.emergency:
+            return no(CraneReason.EMERGENCY_STOP)
+        if self.moving:
+            return no(CraneReason.MOVING)
+        self.latched = False
+        self.axes["hoist"].axis.safety_brake = False
+        self._acknowledge = True
+        self.event(CraneEvent.RESET)
+        return Verdict()
+
+    def _change_mode(self, mode: Mode) -> Verdict:
+        if self.emergency:
+            return no(CraneReason.EMERGENCY_STOP)
+        if self.held:
+            return no(CraneReason.HELD)
+        if mode is self.mode:
+            return Verdict()
+        if self.moving or self.hold:
+            return no(CraneReason.MOVING)
+        if mode is Mode.AUTOMATIC and self.host_silent:
+            return no(CraneReason.WRONG_STATE, self.state)
+        self.sequence.suspend(Suspension.OPERATOR)
+        self.mode = mode
+        self.event(CraneEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CraneEvent.MANUAL)
+        return Verdict()
+
+    def order(self, start: int, end: int, planned: float) -> Verdict:
+        if self.mode is not Mode.AUTOMATIC:
+            return no(CraneReason.WRONG_STATE, self.state)
+        if self.cycle.open:
+            return no(CraneReason.CYCLE_RUNS)
+        for number in (start, end):
+            if not 1 <= number <= STANDS:
+                return no(CraneReason.NO_SUCH_STAND, number)
+        if start == end:
+            return no(CraneReason.SAME_STAND, start)
+        if not 0 <= planned <= self.settings["overload_limit"]:
+            return no(CraneReason.OVERLOAD)
+        if self.load.locked or not self.load.stand:
+            return no(CraneReason.LOADED)
+        if self.load.stand != start:
+            return no(CraneReason.STAND_OCCUPIED if self.load.stand == end else CraneReason.NO_LADLE, start)
+        if verdict := self._not_permitted():
+            return verdict
+        self.sequence.start(start, end, planned)
+        return Verdict()
+
+    def _not_permitted(self) -> Verdict | None:
+        for number, met in enumerate(self.start_permissives.values(), 1):
+            if not met:
+                return no(CraneReason.NOT_ALLOWED, number)
+        return None
+
+    def _intervene(self, code: int) -> Verdict:
+        if not self.cycle.open:
+            return no(CraneReason.NO_CYCLE)
+        if code == CraneCommand.SUSPEND:
+            self.sequence.suspend(Suspension.OPERATOR)
+        elif code == CraneCommand.ABORT:
+            self.sequence.suspend(Suspension.OPERATOR)
+            self.sequence.abort()
+        else:
+            if self.mode is not Mode.AUTOMATIC or self.cycle.runs:
+                return no(CraneReason.WRONG_STATE, self.state)
+            if verdict := self._not_permitted():
+                return verdict
+            if axis := self.sequence.out_of_place():
+                return no(CraneReason.OUT_OF_PLACE, AXES.index(axis) + 1)
+            self.sequence.resume()
+        return Verdict()
+
+    def confirm_weight(self, weight: float) -> Verdict:
+        """A person has read the scale [t]."""
+        if not self.weight_asked:
+            return no(CraneReason.NO_WEIGHT_ASKED)
+        if isnan(weight) or not abs(weight - self.weight) <= READING:
+            return no(CraneReason.OTHER_WEIGHT)
+        self.sequence.confirm(weight)
+        return Verdict()
+
+    def _select(self, code: int, first: int) -> Verdict:
+        if code == CraneCommand.SELECT_STEP:
+            if not 1 <= first <= 4:
+                return no(CraneReason.WRONG_STATE)
+            self.speed_step = first
+        elif code == CraneCommand.SELECT_DRIVES:
+            if first not in DriveChoice._value2member_map_:
+                return no(CraneReason.NO_SUCH_DRIVE, first)
+            if self.axes["hoist"].moving:
+                return no(CraneReason.MOVING)
+            self.drives_selected = DriveChoice(first)
+            self.axes["hoist"].selection = _SELECTIONS[self.drives_selected]
+            self.event(CraneEvent.DRIVES_SELECTED, first)
+        elif code == CraneCommand.RESET_HOURS:
+            motors = [motor for axis in self.axes.values() for motor in axis.motors]
+            if not 1 <= first <= len(motors):
+                return no(CraneReason.NO_SUCH_DRIVE, first)
+            self.event(CraneEvent.HOURS_RESET, first, motors[first - 1].hours.hours)
+            motors[first - 1].reset_hours = True
+        elif code == CraneCommand.SELECT_PATH:
+            if first not in (0, 1) or self.cycle.open:
+                return no(CraneReason.CYCLE_RUNS if self.cycle.open else CraneReason.WRONG_STATE)
+            self.path_mode = first
+            self.event(CraneEvent.PATH_SELECTED, first)
+        else:
+            return no(CraneReason.UNKNOWN)
+        return Verdict()
+
+    # ---- settings, training, power
+
+    @property
+    def host_timeout(self) -> float:
+        return self.settings["host_timeout"]
+
+    def _host_deaf(self) -> bool:
+        return self.fault == own.HOST_OFF
+
+    def _settings_fault(self, values: Mapping[str, float]) -> int:
+        return faulty(values, self.places)
+
+    def _judged(self, request: Request) -> Verdict:
+        if request.code == plc_map.COMMIT_SETTINGS and self.moving:
+            return no(CraneReason.MOVING)
+        return super()._judged(request)
+
+    def _settings_changed(self) -> None:
+        for axis in self.axes.values():
+            axis.take(self.settings)
+        self._take_settings()
+        self.event(CraneEvent.SETTINGS)
+
+    def _take_settings(self) -> None:
+        self.travel.take(self.settings)
+        if self.cycle.laid:
+            self.travel.lay(self.cycle.laid)
+        self._joystick = Joystick({name: axis.steps for name, axis in self.axes.items()})
+
+    def _trained(self, address: int, word: int) -> None:
+        if address == own.REG_ORDERS:
+            self.orders.active = bool(word)
+        elif address == own.REG_PAUSE:
+            self.orders.pause = float(word)
+        elif address == own.REG_LADLE:
+            self.load.weight = word / 10
+        elif address == training.REG_MACHINE_FAULT:
+            self.fault = word
+        self._hurry = True
+
+    def _forget(self) -> None:
+        start = {**self.places.stand(1), "hoist": self.settings["safe_height"]}
+        self.axes = {name: PlcAxis(name, self.settings, self.places, start[name]) for name in AXES}
+        self.load = Load(self.places, self._ladle, self._stand)
+        self.sequence = CraneSequence(self, Cycle())
+        self.speed_step, self.drives_selected, self.path_mode = 1, DriveChoice.BOTH, 0
+        self.cycles_done = self.cycles_aborted = 0
+        self._start_mode = self._start_in
+        self.fault = 0
+        self.orders.reset()
+
+    def _power_up(self) -> None:
+        self.mode, self._start_mode = self._start_mode, Mode.OFF
+        for axis in self.axes.values():
+            axis.start_up(self.settings)
+        self.travel = Travel(self.axes, self.settings)
+        self.latched = self.stopping = self._acknowledge = self._silent = self._busy = False
+        self._hurry, self._since, self._dt = True, 0, BUSY * self.dt
+        self.weight = self.load.scale(self.fault, self.settings["overload_limit"])
+        self._take_settings()
+        self.edges = Edges(self)
+        self.edges.take_stock()
+        self.sequence.suspend(Suspension.POWER_UP)
+        self._seen = self.cycle.state
+        self.event(CraneEvent.POWER_UP, value=self.boots)

@@ -1,0 +1,218 @@
+"""How the sequence moves the crane: positioners of single axes, and the circular move of trolley and hoist."""
+
+from collections.abc import Mapping
+from math import isfinite, nan
+
+from app.blocks.arc_positioner.circle import Circle, Point
+from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Phase
+from app.blocks.arc_positioner.following import Inputs as ArcInputs
+from app.blocks.arc_positioner.original import OriginalArc
+from app.blocks.positioner.positioner import Inputs as MoveInputs
+from app.blocks.positioner.positioner import Phase as MovePhase
+from app.blocks.positioner.positioner import Positioner
+from app.blocks.rope import stretch
+from app.sim.crane.figures import HOIST
+from app.sim.crane.plc_axis import Asked, PlcAxis
+
+LAG = 0.1
+"""Of the drives, as commissioned [s]."""
+SLOW_DISTANCE: Mapping[str, float] = {"hoist": 60.0, "trolley": 200.0, "bridge": 200.0}
+"""At the lowest manual speed before a target [mm]."""
+JERK_TIME = 0.5
+"""In which an axis reaches its acceleration [s]."""
+MIDDLE = 45.0
+"""Of the two ends of a circular move: the angle of a load is looked for around it [°]."""
+CREEP = 1.0
+"""Slower than this for so long, the original's formulas have come to their end [mm/s]."""
+CREEPING = 3.0
+"""[s]"""
+STRAIN = HOIST["rope_strain"].value
+TOP = HOIST["max_position"].value + HOIST["rope_length_at_top"].value
+STILL = Asked()
+
+
+class Travel:
+    """Positioners and the circular move of one crane; asked anew in every scan."""
+
+    def __init__(self, axes: Mapping[str, PlcAxis], settings: Mapping[str, float]) -> None:
+        self._axes = axes
+        self.asked: dict[str, Asked] = {}
+        """Of this scan, by axis."""
+        self.take(settings)
+
+    def take(self, settings: Mapping[str, float]) -> None:
+        """Settings in effect; what was under way is forgotten."""
+        speed = settings["automatic_speed"] / 100
+        self._moves = {name: self._positioner(axis) for name, axis in self._axes.items()}
+        self._speeds = {name: axis.max_speed * speed for name, axis in self._axes.items()}
+        self._radius = settings["arc_radius"]
+        self._speed = settings["arc_speed"]
+        x, y = (self._limits(self._axes[name]) for name in ("trolley", "hoist"))
+        self.follower = ArcFollower(x, y)
+        self._original = self._formulas()
+        self.path_error = self.radial_error = nan
+        self.worst = 0.0
+        self.angle = self.goal = nan
+        self.phase, self.fault = Phase.OFF, Fault.NONE
+        self.circle: Circle | None = None
+        self._creeping = 0.0
+        self._moved: set[str] = set()
+        self._circled = False
+        self._share = 0.0
+
+    def begin(self) -> None:
+        """A scan begins; nothing is asked yet."""
+        self.asked = {}
+        self._moved.clear()
+        self._circled = False
+
+    def end(self, dt: float) -> None:
+        """What was not asked for in this scan is forgotten."""
+        for name, move in self._moves.items():
+            if name not in self._moved and move.phase is not MovePhase.OFF:
+                move.safe()
+                self._axes[name].target = nan
+        if not self._circled and self.phase not in (Phase.OFF, Phase.FAULT, Phase.DONE):
+            self._drop(dt)
+
+    def position(self, name: str, target: float, dt: float) -> MovePhase:
+        """Bring an axis to `target` [mm]; its brakes are open before it counts."""
+        axis, move = self._axes[name], self._moves[name]
+        self._moved.add(name)
+        there = move.phase in (MovePhase.DONE, MovePhase.MISSED)
+        if move.phase is MovePhase.OFF and abs(axis.position - target) < move.tolerance and not axis.moving:
+            return MovePhase.DONE
+        axis.target = target
+        if not axis.running and not there:
+            move.safe()
+            self.asked[name] = Asked(0.0, True)
+            return MovePhase.OFF
+        low, high = axis.low, axis.high
+        out = move.step(
+            MoveInputs(
+                True, axis.position, target, axis.speed, self._speeds[name], low.slow, high.slow, low.stop, high.stop
+            ),
+            dt,
+        )
+        if out.phase in (MovePhase.DONE, MovePhase.MISSED):
+            axis.target = nan
+        else:
+            self.asked[name] = Asked(out.speed, True)
+        return out.phase
+
+    def lay(self, circle: Circle) -> None:
+        """The circle of the next circular move."""
+        self.circle = circle
+        self.follower.release()
+        self.follower.lay(circle, MIDDLE)
+        self._original = self._formulas()
+        self._original.circle = circle
+        self.worst, self._creeping = 0.0, 0.0
+        self.phase, self.fault = Phase.OFF, Fault.NONE
+
+    def circle_to(self, angles: tuple[float, float], load: float, original: bool, dt: float) -> bool:
+        """Move the load [1 = full] on the circle to the second angle [°]; whether it is there. `fault` says when it ended otherwise."""
+        self._circled, self._share = True, load
+        trolley, hoist = self._axes["trolley"], self._axes["hoist"]
+        self.goal = angles[1]
+        if original:
+            return self._by_formulas(angles, trolley, hoist, dt)
+        out = self.follower.step(
+            ArcInputs(
+                self.follower.phase is not Phase.STOPPING,
+                self.load_at(load),
+                angles[0],
+                angles[1],
+                self._radius,
+                self._speed,
+                brakes_open=(trolley.running, hoist.running),
+                rope_strain=load * STRAIN,
+                stop_switch=any(axis.low.stop or axis.high.stop for axis in (trolley, hoist)),
+            ),
+            dt,
+        )
+        self.phase, self.fault = out.phase, out.fault
+        self.angle, self.path_error, self.radial_error = out.angle, out.path_error, out.radial_error
+        if isfinite(out.path_error):
+            self.worst = max(self.worst, out.path_error)
+        if out.run:
+            self._ask_both(out.speed)
+        return out.phase is Phase.DONE
+
+    def load_at(self, load: float) -> Point:
+        """Where the load is, by encoders and scale [mm]."""
+        y = self._axes["hoist"].position
+        return Point(self._axes["trolley"].position, y - stretch(load, max(0.0, TOP - y), STRAIN))
+
+    @property
+    def planned(self) -> Point:
+        """Where the load should be [mm]; NaN without a circular move."""
+        if self.circle is None or self.phase not in (Phase.MOVING, Phase.HELD, Phase.STOPPING):
+            return Point(nan, nan)
+        return self.circle.at(self.angle)
+
+    def _drop(self, dt: float) -> None:
+        """A suspended move comes to a stop on its circle."""
+        trolley, hoist = self._axes["trolley"], self._axes["hoist"]
+        if self.phase in (Phase.MOVING, Phase.HELD, Phase.STOPPING) and trolley.running and hoist.running:
+            out = self.follower.step(
+                ArcInputs(
+                    False,
+                    self.load_at(self._share),
+                    0.0,
+                    self.goal,
+                    self._radius,
+                    self._speed,
+                    rope_strain=self._share * STRAIN,
+                ),
+                dt,
+            )
+            self.phase, self.fault = out.phase, out.fault
+            if out.run:
+                self._ask_both(out.speed)
+                return
+        self.follower.release()
+        self.phase = Phase.OFF
+
+    def _ask_both(self, speed: Point) -> None:
+        self.asked["trolley"], self.asked["hoist"] = Asked(speed.x, True), Asked(speed.y, True)
+
+    def _by_formulas(self, angles: tuple[float, float], trolley: PlcAxis, hoist: PlcAxis, dt: float) -> bool:
+        """The original's, with its defects, for comparison."""
+        position = Point(trolley.position, hoist.position)
+        speeds = Point(trolley.speed, hoist.speed)
+        out = self._original.step(True, False, position, speeds, *angles, self._radius, self._speed)
+        finished = self._original.stopped == (True, True)
+        self._creeping = self._creeping + dt if max(map(abs, out.speed)) < CREEP else 0.0
+        self.phase = Phase.MOVING
+        self.angle = out.angle
+        assert self.circle is not None
+        self.radial_error = self.circle.radial_error(position)
+        self.path_error = abs(self.radial_error)
+        self.worst = max(self.worst, self.path_error)
+        if finished or self._creeping > CREEPING:
+            self.phase = Phase.DONE
+            return True
+        self._ask_both(out.speed)
+        return False
+
+    def _positioner(self, axis: PlcAxis) -> Positioner:
+        data = axis.axis.data
+        return Positioner(
+            axis.max_speed,
+            data.acceleration,
+            data.deceleration,
+            slow_speed=axis.steps[0],
+            slow_distance=SLOW_DISTANCE[axis.name],
+            lag=LAG + 0.05,
+        )
+
+    def _limits(self, axis: PlcAxis) -> AxisLimits:
+        data = axis.axis.data
+        weaker = min(data.acceleration, data.deceleration)
+        return AxisLimits(axis.max_speed, weaker, data.acceleration / JERK_TIME, LAG, data.resolution)
+
+    def _formulas(self) -> OriginalArc:
+        trolley, hoist = self._axes["trolley"], self._axes["hoist"]
+        times = Point(*(axis.max_speed / axis.axis.data.deceleration for axis in (trolley, hoist)))
+        return OriginalArc(Point(trolley.max_speed, hoist.max_speed), times)
