@@ -33,6 +33,8 @@ from app.plant import types
 from app.plant.definitions import Problem
 from tests.virtual import VirtualLoop, inline
 
+sys.dont_write_bytecode = False  # two thirds of what it takes to collect all tests is their compilation
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # nor do the processes that tests start compile it anew
 settings.register_profile("house", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("house")  # how long an example takes is the machine's affair
 
