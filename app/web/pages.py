@@ -9,7 +9,7 @@ from starlette.exceptions import HTTPException
 
 from app import bundled
 from app.historian.events import has_ring
-from app.plant.definitions import Equipment, Plant
+from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.web import language
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
@@ -74,17 +74,19 @@ async def equipment_page(request: Request, key: str, name: str) -> HTMLResponse:
     return _screen(request, key, name)
 
 
-def pages_of(kind: str) -> list[str]:
-    """The pages of an equipment type by name: `page.html` first, then every `page_<name>.html`."""
-    folder = bundled("templates") / "screens" / kind
+def pages_of(kind: EquipmentType) -> list[str]:
+    """The pages of an equipment type by name: `page.html`, then every `page_<name>.html` in the order of their words (`page.<name>`)."""
+    folder = bundled("templates") / "screens" / kind.name
     first = [MAIN] if (folder / "page.html").is_file() else []
-    return first + sorted(path.stem.removeprefix("page_") for path in folder.glob("page_*.html"))
+    told = [key.removeprefix("page.") for key in next(iter(kind.texts.values()), ()) if key.startswith("page.")]
+    found = (path.stem.removeprefix("page_") for path in folder.glob("page_*.html"))
+    return first + sorted(found, key=lambda name: (told.index(name) if name in told else len(told), name))
 
 
 def _screen(request: Request, key: str, name: str) -> HTMLResponse:
     plant, view = plant_of(request), view_of(request)
     machine = plant.equipment.get(key)
-    pages = pages_of(machine.type.name) if machine else []
+    pages = pages_of(machine.type) if machine else []
     if machine is None or name not in pages:
         raise HTTPException(404)
     operation = Operation(request, machine)

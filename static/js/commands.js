@@ -266,6 +266,7 @@ async function press(button, answer = {}) {
   for (const one of same) { one.dataset.locked = ""; one.dataset.state = "requested"; }
   if (line && !button.kept) line.textContent = texts.sending;
   const fields = { id: identity(), ...answer };
+  if (button.name) fields[button.name] = button.value; // an argument that the button itself stands for
   if (!stop) fields.nonce = await nonce();
   const got = await post(url, fields, stop ? STOP_ANSWER : ANSWER);
   for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
