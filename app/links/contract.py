@@ -47,6 +47,12 @@ class Counts:
     """Telegrams with a wrong check sum, and noise."""
     late: int = 0
     """Answers to requests that had been given up."""
+    parity: int = 0
+    """Characters whose parity was wrong, as far as a serial port counts them; since it was opened."""
+    framing: int = 0
+    """Those without a stop bit where one had to be."""
+    strange: bool = False
+    """Bytes were heard since a serial port was opened, and none of them was a telegram."""
 
 
 class LateAnswerDue(NoAnswer):

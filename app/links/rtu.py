@@ -28,6 +28,7 @@ import serial  # type: ignore[import-untyped]
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange, LateAnswerDue
 from app.links.late_answers import LateAnswers, Mark, Piece, mark_of_answer, mark_of_request
+from app.links.port_errors import PortErrors, port_errors
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
 from app.registers.rtu import AnswerFramer, build_frame, character_time, silence
@@ -103,6 +104,10 @@ class RtuTransport:
         """False: an answer that was surely one came sooner than this speed allows."""
         self._doubles = False
         """Whether an answer was heard twice."""
+        self._errors = PortErrors()
+        """What the port had counted when it was opened."""
+        self._understood = False
+        """Whether a telegram was heard since then."""
 
     @property
     def connected(self) -> bool:
@@ -120,7 +125,9 @@ class RtuTransport:
         loop = asyncio.get_running_loop()
         self._lost, self._heard = "", loop.time()
         self._framer = AnswerFramer(echo=self._framer.echo)
-        self._paced, self._doubles = True, False
+        self._paced, self._doubles, self._understood = True, False, False
+        self.counts.parity, self.counts.framing, self.counts.strange = 0, 0, False
+        self._errors = port_errors(self._port) or PortErrors()
         self._former.clear()
         loop.add_reader(self._port.fileno(), self._readable)
 
@@ -255,7 +262,8 @@ class RtuTransport:
         else:
             if telegram.held:
                 self._doubles = False  # nothing was said twice here
-            self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s"))
+            hint = self._hint() if self.counts.strange else ""
+            self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s{hint}"))
 
     # what is heard
 
@@ -293,14 +301,30 @@ class RtuTransport:
         for unit, pdu in frames:
             self._take(unit, pdu)
         self.counts.damaged += self._framer.damaged - damaged
+        if skipped >= NOISE:
+            self.counts.strange = not self._understood
+            if (counted := port_errors(self._port)) is not None:
+                errors = counted.since(self._errors)
+                self.counts.parity, self.counts.framing = errors.parity, errors.framing
         if skipped >= NOISE and self._telegram is not None:
-            self._fail(
-                self._telegram,
-                BadAnswer(f"{self._path} unit {self._telegram.unit}: {skipped} bytes that are no telegram (check sum)"),
+            where, hint = f"{self._path} unit {self._telegram.unit}", self._hint()
+            self._fail(self._telegram, BadAnswer(f"{where}: {skipped} bytes that are no telegram (check sum){hint}"))
+
+    def _hint(self) -> str:
+        """What is likely wrong with a line on which nothing is understood; empty when there is nothing to say."""
+        link, counts = self._link, self.counts
+        settings = f"{link.baud} baud, parity {link.parity}, {link.stop_bits} stop bit{'s' * (link.stop_bits > 1)}"
+        if counts.parity or counts.framing:
+            return f"; {counts.parity} parity and {counts.framing} framing errors: has the device {settings}?"
+        if counts.strange:
+            return (
+                f"; no telegram was heard since the port was opened: has the device {settings}? Are A and B exchanged?"
             )
+        return ""
 
     def _take(self, unit: int, pdu: bytes) -> None:
         """An answer with a good check sum: to what is on its way, or to something given up."""
+        self._understood, self.counts.strange = True, False
         telegram, now = self._telegram, asyncio.get_running_loop().time()
         if telegram is None or unit != telegram.unit or telegram.answer.done():
             self._late(unit, pdu)
@@ -339,7 +363,7 @@ class RtuTransport:
 
     def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
         """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
-        if telegram.request.function not in READS or self._late_answers.expects(telegram.mark, now):
+        if self._late_answers.expects(telegram.mark, now):
             return False
         soon = now < telegram.earliest
         if not self._was_said(telegram.unit, pdu, now):

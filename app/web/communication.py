@@ -271,6 +271,7 @@ def _details(request: Request, link: RegisterLink) -> dict[str, Any]:
         warnings.append(view.text(request, "communication.too_fast", **numbers))
     elif load.full:
         warnings.append(view.text(request, "communication.nearly_full", **numbers))
+    warnings += _hearing(request, link)
     kind = statistics.last_error
     return {
         "name": link.name,
@@ -285,6 +286,18 @@ def _details(request: Request, link: RegisterLink) -> dict[str, Any]:
             for code, count in sorted(unit.by_code.items())
         ],
     }
+
+
+def _hearing(request: Request, link: RegisterLink) -> list[str]:
+    """What is likely wrong with a serial line on which nothing is understood."""
+    wire, line, text = link.statistics.wire, link.link, view_of(request).text
+    parity = text(request, f"communication.parity.{line.parity}")
+    settings = {"baud": line.baud, "parity": parity, "stop": line.stop_bits}
+    if link.up:
+        return []
+    if wire.parity or wire.framing:
+        return [text(request, "communication.port_errors", faults=wire.parity, framing=wire.framing, **settings)]
+    return [text(request, "communication.strange", **settings)] if wire.strange else []
 
 
 def _exception(request: Request, code: int) -> str:

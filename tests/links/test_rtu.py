@@ -387,7 +387,7 @@ class Repeater:
             unit, pdu = parse_frame(bytes(self._heard[:length])) or (0, b"")
             del self._heard[:length]
             request = parse_request(pdu)
-            if request.address in self.dumb:
+            if (request.write_address if request.words else request.address) in self.dumb:
                 continue
             words = [
                 5000 if at == 111 else 100 + at % 3 for at in range(request.address, request.address + request.count)
@@ -444,6 +444,30 @@ async def test_an_answer_that_is_said_twice_does_not_stand_in_for_one_that_is_no
         slave.dumb = set()
         assert await t.read(1, Block(111, 1), 0.2) == [5000]
         assert await t.read(1, Block(112, 1), 0.2) == [101]
+
+
+@pytest.mark.parametrize("times", [2, 3, 5])
+@pytest.mark.parametrize(
+    ("baud", "after"),
+    [(baud, after) for baud in (1200, 9600) for after in (0.0, 0.0045, 0.01)] + [(38400, 0.0), (38400, 0.002)],
+)
+async def test_the_answer_to_a_write_said_twice_does_not_confirm_the_next_one_like_it(
+    after: float, baud: int, times: int
+) -> None:
+    async with repeater(baud, after) as slave, opened(rtu(slave.path, baud)) as t:
+        for at, count in ((0, 4), (20, 9), (40, 2)):  # as a link begins
+            await t.read(1, Block(at, count), 0.2)
+        for _ in range(times):
+            await t.write(1, 0x2000, [3], 0.2)
+        slave.dumb = {0x2000}
+        for _ in range(3):
+            with pytest.raises(NoAnswer):
+                await t.write(1, 0x2000, [3], 0.2)
+        slave.dumb = set()
+        await asyncio.sleep(12)  # until nothing is owed
+        for _ in range(times):
+            await t.write(1, 0x2000, [3], 0.2)
+            await t.write(1, 0x2000, [5], 0.2)
 
 
 @pytest.mark.parametrize("baud", [9600, 38400])

@@ -13,6 +13,7 @@ from app.plant.texts import Texts
 from app.settings import Settings
 from app.web.communication import reference
 from tests.virtual import house, pass_time, until
+from tests.web.operating import runtime_of
 from tests.web.people import Staff
 
 SERIAL = """
@@ -125,6 +126,31 @@ def test_a_port_that_is_not_there_is_told_in_words(staff: Staff) -> None:
     pass_time(0.3)
     details = page(staff, "/communication/press_shop/details")
     assert "not connected" in details and "/dev/pogon-has-none: no such device; is the adapter plugged in?" in details
+
+
+@pytest.mark.parametrize(
+    ("lang", "counted", "strange"),
+    [
+        ("en", "3 parity and 5 framing errors", "no telegram: compare baud rate, parity"),
+        ("de", "3 Paritäts- und 5 Rahmenfehler", "kein Telegramm: Baudrate, Parität"),
+        ("hr", "pogrešaka pariteta: 3, pogrešaka okvira: 5", "nije telegram: usporedite brzinu"),
+        ("cs", "chyb parity: 3, chyb rámce: 5", "není telegram: porovnejte rychlost"),
+    ],
+)
+@pytest.mark.parametrize("staff", ["serial"], indirect=True)
+def test_a_line_on_which_nothing_is_understood_says_what_to_compare(
+    staff: Staff, lang: str, counted: str, strange: str
+) -> None:
+    staff.enter("ole", "operator")
+    wire = runtime_of(staff.client).links["press_shop"].statistics.wire
+    address = "/communication/press_shop/details"
+    assert strange not in page(staff, address, lang)
+    wire.strange = True
+    told = page(staff, address, lang)
+    assert strange in told and "9600" in told and "{" not in told
+    wire.parity, wire.framing = 3, 5
+    told = page(staff, address, lang)
+    assert counted in told and strange not in told
 
 
 @pytest.mark.parametrize("staff", ["serial"], indirect=True)
