@@ -28,6 +28,8 @@ from app.tags.quality import COMM_FAILURE
 
 RETRY_LIMIT = 0.8
 """Longest time-out of a retry [s]: a pulled cable shows within one time-out + 1 s."""
+STEADY = 2.0
+"""A connection with answers that lasted so long is opened again at once when it is lost; others wait longer each time [s]."""
 TORN_PAUSE = 1.0
 """Before an image that is read once is tried again when it was never whole [s]."""
 ENDED = "link ended"
@@ -140,7 +142,7 @@ class LinkRunner(Outages):
         transport = self._build()
         transport.counts = self.statistics.wire
         while True:
-            lane = _Lane(number, transport)
+            lane, began = _Lane(number, transport), self._now()
             try:
                 await lane.transport.connect()
                 self._opened(number)
@@ -149,7 +151,7 @@ class LinkRunner(Outages):
                 self._lost(number, error)
             finally:
                 await lane.transport.close()
-            if lane.answers:
+            if lane.answers and self._now() - began >= STEADY:
                 pause = 0.0
             await asyncio.sleep(pause * chance.uniform(0.9, 1.1))
             pause = min(max(2 * pause, FIRST_PAUSE), LAST_PAUSE)

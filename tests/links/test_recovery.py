@@ -149,3 +149,56 @@ async def test_answers_lost_at_the_first_look_at_a_plc_keep_nobody_waiting(kind:
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
+
+
+class Closing(asyncio.Protocol):
+    """A gateway that closes each connection after so many `answers`; below 0 it does not."""
+
+    open: "Closing"
+    opened = 0
+
+    def __init__(self, bus: Bus, hard: bool) -> None:
+        self.bus, self.hard = bus, hard
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport, self.left = transport, self.answers
+        Closing.open, Closing.opened = self, Closing.opened + 1
+        if not self.left:
+            transport.abort()
+
+    answers = -1
+
+    def data_received(self, data: bytes) -> None:
+        while data and not self.transport.is_closing():
+            length = 6 + int.from_bytes(data[4:6], "big")
+            head, unit, pdu, data = data[:4], data[6], data[7:length], data[length:]
+            answer = self.bus.answer(unit, pdu).pdu
+            if answer is not None:
+                self.transport.write(head + (len(answer) + 1).to_bytes(2, "big") + bytes((unit,)) + answer)
+                self.left -= 1
+            if not self.left:
+                (self.transport.abort if self.hard else self.transport.close)()
+
+
+@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("answers", [0, 1, 2, 3, 5, 11])
+async def test_a_gateway_that_closes_after_each_answer_is_not_called_without_end(
+    answers: int, hard: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus, loop = Bus({1: RegisterDevice({n: 0 for n in range(25)})}), asyncio.get_running_loop()
+    server = await loop.create_server(lambda: Closing(bus, hard), "127.0.0.1", 0)
+    link = Link("hall", "tcp", host="127.0.0.1", tcp_port=server.sockets[0].getsockname()[1])
+    async with running([row("m1", 1, 25, DRIVE)], link=link) as made:
+        await until(lambda: is_good(made.quality("m1.v0")))
+        await asyncio.sleep(5)
+        monkeypatch.setattr(Closing, "opened", 0)
+        Closing.open.transport.abort()  # lost after a long time it is opened again at once
+        assert await until(lambda: is_good(made.quality("m1.v0"))) < 0.3
+        monkeypatch.setattr(Closing, "answers", answers)
+        Closing.open.transport.abort()
+        await asyncio.sleep(10)
+        assert 5 <= Closing.opened <= 40
+        monkeypatch.setattr(Closing, "answers", -1)
+        assert await until(lambda: is_good(made.quality("m1.v0"))) <= BACK
+    server.close()
