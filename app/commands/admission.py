@@ -64,12 +64,13 @@ class Admission:
         )
         burst = self._bursts.get(key)
         if burst is not None and now - burst.since < BURST:
-            burst.count += 1
-            burst.last = order, progress
+            if order.id != burst.written:  # else the same press once more
+                burst.count += 1
+                burst.last = order, progress
             return
         if burst is not None:
             self._sum_up(burst)
-        self._bursts[key] = _Burst(now)
+        self._bursts[key] = _Burst(now, order.id)
         machine = self._state.machines.get(order.equipment)
         if machine is not None:
             machine.history.append(progress)
@@ -81,8 +82,8 @@ class Admission:
             if now - burst.since < BURST:
                 continue
             self._sum_up(burst)
-            if burst.count:
-                self._bursts[key] = _Burst(now)
+            if burst.last is not None:
+                self._bursts[key] = _Burst(now, burst.last[0].id)
             else:
                 del self._bursts[key]
 
@@ -106,6 +107,8 @@ class _Burst:
 
     since: float
     """Monotonic [s]."""
+    written: str
+    """The press that has its line."""
     count: int = 0
     last: tuple[Order, Progress] | None = None
 

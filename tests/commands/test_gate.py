@@ -772,6 +772,17 @@ async def test_refusals_of_a_second_are_one_line_with_their_number() -> None:
     assert len(stand.commands) == 10
 
 
+@pytest.mark.parametrize("pressed", [("a", "a"), ("a", "b", "a"), ("a", "a", "b", "c", "a"), ("a", "b", "b", "a")])
+async def test_a_press_that_comes_again_has_one_line_although_it_was_refused(pressed: tuple[str, ...]) -> None:
+    stand = Stand()
+    for id in pressed:
+        with pytest.raises(Refused):
+            await stand.gate.ask(ANA, "m1", "nothing", id=id)
+    await stand.pass_time(1.1)
+    told = [line.params["id"] for line in stand.commands]
+    assert len(told) == len(set(told)) and told[0] == "a"
+
+
 async def test_the_rest_of_a_burst_is_written_when_the_plant_stops() -> None:
     stand = Stand()
     for _ in range(3):
