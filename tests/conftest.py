@@ -6,32 +6,27 @@ import gc
 import os
 import shutil
 import socket
-import sqlite3
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from app import chance, db
-from app.access import passwords
+from app import chance
 from app.access.access import Access, prepare
-from app.access.passwords import Cost
 from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
-from app.plant import types
-from app.plant.definitions import Problem
-from tests.virtual import VirtualLoop, inline
+from tests.light import light
+from tests.virtual import VirtualLoop
 
 sys.dont_write_bytecode = False  # two thirds of what it takes to collect all tests is their compilation
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # nor do the processes that tests start compile it anew
@@ -52,12 +47,6 @@ LONGEST = (
     *("test_trends", "test_sequence_engineering", "test_frame"),
 )
 """Files of browser tests that take half a minute and more, the longest first, so that none begins when the other browsers end."""
-CHEAP = Cost(passes=1, memory=64, lanes=1)
-"""A thousandth of what a hash of the product costs: for tests that are not about the cost."""
-NAMES: tuple[Literal["pogon", "history"], ...] = ("pogon", "history")
-"""The databases."""
-EQUIPMENT = types.EQUIPMENT
-"""Where the product's own types are, whatever a test puts in its place."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
@@ -106,66 +95,8 @@ def _seeded(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _light() -> Iterator[None]:
-    """In this process a hash is cheap, and what a database writes need not outlive the machine; other processes are as they are."""
-    with pytest.MonkeyPatch.context() as patch:
-        connect = db._connect
-
-        def without_waiting(path: Path) -> sqlite3.Connection:
-            connection = connect(path)
-            connection.execute("PRAGMA synchronous=OFF")
-            return connection
-
-        patch.setattr(db, "_connect", without_waiting)
-        for name, pragmas in db.PRAGMAS.items():
-            patch.setitem(db.PRAGMAS, name, tuple(text for text in pragmas if not text.startswith("synchronous")))
-        patch.setattr(os, "fsync", lambda _file: None)
-        patch.setattr(passwords, "Cost", lambda: CHEAP)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _migrated(_light: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Of each database one is migrated; every new one of this process begins as its copy, with an id of its own."""
-    migrate = Database.migrate
-    templates: dict[str, bytes] = {}
-    for name in NAMES:
-        database = Database(tmp_path_factory.mktemp("migrated") / f"{name}.db", name, inline)
-        database.migrate()
-        database.close()
-        templates[name] = database.path.read_bytes()
-
-    def copy(database: Database) -> None:
-        if database.path.parent.is_dir() and (not database.path.exists() or not database.path.stat().st_size):
-            file = bytearray(templates[database.name])
-            file[68:72] = db._new_id().to_bytes(4, "big")  # application_id: sqlite.org/fileformat.html, 1.3
-            with suppress(OSError):
-                database.path.write_bytes(file)
-        migrate(database)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Database, "migrate", copy)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _read_once() -> Iterator[None]:
-    """The product's own equipment types are read once per process; types in folders of tests each time."""
-    read = types.read_type
-    known: dict[tuple[object, ...], tuple[types.TypeData, list[Problem]]] = {}
-
-    def once(
-        name: str, languages: Sequence[str], folder: Path = types.EQUIPMENT, *, spoken: Sequence[str] | None = None
-    ) -> tuple[types.TypeData, list[Problem]]:
-        if folder != EQUIPMENT:
-            return read(name, languages, folder, spoken=spoken)
-        asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken))
-        if asked not in known:
-            known[asked] = read(name, languages, folder, spoken=spoken)
-        data, problems = known[asked]
-        return data, [*problems]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(types, "read_type", once)
+    """This process is light; those that it starts are as an operator has them."""
+    with light():
         yield
 
 

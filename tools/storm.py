@@ -9,10 +9,19 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack
 from multiprocessing import get_context
 
+from tests.light import light
 from tests.storm.script import draw
 from tests.storm.trial import run, shortened
+
+_house = ExitStack()
+
+
+def _begin() -> None:
+    """A process that plays is light until it ends."""
+    _house.enter_context(light())
 
 
 def _number(text: str) -> int | None:
@@ -21,6 +30,11 @@ def _number(text: str) -> int | None:
 
 
 def main(arguments: Sequence[str]) -> int:
+    with light():
+        return _play(arguments)
+
+
+def _play(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=20, help="how many, from 1 on")
     parser.add_argument("--seed", type=_number, help="this one alone")
@@ -36,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
     began, failed, spent, ends = time.monotonic(), [], 0.0, Counter[str]()
     jobs = options.jobs or len(os.sched_getaffinity(0))
     # not concurrent.futures: in Python 3.11 its pool stands still when workers are replaced (cpython issue 115634)
-    with get_context("spawn").Pool(jobs, maxtasksperchild=50) as pool:
+    with get_context("spawn").Pool(jobs, _begin, maxtasksperchild=50) as pool:
         for number, verdict in enumerate(pool.imap_unordered(run, scripts.values()), 1):
             spent += verdict.seconds
             ends.update(dict(verdict.counts))

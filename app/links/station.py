@@ -77,7 +77,9 @@ class Station:
     @property
     def origin(self) -> int:
         """Origin flag of its values, as the device has it: it only shows."""
-        return Origin.SIMULATED if self.marked else 0
+        return (
+            int(Origin.SIMULATED) if self.marked else 0
+        )  # a plain integer: of a flag each question takes five times as long
 
     @property
     def basis(self) -> int:

@@ -54,6 +54,7 @@ async def test_every_point_of_the_virtual_drives_is_good_and_simulated(transport
         await until(lambda: all(line.tags.sample(name).seen for name in names))
         assert [name for name in names if not is_good(line.quality(name))] == []
         assert {origin(line.quality(name)) for name in names} == {Origin.SIMULATED}
+        assert {type(line.quality(name)) for name in names} == {int}  # a flag is asked five times as slowly
         assert line.link.simulated
         for station in stations:
             assert {(b.block.address, b.block.count) for b in station.blocks if b.block.address >= 0x1000} == {
