@@ -192,6 +192,19 @@ def built(page: Page, machine: str) -> None:
     instruct(page, f"{machine}/reset")
 
 
+def heard(page: Page, tag: str) -> None:
+    """Wait until the server has heard of `tag` anew: a page that is loaded then shows what is true after this call."""
+    began = time.monotonic()
+    root = page.url.split("/equipment")[0].rstrip("/")
+    while True:
+        asked = time.monotonic()
+        age = page.request.get(f"{root}/api/v1/tags/{tag}").json()["age"]
+        if age is not None and age < asked - began:
+            return
+        assert asked < began + 30, f"{tag} is {age} s old: expected one that was read after the reset"
+        page.wait_for_timeout(50)
+
+
 def instruct(page: Page, what: str, **form: str) -> None:
     """Post a form of the instructor's page: `instruct(page, "m1/fault", code="4")`.
 

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests import coil_plant
-from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, serving, take
+from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, heard, serving, take
 from tests.conftest import PogonServer
 
 WHO, HOME, MOVES = "ivana", "/equipment/seq1", True
@@ -42,6 +42,9 @@ def begin(page: Page) -> None:
     """A run that has just begun on a line as it was built, whatever went on before."""
     for machine in ("cc1", "seq1"):
         built(page, machine)
+    heard(page, "seq1.state")
+    page.reload()  # or "Ready to start" may still be that of the machine before
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
     expect(head(page)).to_contain_text("Ready to start", timeout=30_000)
     take(page)
     press(page, "seq1.start")
