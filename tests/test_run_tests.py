@@ -8,7 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from tools.run_tests import ROOT, SPIN, Result, Stage, has_room, main, report, run, side_by_side, stages, total, within
+from tools.run_tests import (
+    ROOT,
+    SPIN,
+    Result,
+    Stage,
+    has_room,
+    main,
+    report,
+    run,
+    side_by_side,
+    stages,
+    total,
+    widths,
+    within,
+)
 
 PASSES, FAILS = "def test_a(): pass\n", "def test_b(): assert False\n"
 SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_c(): pass\n"
@@ -157,9 +171,23 @@ def test_there_is_room_where_every_core_is_free(monkeypatch: pytest.MonkeyPatch,
     assert has_room(4) is room
 
 
-def test_two_cores_have_none_for_several_stages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.run_tests.SPIN", "print(1.0)")
-    assert [has_room(cores) for cores in (1, 2, 3, 4)] == [False, False, False, True]
+@pytest.mark.parametrize(
+    ("cores", "room", "asked", "given"),
+    [
+        (1, False, (None, None), (1, 1, 1)),
+        (1, True, (None, None), (1, 3, 2)),
+        (2, False, (None, None), (2, 2, 2)),
+        (2, True, (None, None), (2, 6, 3)),
+        (4, True, (None, None), (4, 8, 5)),
+        (16, True, (None, None), (16, 16, 17)),
+        (2, True, (1, None), (1, 1, 3)),
+        (2, True, (None, 1), (2, 6, 1)),
+    ],
+)
+def test_what_waits_has_more_processes_where_there_is_room(
+    cores: int, room: bool, asked: tuple[int | None, int | None], given: tuple[int, int, int]
+) -> None:
+    assert widths(cores, room, *asked) == given
 
 
 def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[str]) -> None:
@@ -168,21 +196,24 @@ def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    ("asked", "room", "lanes", "jobs"),
+    ("asked", "cores", "room", "lanes", "jobs"),
     [
-        ([], True, 3, (2, 3, 3)),
-        ([], False, 1, (2, 2, 2)),
-        (["--together"], False, 3, (2, 3, 3)),
-        (["--apart"], True, 1, (2, 2, 2)),
-        (["--jobs", "1", "--browsers", "1"], True, 3, (1, 1, 1)),
-        (["--browsers", "4"], False, 1, (2, 4, 2)),
-        (["tests/links"], True, 1, (2, 2, 2)),
-        (["--together", "tests/links"], False, 3, (2, 3, 3)),
-        (["--", "-k", "tcp"], True, 1, (2, 2, 2)),
+        ([], 4, True, 3, (4, 5, 8)),
+        ([], 4, False, 1, (4, 4, 4)),
+        ([], 2, True, 1, (2, 3, 6)),
+        ([], 2, False, 1, (2, 2, 2)),
+        (["--together"], 2, False, 3, (2, 3, 6)),
+        (["--apart"], 4, True, 1, (4, 5, 8)),
+        (["--apart"], 4, False, 1, (4, 4, 4)),
+        (["--jobs", "1", "--browsers", "1"], 4, True, 3, (1, 1, 1)),
+        (["--browsers", "4"], 2, False, 1, (2, 4, 2)),
+        (["tests/links"], 4, True, 1, (4, 4, 4)),
+        (["--together", "tests/links"], 2, False, 3, (2, 3, 6)),
+        (["--", "-k", "tcp"], 4, True, 1, (4, 4, 4)),
     ],
 )
 def test_where_nothing_else_runs_stages_run_side_by_side(
-    monkeypatch: pytest.MonkeyPatch, asked: list[str], room: bool, lanes: int, jobs: tuple[int, ...]
+    monkeypatch: pytest.MonkeyPatch, asked: list[str], cores: int, room: bool, lanes: int, jobs: tuple[int, ...]
 ) -> None:
     seen: list[tuple[int, ...]] = []
 
@@ -194,7 +225,7 @@ def test_where_nothing_else_runs_stages_run_side_by_side(
         assert len(several) == lanes
         return [Result("a", 1)]
 
-    monkeypatch.setattr("tools.run_tests.os.sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr("tools.run_tests.os.sched_getaffinity", lambda _: set(range(cores)))
     monkeypatch.setattr("tools.run_tests.has_room", lambda _: room)
     monkeypatch.setattr("tools.run_tests.stages", chosen)
     monkeypatch.setattr("tools.run_tests.side_by_side", beside)

@@ -2,10 +2,10 @@
 
     tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
 
-Where nothing else runs two lanes run side by side: in front what lives in real time, and waits a lot, so with one process more than
-there are cores; behind, with less right to the processor, what lives in virtual time and does not mind. A busy machine does one stage
-after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice. What ran is kept in
-build/tests, as JUnit XML and, side by side, as it was told.
+What lives in real time waits a lot: where nothing else runs it has more processes than there are cores. Where there are several cores,
+too, two lanes run side by side: it in front; behind, with less right to the processor, what lives in virtual time and does not mind.
+Else one stage is after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice.
+What ran is kept in build/tests, as JUnit XML and, side by side, as it was told.
 """
 
 import argparse
@@ -120,15 +120,16 @@ def main(arguments: Sequence[str]) -> int:
     absent = [text for text in options.tests if not (ROOT / text.split("::")[0]).exists()]
     part = bool(options.tests) or any(text.startswith(("-k", "-m")) for text in options.pytest)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    together = has_room(cores) if options.together is None and not absent and not part else bool(options.together)
-    jobs, waiting = options.jobs or cores, options.jobs or cores + together
+    room = not absent and not part and has_room(cores)
+    together = room and cores >= SEVERAL if options.together is None else options.together
+    jobs, waiting, browsers = widths(cores, room or together, options.jobs, options.browsers)
     lanes: list[list[Callable[..., Result]]] = [
         [
             partial(run, stage, chosen, extra, part)
             for stage in lane
             if (chosen := within(stage, options.tests or ["tests"]))
         ]
-        for lane in (stages(jobs, options.browsers or cores + together, waiting) if not absent else ())
+        for lane in (stages(jobs, browsers, waiting) if not absent else ())
     ]
     several = together and len([*filter(None, lanes)]) > 1
     results = side_by_side([[_check], *lanes] if several else [[_check, *chain(*lanes)]])
@@ -141,14 +142,25 @@ def main(arguments: Sequence[str]) -> int:
     return 1 if any(result.failed for result in results) else 0
 
 
+WAITING = 3
+"""Tests in real time for each core that nobody else wants: all of them together compute for half a minute, and wait for ten."""
+MOST_WAITING = 8
+"""But no more than this, as they are a hundred, and each process has to read them all."""
 SEVERAL = 4
 """Cores that several stages need: side by side on two, browsers wait for what computes, and all takes as long."""
 
 
+def widths(cores: int, room: bool, jobs: int | None, browsers: int | None) -> tuple[int, int, int]:
+    """How many processes compute, live in real time and have a browser, if nothing else is asked for: more where there is room."""
+    return (
+        jobs or cores,
+        jobs or (min(WAITING * cores, max(MOST_WAITING, cores)) if room else cores),
+        browsers or cores + room,
+    )
+
+
 def has_room(cores: int) -> bool:
-    """Whether there are cores for several stages and nothing else runs on them: who wants all of every core gets it."""
-    if cores < SEVERAL:
-        return False
+    """Whether nothing else runs on the cores: who wants all of every core gets it."""
     spins = [subprocess.Popen([sys.executable, "-c", SPIN], stdout=subprocess.PIPE, text=True) for _ in range(cores)]
     return min(float(spin.communicate()[0]) for spin in spins) > ROOM
 
