@@ -58,7 +58,10 @@ class Stand:
         self.lever = JOGS[axis, way]
 
     def release(self) -> None:
+        """Let go, and wait until everything stands."""
         self.lever = 0
+        self.talker.hold(0)
+        self.run(0.4)
         self.until(lambda: not self.crane.moving, 20)
 
     def put(self, axis: str, position: float) -> None:
