@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import floor, inf, nan
 from typing import NamedTuple
 
-from app.blocks.drive_control import ENERGISED, DriveControl, State, Times
+from app.blocks.drive_control import DriveControl, State, Times
 from app.blocks.drive_control import Inputs as DriveInputs
 from app.blocks.drive_selection import DriveSelection, Selection
 from app.blocks.limit_switches import Allowed, LimitSwitches, Switches
@@ -25,8 +25,9 @@ WARMING = 600.0
 """Time constant of a motor's temperature [s]."""
 AT_REST = 1.0
 """Slower than this the axis stands [mm/s]."""
+RESTS = (State.BLOCKED, State.READY, State.PRESET)
 RESTING = 0.1
-"""How often an axis that stands with its drives off is looked at [s]."""
+"""How often an axis that stands behind closed brakes is looked at [s]."""
 NOWHERE = SwitchPlaces(0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
 FAULT_CODE = 7860
 """What a drive that the instructor tripped shows: F07860, external fault 1."""
@@ -128,7 +129,7 @@ class PlcAxis:
         """As measured; it stays while the encoder is bad [mm]."""
         self.brakes_open = (False,) * len(self.motors)
         self.up_allowed = self.down_allowed = False
-        self._since = inf
+        self._since = 0.0
         self._last: tuple[object, ...] = ()
         self.active: Sequence[Motor] = self.motors
         self._permissive = True
@@ -230,7 +231,7 @@ class PlcAxis:
             around.down_ok,
         )
         self._since += dt
-        if now == self._last and not asked.run and self._since < RESTING and not self._awake():
+        if now == self._last and not asked.run and self._since < RESTING and not self.awake:
             return
         dt, self._since, self._last = min(self._since, RESTING), 0.0, now
         self._read(around.fault)
@@ -247,13 +248,14 @@ class PlcAxis:
         self.setpoint = wanted
         self._drive(asked.run and (wanted != 0 or not asked.speed), wanted, around, dt)
 
-    def _awake(self) -> bool:
+    @property
+    def awake(self) -> bool:
+        """Something of it changes from scan to scan: not with drives that are off, or energised behind closed brakes."""
         return (
             self.axis.speed != 0.0
-            or self._since > 1e6
-            or any(motor.control.state in ENERGISED or motor.fan.left or motor.reset_hours for motor in self.motors)
-            or any(self.brakes_open)
             or self.axis.brake > 0
+            or any(self.brakes_open)
+            or any(motor.control.state not in RESTS for motor in self.motors)
         )
 
     def _read(self, fault: int) -> None:

@@ -1,6 +1,6 @@
 """A virtual PLC that runs a ladle crane: its program, over `plc_axis`, `travel`, `sequence` and `ladle`; its registers: `register_map`.
 
-Type code 40. The program runs every 20 ms while anything moves or is energised, else every 50 ms.
+Type code 40. The program runs every 20 ms on a circle, every 40 ms while anything else moves, else every 50 ms.
 
 | subject | rule |
 | --- | --- |
@@ -56,8 +56,8 @@ from app.sim.crane.travel import Travel
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
 from app.sim.plc import rejected as no
 
-BUSY, IDLE = 2, 5
-"""Scans of the PLC between two of the program, while something moves and while nothing does."""
+CIRCLE, BUSY, IDLE = 2, 4, 5
+"""Scans of the PLC from one of the program to the next: on a circle, while something else moves, and while nothing does."""
 STARTS = {"stopped": Mode.OFF, "automatic": Mode.AUTOMATIC, "manual": Mode.MANUAL}
 """Mode that a crane may be switched on in for the first time."""
 STILL = Asked()
@@ -84,6 +84,8 @@ class VirtualCrane(CraneView):
     """Scans of the PLC since the last one of the program."""
     _dt: float
     """Of the present scan of the program [s]."""
+    _period: int
+    """Scans of the PLC until the next one of the program."""
     _busy: bool
     _hurry: bool
     """The next scan is one of the program: something was asked."""
@@ -184,7 +186,7 @@ class VirtualCrane(CraneView):
 
     def _scan(self) -> None:
         self._since += 1
-        if self._since < (BUSY if self._busy else IDLE) and not self._hurry:
+        if self._since < self._period and not self._hurry:
             return
         self._dt, self._since, self._hurry = self._since * self.dt, 0, False
         dt = self._dt
@@ -202,7 +204,8 @@ class VirtualCrane(CraneView):
             self._seen = self.cycle.state
             self.cycles_done += self._seen is StepState.DONE
             self.cycles_aborted += self._seen is StepState.ABORTED
-        self._busy = bool(asked) or self.moving or any(axis.energised for axis in self.axes.values())
+        self._busy = bool(asked) or any(axis.awake for axis in self.axes.values())
+        self._period = (CIRCLE if self.travel.circles else BUSY) if self._busy else IDLE
         if self.stopping and not self.moving:
             self.stopping = False
 
@@ -474,7 +477,7 @@ class VirtualCrane(CraneView):
             axis.start_up(self.settings)
         self.travel = Travel(self.axes, self.settings)
         self.latched = self.stopping = self._acknowledge = self._silent = self._busy = False
-        self._hurry, self._since, self._dt = True, 0, BUSY * self.dt
+        self._hurry, self._since, self._dt, self._period = True, 0, BUSY * self.dt, BUSY
         self.weight = self.load.scale(self.fault, self.settings["overload_limit"])
         self._take_settings()
         self.edges = Edges(self)

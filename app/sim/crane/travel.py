@@ -145,6 +145,11 @@ class Travel:
         return Point(self._axes["trolley"].position, y - stretch(load, max(0.0, TOP - y), STRAIN))
 
     @property
+    def circles(self) -> bool:
+        """A circular move is under way, or waits for its brakes."""
+        return self.phase in (Phase.BRAKES, Phase.MOVING, Phase.HELD, Phase.STOPPING)
+
+    @property
     def planned(self) -> Point:
         """Where the load should be [mm]; NaN without a circular move."""
         if self.circle is None or self.phase not in (Phase.MOVING, Phase.HELD, Phase.STOPPING):
