@@ -341,6 +341,26 @@ def test_a_value_above_its_limit_is_written_with_its_limit(hall: Hall) -> None:
     hall.staff.wait(hall.engine.list.touch)
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_programs_read_the_text_that_people_read(hall: Hall, lang: str) -> None:
+    for file in ("pogon.db", "history.db"):
+        hall.tell("database_lost", None, file=file, loss="@alarm.loss.removed")
+    hall.tell("stop_unconfirmed", "m1")
+    hall.tell("link_down", None, link="hall")
+    standing = [*hall.standing(), replace(_heatsink(hall), occurrence=10**9, value=81.25, limit=75.0)]
+    hall.staff.wait(setattr, hall.engine.list, "_drawn", (hall.engine.list.revision, standing))
+    hall.client.cookies.set("pogon_lang", lang)
+    told = {one["occurrence"]: one["text"] for one in hall.client.get("/api/v1/alarms").json()}
+    page = unescape(hall.page("/alarms", lang))
+    assert set(told) == {one.occurrence for one in standing}
+    for text in told.values():
+        assert text in page and not re.search(r"[@{}\[\]]", text), text
+    hall.staff.wait(hall.engine.list.touch)
+    for file in ("pogon.db", "history.db"):
+        hall.tell("database_lost", None, False, file=file)
+    hall.tell("link_down", None, False, link="hall")
+
+
 def _heatsink(hall: Hall) -> ListedAlarm:
     hall.tell("stop_unconfirmed", "m1")
     row = next(alarm for alarm in hall.runtime.plant.equipment["m1"].alarms if alarm.key == "heatsink_high")  # type: ignore[union-attr]

@@ -7,13 +7,13 @@ from fastapi import APIRouter, Body, Request
 from pydantic import BaseModel, Field
 
 from app.clock import to_datetime
+from app.web.alarm_view import Drawing
 from app.web.api.lookup import runtime_of
 from app.web.guard import allow, person_of, shown_name
 from app.web.language import language_of
 
 if TYPE_CHECKING:
     from app.alarms.watch import ListedAlarm
-    from app.runtime import Runtime
 
 router = APIRouter(prefix="/api/v1")
 
@@ -49,7 +49,8 @@ class AckOut(BaseModel):
 async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
-    return [_alarm(request, runtime, standing) for standing in runtime.alarms.list.active()]
+    view = Drawing(runtime, runtime.texts, language_of(request))
+    return [_alarm(request, view, standing) for standing in runtime.alarms.list.active()]
 
 
 @router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])
@@ -66,20 +67,14 @@ async def acknowledge(
     ]
 
 
-def _alarm(request: Request, runtime: "Runtime", one: "ListedAlarm") -> AlarmOut:
-    lang = language_of(request)
-    text = (
-        runtime.texts.of_type(lang, one.type, one.label, **one.params)
-        if one.type
-        else runtime.texts.text(lang, one.label, **one.params)
-    )
+def _alarm(request: Request, view: Drawing, one: "ListedAlarm") -> AlarmOut:
     return AlarmOut(
         id=one.id,
         occurrence=one.occurrence,
         equipment=one.equipment,
         priority=one.priority,
         state=one.state.value,
-        text=text,
+        text=view.text(one),
         came=to_datetime(one.first_true),
         returned=to_datetime(one.returned) if one.returned else None,
         acknowledged=to_datetime(one.acked_at) if one.acked_at else None,
