@@ -9,22 +9,21 @@ Type code 40. The program runs every 20 ms on a circle, every 40 ms while anythi
 | stop | all axes by their ramps, mode off, a cycle is suspended |
 | emergency stop | quick stop of every drive; latched until a reset |
 | alarm of a drive, limit switch, encoder, scale, rope, overload, host | suspends a cycle with its reason |
-| settings | those of an axis that moves are not changed |
+| settings | not changed while an axis moves |
 """
 
 from collections.abc import Callable, Mapping
-from math import isnan
 
 from app.blocks.arc_positioner.circle import Circle
 from app.blocks.arc_positioner.following import Phase
-from app.blocks.drive_selection import Selection
 from app.blocks.joystick import Joystick, Lever
 from app.blocks.positioner.positioner import Phase as MovePhase
 from app.registers import plc_map
-from app.registers.plc_map import AnswerState, Request, real_of
+from app.registers.plc_map import Request
 from app.sim import training
 from app.sim.crane import signals
 from app.sim.crane import training as own
+from app.sim.crane.commands import CommandedCrane
 from app.sim.crane.configuration import SETTINGS, Places, checked, faulty
 from app.sim.crane.edges import Edges
 from app.sim.crane.ladle import Load
@@ -42,7 +41,6 @@ from app.sim.crane.register_map import (
     STANDS,
     STATUS,
     STATUS_WORDS,
-    CraneCommand,
     CraneEvent,
     CraneReason,
     DriveChoice,
@@ -50,8 +48,7 @@ from app.sim.crane.register_map import (
     StepState,
     Suspension,
 )
-from app.sim.crane.sequence import READING, CraneSequence, Cycle
-from app.sim.crane.state import CraneView
+from app.sim.crane.sequence import CraneSequence, Cycle
 from app.sim.crane.travel import Travel
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
 from app.sim.plc import rejected as no
@@ -61,16 +58,9 @@ CIRCLE, BUSY, IDLE = 2, 4, 5
 STARTS = {"stopped": Mode.OFF, "automatic": Mode.AUTOMATIC, "manual": Mode.MANUAL}
 """Mode that a crane may be switched on in for the first time."""
 STILL = Asked()
-_SELECTIONS = {
-    DriveChoice.NONE: Selection.NONE,
-    DriveChoice.FIRST: Selection.FIRST,
-    DriveChoice.SECOND: Selection.SECOND,
-    DriveChoice.BOTH: Selection.BOTH,
-    DriveChoice.BY_HOURS: Selection.BY_HOURS,
-}
 
 
-class VirtualCrane(CraneView):
+class VirtualCrane(CommandedCrane):
     """The PLC of one crane."""
 
     type = "crane"
@@ -87,9 +77,6 @@ class VirtualCrane(CraneView):
     _period: int
     """Scans of the PLC until the next one of the program."""
     _busy: bool
-    _hurry: bool
-    """The next scan is one of the program: something was asked."""
-    _acknowledge: bool
     _silent: bool
 
     def __init__(
@@ -277,148 +264,6 @@ class VirtualCrane(CraneView):
         if not moved.axis or any(axis.moving for name, axis in self.axes.items() if name != moved.axis):
             return {}
         return {moved.axis: Asked(moved.speed, True)}
-
-    # ---- commands
-
-    def _execute(self, request: Request) -> Verdict:
-        self._hurry = True
-        code, first = request.code, request.arguments[0]
-        match code:
-            case CraneCommand.STOP:
-                return self._stop()
-            case CraneCommand.RESET:
-                return self._reset()
-            case CraneCommand.AUTOMATIC:
-                return self._change_mode(Mode.AUTOMATIC)
-            case CraneCommand.MANUAL:
-                return self._change_mode(Mode.MANUAL)
-            case CraneCommand.START_CYCLE:
-                return self.order(first, request.arguments[1], real_of(request.arguments[2]))
-            case CraneCommand.SUSPEND | CraneCommand.RESUME | CraneCommand.ABORT:
-                return self._intervene(code)
-            case CraneCommand.CONFIRM_WEIGHT:
-                return self.confirm_weight(real_of(first))
-        return self._select(code, first)
-
-    def _stop(self) -> Verdict:
-        self.event(CraneEvent.STOP)
-        self.sequence.suspend(Suspension.STOP)
-        self.mode = Mode.OFF
-        self.stopping = self.moving
-
-        def standing() -> AnswerState:
-            return AnswerState.RUNNING if self.stopping else AnswerState.DONE
-
-        return Verdict(AnswerState.RUNNING, until=standing) if self.stopping else Verdict()
-
-    def _reset(self) -> Verdict:
-        if self.emergency:
-            return no(CraneReason.EMERGENCY_STOP)
-        if self.moving:
-            return no(CraneReason.MOVING)
-        self.latched = False
-        self.axes["hoist"].axis.safety_brake = False
-        self._acknowledge = True
-        self.event(CraneEvent.RESET)
-        return Verdict()
-
-    def _change_mode(self, mode: Mode) -> Verdict:
-        if self.emergency:
-            return no(CraneReason.EMERGENCY_STOP)
-        if self.held:
-            return no(CraneReason.HELD)
-        if mode is self.mode:
-            return Verdict()
-        if self.moving or self.hold:
-            return no(CraneReason.MOVING)
-        if mode is Mode.AUTOMATIC and self.host_silent:
-            return no(CraneReason.WRONG_STATE, self.state)
-        self.sequence.suspend(Suspension.OPERATOR)
-        self.mode = mode
-        self.event(CraneEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CraneEvent.MANUAL)
-        return Verdict()
-
-    def order(self, start: int, end: int, planned: float) -> Verdict:
-        if self.mode is not Mode.AUTOMATIC:
-            return no(CraneReason.WRONG_STATE, self.state)
-        if self.cycle.open:
-            return no(CraneReason.CYCLE_RUNS)
-        for number in (start, end):
-            if not 1 <= number <= STANDS:
-                return no(CraneReason.NO_SUCH_STAND, number)
-        if start == end:
-            return no(CraneReason.SAME_STAND, start)
-        if not 0 <= planned <= self.settings["overload_limit"]:
-            return no(CraneReason.OVERLOAD)
-        if self.load.locked or not self.load.stand:
-            return no(CraneReason.LOADED)
-        if self.load.stand != start:
-            return no(CraneReason.STAND_OCCUPIED if self.load.stand == end else CraneReason.NO_LADLE, start)
-        if verdict := self._not_permitted():
-            return verdict
-        self.sequence.start(start, end, planned)
-        return Verdict()
-
-    def _not_permitted(self) -> Verdict | None:
-        for number, met in enumerate(self.start_permissives.values(), 1):
-            if not met:
-                return no(CraneReason.NOT_ALLOWED, number)
-        return None
-
-    def _intervene(self, code: int) -> Verdict:
-        if not self.cycle.open:
-            return no(CraneReason.NO_CYCLE)
-        if code == CraneCommand.SUSPEND:
-            self.sequence.suspend(Suspension.OPERATOR)
-        elif code == CraneCommand.ABORT:
-            self.sequence.suspend(Suspension.OPERATOR)
-            self.sequence.abort()
-        else:
-            if self.mode is not Mode.AUTOMATIC or self.cycle.runs:
-                return no(CraneReason.WRONG_STATE, self.state)
-            if verdict := self._not_permitted():
-                return verdict
-            if axis := self.sequence.out_of_place():
-                return no(CraneReason.OUT_OF_PLACE, AXES.index(axis) + 1)
-            self.sequence.resume()
-        return Verdict()
-
-    def confirm_weight(self, weight: float) -> Verdict:
-        """A person has read the scale [t]."""
-        if not self.weight_asked:
-            return no(CraneReason.NO_WEIGHT_ASKED)
-        if isnan(weight) or not abs(weight - self.weight) <= READING:
-            return no(CraneReason.OTHER_WEIGHT)
-        self.sequence.confirm(weight)
-        return Verdict()
-
-    def _select(self, code: int, first: int) -> Verdict:
-        if code == CraneCommand.SELECT_STEP:
-            if not 1 <= first <= 4:
-                return no(CraneReason.WRONG_STATE)
-            self.speed_step = first
-        elif code == CraneCommand.SELECT_DRIVES:
-            if first not in DriveChoice._value2member_map_:
-                return no(CraneReason.NO_SUCH_DRIVE, first)
-            if self.axes["hoist"].moving:
-                return no(CraneReason.MOVING)
-            self.drives_selected = DriveChoice(first)
-            self.axes["hoist"].selection = _SELECTIONS[self.drives_selected]
-            self.event(CraneEvent.DRIVES_SELECTED, first)
-        elif code == CraneCommand.RESET_HOURS:
-            motors = [motor for axis in self.axes.values() for motor in axis.motors]
-            if not 1 <= first <= len(motors):
-                return no(CraneReason.NO_SUCH_DRIVE, first)
-            self.event(CraneEvent.HOURS_RESET, first, motors[first - 1].hours.hours)
-            motors[first - 1].reset_hours = True
-        elif code == CraneCommand.SELECT_PATH:
-            if first not in (0, 1) or self.cycle.open:
-                return no(CraneReason.CYCLE_RUNS if self.cycle.open else CraneReason.WRONG_STATE)
-            self.path_mode = first
-            self.event(CraneEvent.PATH_SELECTED, first)
-        else:
-            return no(CraneReason.UNKNOWN)
-        return Verdict()
 
     # ---- settings, training, power
 
