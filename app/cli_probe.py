@@ -117,7 +117,7 @@ async def _inject(link: Link, unit: int, what: "Injection") -> None:
 
 async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: float) -> None:
     from app.links.probe import probe, settings_of
-    from app.links.rtu import NotSupported
+    from app.links.serial_port import NotSupported
 
     found: list[Found] = []
     impossible: list[NotSupported] = []

@@ -20,7 +20,7 @@ from app.commands.audit_lines import AuditLine
 from app.errors import StorageError
 from app.historian import record_query as query
 from app.historian.record_query import Wanted
-from app.links.events import head_of
+from app.links.ring_head import head_of
 from app.registers import plc_map
 from app.running.page_tags import page_tags
 from app.runtime import Runtime

@@ -8,101 +8,30 @@ events, never left out in silence.
 import asyncio
 import inspect
 import logging
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 from app.errors import DeviceException, LinkError
 from app.links.bus_access import BusAccess
 from app.links.contract import Block
+from app.links.device_clock import DeviceClock
 from app.links.host_event import HostEvent
+from app.links.ring_head import Head, head_of
 from app.links.schedule import Priority
 from app.links.station import Station
+from app.links.taken_events import TakenEvents
 from app.plant.definitions import Equipment, Scan
-from app.plant.events import Ring, earlier, is_new
+from app.plant.events import Ring, earlier
 from app.registers import plc_map
 from app.registers.pdu import MAX_READ, WRITE_MULTIPLE
-from app.registers.plc_map import DeviceEvent, TimeQuality
+from app.registers.plc_map import DeviceEvent
 
 log = logging.getLogger(__name__)
 
-DRIFT = 50_000
-"""The offset between the device's time and ours is kept until it is wrong by more than this [µs]."""
-SCAN = 100_000
-"""Longest scan of a device: two answers may be so much out of order [µs]."""
 AGAIN = 1.0
 """Before events that were not taken are handed over again [s]."""
 ABSENT_TRIES = 5
 """How often a row is read that the head counts and that is not there, before it counts as lost."""
-
-
-class DeviceClock:
-    """Device time → UTC. A device that keeps UTC itself is believed; of others the offset is measured with every header and kept."""
-
-    def __init__(self) -> None:
-        self.boots: int | None = None
-        self._offset: int | None = None
-        self._time = 0
-        self._asked = 0
-        self._before: tuple[int, int, int] | None = None
-        """Of the start before this one: last device time, offset, boot count."""
-
-    def header(self, words: Sequence[int], first: int, asked: int, answered: int) -> bool:
-        """Take header words from `first` on, read between `asked` and `answered` [µs UTC]; whether the device was restarted."""
-        boots = words[plc_map.AT_BOOTS - first]
-        time = plc_map.time_of(words[plc_map.AT_TIME - first : plc_map.AT_TIME_QUALITY - first])
-        quality = words[plc_map.AT_TIME_QUALITY - first]
-        if asked < self._asked:  # overtaken on another connection
-            return False
-        self._asked = asked
-        went_back = time + (answered - asked) + SCAN < self._time
-        restarted = self.boots is not None and (boots != self.boots or went_back)
-        if restarted and self._offset is not None and self.boots is not None:
-            self._before, self._offset = (self._time, self._offset, self.boots), None
-        self.boots, self._time = boots, time
-        low, high = asked - time, answered - time
-        if quality != TimeQuality.FREE:
-            self._offset = 0
-        elif self._offset is None or not low - DRIFT <= self._offset <= high + DRIFT:
-            self._offset = (low + high) // 2
-        return restarted
-
-    def utc(self, time: int) -> int:
-        """Device time `time` [µs] as µs UTC."""
-        if self._before and self._is_before(time):
-            return time + self._before[1]
-        return time + (self._offset or 0)
-
-    def boot(self, time: int) -> int:
-        """Start of the device in which `time` was."""
-        return self._before[2] if self._before and self._is_before(time) else self.boots or 0
-
-    def _is_before(self, time: int) -> bool:
-        """Whether `time` belongs to the start before this one; what happened after its last header is taken for this one."""
-        assert self._before is not None
-        until = self._before[0]
-        return time <= until if self._time >= until else time > self._time
-
-
-@dataclass(frozen=True, slots=True)
-class Head:
-    """What the head of the ring says."""
-
-    capacity: int
-    words: int
-    """Per row."""
-    oldest: int
-    newest: int
-    acknowledged: int
-
-
-def head_of(words: Sequence[int]) -> Head | None:
-    """The head in a whole image of it, None when it was being changed."""
-    if not plc_map.is_whole(words):
-        return None
-    at = (plc_map.AT_OLDEST, plc_map.AT_NEWEST, plc_map.AT_ACKNOWLEDGED)
-    return Head(words[1], words[2], *(words[n] << 16 | words[n + 1] for n in at))
 
 
 class EventReader:
@@ -124,10 +53,7 @@ class EventReader:
         self._busy: object = None
         self._head: Head | None = None
         self._delivery: tuple[asyncio.Task[None], Sequence[HostEvent], DeviceEvent, int] | None = None
-        self._kept: deque[HostEvent] = deque()
-        """Of the events that were taken and are not known to be stored."""
-        self._storable: int | None = None
-        """Sequence of the last one that is; None until one is known."""
+        self._taken = TakenEvents()
         self._acknowledged = 0
         """The last acknowledgement that the device took, or refused."""
         self._absent = 0
@@ -150,7 +76,7 @@ class EventReader:
             before._last,
             before._delivery,
         )
-        self._kept, self._storable, self._ring = before._kept, before._storable, before._ring
+        self._taken, self._ring = before._taken, before._ring
 
     async def end(self) -> None:
         """Whoever takes events is still given the time to finish with those that he has."""
@@ -266,8 +192,7 @@ class EventReader:
         assert self._ring is not None
         self._ring = Ring(self._ring.reader, self._ring.number + 1, self._clock.boots or 0, head.newest)
         self.position, self._last = 0, None
-        self._kept.clear()
-        self._storable = None
+        self._taken = TakenEvents()
 
     async def _new_rows(self, head: Head) -> list[DeviceEvent] | None:
         """The rows behind `position`, up to the first that is not what the head says; None when it is another ring.
@@ -362,7 +287,7 @@ class EventReader:
             return False
         self.position, self._last = last.sequence, last
         self.lost -= lost
-        self._kept.extend(events)
+        self._taken.add(events)
         return True
 
     @property
@@ -370,20 +295,15 @@ class EventReader:
         """Events that are stored nowhere and that the ring has overwritten: they are lost when this program is killed now."""
         self._note_stored()
         capacity = self._head.capacity if self._head else 0
-        return max(0, len(self._kept) - capacity)
+        return max(0, len(self._taken) - capacity)
 
     def _note_stored(self) -> int | None:
         """Sequence of the last event that is stored, as far as this reader handed it over; None when it knows of none."""
         if self._bus.stored_up_to is None:
-            self._kept.clear()
-            self._storable = self.position
-            return self.position
-        kept = self._kept
-        if kept:
-            mark = self._bus.stored_up_to(self.equipment)
-            while kept and mark is not None and not is_new(kept[0], mark):
-                self._storable = kept.popleft().sequence
-        return self._storable
+            self._taken.all_stored(self.position)
+        elif self._taken:
+            self._taken.stored_up_to(self._bus.stored_up_to(self.equipment))
+        return self._taken.stored
 
     def _to_acknowledge(self, head: Head) -> int | None:
         """Sequence that the device is to be told; None when it knows it, or is told nothing."""

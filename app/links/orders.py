@@ -16,7 +16,7 @@ from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, NotTaken, Overtaken, Rejected
 from app.links.bus_access import BusAccess
 from app.links.contract import Block, LateAnswerDue
-from app.links.events import DeviceClock
+from app.links.device_clock import DeviceClock
 from app.links.schedule import Priority
 from app.links.services import SetWrite
 from app.links.station import Station

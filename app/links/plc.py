@@ -20,10 +20,12 @@ from app import chance
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer
 from app.links.bus_access import BusAccess
 from app.links.contract import Block
-from app.links.events import DeviceClock, EventReader, head_of
+from app.links.device_clock import DeviceClock
+from app.links.events import EventReader
 from app.links.orders import Orders
 from app.links.planner import Part
 from app.links.pulse import FIRST, LAST, Pulse
+from app.links.ring_head import head_of
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.services import Seen, Service, SetWrite

@@ -13,15 +13,11 @@ Unit 0 (broadcast) is refused: nobody confirms one.
 
 import asyncio
 import contextlib
-import errno
-import fcntl
 import logging
 import os
 import termios
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import serial  # type: ignore[import-untyped]
 
@@ -29,6 +25,8 @@ from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConne
 from app.links.contract import Block, Counts, Exchange, LateAnswerDue
 from app.links.late_answers import LateAnswers, Mark, Piece, mark_of_answer, mark_of_request
 from app.links.port_errors import PortErrors, port_errors
+from app.links.repeats import Repeats
+from app.links.serial_port import close_port, open_port, reason_of
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
 from app.registers.rtu import AnswerFramer, build_frame, character_time, silence
@@ -41,20 +39,11 @@ RESTLESS = 1.0
 """A line that is not silent for so long cannot be used [s]."""
 SOONER = 0.9
 """Part of the time that a request and its answer take on the wire: what is complete before that answers something else."""
-FORMER = 4
-"""So many answers back one may be said again, ..."""
-AGAIN = 0.2
-"""... and not later than so long after its time on the wire [s]."""
 NOISE = 5
 """Fewer bytes that are no frame are the click of a driver that switches; from here on it was an answer, damaged."""
 TEMPORARY = (4, 5, 6)
 """Refusals from which nothing lasting is learnt: harmless also when meant for an earlier request."""
 UNITS = range(1, 248)
-PARITIES = {"none": serial.PARITY_NONE, "even": serial.PARITY_EVEN, "odd": serial.PARITY_ODD}
-
-
-class NotSupported(NotConnected):
-    """The port is there and does not take this speed or parity."""
 
 
 @dataclass(slots=True)
@@ -98,12 +87,7 @@ class RtuTransport:
         self._heard = 0.0
         """When the last byte was heard, or the last one sent will have left [s]."""
         self._quiet: asyncio.TimerHandle | None = None
-        self._former: deque[tuple[int, bytes, float]] = deque(maxlen=FORMER)
-        """Units and PDUs of the last answers that were one, and when they were heard [s]."""
-        self._paced = True
-        """False: an answer that was surely one came sooner than this speed allows."""
-        self._doubles = False
-        """Whether an answer was heard twice."""
+        self._repeats = Repeats(self._character)
         self._errors = PortErrors()
         """What the port had counted when it was opened."""
         self._understood = False
@@ -125,10 +109,10 @@ class RtuTransport:
         loop = asyncio.get_running_loop()
         self._lost, self._heard = "", loop.time()
         self._framer = AnswerFramer(echo=self._framer.echo)
-        self._paced, self._doubles, self._understood = True, False, False
+        self._repeats = Repeats(self._character)
+        self._understood = False
         self.counts.parity, self.counts.framing, self.counts.strange = 0, 0, False
         self._errors = port_errors(self._port) or PortErrors()
-        self._former.clear()
         loop.add_reader(self._port.fileno(), self._readable)
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
@@ -240,7 +224,7 @@ class RtuTransport:
         except BlockingIOError:
             sent = 0
         except OSError as error:
-            self._drop(_reason(error))
+            self._drop(reason_of(error))
             raise NotConnected(f"{self._path}: {self._lost}") from error
         if sent != len(frame):
             # the rest would go out in the middle of something else: away with all of it
@@ -261,7 +245,7 @@ class RtuTransport:
             telegram.answer.set_result(pdu)
         else:
             if telegram.held:
-                self._doubles = False  # nothing was said twice here
+                self._repeats.doubles = False  # nothing was said twice here
             hint = self._hint() if self.counts.strange else ""
             self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s{hint}"))
 
@@ -277,7 +261,7 @@ class RtuTransport:
         except BlockingIOError:
             return
         except OSError as error:
-            self._drop(_reason(error))
+            self._drop(reason_of(error))
             return
         if not data:
             self._drop("the device is gone")
@@ -346,31 +330,22 @@ class RtuTransport:
                 if telegram.again:
                     telegram.older = pdu, until
             else:
-                self._doubles = self._doubles or bool(telegram.held)
-                self._former.append((unit, pdu, now))
+                self._repeats.taken(unit, pdu, now, twice=bool(telegram.held))
                 telegram.answer.set_result(pdu)
         elif self._late_answers.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
-        elif self._was_said(unit, pdu, now):
-            self._doubles = True
+        elif self._repeats.was_said(unit, pdu, now):
+            self._repeats.doubles = True
         elif pdu[0] == function:
             self._fail(telegram, _wrong(f"{self._path} unit {unit}", telegram.request, pdu))
-
-    def _was_said(self, unit: int, pdu: bytes, now: float) -> bool:
-        """Whether this may be a former answer, said again."""
-        since = now - AGAIN - (len(pdu) + 3) * self._character
-        return any((of, said) == (unit, pdu) and heard >= since for of, said, heard in self._former)
 
     def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
         """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
         if self._late_answers.expects(telegram.mark, now):
             return False
-        soon = now < telegram.earliest
-        if not self._was_said(telegram.unit, pdu, now):
-            if soon and not self._late_answers.owes(telegram.unit, telegram.request.function, now):
-                self._paced = False
-            return False
-        return pdu not in telegram.held and (self._doubles or (soon and self._paced))
+        owed = self._late_answers.owes(telegram.unit, telegram.request.function, now)
+        doubtful = self._repeats.doubtful(telegram.unit, pdu, now, soon=now < telegram.earliest, owed=owed)
+        return doubtful and pdu not in telegram.held
 
     def _late(self, unit: int, pdu: bytes) -> None:
         now = asyncio.get_running_loop().time()
@@ -378,8 +353,8 @@ class RtuTransport:
             return
         if self._late_answers.settle(mark_of_answer(unit, pdu), now):
             self.counts.late += 1
-        elif self._was_said(unit, pdu, now):
-            self._doubles = True
+        elif self._repeats.was_said(unit, pdu, now):
+            self._repeats.doubles = True
 
     def _fail(self, telegram: _Telegram, error: LinkError) -> None:
         if not telegram.answer.done():
@@ -405,81 +380,9 @@ class RtuTransport:
             raise BadAnswer(f"{self._path} unit {unit}: expected 1 to 247; nobody answers a broadcast")
 
 
-def open_port(link: Link) -> serial.Serial:
-    """The serial device of `link`, for us alone: a lock that other programs of this kind heed, and TIOCEXCL for all the others.
-
-    Raises:
-        NotSupported: the port does not take this speed or parity.
-        NotConnected: names the port, what is wrong and what helps.
-    """
-    if link.parity not in PARITIES:
-        raise NotConnected(f"{link.port}: parity {link.parity}, expected one of {', '.join(PARITIES)}")
-    try:
-        port = serial.Serial(
-            link.port,
-            link.baud,
-            parity=PARITIES[link.parity],
-            stopbits=link.stop_bits,
-            timeout=0,
-            exclusive=True,
-        )
-    except termios.error as error:
-        raise NotSupported(
-            f"{link.port}: does not take {link.baud} baud, parity {link.parity} ({error.args[-1]})"
-        ) from error
-    except (OSError, ValueError) as error:  # SerialException is an OSError
-        raise NotConnected(f"{link.port}: {_reason(error)}") from error
-    with contextlib.suppress(OSError, termios.error, ValueError, AttributeError, NotImplementedError):
-        port.set_low_latency_mode(True)
-    with contextlib.suppress(OSError, termios.error):
-        if not _is_pseudo_terminal(link.port):  # there the mark would stay when we are killed
-            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
-        port.reset_input_buffer()
-    return port
-
-
-def close_port(port: serial.Serial) -> None:
-    """Give it back without waiting for what could not be sent."""
-    with contextlib.suppress(OSError, termios.error):
-        port.reset_output_buffer()
-        fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
-    with contextlib.suppress(OSError, termios.error):
-        port.close()
-
-
-REASONS: dict[int, str] = {
-    errno.ENOENT: "no such device; is the adapter plugged in?",
-    errno.ENODEV: "no such device; is the adapter plugged in?",
-    errno.ENXIO: "no such device; is the adapter plugged in?",
-    errno.EACCES: "permission denied; the user of this program has to be in the group dialout",
-    errno.EPERM: "permission denied; the user of this program has to be in the group dialout",
-    errno.EBUSY: "in use by another program",
-    errno.EAGAIN: "in use by another program",
-    errno.ENOTTY: "is not a serial device",
-    errno.EIO: "the device is gone",
-}
-"""What helps, by error number of the system."""
-
-
-def _reason(error: BaseException) -> str:
-    """What is wrong and what helps; pyserial keeps the number of the system's error in different places."""
-    number = getattr(error, "errno", None)
-    cause = error.__context__
-    if number is None and cause is not None:
-        number = cause.args[0] if cause.args and isinstance(cause.args[0], int) else getattr(cause, "errno", None)
-    if number is None:
-        return str(error)
-    text = REASONS.get(number) or os.strerror(number)
-    return f"{text} ({errno.errorcode.get(number, number)})"
-
-
 def _wrong(where: str, request: Request, pdu: bytes) -> BadAnswer:
     try:
         parse_answer(request, pdu)
     except LinkError as error:
         return BadAnswer(f"{where}: {error}")
     return BadAnswer(f"{where}: {pdu.hex(' ')} is no answer to {request}")
-
-
-def _is_pseudo_terminal(path: str) -> bool:
-    return str(Path(path).resolve()).startswith("/dev/pts/")

@@ -7,6 +7,7 @@ schedule one by one, so a write never waits for more than the telegram on the wi
 
 import asyncio
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from math import inf
 
@@ -232,16 +233,11 @@ class LinkRunner(Outages):
         try:
             if job.read is not None:
                 words = await transport.read(job.unit, job.read, job.timeout)
-            elif station is not None:
-                async with station.writing:
+            else:
+                async with station.writing if station is not None else nullcontext():
                     check_permit(job)
                     job.sent = True
                     await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
-                words = []
-            else:
-                check_permit(job)
-                job.sent = True
-                await transport.write(job.unit, job.address, job.words, job.timeout, job.function)
                 words = []
         except BaseException as error:
             self.statistics.busy += self._now() - started

@@ -7,10 +7,13 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from random import Random
 
+from app.links.rtu import RtuTransport
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_answer, parse_request
 from app.registers.rtu import build_frame, parse_frame, request_length
-from tests.wires import SerialLine
+from app.sim.bus import Bus
+from app.sim.server import SerialServer
+from tests.wires import SerialLine, serve_line
 
 
 class Terminal:
@@ -126,3 +129,22 @@ async def bad_slave(*, seed: int = 1, terminal: bool = False) -> AsyncIterator[B
 def rtu(path: str, baud: int = 115200, **fields: object) -> Link:
     """A serial link over a pseudo-terminal, which knows no parity."""
     return Link("hall", "rtu", port=path, baud=baud, parity="none", stop_bits=2, writes=True, **fields)  # type: ignore[arg-type]
+
+
+@asynccontextmanager
+async def opened(link: Link) -> AsyncIterator[RtuTransport]:
+    transport = RtuTransport(link)
+    await transport.connect()
+    try:
+        yield transport
+    finally:
+        await transport.close()
+
+
+@asynccontextmanager
+async def paced(bus: Bus, baud: int) -> AsyncIterator[SerialServer]:
+    line = await serve_line(bus, baud)
+    try:
+        yield line
+    finally:
+        await line.close()

@@ -91,31 +91,18 @@ class VirtualSinamics:
         Raises:
             ConfigurationError: one of them is unknown or out of range.
         """
-        if start not in ("", "forward", "reverse"):
-            raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
-        if not 1 <= rated_current <= 400:
-            raise ConfigurationError(f"rated_current takes 1 to 400 A, not {rated_current}")
-        if not 0 <= setpoint <= 199.9:
-            raise ConfigurationError(f"setpoint takes 0 to 199.9 %, not {setpoint}")
-        if process_words not in (2, 10):
-            raise ConfigurationError(f"process_words is 2 or 10, not {process_words}")
-        if not inertia_ratio >= 0:
-            raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
+        _check(start, rated_current, setpoint, process_words, inertia_ratio)
         self._requests = Requests(process_words)
         self.rated_current = rated_current
         self.data = MOTOR_SETS["B"].sized(rated_current * SQRT3)
         self._seed, self._start, self._setpoint, self._inertia_ratio = seed, start, setpoint, inertia_ratio
         self._factory = commissioned(rated_current, parameters or {})
-        world = {own.REG_LOAD: load, own.REG_LOAD_QUADRATIC: quadratic_load, own.REG_DISTURBANCE: disturbance}
-        for address, value in world.items():
-            low, high = own.LIMITS[address]
-            if not low <= value <= high:
-                raise ConfigurationError(f"load takes {low} to {high} %, not {value}")
+        world = _world(load, quadratic_load, disturbance)
         self._training = TrainingRegisters(
             own.TYPE_CODE,
             {*FAULTS, *ALARMS},
             {
-                **{address: round(value) for address, value in world.items()},
+                **world,
                 own.REG_AMBIENT: 25,
                 own.REG_SUPPLY: 400,
                 own.REG_INTERLOCK: 0,
@@ -207,8 +194,7 @@ class VirtualSinamics:
         word = self.machine.status
         if self.local:
             word &= ~Status.CONTROL_REQUESTED
-        deviation = abs(self._ramp.reference(self.machine, self._value) - self.speed)
-        alarms = self._monitoring.alarms
+        deviation, alarms = abs(self._ramp.reference(self.machine, self._value) - self.speed), self.alarms
         for bit, on in (
             (Status.ALARM, bool(alarms)),
             (Status.SPEED_WITHIN_TOLERANCE, deviation <= self._value["p2163"]),
@@ -241,10 +227,9 @@ class VirtualSinamics:
             self.buffer.enter(messages.TIMEOUT)
         self._run_machine()
         self._excitation.step(self.machine, self._value, self.dt)
-        limited = self.shaft.limited
-        self._ramp.step(self.machine, self._value, self._excitation, self.speed, limited=limited, dt=self.dt)
-        excited = self.state is State.SWITCHED_ON
-        self.power.step(self._supply(), self.dt, excited=excited, blocked=self._injected == messages.BLOCKED)
+        self._ramp.step(self.machine, self._value, self._excitation, self.power, self.dt)
+        excited, blocked = self.state is State.SWITCHED_ON, self._injected == messages.BLOCKED
+        self.power.step(self._supply(), self.dt, excited=excited, blocked=blocked)
         for number in self._monitoring.step(self.power, self._watched(), self.dt):
             self.buffer.enter(number)
 
@@ -305,14 +290,13 @@ class VirtualSinamics:
         return Supply(self.machine.pulses, self.ramp / RPM, self._excitation.flux, self._value["p0640"])
 
     def _watched(self) -> Watched:
-        values = self._value
         return Watched(
             pulses=self.machine.pulses,
             operating=self.state is State.OPERATION,
             ramp=self.ramp,
-            tolerance=values["p2163"],
+            tolerance=self._value["p2163"],
             standstill=self._standstill,
-            greatest_speed=values["p1082"],
+            greatest_speed=self._value["p1082"],
             injected=self._injected,
         )
 
@@ -361,10 +345,31 @@ class VirtualSinamics:
         return Readings(
             power=self.power,
             ramp=self.ramp if self.machine.pulses else 0.0,
-            interlock=bool(self._training[own.REG_INTERLOCK]),
-            emergency=bool(self._training[own.REG_EMERGENCY]),
-            local=self.local,
+            training=self._training,
             faults=self.buffer.present,
             alarms=self._monitoring.alarms,
             access_error=self._requests.access_error,
         )
+
+
+def _check(start: str, rated_current: float, setpoint: float, process_words: int, inertia_ratio: float) -> None:
+    if start not in ("", "forward", "reverse"):
+        raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
+    if not 1 <= rated_current <= 400:
+        raise ConfigurationError(f"rated_current takes 1 to 400 A, not {rated_current}")
+    if not 0 <= setpoint <= 199.9:
+        raise ConfigurationError(f"setpoint takes 0 to 199.9 %, not {setpoint}")
+    if process_words not in (2, 10):
+        raise ConfigurationError(f"process_words is 2 or 10, not {process_words}")
+    if not inertia_ratio >= 0:
+        raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
+
+
+def _world(load: float, quadratic: float, disturbance: float) -> dict[int, int]:
+    """The load as training registers [% of rated torque]."""
+    world = {own.REG_LOAD: load, own.REG_LOAD_QUADRATIC: quadratic, own.REG_DISTURBANCE: disturbance}
+    for address, value in world.items():
+        low, high = own.LIMITS[address]
+        if not low <= value <= high:
+            raise ConfigurationError(f"load takes {low} to {high} %, not {value}")
+    return {address: round(value) for address, value in world.items()}

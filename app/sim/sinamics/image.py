@@ -6,6 +6,8 @@ from types import MappingProxyType
 
 from app.sim.sinamics.power import PowerUnit
 from app.sim.sinamics.registers import ACCESS_ERROR
+from app.sim.sinamics.training import REG_EMERGENCY, REG_INTERLOCK, REG_LOCAL
+from app.sim.training import TrainingRegisters
 
 FIRMWARE, POWER_UNIT = 470, 10001
 FIRST_FAULT = 40400
@@ -18,11 +20,8 @@ class Readings:
     power: PowerUnit
     ramp: float
     """Output of the ramp generator [rpm], 0 without pulses."""
-    interlock: bool
-    emergency: bool
-    """Terminals are open."""
-    local: bool
-    """The panel at the drive has the control."""
+    training: TrainingRegisters
+    """Terminals, and who has the control."""
     faults: list[int]
     """Places of the present situation."""
     alarms: list[int]
@@ -39,8 +38,8 @@ def reading(it: Readings, number: int) -> float:
 
 _READINGS: Mapping[int, Callable[[Readings], float]] = MappingProxyType(
     {
-        40240: lambda it: float(not it.interlock),
-        40241: lambda it: float(not it.emergency),
+        40240: lambda it: float(not it.training[REG_INTERLOCK]),
+        40241: lambda it: float(not it.training[REG_EMERGENCY]),
         40300: lambda it: POWER_UNIT,
         40301: lambda it: FIRMWARE,
         40320: lambda it: it.power.data.rated_power / 1000,
@@ -53,7 +52,7 @@ _READINGS: Mapping[int, Callable[[Readings], float]] = MappingProxyType(
         40346: lambda it: it.power.shaft.torque,
         40347: lambda it: max(0.0, it.power.shaft.power) / 1000,
         40348: lambda it: it.power.energy,
-        40349: lambda it: float(not it.local),
+        40349: lambda it: float(not it.training[REG_LOCAL]),
         40408: lambda it: it.alarms[0] if it.alarms else 0,
         40409: lambda it: it.alarms[-1] if it.alarms else 0,
         ACCESS_ERROR: lambda it: it.access_error,

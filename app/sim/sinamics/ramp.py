@@ -7,6 +7,7 @@ from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import STOPPING, State, StateMachine
 from app.profidrive.words import Control
 from app.sim.sinamics.excitation import Excitation
+from app.sim.sinamics.power import PowerUnit
 
 
 @dataclass(slots=True)
@@ -36,16 +37,14 @@ class RampGenerator:
         machine: StateMachine,
         values: Mapping[str, float],
         excitation: Excitation,
-        speed: float,
-        *,
-        limited: bool,
+        power: PowerUnit,
         dt: float,
     ) -> None:
-        """Advance by `dt` [s] over a shaft that turns at `speed` [rpm], `limited` while its torque is at its limit.
+        """Advance by `dt` [s]; while the torque is at its limit and the shaft stays behind, it waits.
 
         Without pulses, and in their first step, it stands at the speed that the shaft has.
         """
-        word = machine.control
+        word, speed = machine.control, power.speed
         if not machine.pulses or excitation.pulsing <= dt + 1e-9:
             self.output = speed
             if not machine.pulses:
@@ -58,7 +57,7 @@ class RampGenerator:
             return
         target, now = self.reference(machine, values), self.output
         slower = now * (target - now) < 0
-        if limited and not slower and abs(now - speed) > values["p2163"]:
+        if power.shaft.limited and not slower and abs(now - speed) > values["p2163"]:
             return
         braking = "p1121" if slower else "p1120"
         time = values["p1135" if machine.state is State.QUICK_STOP else braking]

@@ -15,12 +15,12 @@ FAULTS = [7860, 30021, 0, 0, 0, 0, 0, 0]
 
 
 def shown() -> Readings:
-    area = TrainingRegisters(2, (), {own.REG_AMBIENT: 25, own.REG_SUPPLY: 400}, limits=own.LIMITS)
+    area = TrainingRegisters(2, (), {own.REG_AMBIENT: 25, own.REG_EMERGENCY: 1, own.REG_LOCAL: 1}, limits=own.LIMITS)
     power = PowerUnit(area, MOTOR_SETS["B"].sized(20.0), 15.0, inertia=0.1, seed=1)
     it = power.shaft
     it.speed, it.frequency, it.voltage, it.current, it.torque, it.power = 50.0, 17.0, 140.0, 9.0, -3.0, 1500.0
     power.energy, power.bus_voltage = 12.7, 540.0
-    return Readings(power, 480.0, False, True, True, FAULTS, [7910, 7903], 2)
+    return Readings(power, 480.0, area, FAULTS, [7910, 7903], 2)
 
 
 @pytest.mark.parametrize(

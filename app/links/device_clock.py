@@ -1,0 +1,59 @@
+"""The clock of a Pogon PLC, read with its header."""
+
+from collections.abc import Sequence
+
+from app.registers import plc_map
+from app.registers.plc_map import TimeQuality
+
+DRIFT = 50_000
+"""The offset between the device's time and ours is kept until it is wrong by more than this [µs]."""
+SCAN = 100_000
+"""Longest scan of a device: two answers may be so much out of order [µs]."""
+
+
+class DeviceClock:
+    """Device time → UTC. A device that keeps UTC itself is believed; of others the offset is measured with every header and kept."""
+
+    def __init__(self) -> None:
+        self.boots: int | None = None
+        self._offset: int | None = None
+        self._time = 0
+        self._asked = 0
+        self._before: tuple[int, int, int] | None = None
+        """Of the start before this one: last device time, offset, boot count."""
+
+    def header(self, words: Sequence[int], first: int, asked: int, answered: int) -> bool:
+        """Take header words from `first` on, read between `asked` and `answered` [µs UTC]; whether the device was restarted."""
+        boots = words[plc_map.AT_BOOTS - first]
+        time = plc_map.time_of(words[plc_map.AT_TIME - first : plc_map.AT_TIME_QUALITY - first])
+        quality = words[plc_map.AT_TIME_QUALITY - first]
+        if asked < self._asked:  # overtaken on another connection
+            return False
+        self._asked = asked
+        went_back = time + (answered - asked) + SCAN < self._time
+        restarted = self.boots is not None and (boots != self.boots or went_back)
+        if restarted and self._offset is not None and self.boots is not None:
+            self._before, self._offset = (self._time, self._offset, self.boots), None
+        self.boots, self._time = boots, time
+        low, high = asked - time, answered - time
+        if quality != TimeQuality.FREE:
+            self._offset = 0
+        elif self._offset is None or not low - DRIFT <= self._offset <= high + DRIFT:
+            self._offset = (low + high) // 2
+        return restarted
+
+    def utc(self, time: int) -> int:
+        """Device time `time` [µs] as µs UTC."""
+        if self._before and self._is_before(time):
+            return time + self._before[1]
+        return time + (self._offset or 0)
+
+    def boot(self, time: int) -> int:
+        """Start of the device in which `time` was."""
+        return self._before[2] if self._before and self._is_before(time) else self.boots or 0
+
+    def _is_before(self, time: int) -> bool:
+        """Whether `time` belongs to the start before this one; what happened after its last header is taken for this one."""
+        assert self._before is not None
+        until = self._before[0]
+        return time <= until if self._time >= until else time > self._time
