@@ -24,7 +24,8 @@ from app.historian.records import RecordFold
 from app.links.register_link import RegisterLink
 from app.live.frames import Live
 from app.plant.changes import renamed
-from app.plant.definitions import Equipment, Link, Plant, Point, Problem
+from app.plant.definitions import Equipment, Link, Plant, Point
+from app.plant.problems import Problem
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, EVENTS
 from app.plant.texts import Texts

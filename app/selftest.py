@@ -23,7 +23,8 @@ from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
 from app.errors import ConfigurationError
 from app.files import open_ordinary, read_text
-from app.plant.definitions import Plant, Problem
+from app.plant.definitions import Plant
+from app.plant.problems import Problem
 from app.settings import Settings
 
 State = Literal["ok", "warning", "failed"]

@@ -6,8 +6,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli import cli
-from app.plant.definitions import Plant, Problem
+from app.plant.definitions import Plant
 from app.plant.loader import read_plant
+from app.plant.problems import Problem
 from app.sim import plant as sim_plant
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from typing import Any
 
-from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point, SequenceDefinition, SequenceTest
+from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
+from app.plant.sequence_definition import SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
 from app.plant.type_files.options import BY_DEFINITION
 

@@ -9,7 +9,7 @@ from hashlib import sha256
 from json import dumps, loads
 from typing import Any
 
-from app.plant.definitions import SequenceDefinition, SequencePermissive
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 
 ABORT = "abort"
 """In place of the key of a step: the abort conditions."""

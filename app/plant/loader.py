@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from app.plant import types
-from app.plant.definitions import MoreProblems, Plant, Problem, Texts
+from app.plant.definitions import Plant, Texts
 from app.plant.plant_files.alarms import read_plant_alarm
 from app.plant.plant_files.couplings import couple
 from app.plant.plant_files.languages import PlantLanguages, languages, read_timezone
@@ -12,6 +12,7 @@ from app.plant.plant_files.links import read_link
 from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS, Machines
 from app.plant.plant_files.names import check_id
 from app.plant.plant_files.types_used import TypesUsed
+from app.plant.problems import MoreProblems, Problem
 from app.plant.sequences import SequenceFiles
 from app.plant.tables import MOST_PROBLEMS, NONE, STOP_AT, Enough, Plain, Source, Table
 

@@ -46,19 +46,9 @@ from zlib import crc32
 from app.blocks.sequence import ALL, BITS, SequenceState
 from app.errors import ConfigurationError
 from app.plant import expression
-from app.plant.definitions import (
-    Equipment,
-    Kind,
-    Plant,
-    Point,
-    Problem,
-    SequenceDefinition,
-    SequencePermissive,
-    SequenceStep,
-    SequenceTest,
-    Texts,
-    Type,
-)
+from app.plant.definitions import Equipment, Kind, Plant, Point, Texts, Type
+from app.plant.problems import Problem
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive, SequenceStep, SequenceTest
 from app.plant.tables import MISSING, Plain, Source, Table, one_of
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import MOST_STEPS, STEPS

@@ -11,7 +11,7 @@ from typing import Any
 
 from app.errors import MissingFile, UnusableFile
 from app.files import ORDINARY, read_text
-from app.plant.definitions import Problem
+from app.plant.problems import Problem
 from app.plant.toml import LARGEST_FILE, TomlRefused, parse
 
 REQUIRED: Any = object()

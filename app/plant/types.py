@@ -26,7 +26,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.plant import plc, record_kinds
-from app.plant.definitions import EquipmentType, Problem
+from app.plant.definitions import EquipmentType
+from app.plant.problems import Problem
 from app.plant.services import read_services
 from app.plant.tables import Source, Table
 from app.plant.training import read_training

@@ -10,7 +10,8 @@ from app.access.audit.audit import Audit
 from app.access.roles import Person
 from app.commands.interlocks import met, stopped
 from app.plant.changes import Change, compare, digest
-from app.plant.definitions import Plant, Problem
+from app.plant.definitions import Plant
+from app.plant.problems import Problem
 from app.plant.sequences import RUNNING
 from app.sim.plant import read_simulated
 from app.tags.batch import Value

@@ -11,8 +11,9 @@ from zlib import crc32
 
 from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError
-from app.plant.definitions import Equipment, Plant, Problem
+from app.plant.definitions import Equipment, Plant
 from app.plant.loader import PLANT_FILE, read_plant, shortened
+from app.plant.problems import Problem
 from app.plant.sequences import program
 from app.sim.bus import Bus, damaged
 from app.sim.device import DT, VirtualDevice

@@ -12,7 +12,8 @@ from app.blocks.sequence import (
     StepSettings,
 )
 from app.plant import types
-from app.plant.definitions import Equipment, SequenceDefinition, SequencePermissive, SequenceStep
+from app.plant.definitions import Equipment
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive, SequenceStep
 from app.registers.plc_map import real
 from tests.historian.rings import BEGIN, Event, a_ring
 

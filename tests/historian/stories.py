@@ -100,7 +100,7 @@ def runs(seed: int, rounds: int, begin: int = BEGIN) -> Iterator[Portion]:
                 device.scan()
         device.give()
         device.scan(2)
-        if source.random() < 0.3 and (release := device.block.release(source.randrange(1, 4), 3)):
+        if source.random() < 0.3 and (release := device.block.forces.release(source.randrange(1, 4), 3)):
             device.tell(release)
         told = device.drain()
         while told:

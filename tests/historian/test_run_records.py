@@ -162,7 +162,7 @@ async def test_forces_that_were_active_belong_to_the_run(kept: Records, history:
     device.tell(device.block.force(3, 3, 60.0, device.time))
     device.tell(device.block.force(3, 3, 90.0, device.time))
     device.scan(100)
-    release = device.block.release(3, 3)
+    release = device.block.forces.release(3, 3)
     assert release
     device.tell(release)
     device.run()

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import pytest
-from tests.links.test_plc_orders import is_command
 
 from app.errors import LinkError, NoAnswer, Refused, Rejected
 from app.links import outages
@@ -14,6 +13,7 @@ from app.plant.definitions import Device, PlcMap, Register, UnitService
 from app.registers import plc_map
 from tests.links.devices import until
 from tests.links.plc_devices import DEVICE, KINDS, SmallPlc, command_of, once, plant, small
+from tests.links.test_orders import is_command
 
 
 @dataclass(frozen=True, slots=True)

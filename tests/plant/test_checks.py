@@ -6,8 +6,8 @@ import pytest
 
 from app import bundled
 from app.plant import expression
-from app.plant.definitions import Problem
 from app.plant.loader import read_plant
+from app.plant.problems import Problem
 from tests.plant.line import PLANT, write_type
 
 

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 from app.cli import cli
 from app.errors import ConfigurationError, MissingFile, UnusableFile
 from app.files import read_bytes, read_text
-from app.plant.definitions import Problem
 from app.plant.loader import read_plant
 from app.plant.plant_files.machines import MOST_MACHINES
+from app.plant.problems import Problem
 from app.plant.tables import MOST_PROBLEMS, STOP_AT
 from app.plant.toml import DEEPEST, LARGEST_FILE, LONGEST_TEXT, MOST_VALUES
 from app.sim.plant import read_simulated

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from app.plant.definitions import Problem
 from app.plant.loader import read_plant
 from app.plant.plant_files import languages
+from app.plant.problems import Problem
 from app.plant.texts import Texts
 
 TYPES = {

@@ -7,8 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import cli
-from app.plant.definitions import Kind, Plant, Problem, Scan
+from app.plant.definitions import Kind, Plant, Scan
 from app.plant.loader import read_plant
+from app.plant.problems import Problem
 
 DEMO = Path(__file__).parents[2] / "plants" / "demo"
 

@@ -8,9 +8,10 @@ from time import process_time
 import pytest
 
 from app.plant import changes, types
-from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Problem, Scan, TableMap, Type
+from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Scan, TableMap, Type
 from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.problems import Problem
 from app.plant.texts import read_product
 from app.records.snapshot import Field
 from tests.plant.line import FILES, PLANT, write_type

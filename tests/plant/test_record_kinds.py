@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.plant import types
-from app.plant.definitions import Problem
 from app.plant.loader import read_plant
+from app.plant.problems import Problem
 from app.plant.record_kinds import read_kinds
 from app.plant.tables import Source
 from app.records.kind import Kind

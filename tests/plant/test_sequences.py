@@ -8,8 +8,10 @@ from time import process_time
 
 import pytest
 
-from app.plant.definitions import Equipment, Problem, SequencePermissive
+from app.plant.definitions import Equipment
 from app.plant.loader import read_plant
+from app.plant.problems import Problem
+from app.plant.sequence_definition import SequencePermissive
 from app.plant.sequences import canonical, checksum, program, unused
 from app.plant.texts import Texts
 from app.plant.type_files.options import MOST_STEPS

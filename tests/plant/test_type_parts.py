@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from app.plant import types
-from app.plant.definitions import EquipmentType, Problem
+from app.plant.definitions import EquipmentType
+from app.plant.problems import Problem
 
 POINTS = """
 [word]

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from app.plant.definitions import Plant, Problem
+from app.plant.definitions import Plant
 from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.problems import Problem
 
 TYPES = {
     "sequence": {

@@ -13,8 +13,9 @@ from app.historian.record_query import ANY, Wanted
 from app.historian.records import RecordFold
 from app.historian.store import DAY
 from app.plant import types
-from app.plant.definitions import Equipment, SequenceDefinition, SequenceStep
+from app.plant.definitions import Equipment
 from app.plant.events import RingEvent
+from app.plant.sequence_definition import SequenceDefinition, SequenceStep
 from benchmarks.common import DeviceEvent, Row, milliseconds, thousands, timed
 
 TYPE = types.read_type("sequence", ["en"])[0].type

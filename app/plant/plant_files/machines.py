@@ -6,11 +6,12 @@ from typing import Any
 
 from app.errors import ConfigurationError
 from app.plant import expression, plc
-from app.plant.definitions import Equipment, Link, Point, SequenceDefinition, TableMap, Texts
+from app.plant.definitions import Equipment, Link, Point, TableMap, Texts
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import ID, check_id
 from app.plant.plant_files.options import read_options, read_overrides
 from app.plant.plant_files.types_used import TypesUsed
+from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import SequenceFiles
 from app.plant.tables import Table, one_of
 from app.plant.type_files.data import PointData, TypeData

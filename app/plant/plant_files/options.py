@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from app.plant.definitions import SequenceDefinition
 from app.plant.plant_files.names import ID
+from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import options as definition_options
 from app.plant.tables import Plain, Table, one_of
 from app.plant.type_files.data import TypeData

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from app.plant import types
-from app.plant.definitions import EquipmentType, Problem
+from app.plant.definitions import EquipmentType
 from app.plant.derive import order_problem
 from app.plant.plant_files.languages import PlantLanguages
+from app.plant.problems import Problem
 from app.plant.tables import Plain
 from app.plant.type_files.data import TypeData
 

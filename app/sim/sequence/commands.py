@@ -109,7 +109,7 @@ class SequenceCommands:
         self._forces.keep({step * BITS + bit + 1 for step, bit in self._block.forces})
 
     def _missing(self, number: int) -> int:
-        return self._permissives.missing(number, self._block.forced(number))
+        return self._permissives.missing(number, self._block.forces.bits(number))
 
     def _start_refusal(self) -> Verdict | None:
         run = self._block
@@ -215,7 +215,7 @@ class SequenceCommands:
             return no(SequenceReason.NO_SUCH_STEP, step)
         if not 0 <= bit < BITS:
             return no(SequenceReason.NO_SUCH_BIT, bit)
-        report = self._block.release(step, bit)
+        report = self._block.forces.release(step, bit)
         if report is None:
             return no(SequenceReason.NOT_FORCED, step * BITS + bit)
         self._device.tell(report)

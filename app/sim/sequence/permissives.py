@@ -5,8 +5,8 @@ from math import isfinite, nan
 
 from app.blocks.sequence import ALL
 from app.errors import ConfigurationError
-from app.plant.definitions import SequenceDefinition
 from app.plant.expression import parse
+from app.plant.sequence_definition import SequenceDefinition
 from app.sim.sequence.machine import Machine
 from app.tags.quality import GOOD, NO_DATA
 

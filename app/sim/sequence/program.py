@@ -1,4 +1,4 @@
-"""A virtual PLC that runs one sequence: the block of app/blocks/sequence.py behind a register table, 10 ms a scan.
+"""A virtual PLC that runs one sequence: the block of app/blocks/sequence behind a register table, 10 ms a scan.
 
 Its permissives are sentences over the signals of its machine (another virtual device, `attach`), its steps ask actions of it. Without a machine the
 words come from training registers. Type code 20; the definition is `<plant>/sequences/<name>.toml`.
@@ -52,7 +52,7 @@ from app.blocks.sequence import (
     StepSettings,
 )
 from app.errors import ConfigurationError
-from app.plant.definitions import SequenceDefinition, SequencePermissive
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 from app.plant.sequences import checksum
 from app.registers.plc_map import Request, long_words, real
 from app.sim import training

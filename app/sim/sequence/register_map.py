@@ -86,7 +86,7 @@ def status(
     machine_manual: bool,
 ) -> bytes:
     """The status image, generations aside; `words`: the permissive words, abort conditions first."""
-    out, running, forced = run.first_out, run.running, run.forced(ABORT)
+    out, running, forced = run.first_out, run.running, run.forces.bits(ABORT)
     bits = (
         run.stalled,
         run.needs_acknowledge,
@@ -133,7 +133,7 @@ def status(
 def step_row(run: SequenceBlock, number: int, word: int, lost: int, mark: int) -> bytes:
     """Row of step `number` with its permissive `word` and the bits that it `lost` in this run; `mark`: its generation."""
     settings, times = run.settings.step(number), run.times[number - 1]
-    forced = run.forced(number)
+    forced = run.forces.bits(number)
     return _STEP.pack(
         number,
         mark,
@@ -172,7 +172,7 @@ def force_row(run: SequenceBlock, forces: ForceRows, slot: int, time: int, mark:
         return _FORCE.pack(0, mark, 0, 0, 0, 0.0, 0, 0, mark)
     step, bit = divmod(id - 1, BITS)
     asked, owner = forces.asked(id)
-    return _FORCE.pack(id, mark, 1, step, bit, run.remaining(step, bit, time), asked, owner, mark)
+    return _FORCE.pack(id, mark, 1, step, bit, run.forces.remaining(step, bit, time), asked, owner, mark)
 
 
 def _snapshot(run: SequenceBlock, number: int) -> int:

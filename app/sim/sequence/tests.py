@@ -23,8 +23,9 @@ from typing import Any
 from app.blocks.sequence import BITS, SequenceState
 from app.clock import ManualClock, SystemClock
 from app.errors import ConfigurationError, DeviceException
-from app.plant.definitions import Command, Equipment, Plant, SequenceDefinition, SequenceTest, Type
+from app.plant.definitions import Command, Equipment, Plant, Type
 from app.plant.expression import Expression, Reading, parse
+from app.plant.sequence_definition import SequenceDefinition, SequenceTest
 from app.registers import plc_map
 from app.registers.codec import decode
 from app.registers.plc_map import AnswerState, Request

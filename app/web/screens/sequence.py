@@ -10,7 +10,8 @@ from functools import cached_property
 
 from app.blocks.sequence import ABORT, ALL, BITS, Cause, SequenceState, StepState
 from app.errors import Refused
-from app.plant.definitions import Command, SequenceDefinition, SequencePermissive
+from app.plant.definitions import Command
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
 from app.web.tables import RowName, RowView, TableView

@@ -4,18 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from app.plant.definitions import (
-    Command,
-    Device,
-    Equipment,
-    EquipmentType,
-    Link,
-    Plant,
-    SequenceDefinition,
-    SequencePermissive,
-    SequenceStep,
-    SequenceTest,
-)
+from app.plant.definitions import Command, Device, Equipment, EquipmentType, Link, Plant
+from app.plant.sequence_definition import SequenceDefinition, SequencePermissive, SequenceStep, SequenceTest
 from app.registers import plc_map
 from app.registers.plc_map import Answer, DeviceEvent, Request, real
 from app.sim import training

@@ -6,7 +6,7 @@ import pytest
 
 from app.blocks.sequence import ALL, SequenceState
 from app.errors import ConfigurationError
-from app.plant.definitions import SequenceDefinition
+from app.plant.sequence_definition import SequenceDefinition
 from app.sim.sequence.program import VirtualSequence
 from app.sim.sequence.register_map import (
     SequenceCommand,

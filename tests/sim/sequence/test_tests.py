@@ -7,7 +7,7 @@ import pytest
 
 from app.clock import ManualClock
 from app.errors import ConfigurationError
-from app.plant.definitions import SequenceTest
+from app.plant.sequence_definition import SequenceTest
 from app.sim.plant import SimPlant
 from app.sim.sequence.program import VirtualSequence
 from app.sim.sequence.tests import run_tests

@@ -19,226 +19,14 @@ Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps,
 No clock: time is what the caller says, in integer microseconds, and it is the device's own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
-ALL = 0xFFFF
-BITS = 16
-ABORT = 0
-"""Number of the word of abort conditions where a step number is expected."""
-
-
-class SequenceState(IntEnum):
-    """What the whole sequence does."""
-
-    IDLE = 0
-    RUNNING = 1
-    SUSPENDED = 2
-    DONE = 3
-    TIMED_OUT = 4
-    ABORTED = 5
-
-
-class StepState(IntEnum):
-    """What one step does."""
-
-    IDLE = 0
-    ACTIVE = 1
-    SUSPENDED = 2
-    DONE = 3
-    TIMED_OUT = 4
-    ABORTED = 5
-    STALLED = 6
-    """Active, and the next step cannot be entered."""
-
-
-class SequenceEvent(IntEnum):
-    """What a scan reports."""
-
-    STARTED = 1
-    START_REFUSED = 2
-    STEP_ENTERED = 3
-    STEP_ENDED = 4
-    """Value: how long it was active [s]."""
-    SUSPENDED = 5
-    RESUMED = 6
-    STALLED = 7
-    STALL_OVER = 8
-    PERMISSIVE_LOST = 9
-    """Of the active step, of the next one or of the abort conditions, while the sequence runs."""
-    PERMISSIVE_BACK = 10
-    TIMED_OUT = 11
-    ABORTED = 12
-    DONE = 13
-    """Value: how long the sequence ran, suspended time included [s]."""
-    ACKNOWLEDGED = 14
-    FORCED = 15
-    """Value: for how long [s]."""
-    RELEASED = 16
-    """A force ended; value 1: its time was over, 0: a person released it, 2: the device was started."""
-
-
-class Cause(IntEnum):
-    """Why a sequence stopped before its end."""
-
-    NONE = 0
-    ABORT_CONDITION = 1
-    PERMISSIVE_LOST = 2
-    OPERATOR = 3
-    TIME = 4
-    STALL = 5
-    POWER_UP = 6
-
-
-@dataclass(frozen=True, slots=True)
-class StepSettings:
-    """Times of a step and what its permissives may do."""
-
-    minimum: float = 0.0
-    """[s]"""
-    maximum: float = 0.0
-    """[s]; 0 = stay."""
-    loss_aborts: bool = False
-    """Whether a permissive that is lost while the step is active aborts; else they only count for entering it."""
-    forceable: int = ALL
-    """Permissives that may be forced."""
-
-    def __post_init__(self) -> None:
-        for name in ("minimum", "maximum"):
-            value = getattr(self, name)
-            if not 0 <= value < float("inf"):
-                raise ValueError(f"{name} = {value}: expected seconds from 0 up")
-        if not 0 <= self.forceable <= ALL:
-            raise ValueError(f"forceable = {self.forceable}: expected 16 bits")
-
-
-@dataclass(frozen=True, slots=True)
-class SequenceSettings:
-    """Everything of a sequence that is not a signal."""
-
-    steps: Sequence[StepSettings]
-    abort_forceable: int = 0
-    """Abort conditions that may be forced."""
-    output_while_suspended: bool = False
-    stall_after: float = 1.0
-    """[s]"""
-    longest_force: float = 8 * 3600.0
-    """[s]"""
-    keep_forces: bool = False
-    """Whether forces outlive a restart of the device; else they are gone then."""
-
-    def __post_init__(self) -> None:
-        if not self.steps:
-            raise ValueError("steps = 0: expected at least one")
-
-    def step(self, number: int) -> StepSettings:
-        """The settings of step `number`, from 1."""
-        return self.steps[number - 1]
-
-
-@dataclass(slots=True)
-class Signals:
-    """Inputs of one scan."""
-
-    permissives: Sequence[int]
-    """16 bits per step."""
-    abort: int = ALL
-    """Abort conditions; 1 = healthy."""
-    start: bool = False
-    suspend: bool = False
-    abort_request: bool = False
-    acknowledge: bool = False
-    single: bool = False
-    """Single step: a step is left only on a rising edge of `advance`."""
-    advance: bool = False
-
-
-class Report(NamedTuple):
-    """One event of a scan; `step` is 0 for the abort conditions or the whole sequence."""
-
-    event: SequenceEvent
-    step: int = 0
-    bit: int = -1
-    value: float = 0.0
-    together: int = 0
-    """How many permissives fell in this scan, where that leaves their order open."""
-
-
-@dataclass(frozen=True, slots=True)
-class FirstOut:
-    """What fell first, kept until the sequence is acknowledged or started again."""
-
-    cause: Cause
-    step: int
-    """Step whose permissive it is; 0 = an abort condition, or none."""
-    bit: int
-    """-1 = no permissive: the operator, or a maximum that is over although nothing was missing."""
-    time: int
-    """When it fell [µs]."""
-    at_step: int
-    """Step that was active."""
-    value: float
-    """What `values` said of it then."""
-    snapshot: tuple[int, ...]
-    """All permissive words when it fell, abort conditions first, as the inputs were (forces not counted)."""
-    together: int = 1
-
-
-class Fall(NamedTuple):
-    """A permissive that is missing now or was for a while during the active step."""
-
-    step: int
-    bit: int
-    fell: int
-    """[µs]"""
-    back: int
-    """[µs]; 0 = not yet."""
-
-
-@dataclass(frozen=True, slots=True)
-class Force:
-    """One forced permissive."""
-
-    step: int
-    bit: int
-    until: int
-    """[µs]"""
-
-
-@dataclass(slots=True)
-class StepTimes:
-    """What a step took so far: completed passages only."""
-
-    runs: int = 0
-    least: float = 0.0
-    """[s]"""
-    most: float = 0.0
-    total: float = 0.0
-    last: float = 0.0
-
-    @property
-    def mean(self) -> float:
-        """[s]; 0 without a run."""
-        return self.total / self.runs if self.runs else 0.0
-
-    def add(self, seconds: float) -> None:
-        """One more passage."""
-        self.least = min(self.least, seconds) if self.runs else seconds
-        self.most = max(self.most, seconds)
-        self.total += seconds
-        self.last = seconds
-        self.runs += 1
-
-
-class ForceRefused(ValueError):
-    """A permissive cannot be forced: `reason` is `unknown`, `forbidden` or `duration`."""
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
-
+from app.blocks.sequence.forces import Forces
+from app.blocks.sequence.reports import Fall, FirstOut, Report, StepTimes
+from app.blocks.sequence.settings import SequenceSettings, Signals
+from app.blocks.sequence.states import ABORT, ALL, BITS, Cause, SequenceEvent, SequenceState, StepState
 
 Values = Callable[[int, int], float]
 """(step, bit) → the analog value behind a permissive, for the first-out."""
@@ -267,7 +55,7 @@ class SequenceBlock:
         self.first_out: FirstOut | None = None
         self.falls: list[Fall] = []
         """What was lost during the active step, oldest first."""
-        self.forces: dict[tuple[int, int], Force] = {}
+        self.forces = Forces()
         self.times = [StepTimes() for _ in settings.steps]
         self.stalled = False
         self.needs_acknowledge = False
@@ -314,20 +102,11 @@ class SequenceBlock:
 
     def word(self, number: int) -> int:
         """Permissives of step `number` (0 = abort conditions) as they count: inputs and forces."""
-        return (self._inputs[number] if self._inputs else 0) | self.forced(number)
-
-    def forced(self, number: int) -> int:
-        """Forced bits of step `number` (0 = abort conditions)."""
-        return sum(1 << force.bit for force in self.forces.values() if force.step == number)
+        return (self._inputs[number] if self._inputs else 0) | self.forces.bits(number)
 
     def ready(self, number: int) -> bool:
         """Whether every permissive of step `number` (0 = abort conditions) is there."""
         return self.word(number) == ALL
-
-    def remaining(self, step: int, bit: int, now: int) -> float:
-        """How long a force still holds [s]; 0 = not forced."""
-        force = self.forces.get((step, bit))
-        return max(0.0, (force.until - now) / 1e6) if force else 0.0
 
     # ---- what people do -------------------------------------------------------------------------------
 
@@ -349,23 +128,7 @@ class SequenceBlock:
         Raises:
             ForceRefused: no such permissive, one that may not be forced, no such duration.
         """
-        if not (0 <= step <= len(self.settings.steps) and 0 <= bit < BITS):
-            raise ForceRefused("unknown", f"step {step} bit {bit}: no such permissive")
-        allowed = self.settings.step(step).forceable if step else self.settings.abort_forceable
-        if not allowed >> bit & 1:
-            raise ForceRefused("forbidden", f"step {step} bit {bit}: may not be forced")
-        if not 0 < seconds <= self.settings.longest_force:
-            raise ForceRefused(
-                "duration", f"{seconds} s: expected more than 0, at most {self.settings.longest_force:g}"
-            )
-        self.forces[step, bit] = Force(step, bit, now + round(seconds * 1e6))
-        return Report(SequenceEvent.FORCED, step, bit, seconds)
-
-    def release(self, step: int, bit: int) -> Report | None:
-        """End a force; None when there was none."""
-        if self.forces.pop((step, bit), None) is None:
-            return None
-        return Report(SequenceEvent.RELEASED, step, bit, 0.0)
+        return self.forces.force(self.settings, step, bit, seconds, now)
 
     # ---- a scan ---------------------------------------------------------------------------------------
 
@@ -377,9 +140,8 @@ class SequenceBlock:
         """
         if len(signals.permissives) != len(self.settings.steps):
             raise ValueError(f"{len(signals.permissives)} permissive words: expected {len(self.settings.steps)}")
-        reports: list[Report] = []
         passed = round(dt * 1e6)
-        self._expire(now, reports)
+        reports = self.forces.expire(now)
         self._follow((signals.abort & ALL, *(word & ALL for word in signals.permissives)), now, reports)
         start, self._start = signals.start and not self._start, signals.start
         acknowledge, self._acknowledge = signals.acknowledge and not self._acknowledge, signals.acknowledge
@@ -537,12 +299,6 @@ class SequenceBlock:
     def _matters(self, step: int) -> bool:
         return self.running and step in (ABORT, self.step, self.step + 1)
 
-    def _expire(self, now: int, reports: list[Report]) -> None:
-        for place, force in list(self.forces.items()):
-            if force.until <= now:
-                del self.forces[place]
-                reports.append(Report(SequenceEvent.RELEASED, *place, 1.0))
-
     def _clear(self) -> None:
         self.first_out = None
         self.needs_acknowledge = False
@@ -558,8 +314,8 @@ class SequenceBlock:
         return {
             "times": [(step.minimum, step.maximum) for step in self.settings.steps],
             "statistics": [(one.runs, one.least, one.most, one.total, one.last) for one in self.times],
-            "forces": [(force.step, force.bit, force.until) for force in self.forces.values()],
-            "first_out": None if out is None else (int(out.cause), *_fields(out)),
+            "forces": self.forces.retained(),
+            "first_out": None if out is None else out.plain(),
             "running": self.running,
             "step": self.step,
             "state": int(self.state),
@@ -577,13 +333,9 @@ class SequenceBlock:
                 self.set_times(number, minimum, maximum)
             self.times = [StepTimes(*row) for row in kept["statistics"]]
             for step, bit, until in kept["forces"]:
-                if self.settings.keep_forces and until > now:
-                    self.forces[step, bit] = Force(step, bit, until)
-                else:
-                    reports.append(Report(SequenceEvent.RELEASED, step, bit, 2.0))
-            if kept["first_out"] is not None:
-                cause, *rest = kept["first_out"]
-                self.first_out = FirstOut(Cause(cause), *rest)
+                ended = self.forces.restore(step, bit, until, now, keep=self.settings.keep_forces)
+                reports += [ended] if ended else []
+            self.first_out = None if kept["first_out"] is None else FirstOut.of(kept["first_out"])
             self.step = kept["step"]
             self.needs_acknowledge = kept["needs_acknowledge"]
             self.state = SequenceState(kept["state"])
@@ -593,10 +345,6 @@ class SequenceBlock:
         if self.running:
             self._stop(Cause.POWER_UP, now, reports)
         return reports
-
-
-def _fields(out: FirstOut) -> tuple[Any, ...]:
-    return out.step, out.bit, out.time, out.at_step, out.value, out.snapshot, out.together
 
 
 def _lowest(word: int) -> int:

@@ -1,0 +1,28 @@
+"""Mistakes in a plant folder, as they are told."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake in a plant folder."""
+
+    file: str
+    key: str
+    value: str
+    expected: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}" if self.line else self.file
+        return f"{where}: {self.key} = {self.value}: expected {self.expected}"
+
+
+class MoreProblems(Problem):
+    """In place of those that are not told one by one."""
+
+    def __init__(self, number: int, *, stopped: bool) -> None:
+        super().__init__("", "", f"{number} more", "none; the file was not read further" if stopped else "none")
+
+    def __str__(self) -> str:
+        return f"and {self.value}" + (", and the rest of the file was not read" if "further" in self.expected else "")
