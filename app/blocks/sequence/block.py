@@ -231,8 +231,7 @@ class SequenceBlock:
         self._states[self.step] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
         self.stalled = False
         self.needs_acknowledge = True
-        event = SequenceEvent.TIMED_OUT if timed_out else SequenceEvent.ABORTED
-        out = self.first_out
+        event, out = SequenceEvent.TIMED_OUT if timed_out else SequenceEvent.ABORTED, self.first_out
         reports.append(Report(event, out.step if out.bit >= 0 else self.step, out.bit, float(cause), out.together))
 
     def _judge_stall(self, missing: bool, passed: int, now: int, reports: list[Report]) -> None:

@@ -19,7 +19,7 @@ def test_a_force_replaces_a_permissive_until_its_time_is_over() -> None:
     bench = Bench(replace(TEN, maximum=60), replace(TEN, maximum=60))
     bench.drop(2, 5)
     bench.block.force(2, 5, 1.0, bench.now)
-    assert bench.block.forced(2) == 1 << 5 and bench.block.ready(2)
+    assert bench.block.forces.bits(2) == 1 << 5 and bench.block.ready(2)
     bench.start()
     bench.scan(11)
     assert bench.block.step == 2

@@ -160,7 +160,7 @@ def test_rows_read_as_they_are() -> None:
             "state": kept.step_state(number),
             "word": kept.word(number),
             "input": kept.word(number),
-            "forced": kept.forced(number),
+            "forced": kept.forces.bits(number),
             "forceable": 0b1101 if number == 1 else 0b101,
             "minimum": kept.settings.step(number).minimum,
             "maximum": 60.0,
