@@ -7,13 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.blocks.positioner.original import OriginalPositioner
 from app.blocks.positioner.positioner import Inputs, Phase, Positioner
 from app.sim.crane.axis import Axis, AxisData
-from app.sim.crane.figures import HOIST, TROLLEY
-
-TROLLEY_DATA, HOIST_DATA = AxisData.of(TROLLEY), AxisData.of(HOIST)
-IDEAL = TROLLEY_DATA.with_(lag=0.0, brake_release=0.0, resolution=0.0)
+from tests.blocks.positioner.stand import HOIST_DATA, IDEAL, TROLLEY_DATA
 
 
 @dataclass
@@ -178,29 +174,3 @@ def test_limits_must_be_numbers(name: str, bad: float) -> None:
     fields = {"max_speed": 1.0, "acceleration": 1.0, "deceleration": 1.0, name: bad}
     with pytest.raises(ValueError, match=name):
         Positioner(**fields)  # type: ignore[arg-type]
-
-
-def original(start: float, target: float, *, set_speed: float = 660.4) -> tuple[float, float]:
-    """(error counted towards the target, percentage left) of the original in the ideal simulation."""
-    axis, block = Axis(IDEAL, position=start, brake=1.0), OriginalPositioner(660.4, 165.1, 50.0, 200.0)
-    for n in range(3000):
-        out = block.step(True, axis.measured, target, axis.speed, set_speed, 0.01)
-        axis.step(out.speed, True, 0.01)
-        if n > 100 and not axis.speed:
-            break
-    return (axis.position - target) * (1 if target > start else -1), out.percent
-
-
-def test_original_is_right_forward_looks_back_in_reverse_and_keeps_its_percentage() -> None:
-    there, percent = original(5000.0, 10000.0)
-    back, _ = original(10000.0, 5000.0)
-    assert -5 < there <= 0
-    assert back > there + 0.5, "one scan later than forward"
-    assert percent == pytest.approx(50 / 660.4 * 100), "stands, and still says 7.6 %"
-
-
-def test_original_puts_the_slow_down_beyond_the_slow_travel_below_the_slow_speed() -> None:
-    out = OriginalPositioner(660.4, 165.1, 50.0, 200.0).step(True, 0.0, 5000.0, 10.0, 660.4, 0.01)
-    assert out.slow_down_position > 4800.0
-    fixed = Positioner(660.4, 110.0, 165.1, 50.0, 200.0).step(Inputs(True, 0.0, 5000.0, 10.0, 660.4), 0.01)
-    assert fixed.slow_down_position == 4800.0

@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from app.blocks.arc_positioner.circle import Circle, Point
 from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Inputs, Outputs, Phase
-from app.blocks.arc_positioner.original import OriginalArc
 from app.sim.crane.lift import HOIST_DATA, TROLLEY_DATA, Case, Lift
+from tests.blocks.arc_positioner.stand import X, Y
 
 SLOWER = 132.08
 """Greatest speed of the slower axis [mm/s]."""
-X, Y = AxisLimits(660.4, 110.0, 220.0, 0.1), AxisLimits(132.08, 44.0, 88.0, 0.1)
 
 TABLE = [
     *(Case(SLOWER, radius, *angles) for radius in (1000, 2500, 6000) for angles in ((0, 90), (90, 0))),
@@ -172,23 +171,6 @@ def test_a_start_that_was_there_before_does_not_start() -> None:
     assert arc.circle is None
 
 
-def test_no_circle_and_a_place_beside_it_are_refused_by_name() -> None:
-    arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
-    at = Inputs(False, circle.at(0), 0, 90, 3000.0, 100.0)
-    arc.step(at, 0.01)
-    assert arc.step(at._replace(start=True), 0.01).fault is Fault.NO_CIRCLE
-    arc.step(at, 0.01)
-    arc.step(at._replace(take_zero=True), 0.01)
-    assert arc.step(at._replace(start=True, radius=2000.0), 0.01).fault is Fault.NO_CIRCLE
-    arc.step(at, 0.01)
-    for beside, end in ((101.0, 90), (-101.0, 90), (60.0, 20)):
-        place = Point(3000.0 + beside, 0.0)
-        out = arc.step(at._replace(start=True, position=place, end_angle=end), 0.01)
-        assert (out.phase, out.fault, out.run) == (Phase.FAULT, Fault.OFF_THE_PATH, False)
-        arc.step(at, 0.01)
-    assert arc.step(at._replace(start=True, position=Point(3060.0, 0.0)), 0.01).fault is Fault.NONE
-
-
 def test_hold_stands_on_the_path_and_goes_on() -> None:
     lift = Lift(Case(SLOWER, 1000))
     standing = False
@@ -277,18 +259,6 @@ def test_path_error_slows_down_then_stops_then_alarms(gain: float, slowed: bool,
         assert seen[-3:] == [Phase.MOVING, Phase.STOPPING, Phase.FAULT] and lift.result.fault is Fault.PATH_ERROR
 
 
-@given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(1, 1e4), st.floats(-720, 720), st.floats(-5, 5))
-def test_angle_of_a_point_of_the_circle_is_exact_in_every_turn(
-    x: float, y: float, radius: float, angle: float, off: float
-) -> None:
-    circle = Circle(x, y, radius)
-    assert circle.angle(circle.at(angle), angle + off) == pytest.approx(angle, abs=1e-6)
-    assert Circle.through(circle.at(angle), angle, radius).at(0.0) == pytest.approx(circle.at(0.0), abs=1e-6)
-    assert circle.radial_error(Circle(x, y, radius + off).at(angle)) == pytest.approx(
-        max(off, -2 * radius - off), abs=1e-6
-    )
-
-
 @pytest.mark.parametrize("field", ["position", "start_angle", "end_angle", "radius", "set_speed", "rope_strain"])
 def test_inputs_must_be_finite_and_safe_is_still(field: str) -> None:
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
@@ -308,20 +278,3 @@ def test_limits_must_be_numbers(name: str, bad: float) -> None:
         ArcFollower(X, Y, **{name: bad})  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="lag"):
         AxisLimits(1.0, 1.0, 1.0, lag=-1.0)
-
-
-def test_original_is_right_in_the_ideal_simulation_and_only_up_to_a_quarter() -> None:
-    block = OriginalArc(Point(660.4, 132.08), Point(4.0, 3.0))
-    x, y, vx, vy, worst = 3000.0, 0.0, 0.0, 0.0, 0.0
-    for n in range(20000):
-        out = block.step(n > 0, n == 0, Point(x, y), Point(vx, vy), 0.0, 90.0, 3000.0, 50.0)
-        vx, vy = out.speed
-        x, y = x + vx * 0.005, y + vy * 0.005
-        worst = max(worst, abs(math.hypot(x, y) - 3000.0))
-        if out.finished:
-            break
-    assert worst < 30.0
-    assert out.percent != (0.0, 0.0), "the percentage of the last move stays"
-    wrong = OriginalArc(Point(660.4, 132.08), Point(4.0, 3.0))
-    below = wrong.step(False, True, Circle(0.0, 0.0, 1000.0).at(-10.0), Point(0.0, 0.0), -10.0, 80.0, 1000.0, 50.0)
-    assert below.angle == pytest.approx(10.0), "the arc cosine has no sign"
