@@ -1,0 +1,40 @@
+"""Every machine that can be simulated is a folder, and what it says of itself holds."""
+
+import pytest
+
+from app.plant.loader import read_plant
+from app.settings import Settings
+from app.sim.device import VirtualDevice
+from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
+from app.sim.training import REG_MACHINE_FAULT
+
+PLANT, _ = read_plant(Settings().plant)
+MACHINES = {item.type.name: item for item in (PLANT.equipment.values() if PLANT else ())}
+
+
+def test_every_type_of_the_demo_plant_can_be_simulated() -> None:
+    assert set(MACHINES) <= set(VIRTUAL_DEVICES)
+    assert set(MACHINE_FAULTS) == set(VIRTUAL_DEVICES)
+
+
+@pytest.mark.parametrize("kind", MACHINES)
+def test_it_takes_each_fault_that_it_names(kind: str) -> None:
+    device: VirtualDevice = VIRTUAL_DEVICES[kind](MACHINES[kind], 1)
+    assert device.type == kind and MACHINE_FAULTS[kind]
+    for code in (*MACHINE_FAULTS[kind], 0):
+        device.write(6, REG_MACHINE_FAULT, [code])
+        device.step()
+        assert device.read(3, REG_MACHINE_FAULT, 1) == [code]
+
+
+@pytest.mark.parametrize("kind", MACHINES)
+def test_the_seed_decides_and_nothing_else(kind: str) -> None:
+    def run(seed: int) -> list[list[int]]:
+        device = VIRTUAL_DEVICES[kind](MACHINES[kind], seed)
+        words = []
+        for _ in range(20):
+            device.step()
+            words.append(device.read(3, 0xE000, 5))
+        return words
+
+    assert run(4) == run(4)

@@ -1,0 +1,45 @@
+"""Addresses as people write them."""
+
+import pytest
+
+from app.addresses import host_and_port, is_loopback
+from app.errors import ConfigurationError
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port"),
+    [
+        ("127.0.0.1:5020", "127.0.0.1", 5020),
+        ("[::1]:502", "::1", 502),
+        ("plant.local:0", "plant.local", 0),
+        ("0.0.0.0:65535", "0.0.0.0", 65535),
+    ],
+)
+def test_host_and_port_are_taken_apart(text: str, host: str, port: int) -> None:
+    assert host_and_port(text) == (host, port)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "5020", ":5020", "host", "host:", "host:x", "host:65536", "host:-1", "host:²", "host:٣"]
+)
+def test_anything_else_is_told_what_was_expected(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="expected HOST:PORT"):
+        host_and_port(text)
+
+
+@pytest.mark.parametrize(
+    ("host", "local"),
+    [
+        ("localhost", True),
+        ("127.0.0.1", True),
+        ("127.8.8.8", True),
+        ("::1", True),
+        ("0.0.0.0", False),
+        ("::", False),
+        ("192.168.1.5", False),
+        ("localhost.example", False),
+        ("", False),
+    ],
+)
+def test_only_what_leaves_the_machine_nowhere_is_loopback(host: str, local: bool) -> None:
+    assert is_loopback(host) is local
