@@ -6,12 +6,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from app.access.roles import IDLE, Person, permissions_of
 from app.clock import ManualClock
 from app.commands.gate import TICK, Gate
 from app.commands.lifecycle import Progress
 from app.commands.orders import AuditLine
-from app.errors import LinkError, Withdrawn
+from app.errors import LinkError, Refused, Withdrawn
 from app.links.schedule import PERMIT
 from app.plant.definitions import Plant, Scan
 from app.plant.derive import Derivation
@@ -296,3 +298,9 @@ class Stand:
 async def settle() -> None:
     for _ in range(8):
         await asyncio.sleep(0)
+
+
+async def refusal(stand: Stand, who: object, command: str, **asked: object) -> Refused:
+    with pytest.raises(Refused) as refused:
+        await stand.ask(who, command, **asked)  # type: ignore[arg-type]
+    return refused.value

@@ -4,38 +4,9 @@ import pytest
 
 from app.commands.hold import TTL
 from app.commands.lifecycle import ProgressState
-from app.errors import NoAnswer, Refused
-from tests.commands.stand import ANA, IVO, SETTINGS, Stand, demo_plant
-
-
-class Pressed:
-    """A person at a button: presses, holds for a time, lets go."""
-
-    def __init__(self, stand: Stand, command: str = "jog_forward") -> None:
-        self.stand = stand
-        self.command = command
-        self.lease = ""
-        self.counter = 0
-
-    async def arm(self, **asked: object) -> "Pressed":
-        gate = self.stand.gate
-        gate.control.take(ANA, "m1")
-        asked.setdefault("nonce", gate.nonces.issue(ANA.session))
-        self.lease = await gate.hold.arm(ANA, "m1", self.command, **asked)  # type: ignore[arg-type]
-        return self
-
-    async def hold(self, seconds: float) -> None:
-        for _ in range(max(1, round(seconds / 0.15))):
-            self.counter += 1
-            self.stand.gate.hold.keep_alive(self.lease, self.counter, ANA.session)
-            await self.stand.pass_time(0.15)
-
-    def release(self) -> None:
-        self.stand.gate.hold.release(self.lease, ANA.session)
-
-
-def moving(stand: Stand) -> bool:
-    return stand.drive()["status"] in (1, 2)
+from app.errors import Refused
+from tests.commands.hold_rig import Pressed, moving
+from tests.commands.stand import ANA, IVO, Stand, demo_plant
 
 
 async def refusal(pressed: Pressed, **asked: object) -> Refused:
@@ -134,18 +105,6 @@ async def test_an_armed_lease_is_good_for_ten_seconds_and_one_press() -> None:
     assert not moving(stand)
 
 
-async def test_a_stalled_loop_stops_what_is_held() -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    await pressed.hold(0.6)
-    stand.clock.advance(0.35)  # nobody looked for so long
-    with pytest.raises(Refused) as refused:
-        stand.gate.hold.keep_alive(pressed.lease, 50, ANA.session)
-    assert refused.value.params["cause"] == "stall"
-    await stand.pass_time(0.1)
-    assert not moving(stand)
-
-
 async def test_a_closed_tab_a_sign_out_and_a_shutdown_stop_it() -> None:
     for end in ("tab", "sign_out", "shutdown"):
         stand = Stand()
@@ -172,50 +131,6 @@ async def test_nobody_holds_longer_than_thirty_seconds() -> None:
     await stand.pass_time(3)
     assert stand.commands[0].reason == "hold.cause.longest"
     assert stand.commands[0].params["reason_seconds"] == pytest.approx(30, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ("trouble", "cause"),
-    [
-        ({"status": 9, "frequency": 0.0}, "permissive"),
-        ({"f905": 0.0}, "permissive"),
-        ({"frequency": 20.0}, "permissive"),
-    ],
-)
-async def test_a_condition_that_is_lost_stops_it(trouble: dict[str, float], cause: str) -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    await pressed.hold(0.6)
-    stand.set_drive(**trouble)
-    await stand.pass_time(0.1)
-    assert stand.link.sent()[-1] == ("command", 3.0)
-    await stand.pass_time(3)
-    assert stand.commands[0].reason == f"hold.cause.{cause}"
-
-
-async def test_values_that_stop_coming_stop_it() -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    await pressed.hold(0.6)
-    stand.bad = {"m1"}
-    with pytest.raises(Refused):
-        await pressed.hold(1)
-    assert ("command", 3.0) in stand.link.sent()
-
-
-async def test_a_silent_device_is_stopped_for_ten_seconds_and_then_there_is_an_alarm() -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    await pressed.hold(0.6)
-    stand.link.spoil = lambda *telegram: NoAnswer("silence")
-    stand.bad = {"m1"}
-    pressed.release()
-    await stand.pass_time(9.8)
-    assert stand.alarms == []
-    await stand.pass_time(0.4)
-    assert stand.alarms == ["m1"]
-    assert stand.state() == "unconfirmed"
-    assert ("frequency_setpoint", 40.0) not in stand.link.sent()  # never faster while nobody knows whether it stands
 
 
 async def test_only_a_device_with_a_watchdog_of_its_own_may_be_held() -> None:
@@ -282,21 +197,6 @@ async def test_an_armed_button_does_nothing_after_a_stop() -> None:
     assert stand.link.sent() == [("command", 3.0)]
 
 
-async def test_a_start_telegram_that_comes_home_after_the_release_is_stopped_again() -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    stand.link.door.clear()
-    stand.gate.hold.keep_alive(pressed.lease, 1, ANA.session)
-    await stand.pass_time(0.1)
-    pressed.release()
-    await stand.pass_time(5)
-    stand.drive().update(status=1, frequency=5.0)  # what was on the wire arrived late
-    stand.link.door.set()
-    await stand.pass_time(4)
-    assert not moving(stand)
-    assert ("command", 1.0) not in stand.link.sent()
-
-
 async def test_nothing_else_starts_while_it_is_held_or_ends() -> None:
     stand = Stand()
     pressed = await Pressed(stand).arm()
@@ -307,50 +207,6 @@ async def test_nothing_else_starts_while_it_is_held_or_ends() -> None:
         assert refused.value.reason == reason
         pressed.release()
         await stand.pass_time(0.1)
-
-
-async def test_a_telegram_that_fails_ends_it_and_a_drive_that_does_not_move_too() -> None:
-    stand = Stand()
-    stand.link.spoil = lambda equipment, point, value: NoAnswer("silence") if value == 1 else None
-    pressed = await Pressed(stand).arm()
-    with pytest.raises(Refused):
-        await pressed.hold(0.6)
-    await stand.pass_time(3)
-    assert (stand.commands[-1].result, stand.commands[-1].reason) == ("failed", "hold.cause.write")
-    stand = Stand()
-    stand.drives["m1"].deaf = True
-    pressed = await Pressed(stand).arm()
-    with pytest.raises(Refused):
-        await pressed.hold(8)
-    await stand.pass_time(3)
-    assert (stand.commands[-1].result, stand.commands[-1].reason) == ("unconfirmed", "hold.cause.unconfirmed")
-    assert stand.drive()["frequency_setpoint"] == SETTINGS["frequency_setpoint"]
-
-
-async def test_a_former_value_that_cannot_be_restored_is_told() -> None:
-    stand = Stand()
-    pressed = await Pressed(stand).arm()
-    await pressed.hold(0.6)
-    stand.link.spoil = lambda equipment, point, value: NoAnswer("silence") if value == 40.0 else None
-    pressed.release()
-    await stand.pass_time(4)
-    assert [(line.object, line.reason) for line in stand.commands] == [
-        ("m1.jog_forward", "hold.cause.released"),
-        ("m1.frequency_setpoint", "hold.not_restored"),
-    ]
-    assert [telegram for telegram in stand.link.sent() if telegram[1] == 40.0] == [("frequency_setpoint", 40.0)]
-
-
-async def test_a_short_tap_stops_again_and_is_not_called_done() -> None:
-    stand = Stand()
-    stand.scanning = False
-    pressed = await Pressed(stand).arm()
-    stand.gate.hold.keep_alive(pressed.lease, 1, ANA.session)
-    pressed.release()
-    stand.scanning = True
-    await stand.pass_time(4)
-    assert not moving(stand)
-    assert stand.commands[-1].result == "unconfirmed"
 
 
 async def test_a_dry_run_and_a_live_link_without_writes_arm_nothing() -> None:

@@ -1,0 +1,64 @@
+"""A backup is taken beside a running server, and only holds what was asked for."""
+
+import fcntl
+import os
+from pathlib import Path
+
+import pytest
+
+from app.backup import back_up, table_counts
+from app.db import Database
+from app.errors import ConfigurationError
+from app.historian import store
+from tests.backup.shelf import BEGIN, restore
+from tests.virtual import inline
+
+
+def test_keys_are_only_in_it_when_asked_for(data: Path, plant: Path, tmp_path: Path) -> None:
+    secrets = [(data / name).read_bytes().strip() for name in ("audit.key", "secret.key")]
+    back_up(tmp_path / "b.tar", data, plant)
+    assert not any(secret in (tmp_path / "b.tar").read_bytes() for secret in secrets)
+    back_up(tmp_path / "k.tar", data, plant, keys=True)
+    assert all(secret in (tmp_path / "k.tar").read_bytes() for secret in secrets)
+
+
+def test_a_backup_is_taken_while_the_databases_are_written(data: Path, plant: Path, tmp_path: Path) -> None:
+    history = Database(data / "history.db", "history", inline)
+    for i in range(5):
+        for k in range(20):
+            t = BEGIN + 10**6 + i * 1000 + k
+            history.submit(lambda c, t=t: store.append(c, [(1, t, 1.0, None, 0)], BEGIN, t))  # type: ignore[misc]
+        manifest = back_up(tmp_path / f"b{i}.tar", data, plant)
+        assert manifest.counts["history.db"]["sample"] >= 500
+    history.close()
+
+
+def test_without_history_the_history_of_the_machine_stays(data: Path, plant: Path, tmp_path: Path) -> None:
+    back_up(tmp_path / "b.tar", data, plant, history=False)
+    restore(tmp_path / "b.tar", data)
+    assert table_counts(data / "history.db")["sample"] == 500
+
+
+def test_nothing_is_replaced(data: Path, plant: Path, tmp_path: Path) -> None:
+    (tmp_path / "b.tar").write_text("mine")
+    with pytest.raises(ConfigurationError, match="exists already"):
+        back_up(tmp_path / "b.tar", data, plant)
+    back_up(tmp_path / "c.tar", data, plant)
+    with pytest.raises(ConfigurationError, match="has files already"):
+        restore(tmp_path / "c.tar", tmp_path / "new", plant)
+    with pytest.raises(ConfigurationError, match="nothing to back up"):
+        back_up(tmp_path / "d.tar", tmp_path / "empty", plant)
+
+
+def test_what_a_killed_backup_left_is_removed_by_the_next(data: Path, plant: Path, tmp_path: Path) -> None:
+    stale, used = tmp_path / ".pogon-stale", tmp_path / ".pogon-used"
+    for folder in (stale, used):
+        folder.mkdir()
+        (folder / "pogon.db").write_text("x")
+    handle = os.open(used, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    back_up(tmp_path / "b.tar", data, plant)
+    assert not stale.exists() and used.exists(), "another backup goes on"
+    os.close(handle)
+    back_up(tmp_path / "c.tar", data, plant)
+    assert not list(tmp_path.glob(".pogon-*"))

@@ -1,0 +1,170 @@
+"""A restored machine is as it was, at every step and after every kill; it writes nothing and nobody is signed in."""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+import tarfile
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from app.access.access import lock, prepare
+from app.access.restoring import JOURNAL, finish_restore
+from app.backup import MANIFEST, back_up, table_counts
+from app.errors import ConfigurationError
+from tests.backup.shelf import _access, restore, verify_backup
+from tests.conftest import ROOT
+
+
+def names(archive: Path) -> list[str]:
+    with tarfile.open(archive) as tar:
+        return tar.getnames()
+
+
+@pytest.mark.parametrize("ending", [".tar", ".tar.gz"])
+def test_a_restored_machine_is_as_it_was(data: Path, plant: Path, tmp_path: Path, ending: str) -> None:
+    archive = tmp_path / f"b{ending}"
+    manifest = back_up(archive, data, plant, keys=True)
+    assert archive.stat().st_mode & 0o777 == 0o600
+    assert names(archive)[0] == MANIFEST
+    assert verify_backup(archive) == manifest
+    fresh = tmp_path / "other" / "data"
+    again, place = restore(archive, fresh)
+    assert again == manifest
+    assert place == fresh / "plant"
+    for name in ("pogon.db", "history.db"):
+        assert table_counts(fresh / name) == manifest.counts[name]
+    assert manifest.counts["pogon.db"] == table_counts(data / "pogon.db") | {"session": 0}
+    assert manifest.counts["history.db"]["sample"] == 500
+    with _access(fresh) as access:
+        assert access.audit.check_now().ok
+    with sqlite3.connect(fresh / "pogon.db") as connection:
+        assert [row[0] for row in connection.execute("SELECT name FROM person ORDER BY name")] == ["ana", "ivo"]
+    connection.close()
+    assert list(tmp_path.glob("**/.pogon-*")) == []
+
+
+def test_a_restored_link_does_not_write_and_nobody_is_signed_in(data: Path, plant: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "b.tar"
+    back_up(archive, data, plant)
+    assert names(archive)[-2:] == ["plant/extra/note.txt", "plant/plant.toml"], "no links, nothing hidden"
+    _, place = restore(archive, tmp_path / "new", tmp_path / "new-plant")
+    text = (place / "plant.toml").read_text()
+    assert "writes = false" in text
+    assert "writes = true" not in text.replace("it was true", "")
+    assert b"5ec2e7" not in (tmp_path / "new" / "pogon.db").read_bytes()
+
+
+def test_what_was_there_is_moved_aside(data: Path, plant: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "b.tar"
+    back_up(archive, data, plant)
+    with sqlite3.connect(data / "pogon.db") as connection:
+        connection.execute("DELETE FROM person")
+    connection.close()
+    restore(archive, data)
+    (aside,) = data.glob("before-restore-*")
+    assert table_counts(aside / "pogon.db")["person"] == 0
+    assert table_counts(data / "pogon.db")["person"] == 2
+    with _access(data) as access:
+        assert access.audit.check_now().ok, "the key of this machine stayed"
+
+
+def test_restore_refuses_beside_a_server(data: Path, plant: Path, tmp_path: Path) -> None:
+    back_up(tmp_path / "b.tar", data, plant)
+    held = lock(data)
+    before = table_counts(data / "pogon.db")
+    with pytest.raises(ConfigurationError, match="in use"):
+        restore(tmp_path / "b.tar", data)
+    assert table_counts(data / "pogon.db") == before
+    os.close(held)
+    restore(tmp_path / "b.tar", data)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"[links.a]\ntransport = 'tcp'\nwrites = true\n",
+        b"links.a = { transport = 'tcp', writes=true }\n",
+        b"[links]\na.transport = 'tcp'\na.writes = true # always\n",
+        b"[links.a]\n\"writes\" = true\n'transport' = 'tcp'\n",
+        b"# \xff in a comment\n[links.a]\nwrites\t=\ttrue\n",
+    ],
+    ids=range(5),
+)
+def test_writes_are_turned_off_however_they_are_written(data: Path, tmp_path: Path, text: bytes) -> None:
+    plant = tmp_path / "plant"
+    plant.mkdir()
+    (plant / "plant.toml").write_bytes(text)
+    back_up(tmp_path / "b.tar", data, plant)
+    _, place = restore(tmp_path / "b.tar", tmp_path / "new")
+    assert b"true" not in (place / "plant.toml").read_bytes().replace(
+        b"# writes turned off by the restore: they were true", b""
+    )
+
+
+def test_writes_that_cannot_be_found_refuse_the_restore(data: Path, tmp_path: Path) -> None:
+    plant = tmp_path / "plant"
+    plant.mkdir()
+    (plant / "plant.toml").write_text('[links.a]\n"wr\\u0069tes" = true\n')
+    back_up(tmp_path / "b.tar", data, plant)
+    with pytest.raises(ConfigurationError, match="cannot be turned off"):
+        restore(tmp_path / "b.tar", tmp_path / "new")
+    assert not (tmp_path / "new" / "pogon.db").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["kill", "full"])
+def test_a_restore_leaves_the_old_or_the_new_at_every_step(data: Path, plant: Path, tmp_path: Path, kind: str) -> None:
+    archive = tmp_path / "b.tar"
+    back_up(archive, data, plant)
+    for name, table in (("pogon.db", "person"), ("history.db", "sample")):
+        with closing(sqlite3.connect(data / name)) as connection:
+            connection.execute(f"DELETE FROM {table}")
+            connection.commit()
+    (data / "audit.head").write_text("another head")
+    (data / "audit.buffer").write_text("{}")
+    call = [sys.executable, "-m", "tests.restore_kills", kind, archive, data, tmp_path]
+    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert found["steps"] > 20
+    with tarfile.open(archive) as tar:
+        head = tar.extractfile("audit.head").read().decode()  # type: ignore[union-attr]
+    new = [2, 500, head, None, ["extra", "extra/note.txt", "plant.toml"]]
+    for step, (code, ended, state, left) in enumerate(found["states"]):
+        assert state in ("old", new), (step, state)
+        assert left == [], step
+        assert code != 0 or state == new, step
+        assert ended != "committed" or state == new, step
+    assert {str(state) for _, _, state, _ in found["states"]} == {"old", str(new)}
+    assert kind == "full" or "committed" in [ended for _, ended, _, _ in found["states"]]
+
+
+def test_a_start_completes_an_interrupted_restore(data: Path, plant: Path, tmp_path: Path) -> None:
+    (data / ".restore-1").mkdir()
+    (data / ".restore-1" / "secret.key").write_text("ab" * 32)
+    (data / ".restore-1" / "secret.key").chmod(0o600)
+    moves = [[str(data / "secret.key"), str(data / "before-restore-1" / "secret.key")]]
+    moves += [[str(data / ".restore-1" / "secret.key"), str(data / "secret.key")]]
+    (data / "before-restore-1").mkdir()
+    journal = {"state": "committed", "moves": moves, "remove": [str(data / ".restore-1")]}
+    (data / JOURNAL).write_text(json.dumps(journal))
+    held = lock(data)
+    with pytest.raises(ConfigurationError, match="a restore runs on it"):
+        prepare(data)
+    os.close(held)
+    prepare(data)
+    assert (data / "secret.key").read_text() == "ab" * 32
+    assert not (data / JOURNAL).exists() and not (data / ".restore-1").exists()
+    assert finish_restore(data) == ""
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"state": 1, "moves": [[1]], "remove": []}', "\0", "é" * 9])
+def test_a_journal_that_is_none_changes_nothing(data: Path, text: str) -> None:
+    (data / JOURNAL).write_text(text)
+    before = table_counts(data / "pogon.db")
+    with pytest.raises(ConfigurationError, match="expected the journal of a restore"):
+        prepare(data)
+    assert table_counts(data / "pogon.db") == before
