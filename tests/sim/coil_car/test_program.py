@@ -1,24 +1,16 @@
 """The coil-car line by its registers: movements, hold-to-run, every command and refusal, every fault, restart."""
 
-import math
 from collections.abc import Callable
-from itertools import pairwise
 
 import pytest
 
 from app.registers import plc_map
-from app.registers.plc_map import AnswerState
 from app.sim import training
-from app.sim.coil_car import register_map as coil_car
-from app.sim.coil_car.actions import ARRIVED
-from app.sim.coil_car.machine import FAULTS, MEASURES, Geometry
+from app.sim.coil_car.machine import MEASURES, Geometry
 from app.sim.coil_car.program import VirtualCoilCar
 from app.sim.coil_car.register_map import (
     ACTIONS,
-    PRESETS,
-    REGISTERS,
     SETTINGS,
-    SIGNALS,
     STAGING,
     Block,
     CoilCarCommand,
@@ -29,46 +21,10 @@ from app.sim.coil_car.register_map import (
     Mode,
 )
 from app.sim.plc import EVENT_CAPACITY
+from tests.sim.coil_car.bench import DONE, REJECTED, RUNNING, line, run, value
 from tests.sim.coil_car.line import Talker, act
 
-DONE, REJECTED, RUNNING = AnswerState.DONE, AnswerState.REJECTED, AnswerState.RUNNING
-
-
-def line(**options: object) -> tuple[VirtualCoilCar, Talker]:
-    given: dict[str, object] = {"start": "manual", **options}
-    car = VirtualCoilCar(**given)  # type: ignore[arg-type]
-    car.step()
-    return car, Talker(car)
-
-
-def run(car: VirtualCoilCar, seconds: float, talker: Talker | None = None, bits: int = 0) -> None:
-    for scan in range(round(seconds * 100)):
-        if talker and bits and scan % 10 == 0:
-            talker.hold(bits)
-        car.step()
-
-
-def value(car: VirtualCoilCar, name: str) -> float:
-    """A point as a host reads it."""
-    place = REGISTERS[name]
-    words = car.read(3, place.address, 1 if place.type == "u16" else 2)
-    if place.type == "u16":
-        return words[0] >> place.shift & place.mask if place.mask else words[0]
-    raw = words[0] << 16 | words[1]
-    return plc_map.real_of(raw) if place.type == "f32" else raw
-
-
 # ---- the map
-
-
-def test_what_a_sequence_reads_is_what_a_host_reads() -> None:
-    car, talker = line(coil=True)
-    talker.hold(1)
-    run(car, 0.3)
-    for name in SIGNALS:
-        mine, theirs = float(car.signal(name)), value(car, name)
-        assert (math.isnan(mine) and math.isnan(theirs)) or mine == pytest.approx(theirs, rel=1e-6), name
-    assert value(car, "horizontal_speed") > 0 and value(car, "moving") == 1
 
 
 def test_images_are_whole_and_measures_and_settings_read_as_they_are() -> None:
@@ -83,141 +39,7 @@ def test_images_are_whole_and_measures_and_settings_read_as_they_are() -> None:
         assert value(car, setting.name) == setting.default
 
 
-def test_no_two_values_share_a_place() -> None:
-    taken: dict[tuple[int, int], str] = {}
-    for name, place in REGISTERS.items():
-        for word in range(1 if place.type == "u16" else 2):
-            bits = range(16) if not place.mask else (place.shift,)
-            for bit in bits:
-                key = (place.address + word, bit)
-                assert key not in taken, (name, taken.get(key))
-                taken[key] = name
-
-
 # ---- movements
-
-
-def test_the_transport_by_actions_lays_the_coil_on_the_farthest_saddle() -> None:
-    car, talker = line(start="automatic", coil=True)
-    talker.events()
-    for action in ACTIONS[:8]:
-        act(car, action)
-    assert [value(car, f"saddle_{n}") for n in (1, 2, 3)] == [1, 0, 0]
-    assert value(car, "coils_done") == 1 and value(car, "coil_on_car") == 0
-    assert value(car, "horizontal") == pytest.approx(9000, abs=1) and value(car, "vertical") == pytest.approx(
-        550, abs=1
-    )
-    told = [code for code, _ in talker.codes() if code not in (CoilCarEvent.ACTION_BEGUN, CoilCarEvent.ACTION_DONE)]
-    assert told == [
-        CoilCarEvent.COLLAPSED,
-        CoilCarEvent.COIL_ON_CAR,
-        CoilCarEvent.EXPANDED,
-        CoilCarEvent.WINDING,
-        CoilCarEvent.COIL_LAID,
-    ]
-
-
-def test_an_axis_follows_an_s_ramp_and_ends_at_its_target() -> None:
-    car, _ = line(start="automatic", settings={"jerk_horizontal": 300.0})
-    speeds = [0.0]
-    while car.action_state != coil_car.ActionState.DONE:
-        car.ask(["drive_to_mandrel"])
-        car.step()
-        speeds.append(-car.machine.speed_x)
-    changes = [(after - before) / 0.01 for before, after in pairwise(speeds)]
-    jerks = [(after - before) / 0.01 for before, after in pairwise(changes)]
-    assert max(speeds) == pytest.approx(400, abs=0.1) and min(speeds) >= -0.01
-    assert max(map(abs, changes)) <= 200 + 1e-6 and max(map(abs, jerks)) <= 300 + 1e-3
-    assert car.machine.x == pytest.approx(1000, abs=ARRIVED)
-
-
-def test_a_withdrawn_action_stops_on_the_ramp() -> None:
-    car, _ = line(start="automatic")
-    for _ in range(300):
-        car.ask(["drive_to_mandrel"])
-        car.step()
-    speed = car.machine.speed_x
-    car.step()
-    assert speed < -300 and abs(car.machine.speed_x - speed) < 5
-    run(car, 4)
-    assert car.machine.speed_x == 0 and value(car, "action") == 0 and not car.moving
-
-
-def test_actions_are_taken_in_automatic_only() -> None:
-    for start in ("manual", "stopped"):
-        car, _ = line(start=start, coil=True)
-        assert not car.takes_actions
-        for _ in range(100):
-            car.ask(["drive_to_mandrel"])
-            car.step()
-        assert car.machine.x == 2700 and value(car, "action") == 0
-
-
-def test_there_is_nothing_to_lift_to_without_a_coil() -> None:
-    car, _ = line(start="automatic", settings={"automatic_winding": 0.0})
-    car.preset({"horizontal": 1000})
-    for _ in range(100):
-        car.ask(["lift_to_coil"])
-        car.step()
-    assert car.machine.v == 0 and value(car, "action_state") == coil_car.ActionState.BLOCKED
-
-
-def test_one_movement_at_a_time() -> None:
-    car, _ = line(start="automatic")
-    for _ in range(200):
-        car.ask(["drive_to_mandrel"])
-        car.step()
-    for _ in range(30):
-        car.ask(["lift_over_saddle"])
-        car.step()
-        assert car.machine.speed_v == 0
-    assert value(car, "action_state") == coil_car.ActionState.BLOCKED
-    assert value(car, "block_up") == Block.OTHER_MOVEMENT
-
-
-def test_the_recoiler_winds_the_next_coil_by_itself_in_automatic() -> None:
-    car, talker = line(start="automatic")
-    run(car, 40)
-    assert value(car, "coil_ready") == 1 and value(car, "coil_diameter") == pytest.approx(1300, abs=0.5)
-    assert value(car, "coils_wound") == 1
-    assert [code for code, _ in talker.codes()] == [CoilCarEvent.WINDING, CoilCarEvent.COIL_READY]
-    car, _ = line(start="automatic", settings={"automatic_winding": 0.0})
-    run(car, 5)
-    assert value(car, "coil_on_mandrel") == 0
-
-
-def test_the_crane_takes_a_coil_but_not_from_above_the_car() -> None:
-    car, talker = line(start="automatic", coil=True)
-    car.preset({"saddle_1": 1, "saddle_2": 1, "horizontal": 9000, "vertical": 690, "crane": 2})
-    run(car, 3)
-    assert [value(car, f"saddle_{n}") for n in (1, 2)] == [1, 0]
-    assert (CoilCarEvent.COIL_REMOVED, 2) in talker.codes()
-
-
-def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
-    car, talker = line(coil=True)
-    for given, target, free in (
-        ({"saddle_1": 1.0}, 2, 1),
-        ({"saddle_2": 1.0}, 3, 1),
-        ({"saddle_3": 1.0}, 1, 0),
-    ):
-        car.preset(given)
-        car.step()
-        assert (value(car, "target_saddle"), value(car, "target_free")) == (target, free)
-    assert talker.ask(CoilCarCommand.TARGET, 2).state == DONE
-    assert (value(car, "target_saddle"), value(car, "target_selected"), value(car, "target_free")) == (2, 2, 0)
-
-
-def test_the_target_stays_while_the_car_stands_at_it_and_is_the_next_one_once_it_leaves() -> None:
-    car, _ = line(start="automatic", coil=True)
-    for action in ACTIONS:
-        act(car, action)
-    act(car, "lower")
-    laid = {name: value(car, name) for name in ("target_saddle", "at_target", "coil_laid", "lowered", "saddle_1")}
-    assert laid == {"target_saddle": 1, "at_target": 1, "coil_laid": 1, "lowered": 1, "saddle_1": 1}
-    assert value(car, "target_free") == 1, "for the next coil there is a saddle"
-    act(car, "drive_to_mandrel")
-    assert (value(car, "target_saddle"), value(car, "at_target"), value(car, "coil_laid")) == (2, 0, 0)
 
 
 # ---- hold-to-run
@@ -384,37 +206,6 @@ def test_every_reason_but_those_of_the_base_is_given_somewhere() -> None:
     assert set(CoilCarReason) == seen
 
 
-def test_winding_on_command_stops_and_goes_on() -> None:
-    car, talker = line()
-    assert talker.ask(CoilCarCommand.WIND).state == DONE
-    run(car, 5)
-    assert talker.ask(CoilCarCommand.STOP_WINDING).state == DONE
-    diameter = value(car, "coil_diameter")
-    assert 600 < diameter < 1300 and value(car, "coil_ready") == 0
-    run(car, 2)
-    assert value(car, "coil_diameter") == diameter
-    talker.ask(CoilCarCommand.WIND)
-    run(car, 40)
-    assert value(car, "coil_ready") == 1
-    told = [code for code, _ in talker.codes()]
-    assert told == [CoilCarEvent.WINDING, CoilCarEvent.WINDING_STOPPED, CoilCarEvent.WINDING, CoilCarEvent.COIL_READY]
-
-
-def test_automatic_goes_on_with_a_coil_that_was_not_finished_unless_told_to_stop() -> None:
-    car, talker = line(start="automatic")
-    run(car, 2)
-    talker.ask(CoilCarCommand.STOP_WINDING)
-    run(car, 2)
-    assert value(car, "winding") == 0
-    talker.ask(CoilCarCommand.STOP)
-    run(car, 1)
-    talker.ask(CoilCarCommand.AUTOMATIC)
-    run(car, 1)
-    assert value(car, "winding") == 1 and value(car, "coil_diameter") > 640
-    talker.ask(CoilCarCommand.STOP)
-    assert value(car, "winding") == 0
-
-
 def test_the_crane_took_a_coil() -> None:
     car, talker = line()
     car.preset({"saddle_2": 1})
@@ -438,115 +229,6 @@ def test_settings_are_taken_as_a_set_and_checked() -> None:
 # ---- faults
 
 
-@pytest.mark.parametrize(
-    ("code", "event", "fault"),
-    [
-        (1, (CoilCarEvent.DRIVE_TRIPPED, 1), Fault.DRIVE_HORIZONTAL),
-        (2, (CoilCarEvent.DRIVE_TRIPPED, 2), Fault.DRIVE_VERTICAL),
-        (41, (CoilCarEvent.GUARD_OPENED, 1), Fault.GUARD),
-        (42, (CoilCarEvent.GUARD_OPENED, 2), Fault.GUARD),
-        (43, (CoilCarEvent.GUARD_OPENED, 3), Fault.GUARD),
-        (50, (CoilCarEvent.EMERGENCY_STOP, 0), Fault.EMERGENCY_STOP),
-    ],
-)
-def test_a_fault_brakes_at_once_and_holds_until_a_reset(code: int, event: tuple[int, int], fault: Fault) -> None:
-    car, talker = line(start="automatic")
-    for _ in range(300):
-        car.ask(["drive_to_mandrel"])
-        car.step()
-    talker.events()
-    talker.fault(code)
-    for _ in range(60):
-        car.ask(["drive_to_mandrel"])
-        car.step()
-    assert car.machine.speed_x == 0 and (car.mode, car.fault) == (Mode.OFF, fault)
-    assert event in talker.codes()
-    talker.fault(0)
-    run(car, 0.1)
-    x = car.machine.x
-    for _ in range(50):
-        car.ask(["drive_to_mandrel"])
-        car.step()
-    assert car.machine.x == x and value(car, "held") == 1
-    assert talker.ask(CoilCarCommand.RESET).state == DONE and talker.ask(CoilCarCommand.AUTOMATIC).state == DONE
-    act(car, "drive_to_mandrel")
-
-
-@pytest.mark.parametrize(
-    ("code", "low", "back", "block"),
-    [
-        (31, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
-        (32, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
-        (33, CoilCarEvent.OIL_COLD, CoilCarEvent.OIL_WARM, Block.OIL),
-    ],
-)
-def test_hydraulics_block_table_and_mandrel_and_come_back(
-    code: int, low: CoilCarEvent, back: CoilCarEvent, block: Block
-) -> None:
-    car, talker = line(start="automatic", coil=True)
-    talker.fault(code)
-    run(car, 10)
-    assert low in [each for each, _ in talker.codes()]
-    for name in ("up", "down", "expand", "collapse"):
-        assert value(car, f"block_{name}") == block and value(car, f"interlock_{name}") == 1
-    assert value(car, "block_back") == Block.FREE and value(car, "mode") == Mode.AUTOMATIC
-    assert value(car, "pump") == (code != 32)
-    for _ in range(100):
-        car.ask(["lift_over_saddle"])
-        car.step()
-    assert car.machine.v == 0 and value(car, "action_state") == coil_car.ActionState.BLOCKED
-    talker.fault(0)
-    run(car, 10)
-    assert back in [each for each, _ in talker.codes()]
-    act(car, "lift_over_saddle")
-
-
-def test_the_table_stays_where_it_is_when_the_pressure_goes() -> None:
-    car, talker = line(start="automatic")
-    for _ in range(400):
-        car.ask(["lift_over_saddle"])
-        car.step()
-    talker.fault(32)
-    run(car, 3)
-    height = car.machine.v
-    run(car, 10)
-    assert height > 100 and car.machine.v == height
-
-
-@pytest.mark.parametrize(
-    ("number", "movement", "bits"), [(1, "back", 2), (2, "forward", 1), (3, "up", 4), (4, "down", 8)]
-)
-def test_a_limit_switch_stuck_on_blocks_its_direction_only(number: int, movement: str, bits: int) -> None:
-    car, talker = line()
-    car.preset({"vertical": 300})
-    talker.fault(10 + number)
-    run(car, 1, talker, bits)
-    assert (car.machine.x, car.machine.v) == (2700, 300)
-    assert value(car, f"block_{movement}") == Block.LIMIT and value(car, "limits_plausible") == 0
-    assert (CoilCarEvent.LIMIT_IMPLAUSIBLE, number) in talker.codes()
-    other = bits * 2 if bits in (1, 4) else bits // 2
-    run(car, 1, talker, other)
-    assert (car.machine.x, car.machine.v) != (2700, 300)
-
-
-@pytest.mark.parametrize(("number", "bits"), [(1, 2), (2, 1), (3, 4), (4, 8)])
-def test_a_limit_switch_stuck_off_is_noticed_and_the_position_stops_the_axis(number: int, bits: int) -> None:
-    car, talker = line(settings={"manual_horizontal": 200.0, "manual_vertical": 100.0})
-    car.preset({"vertical": 100 if number == 4 else 0, "horizontal": 9000 if number == 2 else 2700})
-    talker.fault(20 + number)
-    run(car, 30, talker, bits)
-    assert value(car, "collision") == 0 and -0.01 <= car.machine.x <= 10000.01 and -0.01 <= car.machine.v <= 1400.01
-    assert (CoilCarEvent.LIMIT_IMPLAUSIBLE, number) in talker.codes()
-
-
-def test_a_stuck_mandrel_is_noticed() -> None:
-    car, talker = line()
-    talker.fault(51)
-    run(car, 7, talker, 32)
-    assert (car.mode, car.fault) == (Mode.OFF, Fault.MANDREL)
-    assert CoilCarEvent.MANDREL_STUCK in [code for code, _ in talker.codes()]
-
-
 def test_a_silent_host_ends_automatic() -> None:
     car, talker = line(start="automatic", settings={"host_timeout": 2.0})
     for beat in range(400):
@@ -559,10 +241,6 @@ def test_a_silent_host_ends_automatic() -> None:
     assert value(car, "mode") == Mode.OFF and value(car, "host_silent") == 1
     assert talker.ask(CoilCarCommand.AUTOMATIC).reason == CoilCarReason.WRONG_STATE
     assert CoilCarEvent.HOST_SILENT in [code for code, _ in talker.codes()]
-
-
-def test_every_fault_of_the_instructor_is_in_a_test() -> None:
-    assert set(FAULTS) == {1, 2, 11, 12, 13, 14, 21, 22, 23, 24, 31, 32, 33, 41, 42, 43, 50, 51, 60}
 
 
 # ---- restart, presets, repetition
@@ -586,43 +264,6 @@ def test_a_power_cycle_keeps_the_world_the_settings_and_the_counters() -> None:
     talker.train(training.REG_RESET, 1)
     car.step()
     assert value(car, "coil_on_car") == 0 and value(car, "automatic_horizontal") == 400 and car.boots == 1
-
-
-def test_presets_put_the_line_into_a_state_or_say_why_not() -> None:
-    car, _ = line()
-    car.preset({"horizontal": 1000, "coil": 1, "diameter": 1500, "saddle_3": 1})
-    assert value(car, "coil_diameter") == 1500 and value(car, "saddle_3_diameter") == 1500
-    for values, said in (
-        ({"height": 1.0}, "expected one of"),
-        ({"saddle_1": 2.0}, "0 to 1"),
-        ({"vertical": 900.0}, "touches the coil on mandrel"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            car.preset(values)
-    assert car.machine.v == 0 and value(car, "collision") == 0
-
-
-def test_every_preset_is_taken() -> None:
-    for name, (low, high) in PRESETS.items():
-        for wanted in (low, high):
-            car, _ = line()
-            if name == "vertical" or name == "horizontal":
-                wanted = min(wanted, 3000.0) if name == "horizontal" else min(wanted, 900.0)
-            if name == "mandrel" or name == "coil_on_car":
-                car.preset({"automatic_winding": 0})
-            car.preset({name: wanted})
-            car.step()
-            assert value(car, "collision") == 0, name
-
-
-def test_held_pressure_stays_until_it_is_given_back() -> None:
-    car, _ = line()
-    car.preset({"pressure": 20})
-    run(car, 5)
-    assert value(car, "pressure") == 20 and value(car, "pressure_ok") == 0
-    car.preset({"pressure": -1})
-    run(car, 10)
-    assert value(car, "pressure_ok") == 1
 
 
 def test_the_same_writes_give_the_same_run() -> None:
@@ -652,25 +293,3 @@ def test_the_same_writes_give_the_same_run() -> None:
 def test_a_line_that_cannot_be_built_says_why(options: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         VirtualCoilCar(**options)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong"),
-    [
-        ("mandrel_position", -1.0),
-        ("mandrel_reach", 900.0),
-        ("out_position", 2000.0),
-        ("saddle_3_position", 3000.0),
-        ("saddle_2_position", 5000.0),
-        ("travel", 8000.0),
-        ("clearance", 20.0),
-        ("lift", 700.0),
-        ("coil_largest", 2400.0),
-        ("position_tolerance", 40.0),
-        ("saddle_height", 100.0),
-        ("eye_diameter", 400.0),
-    ],
-)
-def test_measures_that_contradict_each_other_are_told(name: str, wrong: float) -> None:
-    with pytest.raises(ValueError, match="expected"):
-        Geometry(**{name: wrong})

@@ -1,6 +1,5 @@
 """The conveyor's PLC over its registers: commands and their refusals, faults and recovery, both presets, power, and the true positions."""
 
-import tomllib
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -10,90 +9,19 @@ from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Device, Equipment, EquipmentType
 from app.registers.plc_map import AnswerState, real, real_of
 from app.sim import training
-from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import (
-    REGISTERS,
-    ROW,
     ConveyorCommand,
-    ConveyorEvent,
     ConveyorState,
     Motor,
-    Place,
     Source,
 )
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
-from tests.sim.conveyor.line import MemoryPort, Operator, Port, TestLine, Witness, tcp_port
-
-QUICK = {"automatic_speed": 60.0, "unload_dwell": 0.2, "restart_delay": 0.2, "acceleration": 200.0, "jerk": 1000.0}
-SIMULATION = Geometry(sensors=(150.0, 215.0, 445.0, 560.0), rated_speed=60.0, resolution=1024, intact_is_one=False)
-TOLERANCE = 5.0
-
-
-def line(**options: object) -> TestLine:
-    """A quick line; without arrivals unless asked for."""
-    given: dict[str, object] = {"arrivals": False, "interval": 2.5, "settings": QUICK, **options}
-    return TestLine(VirtualConveyor(**given))  # type: ignore[arg-type]
-
-
-def running(**options: object) -> TestLine:
-    """A line in automatic with products arriving."""
-    return line(start="automatic", arrivals=True, **options)
-
-
-async def put(on: TestLine, head: float, length: float = 30.0) -> int:
-    """A product and its record, as an operator puts them; the id."""
-    assert on.device.machine.place(head, length)
-    answer = await on.order(ConveyorCommand.INSERT, real(head), real(length))
-    assert answer.state is AnswerState.DONE, answer
-    return answer.detail
-
+from tests.sim.conveyor.bench import QUICK, SIMULATION, TOLERANCE, line, put, running
+from tests.sim.conveyor.line import MemoryPort, Port, TestLine, Witness, tcp_port
 
 # ---- the map
-
-
-def test_registers_agree_with_the_type() -> None:
-    folder = Path("app/equipment/conveyor")
-    data = {
-        key: row
-        for file in ("points.toml", "setpoints.toml")
-        for key, row in tomllib.loads((folder / file).read_text("utf-8")).items()
-    }
-    told = {
-        key: Place(row["address"], row.get("type", "u16"), row.get("shift", 0), row.get("mask", 0))
-        for key, row in data.items()
-        if "address" in row
-    }
-    assert told
-    assert {key: REGISTERS[key] for key in told} == told
-    columns = tomllib.loads((folder / "tables.toml").read_text("utf-8"))["product"]["columns"]
-    assert {key: (row["offset"], row.get("type", "u16")) for key, row in columns.items()} == {
-        key: (ROW[key].address, ROW[key].type) for key in columns
-    }
-
-
-async def test_the_configuration_is_that_of_the_preset() -> None:
-    for geometry, full in ((Geometry(), 62.83), (SIMULATION, 94.25)):
-        status = await line(geometry=geometry).status()
-        assert [status[f"sensor_position_{n}"] for n in (1, 2, 3, 4)] == list(geometry.sensors)
-        assert [status[f"area_end_{n}"] for n in (1, 2, 3, 4)] == [215.0, 445.0, 560.0, 660.0]
-        assert status["pulse_length"] == pytest.approx(geometry.pulse_length)
-        assert status["device_intact_is_one"] == geometry.intact_is_one
-        assert geometry.full_speed == pytest.approx(full, abs=0.01)
-    one, other = await line().get("config_crc"), await line(geometry=SIMULATION).get("config_crc")
-    assert one != other and one == await line(seed=7).get("config_crc")
-
-
-async def test_beams_are_told_alike_whatever_the_wiring() -> None:
-    for geometry, free, pressed in ((Geometry(), 0b1111, 0b1010), (SIMULATION, 0, 0b0101)):
-        on = line(geometry=geometry)
-        on.step()
-        assert await on.port.read(0x0105, 2) == [0, free]
-        await on.train(own.REG_SENSORS, 0b0101)
-        assert await on.port.read(0x0105, 2) == [0b0101, pressed]
-        status = await on.status()
-        assert (status["beam_1"], status["beam_2"], status["sensors_forced"]) == (1, 0, 1)
 
 
 # ---- one product, from entry to unloading
@@ -148,31 +76,6 @@ async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> No
     assert 1.9 < (on.device.steps - before) / 100 < 2.3
     on.go(3)
     assert await on.get("state") == ConveyorState.AUTOMATIC
-
-
-async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
-    on = line(settings={})
-    await on.done(ConveyorCommand.START)
-    on.go(0.4)
-    status = await on.status()
-    assert 5 < status["speed_1"] < 20
-    assert (status["speed_setpoint_1"], status["speed_source_1"], status["motor_1"]) == (30, Source.AUTOMATIC, 1)
-    on.go(2)
-    status = await on.status()
-    assert status["speed_2"] == pytest.approx(30, abs=0.5)
-    assert status["belt_speed_2"] == pytest.approx(18.85, abs=0.3)
-    assert status["line_speed"] == pytest.approx(18.85, abs=0.3)
-    # v/a + a/j seconds to stop, half the speed on the way (the ramp is symmetric)
-    assert status["stop_distance_2"] == pytest.approx(18.85 * (30 / 60 + 60 / 240) / 2, abs=0.05)
-    assert status["encoder_1"] == pytest.approx(on.device.machine.pulses[0])
-    began = await on.get("encoder_1")
-    await on.done(ConveyorCommand.STOP)
-    assert (await on.status())["motor_1"] == Motor.STOPPING
-    assert await on.get("state") == ConveyorState.STOPPING
-    on.go(2)
-    moved = (await on.get("encoder_1") - began) * Geometry().pulse_length
-    assert moved == pytest.approx(status["stop_distance_2"], abs=1.0)
-    assert await on.get("state") == ConveyorState.STOPPED
 
 
 # ---- commands
@@ -263,40 +166,6 @@ async def test_records_are_put_edited_confirmed_and_deleted() -> None:
 
 
 # ---- manual
-
-
-async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
-    on = line(settings={})
-    await on.hold(1, 0.5)
-    assert on.device.machine.speeds == [0, 0, 0], "not in manual"
-    await on.done(ConveyorCommand.MANUAL)
-    assert await on.get("mode") == 2
-    await on.hold(3, 0.5)
-    assert on.device.machine.speeds == [0, 0, 0], "both directions"
-    on.device.write(16, 0x0380, [1, 50, *(0, 0)])
-    on.go(0.3)
-    status = await on.status()
-    assert (status["state"], status["speed_source_1"], status["speed_setpoint_1"]) == (
-        ConveyorState.MANUAL,
-        Source.MANUAL,
-        10,
-    )
-    on.go(0.19)
-    assert all(speed > 5 for speed in on.device.machine.speeds)
-    on.go(1)
-    assert on.device.machine.speeds == [0, 0, 0], "the counter stood still"
-    await on.hold(2, 1, speed=20.0)
-    assert all(speed < -15 for speed in on.device.machine.speeds)
-    assert (await on.status())["reverse"] == 1
-    on.go(1)
-    await on.hold(1 | 0b010 << 4, 1)
-    first, second, third = on.device.machine.speeds
-    assert (first, third) == (0, 0) and second > 5
-    on.go(1)
-    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
-    assert await on.get("mode") == 1
-    await on.hold(2, 0.3)
-    assert on.device.machine.speeds[0] > 0, "automatic does not listen to it"
 
 
 async def test_backwards_head_and_tail_change_places() -> None:
@@ -409,268 +278,6 @@ async def test_a_jam_while_the_gap_stops_the_line_is_what_stopped_it_when_the_ga
 # ---- faults: what the PLC sees, what it does, how it goes on
 
 
-@pytest.mark.parametrize("belt", [1, 2, 3])
-async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int) -> None:
-    on = running()
-    witness = Witness(on)
-    on.go(11)
-    await on.fetch()
-    await on.until(lambda: all(speed == 60 for speed in on.device.machine.speeds))
-    before = on.device.steps
-    await on.train(training.REG_MACHINE_FAULT, belt)
-    await on.until(lambda: on.device.state == ConveyorState.FAULT, 2)
-    assert (on.device.steps - before) / 100 == pytest.approx(0.51, abs=0.03)
-    on.go(1)
-    status = await on.status()
-    assert (status[f"jam_{belt}"], status[f"motor_{belt}"], status["mode"]) == (1, Motor.JAMMED, 0)
-    assert (status["first_out"], status["first_out_source"]) == (24, belt)
-    assert on.device.machine.speeds == [0, 0, 0]
-    told = await on.fetch()
-    jam = next(event for event in told if event.code == 24)
-    assert (jam.source, jam.value) == (belt, 60)
-    assert [event.code for event in told if event.time == jam.time] == [24, 31], "cause before consequence"
-    await on.done(ConveyorCommand.RESET)
-    await on.done(ConveyorCommand.START)
-    await on.until(lambda: on.device.state == ConveyorState.FAULT, 3), "the cause is still there"
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    on.go(1)
-    await on.done(ConveyorCommand.RESET)
-    assert (await on.status())["first_out"] == 0
-    await on.done(ConveyorCommand.START)
-    on.go(10)
-    assert (25, belt) in await on.codes()
-    assert await on.get("state") in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
-    assert witness.worst < 2
-
-
-@pytest.mark.parametrize(("belt", "doubted"), [(1, {1}), (2, {1, 3}), (3, {3})])
-async def test_a_jam_leaves_uncertain_what_lies_on_its_belt_and_another_one(belt: int, doubted: set[int]) -> None:
-    on = running()
-    ends = on.device.geometry.belt_ends
-
-    def lying() -> dict[int, list[int]]:
-        """What is well known and measured, by where it lies: 0, 2, 4 whole on belt 1, 2, 3; 1, 3 across the ends between them."""
-        found: dict[int, list[int]] = {place: [] for place in range(5)}
-        for product in on.device.tracking.products:
-            if product.state == 1 and product.length:
-                first, last = (sum(end < x for end in ends) for x in (product.left, product.right))
-                found[first + last].append(product.id)
-        return found
-
-    await on.until(lambda: {place for place, ids in lying().items() if ids} >= {1, 2, 3}, 300)
-    await on.train(training.REG_MACHINE_FAULT, belt)
-    while on.device.state != ConveyorState.FAULT:
-        before = lying()
-        on.step()
-    assert set().union(*(before[place] for place in doubted)), "something lies across"
-    states = {id: row["state"] for id, row in (await on.products()).items()}
-    for place, ids in before.items():
-        for id in ids:
-            assert states[id] == (3 if place in doubted else 1), f"product {id} on {place}, jam of belt {belt}"
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    await on.stand()
-    await on.done(ConveyorCommand.RESET)
-    await on.done(ConveyorCommand.START)
-    in_doubt = {id for place in doubted for id in before[place]}
-    for _ in range(300):
-        in_doubt = {id for id, row in (await on.products()).items() if id in in_doubt and row["state"] == 3}
-        if not in_doubt:
-            break
-        on.step(10)
-    assert not in_doubt, "the next sensor has made them certain, or they are unloaded"
-
-
-async def test_stops_in_between_do_not_hide_a_jam() -> None:
-    on = line(settings={**QUICK, "jam_time": 1.0})
-    await on.train(training.REG_MACHINE_FAULT, 3)
-    starts = 0
-    while on.device.state != ConveyorState.FAULT:
-        starts += 1
-        assert starts < 8, "each start is shorter than the jam time, all of them together are not"
-        await on.done(ConveyorCommand.START)
-        on.go(0.3)
-        await on.stand()
-    assert starts > 1
-    assert (24, 3) in await on.codes()
-
-
-@pytest.mark.parametrize("belt", [1, 2, 3])
-async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int) -> None:
-    on = running()
-    witness = Witness(on)
-    on.go(11)
-    await on.until(lambda: all(speed == 60 for speed in on.device.machine.speeds))
-    await on.fetch()
-    await on.train(training.REG_MACHINE_FAULT, 40 + belt)
-    failed = await on.until_event(ConveyorEvent.ENCODER, belt, 5)
-    on.go(1)
-    status = await on.status()
-    assert (status[f"encoder_fault_{belt}"], status[f"jam_{belt}"]) == (1, 0)
-    assert status["state"] == ConveyorState.FAULT and status["first_out"] == 26
-    begin, end = (0.0, *Geometry().belt_ends)[belt - 1 : belt + 1]
-    on_it = [row for row in (await on.products()).values() if row["tail"] < end and row["head"] > begin]
-    assert all(row["state"] in (2, 3) for row in on_it)
-    assert failed.value == 60
-    assert witness.worst < TOLERANCE, "before it was noticed"
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    await Operator(on).recover()
-    witness.worst = 0.0
-    on.go(10)
-    assert (27, belt) in await on.codes()
-    assert witness.worst < 2
-
-
-@pytest.mark.parametrize("belt", [1, 2, 3])
-async def test_slip_is_corrected_at_the_next_sensor_and_told(belt: int) -> None:
-    on = running()
-    await on.set(slip_warning=1.0)
-    witness = Witness(on)
-    await on.train(training.REG_MACHINE_FAULT, 10 + belt)
-    told = []
-    for _ in range(6):
-        on.go(8)
-        told += await on.fetch()
-    outside = [event for event in told if event.code == 10]
-    assert belt + 1 in {event.source for event in outside}
-    assert all(2 < abs(event.value) < TOLERANCE for event in outside)
-    assert belt in {event.source for event in told if event.code == ConveyorEvent.SLIP}
-    assert witness.worst < TOLERANCE
-    assert not [event for event in told if event.code in (11, 12)], "none lost, none unexpected"
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    on.go(20)
-    witness.worst = 0
-    on.go(5)
-    assert witness.worst < 2
-
-
-@pytest.mark.parametrize("sensor", [2, 3, 4])
-async def test_a_blind_sensor_loses_products_and_is_suspected(sensor: int) -> None:
-    on = running()
-    on.go(8)
-    await on.fetch()
-    await on.train(training.REG_MACHINE_FAULT, 20 + sensor)
-    lost = await on.until_event(11, sensor)
-    position = Geometry().sensors[sensor - 1]
-    assert lost.value == pytest.approx(position + 10, abs=1), "lost_after past it"
-    assert (await on.products())[lost.snapshot[1]]["state"] == 5
-    assert (await on.status())["lost_present"] == 1
-    if sensor == 4:
-        await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
-        on.go(5)
-        assert on.true()[0].head == pytest.approx(660, abs=2), "it waits at the end for a person"
-        assert (await on.products())[lost.snapshot[1]]["state"] == 5
-        await on.done(ConveyorCommand.CONFIRM, lost.snapshot[1])
-    suspected = await on.until_event(28, sensor)
-    assert suspected.value == 1
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    await Operator(on).recover()
-    on.go(5)
-    await on.until_event(29, sensor)
-    await on.fetch()
-    assert on.device.state in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
-
-
-async def test_a_blind_first_sensor_shows_at_the_second() -> None:
-    on = running()
-    on.go(8)
-    await on.fetch()
-    await on.train(training.REG_MACHINE_FAULT, 21)
-    await on.until_event(12, 2)
-    suspected = await on.until_event(28, 1)
-    assert suspected.value == 1
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    await Operator(on).recover()
-    await on.until_event(29, 1)
-
-
-@pytest.mark.parametrize("sensor", [1, 2, 3, 4])
-async def test_a_stuck_sensor_is_suspected_and_the_line_recovers(sensor: int) -> None:
-    on = running()
-    on.go(8)
-    await on.fetch()
-    await on.train(training.REG_MACHINE_FAULT, 30 + sensor)
-    assert await on.get(f"beam_{sensor}") == 1
-    suspected = await on.until_event(28, sensor)
-    assert suspected.value == 2
-    await on.train(training.REG_MACHINE_FAULT, 0)
-    await Operator(on).recover()
-    await on.until_event(29, sensor)
-    witness = Witness(on)
-    on.go(10)
-    assert witness.worst < 2
-
-
-async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
-    on = line()
-    await on.done(ConveyorCommand.START)
-    on.device.machine.place(40.0, 30.0)
-    await on.until(lambda: on.device.tracking.entered == 1 and on.true()[0].tail > 140)
-    await on.train(own.REG_REMOVE, 1)
-    assert on.true() == []
-    lost = await on.until_event(11, 2)
-    assert lost.snapshot[1] == 1
-    await on.train(own.REG_PUT, 380)
-    found = await on.until_event(12, 3)
-    assert found.snapshot[1] == 2
-    assert (await on.products())[2]["state"] in (2, 3)
-    await on.until_event(5)
-    status = await on.status()
-    assert (status["lost"], status["unexpected"], status["unloaded"]) == (1, 1, 1)
-    await on.done(ConveyorCommand.DELETE, 1)
-    assert (await on.status())["lost_present"] == 0
-
-
-async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unloads() -> None:
-    on = line(settings={**QUICK, "unload_dwell": 2.0})
-    first = await put(on, 640.0)
-    await on.done(ConveyorCommand.START)
-    await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
-    assert on.device.machine.place(443.0, 25.0)
-    found = await on.until_event(12, 3)
-    second = found.snapshot[1]
-    assert second != first and on.device.machine.speeds[2] == 0
-    on.go(1)
-    assert on.device.machine.products[1].tail < 445, "it hangs between a belt that runs and one that stands"
-    assert (await on.until_event(5)).snapshot[1] == first
-    assert (await on.until_event(5)).snapshot[1] == second
-    on.go(0.1)
-    assert on.true() == []
-    assert 15 not in [event.code for event in on.events], "never withdrawn"
-    assert {event.snapshot[1] for event in on.events if event.code == 12} == {second}, "never taken for another one"
-    assert (await on.status())["lost"] == 0
-
-
-async def test_an_empty_grip_of_the_unloader_is_told() -> None:
-    on = line()
-    await on.done(ConveyorCommand.START)
-    on.device.machine.place(40.0, 30.0)
-    await on.until(lambda: bool(on.true()) and on.true()[0].tail > 570, 60)
-    await on.train(own.REG_REMOVE, 1)
-    lost = await on.until_event(11, 0)
-    assert lost.snapshot[1] == 1
-    status = await on.status()
-    assert (status["lost"], status["unloaded"], status["products"]) == (1, 0, 0)
-
-
-async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told_to_take_is_gone() -> None:
-    on = line(settings={**QUICK, "unload_dwell": 1.0})
-    first, second = await put(on, 650.0, 20.0), await put(on, 630.0, 20.0)
-    await on.done(ConveyorCommand.START)
-    await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
-    assert (await on.products())[first]["state"] == 6
-    await on.train(own.REG_REMOVE, 1)
-    lost = await on.until_event(11, 0)
-    assert lost.snapshot[1] == first
-    assert [product.by_hand for product in on.true()] == [True], "the second one is still there"
-    await on.until_event(5)
-    on.go(0.1)
-    assert on.true() == []
-    status = await on.status()
-    assert (status["lost"], status["unloaded"], status["products"]) == (1, 1, 0)
-    told = [(event.code, event.snapshot[1]) for event in on.events if event.code in (5, 11)]
-    assert told == [(5, first), (11, first), (5, second)]
-
-
 async def test_an_emergency_stop_cuts_the_drives_and_waits_for_a_reset() -> None:
     on = running()
     witness = Witness(on)
@@ -719,37 +326,6 @@ async def test_a_silent_host_ends_automatic() -> None:
     assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
 
 
-async def test_a_full_buffer_holds_the_infeed_and_loses_nothing() -> None:
-    on = running(slots=5, settings={**QUICK, "unload_dwell": 8.0}, interval=2.0)
-    witness = Witness(on)
-    full = False
-    for _ in range(60):
-        on.go(2)
-        full |= (await on.status())["buffer_full"] == 1
-        await on.fetch()
-    assert full
-    codes = {event.code for event in on.events}
-    assert 13 in codes and not codes & {11, 12}
-    assert on.device.tracking.refused == 0
-    assert witness.worst < 2
-
-
-async def test_a_sensor_pressed_by_hand_moves_nothing_and_is_told_when_it_fits_nothing() -> None:
-    on = line()
-    id = await put(on, 300.0)
-    await on.train(own.REG_SENSORS, 0b0010)
-    on.go(0.5)
-    await on.train(own.REG_SENSORS, 0)
-    assert (await on.products())[id]["head"] == 300
-    await on.done(ConveyorCommand.START)
-    on.go(0.5)
-    await on.fetch()
-    await on.train(own.REG_SENSORS, 0b1000)
-    on.go(0.1)
-    await on.train(own.REG_SENSORS, 0)
-    assert (12, 4) in await on.codes()
-
-
 # ---- power and repetition
 
 
@@ -780,24 +356,6 @@ async def test_a_power_cycle_keeps_tracking() -> None:
     await on.fetch()
     assert witness.worst < 2 and witness.worst_flagged < 2
     assert not [event for event in on.events if event.code in (11, 12)]
-
-
-async def test_a_reset_of_the_instructor_forgets_everything() -> None:
-    on = running(seed=4)
-    on.go(15)
-    await on.set(automatic_speed=20.0)
-    await on.train(training.REG_MACHINE_FAULT, 31)
-    on.go(1)
-    await on.train(training.REG_RESET, 1)
-    assert (await on.status())["boots"] == 1
-    fresh = running(seed=4)
-    fresh.step()
-    for _ in range(20):
-        assert await on.port.read(0x0100, 96) == await fresh.port.read(0x0100, 96)
-        assert await on.products() == await fresh.products()
-        assert [product.head for product in on.true()] == [product.head for product in fresh.true()]
-        on.go(1)
-        fresh.go(1)
 
 
 async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
@@ -915,17 +473,3 @@ def test_what_cannot_be_is_named() -> None:
     ):
         with pytest.raises(ConfigurationError, match=said):
             VIRTUAL_DEVICES["conveyor"](equipment(**options), 1)
-
-
-@pytest.mark.parametrize("speed", [10.0, 30.0, 37.0, 50.0, 80.0, 100.0])
-async def test_one_pulse_more_or_less_is_no_other_speed(speed: float) -> None:
-    for geometry in (Geometry(), SIMULATION):
-        on = line(geometry=geometry, settings={**QUICK, "automatic_speed": speed})
-        await on.done(ConveyorCommand.START)
-        on.go(3.0)
-        shown = []
-        for _ in range(40):
-            on.go(0.05)
-            shown.append((await on.status())["speed_1"])
-        assert max(shown) - min(shown) < 0.5, "the dead-band of the point"
-        assert sum(shown) / len(shown) == pytest.approx(speed, abs=0.41)

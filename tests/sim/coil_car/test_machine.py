@@ -1,0 +1,112 @@
+"""Hydraulics, table, mandrel, saddles and crane of the line."""
+
+import pytest
+
+from app.sim.coil_car import register_map as coil_car
+from app.sim.coil_car.machine import Geometry
+from app.sim.coil_car.register_map import (
+    ACTIONS,
+    Block,
+    CoilCarCommand,
+    CoilCarEvent,
+    Mode,
+)
+from tests.sim.coil_car.bench import DONE, line, run, value
+from tests.sim.coil_car.line import act
+
+
+def test_the_crane_takes_a_coil_but_not_from_above_the_car() -> None:
+    car, talker = line(start="automatic", coil=True)
+    car.preset({"saddle_1": 1, "saddle_2": 1, "horizontal": 9000, "vertical": 690, "crane": 2})
+    run(car, 3)
+    assert [value(car, f"saddle_{n}") for n in (1, 2)] == [1, 0]
+    assert (CoilCarEvent.COIL_REMOVED, 2) in talker.codes()
+
+
+def test_the_target_is_the_farthest_saddle_that_can_be_reached() -> None:
+    car, talker = line(coil=True)
+    for given, target, free in (
+        ({"saddle_1": 1.0}, 2, 1),
+        ({"saddle_2": 1.0}, 3, 1),
+        ({"saddle_3": 1.0}, 1, 0),
+    ):
+        car.preset(given)
+        car.step()
+        assert (value(car, "target_saddle"), value(car, "target_free")) == (target, free)
+    assert talker.ask(CoilCarCommand.TARGET, 2).state == DONE
+    assert (value(car, "target_saddle"), value(car, "target_selected"), value(car, "target_free")) == (2, 2, 0)
+
+
+def test_the_target_stays_while_the_car_stands_at_it_and_is_the_next_one_once_it_leaves() -> None:
+    car, _ = line(start="automatic", coil=True)
+    for action in ACTIONS:
+        act(car, action)
+    act(car, "lower")
+    laid = {name: value(car, name) for name in ("target_saddle", "at_target", "coil_laid", "lowered", "saddle_1")}
+    assert laid == {"target_saddle": 1, "at_target": 1, "coil_laid": 1, "lowered": 1, "saddle_1": 1}
+    assert value(car, "target_free") == 1, "for the next coil there is a saddle"
+    act(car, "drive_to_mandrel")
+    assert (value(car, "target_saddle"), value(car, "at_target"), value(car, "coil_laid")) == (2, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("code", "low", "back", "block"),
+    [
+        (31, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
+        (32, CoilCarEvent.PRESSURE_LOW, CoilCarEvent.PRESSURE_BACK, Block.PRESSURE),
+        (33, CoilCarEvent.OIL_COLD, CoilCarEvent.OIL_WARM, Block.OIL),
+    ],
+)
+def test_hydraulics_block_table_and_mandrel_and_come_back(
+    code: int, low: CoilCarEvent, back: CoilCarEvent, block: Block
+) -> None:
+    car, talker = line(start="automatic", coil=True)
+    talker.fault(code)
+    run(car, 10)
+    assert low in [each for each, _ in talker.codes()]
+    for name in ("up", "down", "expand", "collapse"):
+        assert value(car, f"block_{name}") == block and value(car, f"interlock_{name}") == 1
+    assert value(car, "block_back") == Block.FREE and value(car, "mode") == Mode.AUTOMATIC
+    assert value(car, "pump") == (code != 32)
+    for _ in range(100):
+        car.ask(["lift_over_saddle"])
+        car.step()
+    assert car.machine.v == 0 and value(car, "action_state") == coil_car.ActionState.BLOCKED
+    talker.fault(0)
+    run(car, 10)
+    assert back in [each for each, _ in talker.codes()]
+    act(car, "lift_over_saddle")
+
+
+def test_the_table_stays_where_it_is_when_the_pressure_goes() -> None:
+    car, talker = line(start="automatic")
+    for _ in range(400):
+        car.ask(["lift_over_saddle"])
+        car.step()
+    talker.fault(32)
+    run(car, 3)
+    height = car.machine.v
+    run(car, 10)
+    assert height > 100 and car.machine.v == height
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("mandrel_position", -1.0),
+        ("mandrel_reach", 900.0),
+        ("out_position", 2000.0),
+        ("saddle_3_position", 3000.0),
+        ("saddle_2_position", 5000.0),
+        ("travel", 8000.0),
+        ("clearance", 20.0),
+        ("lift", 700.0),
+        ("coil_largest", 2400.0),
+        ("position_tolerance", 40.0),
+        ("saddle_height", 100.0),
+        ("eye_diameter", 400.0),
+    ],
+)
+def test_measures_that_contradict_each_other_are_told(name: str, wrong: float) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        Geometry(**{name: wrong})
