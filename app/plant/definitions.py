@@ -421,6 +421,8 @@ class EquipmentType:
     training: Training = field(default_factory=Training)
     symbol: str = "e-machine"
     """What its machines are drawn as, in static/symbols.svg."""
+    tile: frozenset[str] = frozenset()
+    """Keys of the points that its tile on the overview draws: of the others a page of many machines is not told."""
 
     @property
     def interventions(self) -> Mapping[str, Interventions]:

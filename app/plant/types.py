@@ -36,7 +36,7 @@ from app.plant.type_files.alarms import read_alarms
 from app.plant.type_files.commands import CommandReader
 from app.plant.type_files.conditions import check_commands, read_checks, read_guards
 from app.plant.type_files.data import TypeData
-from app.plant.type_files.device import read_actions, read_device, read_simulation_presets
+from app.plant.type_files.device import read_actions, read_device, read_simulation_presets, read_tile
 from app.plant.type_files.interventions import check_interventions
 from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
@@ -96,6 +96,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     actions, simulation_presets = read_actions(head, sequence=sequence), read_simulation_presets(head)
     option_checks = tuple(read_option_checks(head, options))
     device = replace(device, services=read_services(head, device))
+    tile = head.items("tile", ()) if head.has("tile") else ()
     head.done()
     file = files.open("events.toml")
     events, reasons = plc.read_names(file, "events"), plc.read_names(file, "reasons")
@@ -156,6 +157,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         records=kinds,
         training=training,
         symbol=symbol,
+        tile=read_tile(head, tile, points.found),
     )
     codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
     parameters = {key: codes if takes else frozenset() for key, takes in options.parameters.items()}

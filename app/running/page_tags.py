@@ -12,7 +12,8 @@ MOST_NAMED = 200
 
 def page_tags(kind: str, plant: Plant | None, known: Collection[str]) -> list[str]:
     """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `tags/<name>,…`; the frame's in
-    each. Cells of tables are on the page of their machine only; the page of a sequence has the points of its machine, too.
+    each. The overview has what its tiles draw (`tile` of device.toml). Cells of tables are on the page of their machine only; the page of
+    a sequence has the points of its machine, too.
 
     `known`: every tag that there is.
 
@@ -35,9 +36,7 @@ def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
     match head:
         case "overview":
             machines = plant.equipment.values()
-            points = [point for item in machines for point in item.points.values()]
-            names = [point.name for point in points if point.scan != "once" and not point.table]
-            return names + [f"{SYSTEM}.{COMMANDS}.{key}" for key in plant.equipment]
+            return [item.points[key].name for item in machines for key in item.points if key in item.type.tile]
         case "equipment" | "faceplate" | "parameters":
             return _of_machine(plant.equipment[rest], plant, whole=head == "equipment")
         case "tags":

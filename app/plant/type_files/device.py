@@ -1,7 +1,7 @@
 """device.toml: what the device bears (telegrams, times), and what a sequence may ask of a machine of this type."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
 
 from app.plant.definitions import Device
 from app.plant.tables import Table
@@ -57,6 +57,14 @@ def read_simulation_presets(head: Table) -> dict[str, tuple[float, float]]:
         if not re.fullmatch(KEY, name):
             table.note(name, name, NAME_EXPECTED)
     return {name: read_span(name, table) for name in table.data}
+
+
+def read_tile(head: Table, names: Sequence[object], points: Container[str]) -> frozenset[str]:
+    """`tile`: points that the tile on the overview draws, by key; the cells of tables are on the page of their machine only."""
+    for index, name in enumerate(names):
+        if not isinstance(name, str) or name not in points:
+            head.note(f"tile.{index}", name, "the key of a point of points.toml")
+    return frozenset(str(name) for name in names)
 
 
 def _ranges(table: Table, key: str) -> Iterator[tuple[int, int]]:
