@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+from app.plant.definitions import Equipment, Plant
+from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.problems import Problem
 
 FILES = {
     "device.toml": """
@@ -191,3 +194,26 @@ def write_type(folder: Path, **changed: str | None) -> Path:
         if given is not None:
             (own / name).write_text(given, "utf-8")
     return own.parent
+
+
+def load(folder: Path, plant: str = PLANT, **changed: str | None) -> tuple[Plant | None, list[Problem]]:
+    (folder / "plant").mkdir(exist_ok=True)
+    (folder / "plant" / "plant.toml").write_text(plant, "utf-8")
+    return read_plant(folder / "plant", type_folder=write_type(folder, **changed))
+
+
+def machine(folder: Path, more: str = "", **changed: str | None) -> Equipment:
+    plant, problems = load(folder, PLANT + more, **changed)
+    assert problems == []
+    assert plant is not None
+    return plant.equipment["k1"]
+
+
+def problem(folder: Path, file: str, old: str, new: str) -> Problem:
+    """The one mistake after `old` became `new` in a file of the type; what follows from it elsewhere comes after it."""
+    name = file + ".toml"
+    assert old in FILES[name]
+    plant, problems = load(folder, **{file: FILES[name].replace(old, new, 1)})
+    assert plant is None
+    assert len(problems) <= 4, "what follows from one mistake is not to hide it"
+    return problems[0]

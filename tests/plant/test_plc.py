@@ -8,36 +8,11 @@ from time import process_time
 import pytest
 
 from app.plant import changes, types
-from app.plant.definitions import Argument, Equipment, Image, Kind, Plant, PlcMap, Scan, TableMap, Type
-from app.plant.loader import read_plant
+from app.plant.definitions import Argument, Image, Kind, PlcMap, Scan, TableMap, Type
 from app.plant.plant_files.languages import LANGUAGES
-from app.plant.problems import Problem
 from app.plant.texts import read_product
 from app.records.snapshot import Field
-from tests.plant.line import FILES, PLANT, write_type
-
-
-def load(folder: Path, plant: str = PLANT, **changed: str | None) -> tuple[Plant | None, list[Problem]]:
-    (folder / "plant").mkdir(exist_ok=True)
-    (folder / "plant" / "plant.toml").write_text(plant, "utf-8")
-    return read_plant(folder / "plant", type_folder=write_type(folder, **changed))
-
-
-def machine(folder: Path, more: str = "", **changed: str | None) -> Equipment:
-    plant, problems = load(folder, PLANT + more, **changed)
-    assert problems == []
-    assert plant is not None
-    return plant.equipment["k1"]
-
-
-def problem(folder: Path, file: str, old: str, new: str) -> Problem:
-    """The one mistake after `old` became `new` in a file of the type; what follows from it elsewhere comes after it."""
-    name = file + ".toml"
-    assert old in FILES[name]
-    plant, problems = load(folder, **{file: FILES[name].replace(old, new, 1)})
-    assert plant is None
-    assert len(problems) <= 4, "what follows from one mistake is not to hide it"
-    return problems[0]
+from tests.plant.line import FILES, PLANT, load, machine, problem, write_type
 
 
 def test_the_map_of_a_machine_is_read(tmp_path: Path) -> None:
@@ -204,74 +179,11 @@ MISTAKES = [
     ("device", "staging = 0x0240", "", "plc.staging", "a whole number"),
     ("device", "max_write = 123", "max_write = 15", "plc", "function 16"),
     ("device", "write_functions = [6, 16]", "write_functions = [6]", "plc", "function 16"),
-    ("device", "length = 4000", "length = 9000", "presets.long.length", "from 100 to 5000"),
-    ("device", "length = 4000", "lenght = 4000", "presets.long.lenght", "perhaps length"),
-    ("device", "default = 3", "default = 2.5", "options.slots.default", "a whole number: it"),
-    ("device", "slots = 5", "slots = 4.5", "presets.long.slots", "a whole number"),
-    ("device", "arrivals = [0, 60]", "arrivals = [60]", "options.simulation.numbers.arrivals", "[low, high]"),
-    ("tables", "row = 16", "row = 130", "product.row", "from 5 to 121"),
-    ("tables", "address = 0x0800", "address = 0xF800", "product.address", "250 rows of 16 words"),
-    ("tables", 'capacity = "slots"', 'capacity = "slot"', "product.capacity", "perhaps slots"),
-    ("tables", 'capacity = "slots"', 'capacity = "simulation"', "product.capacity", "one of length, slots"),
-    ("tables", 'capacity = "slots"', "capacity = 0", "product.capacity", "from 1 to"),
-    ("tables", "offset = 3", "offset = 2", "product.columns.state.offset", "its generation"),
-    ("tables", "offset = 3", "offset = 15", "product.columns.state.offset", "its generation"),
-    ("tables", "offset = 3", "offset = 5", "product.columns.head.offset", "state does not use"),
-    ("tables", "offset = 3", "offset = 16", "product.columns.state.offset", "from 0 to 15"),
-    ("tables", "offset = 3", "", "product.columns.state.offset", "a whole number"),
-    ("tables", 'type = "u32"', "", "product.columns.id", "a row begins with it"),
-    ("tables", "columns.id]", "columns.number]", "product.columns.id", "a row begins with it"),
-    ("tables", "columns.state]", "columns.State]", "product.columns.State", "small letters"),
-    ("tables", 'unit = "mm"', 'units = "mm"', "product.columns.head.units", "no such key"),
-    ("tables", 'high = "length"', 'high = "lenght"', "product.columns.head.high", "options of line"),
-    ("points", "[count]", "[product_count]", "product", "no point of points.toml"),
-    ("points", "[count]", "[product_1_count]", "product_1_count", "that of a cell"),
     ("events", '1 = "arrived"', '0 = "arrived"', "events.0", "a code from 1 to 65535"),
     ("events", '1 = "arrived"', '70000 = "arrived"', "events.70000", "a code from 1 to 65535"),
     ("events", '1 = "arrived"', "1 = 5", "events.1", "a key"),
     ("events", '"jam_over"', '"jam"', "events.21", "no other code"),
     ("events", "[reasons]", "[reason]", "reason", "perhaps reasons"),
-    ("commands", "code = 1", "code = 70000", "start.code", "from 1 to 65535"),
-    ("commands", 'feedback = "state == 1"', 'feedback = "stat == 1"', "start.feedback", "it has no stat"),
-    ("commands", 'feedback = "state == 1"', 'feedback = "count == argument"', "start.feedback", "no `argument` here"),
-    ("commands", "code = 1", "code = 1\nwrites = [{ point = 'speed', value = 1 }]", "start.writes", "nothing where"),
-    ("commands", "code = 1", "code = 1\nrelease = [{ point = 'speed', value = 1 }]", "start.release", "nothing where"),
-    ("commands", "code = 1", "code = 1\nargument = 'speed'", "start.argument", "`arguments` where"),
-    ("commands", "code = 1", "code = 1\nhold = true", "start.hold", "`hold_bits`"),
-    ("commands", "hold = true", "", "jog.hold", "hold = true"),
-    ("commands", "hold = true", "hold = true\nneeds_reason = true", "jog.needs_reason", "nobody has the time"),
-    ("commands", "hold_bits = 1", "hold_bits = 1\narguments = [{ name = 'a' }]", "jog.arguments", "a `code`"),
-    ("commands", 'feedback = "moving == 1"', "", "jog.feedback", "a text"),
-    ("commands", "stop = true", "stop = true\narguments = [{ name = 'a' }]", "stop.arguments", "none for a Stop"),
-    ("commands", 'type = "u32"', 'type = "u16"', "edit.arguments.0.type", "one of f32, u32, i32"),
-    ("commands", 'type = "u32"', 'type = "u32", decimals = 1', "edit.arguments.0.decimals", "0 for u32"),
-    ("commands", "low = 1", "low = [1]", "edit.arguments.0.low", "a number or an expression"),
-    ("commands", "low = 1", "lowest = 1", "edit.arguments.0.lowest", "no such key"),
-    ("commands", 'high = "length"', 'high = "width"', "edit.arguments.1.high", "it has no width"),
-    ("commands", 'name = "head"', 'name = "product"', "edit.arguments.1.name", "no other argument"),
-    ("commands", 'name = "head"', 'name = "age"', "edit.arguments.1.name", "no word of the grammar"),
-    ("commands", 'name = "head"', 'name = "Head"', "edit.arguments.1.name", "small letters"),
-    ("alarms", 'event = "jam"', 'event = "jamm"', "jam.event", "one of arrived, jam, jam_over (perhaps jam)"),
-    ("alarms", 'event = "jam"', "event = 20", "jam.event", 'the key of the event, "jam", not its number'),
-    (
-        "alarms",
-        'event = "jam"',
-        "event = 22",
-        "jam.event",
-        "the key of an event in events.toml: one of arrived, jam, jam_over",
-    ),
-    ("alarms", 'event = "jam"', "event = true", "jam.event", "the key of an event"),
-    ("alarms", 'event = "jam"', 'event = ["jam"]', "jam.event", "the key of an event"),
-    (
-        "alarms",
-        'event_clear = "jam_over"',
-        'event_clear = "cleared"',
-        "jam.event_clear",
-        "one of arrived, jam, jam_over",
-    ),
-    ("alarms", 'event_clear = "jam_over"', "event_clear = 21", "jam.event_clear", '"jam_over", not its number'),
-    ("alarms", 'event_clear = "jam_over"', 'event_clear = "jam"', "jam.event_clear", "another event"),
-    ("alarms", 'event_clear = "jam_over"', 'clear = "count == 0"', "jam.clear", "an `expression`"),
     ("events", "word = 0", "word = 6", "snapshot.product.word", "from 0 to 5"),
     ("events", "word = 0", "word = 5", "snapshot.product.word", "words within the 6 of a snapshot"),
     ("events", "word = 0", "word = 1", "snapshot.second.word", "words that product does not use"),
@@ -282,8 +194,6 @@ MISTAKES = [
     ("events", 'all = "products"', 'all = "source"', "snapshot.product.all", "a name that nothing else has"),
     ("events", "[snapshot.second]", "[snapshot.value]", "snapshot.value", "none of event, limit, source, value"),
     ("events", "[snapshot.second]", "[snapshot.Second]", "snapshot.Second", "small letters"),
-    ("alarms", "source = 2", "source = -1", "jam.source", "from 0 to 65535"),
-    ("alarms", 'event = "arrived"\n', "source = 1\n", "late.source", "an `event`"),
 ]
 
 
