@@ -1,0 +1,86 @@
+"""What the server itself has to say becomes an alarm, and ends."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from app.historian.upkeep import WARN_AT
+from app.links.statistics import LinkState
+from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
+from app.supervisor import SupervisedTask
+
+
+class Alarms:
+    """Notes the last report of each alarm and object."""
+
+    def __init__(self) -> None:
+        self.active: dict[tuple[str, str], bool] = {}
+        self.system = self
+
+    def report(self, key: str, object: str = "", active: bool = True, params: Any = None) -> None:
+        self.active[key, object] = active
+
+    def told(self) -> set[str]:
+        return {key for (key, _), active in self.active.items() if active}
+
+
+def link(state: LinkState, only_here: int = 0, halted: bool = False) -> Any:
+    return SimpleNamespace(
+        statistics=SimpleNamespace(state=state), only_here=lambda _: only_here, halted=lambda _: halted
+    )
+
+
+PLANT: Any = SimpleNamespace(equipment={"c1": SimpleNamespace(id="c1", link="hall")})
+
+
+@pytest.mark.parametrize("state", LinkState)
+def test_a_link_on_which_somebody_answers_is_not_down(state: LinkState) -> None:
+    alarms: Any = Alarms()
+    tell_of_links(alarms, PLANT, {"hall": link(state)})
+    assert ("link_down" in alarms.told()) is (state not in (LinkState.UP, LinkState.SOME_SILENT))
+
+
+@pytest.mark.parametrize(("only_here", "halted"), [(0, False), (3, False), (0, True)])
+def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_here: int, halted: bool) -> None:
+    alarms: Any = Alarms()
+    tell_of_links(alarms, PLANT, {"hall": link(LinkState.UP, only_here, halted)})
+    assert alarms.active["events_unstored", "c1"] is (only_here > 0)
+    assert alarms.active["program_halted", "c1"] is halted
+
+
+def server(**changed: Any) -> set[str]:
+    state: dict[str, Any] = {
+        "lag": 0.0, "pace": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
+        "disk_low": False,
+    } | changed  # fmt: skip
+    it: Any = SimpleNamespace(**state)
+    it.upkeep = it
+    alarms: Any = Alarms()
+    tell_of_server(alarms, it, it, it, it)
+    return set(alarms.told())
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({}, set()),
+        ({"lag": 1.1}, {"simulation_late"}),
+        ({"pace": 0.8}, {"simulation_late"}),
+        ({"healthy": False}, {"audit_waiting"}),
+        ({"intact": False}, {"audit_broken"}),
+        ({"full": True}, {"history_full"}),
+        ({"failed": True}, {"history_full"}),
+        ({"fill": WARN_AT}, {"history_quota"}),
+        ({"disk_low": True}, {"disk_low"}),
+    ],
+)
+def test_each_fault_of_the_server_has_its_alarm(changed: dict[str, Any], told: set[str]) -> None:
+    assert server(**changed) == told
+
+
+@pytest.mark.parametrize("alive", [True, False])
+def test_a_task_that_is_down_is_told(alive: bool) -> None:
+    alarms: Any = Alarms()
+    tell_of_task(alarms, SupervisedTask("store", alive))
+    assert ("task_down" in alarms.told()) is not alive
