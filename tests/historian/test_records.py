@@ -2,7 +2,6 @@
 
 import hashlib
 import random
-from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,47 +11,18 @@ from sqlalchemy.event import listen
 
 from app.db import Database
 from app.historian import record_query, records, store
-from app.historian.record_query import ANY, Wanted
+from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
-from app.plant import types
-from app.plant.definitions import Alarm, Equipment
 from app.plant.events import begins_again, mark_of
 from app.plant.kept import kept
 from app.records import fold
-from app.records.record import Record
 from tests.historian import books, rings, stories
+from tests.historian.kinds import PASSAGE, RUN, ask, item, tell
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.historian.sequence_rings import Device, definition
 from tests.historian.stories import Portion
 from tests.records.shelf import MemoryShelf, reading
 from tests.virtual import inline
-
-CONVEYOR = types.read_type("conveyor", ["en"])[0].type
-SEQUENCE = types.read_type("sequence", ["en"])[0].type
-PASSAGE, RUN, FORCE = CONVEYOR.records["passage"], SEQUENCE.records["run"], SEQUENCE.records["force"]
-ALARMS = [Alarm(f"a{code}", "a", "", 3, event=code) for code in (10, 11, 12, 20)]
-
-
-def item(id: str) -> Equipment:
-    """A conveyor, or a machine that runs a sequence."""
-    if id.startswith("seq"):
-        return Equipment(id, SEQUENCE, "hall", 1, {"en": id}, "line", {}, [], sequence=definition(), machine="cc1")
-    return Equipment(id, CONVEYOR, "hall", 1, {"en": id}, "line", {}, ALARMS)
-
-
-def tell(history: Database, equipment: str, portions: Iterable[Portion]) -> None:
-    made = RecordFold([item(equipment)])
-
-    def work(connection: Connection) -> None:
-        for one in portions:
-            if one.events or one.lost:
-                books.store(connection, made, equipment, one.events, one.lost)
-
-    history.run(work)
-
-
-def ask(history: Database, kind: Any, limit: int = 1000, **wanted: Any) -> list[Record]:
-    return history.run(lambda connection: record_query.find(connection, kind, Wanted(**wanted), limit))
 
 
 def whole(history: Database, kind: Any) -> list[tuple[Any, ...]]:
@@ -171,148 +141,6 @@ def test_redelivery_after_a_crash_changes_nothing(history: Database, equipment: 
 
 
 # ---- what a person asks -------------------------------------------------------------------------------------
-
-
-def fill(history: Database) -> None:
-    for seed, equipment in enumerate(("c1", "c2", "seq1", "seq2")):
-        begin = BEGIN + seed * 17
-        portions = stories.runs(seed, 60, begin) if equipment.startswith("seq") else stories.products(seed, 200, begin)
-        tell(history, equipment, portions)
-
-
-def fits(kind: Any, one: Record, name: str, asked: float | str) -> bool:
-    of, how = kind.filters[name].of, kind.filters[name].how
-    value = {"number": one.number, "seconds": one.seconds, "alarms": one.alarms}.get(of, one.fields.get(of))
-    match how:
-        case "above":
-            return value is not None and value > asked
-        case "alarm":
-            return bool(value) if asked == ANY else asked in map(str, value)
-        case "any":
-            return bool(value)
-    return value not in (None, "") if asked == ANY else value == asked
-
-
-@pytest.mark.parametrize("kind", [PASSAGE, RUN, FORCE], ids=lambda kind: kind.name)
-def test_filters_and_pages_are_those_of_brute_force(history: Database, kind: Any) -> None:
-    fill(history)
-    source = random.Random(11)
-    rows = sorted(ask(history, kind, 10**6), key=lambda one: (-one.begun, -one.id))
-    assert ask(history, kind, 10**6) == rows
-    assert len(rows) > 15
-    keys = sorted({str(one.fields.get(kind.key)) for one in rows if one.fields.get(kind.key)})
-    choices = {
-        "product": (1, 2, 40_003, 70_002), "correction": (0.5, 2.0, 5.0), "alarm": (ANY, "10", "1"), "longer": (1.0, 2.5),
-        "first_out": (ANY, "no.such", *keys), "forced": (ANY,),
-    }  # fmt: skip
-    for _ in range(150):
-        given = {name: source.choice(choices[name]) for name in kind.filters if source.random() < 0.3}
-        wanted = Wanted(
-            equipment=source.choice(["", "c1", "seq2", "c9"]),
-            begin=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
-            end=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
-            outcome=source.choice(["", "", *kind.outcomes]),
-            given=given,
-        )
-        fitting = [
-            one
-            for one in rows
-            if wanted.equipment in ("", one.equipment)
-            and (wanted.begin is None or one.begun >= wanted.begin)
-            and (wanted.end is None or one.begun < wanted.end)
-            and wanted.outcome in ("", one.outcome)
-            and all(fits(kind, one, name, asked) for name, asked in given.items())
-        ]
-        paged: list[Record] = []
-        page = wanted
-        while found := history.run(lambda c, page=page: record_query.find(c, kind, page, 23)):  # type: ignore[misc]
-            paged += found
-            page = replace(page, before=(found[-1].begun, found[-1].id))
-        assert paged == fitting, wanted
-        assert history.run(lambda c, wanted=wanted: record_query.count(c, kind, wanted, 10_000)) == len(fitting)  # type: ignore[misc]
-        check_times(history, kind, wanted, fitting)
-
-
-def check_times(history: Database, kind: Any, wanted: Wanted, fitting: Sequence[Record]) -> None:
-    parts = history.run(lambda c: record_query.parts(c, [one.id for one in fitting]))
-    taken: dict[str, list[float]] = {}
-    for one in fitting:  # the newest first
-        for part in parts[one.id].values():
-            if part.state == "done" and part.seconds is not None:
-                taken.setdefault(part.key, []).append(part.seconds)
-    found = history.run(lambda c: record_query.part_times(c, kind, wanted))
-    assert sorted(one.key for one in found) == sorted(taken)
-    for row in found:
-        values = taken[row.key]
-        assert (row.spread.count, row.spread.least, row.spread.most) == (len(values), min(values), max(values))
-        assert row.spread.mean == pytest.approx(sum(values) / len(values))
-        assert row.spread.last == values[0]
-    outcomes, spread = history.run(lambda c: record_query.times(c, kind, wanted, "done"))
-    assert outcomes == {o: n for o in kind.outcomes if (n := sum(one.outcome == o for one in fitting))}
-    done = [one.seconds for one in fitting if one.outcome == "done" and one.seconds is not None]
-    assert (spread.least, spread.most, spread.last) == ((min(done), max(done), done[0]) if done else (None, None, None))
-
-
-def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
-    fill(history)
-    for equipment in ("seq1", "seq2"):
-        rows = [one for one in ask(history, RUN, equipment=equipment) if one.fields.get("first_out")]
-        found = history.run(lambda c, equipment=equipment: record_query.choices(c, RUN, equipment))  # type: ignore[misc]
-        assert sorted(str(one.fields["first_out"]) for one in found) == sorted(
-            {str(one.fields["first_out"]) for one in rows}
-        )
-        assert len(found) > 1
-
-
-@pytest.mark.parametrize(
-    ("kind", "wanted", "index"),
-    [
-        (PASSAGE, {}, "ix_record_begun"),
-        (PASSAGE, {"equipment": "c1"}, "ix_record_machine"),
-        (PASSAGE, {"begin": 5, "end": 9}, "ix_record_begun"),
-        (RUN, {"equipment": "s", "begin": 5}, "ix_record_machine"),
-        (RUN, {"before": (5, 1)}, "ix_record_begun"),
-        (RUN, {"outcome": "aborted"}, "ix_record_outcome"),
-        (PASSAGE, {"outcome": "lost", "begin": 5}, "ix_record_outcome"),
-    ],
-)
-def test_a_page_is_read_by_an_index_and_sorts_nothing(
-    history: Database, kind: Any, wanted: dict[str, Any], index: str
-) -> None:
-    where, given = record_query._where(kind, Wanted(**wanted))
-
-    def plan(connection: Connection) -> str:
-        rows = connection.exec_driver_sql(
-            f"EXPLAIN QUERY PLAN SELECT * FROM {record_query.ROWS} {where} ORDER BY r.begun DESC, r.id DESC LIMIT 50",
-            tuple(given),
-        )
-        return " ".join(str(row[3]) for row in rows)
-
-    found = history.run(plan)
-    assert index in found
-    assert "TEMP B-TREE" not in found
-
-
-@pytest.mark.parametrize(
-    ("kind", "wanted", "index"),
-    [
-        (PASSAGE, {"given": {"product": 7}}, "ix_record_number"),
-        (PASSAGE, {"given": {"product": 7}, "equipment": "c1"}, "ix_record_number"),
-        (RUN, {"given": {"first_out": "s3.pressure_ok"}}, "ix_record_key"),
-        (RUN, {"given": {"first_out": "s3.pressure_ok"}, "equipment": "s"}, "ix_record_key"),
-    ],
-)
-def test_what_few_have_is_found_by_an_index(history: Database, kind: Any, wanted: dict[str, Any], index: str) -> None:
-    """Not by reading all until enough of them were met: after a year that is everything."""
-    asked: list[tuple[str, Any]] = []
-
-    def plan(connection: Connection) -> str:
-        listen(connection, "before_cursor_execute", lambda *given: asked.append((given[2], given[3])))
-        record_query.find(connection, kind, Wanted(**wanted), 50)
-        statement, given = asked[0]
-        return " ".join(str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", given))
-
-    assert index in history.run(plan)
 
 
 def test_records_are_cut_with_the_rest_of_the_history(history: Database) -> None:
