@@ -18,7 +18,7 @@ from app.access import passwords
 from app.access.passwords import Cost
 from app.db import Database
 from app.plant import types
-from app.plant.definitions import Problem
+from app.plant.problems import Problem
 from tests.virtual import inline
 
 CHEAP = Cost(passes=1, memory=64, lanes=1)
