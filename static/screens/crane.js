@@ -1,16 +1,17 @@
 // The circular lift as it was: where the load went, and how far beside its circle over the angle. Each lift begins with an empty sheet;
-// it grows from what arrives.
+// a page that is opened later begins with the last one of the history.
 import { page } from "../js/values.js";
 import { quantity } from "../js/format.js";
 
 const MOST = 1500, FINE = 0.05; // points of a trace; a point nearer than this adds nothing [units]
+const PAST = "-10m", COLUMNS = 1500; // how far back a lift is looked for, in how many columns
 const MOVES = new Set([1, 2, 3, 4]); // phases in which the load is on its way
 
 for (const sheet of document.querySelectorAll("[data-arc]")) {
   const path = sheet.querySelector("[data-arc-path]"), error = sheet.querySelector("[data-arc-error]");
   const radius = Number(sheet.dataset.radius) || 1, k = 200 / radius;
   sheet.querySelector("[data-arc-radius]").textContent = `R ${quantity(radius, 0, "mm", page.lang)}`;
-  let before = null, seen = [], last = null;
+  let before = null, begun = false, seen = [], last = null;
 
   const draw = () => {
     path.setAttribute("d", line(seen.map(({ x, y }) => [x, y])));
@@ -25,16 +26,43 @@ for (const sheet of document.querySelectorAll("[data-arc]")) {
     if (seen.length > MOST) seen = seen.filter((_, n) => n % 2);
   };
 
+  const names = sheet.dataset.tags.split(" ").filter((name) => /\.(angle|radial_error)$/.test(name));
+  past(names).then((points) => { // before what has arrived meanwhile
+    if (begun) return;
+    const later = seen;
+    [seen, last] = [[], null];
+    for (const [angle, off] of points) add(angle, off);
+    seen.push(...later);
+    draw();
+  });
+
   sheet.addEventListener("tags", ({ detail }) => {
     const number = (key) => { const tag = detail[key]; return tag && tag.state !== "bad" && typeof tag.value === "number" ? tag.value : null; };
     const phase = number("path_phase"), angle = number("angle"), off = number("radial_error");
     if (phase === null) return;
-    if (MOVES.has(phase) && !MOVES.has(before) && before !== null) { seen = []; last = null; }
+    if (MOVES.has(phase) && !MOVES.has(before) && before !== null) [begun, seen, last] = [true, [], null];
     before = phase;
     if (angle === null || off === null || !MOVES.has(phase)) return;
     add(angle, off);
     draw();
   });
+}
+
+/** Angle and deviation of the last lift that the history has. */
+async function past(names) {
+  try {
+    const answer = await fetch(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`, { headers: { "HX-Request": "true" } });
+    if (!answer.ok) return [];
+    const [angles, errors] = (await answer.json()).series.map(({ time = [], first = [], last = first }) => {
+      let at = 0;
+      return time.map((later, n) => [(at += later), last[n]]);
+    });
+    const end = angles.findLastIndex(([, angle]) => angle !== null);
+    const start = angles.findLastIndex(([, angle], n) => n < end && angle === null) + 1;
+    return angles.slice(start, end + 1).map(([at, angle]) => [angle, errors.findLast(([time]) => time <= at)?.[1] ?? 0]);
+  } catch {
+    return []; // the history is down: the trace grows from what arrives
+  }
 }
 
 /** A line through these points; a part that leaps is drawn, too: it says that something was not seen. */
