@@ -272,7 +272,9 @@ async function press(button, answer = {}) {
   for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
   let pause = LOCK;
   if (got) {
-    if (await take(got, null)) { // a question: nothing was done yet
+    const asked = await take(got, null);
+    current(button, got, asked);
+    if (asked) { // nothing was done yet
       pause = 0;
       for (const one of same) one.dataset.state = before.state;
       if (line) line.textContent = before.line;
@@ -284,6 +286,14 @@ async function press(button, answer = {}) {
     told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
   }
   setTimeout(() => pressing.delete(name), Math.max(0, (got ? pause : 0) - (performance.now() - began)));
+}
+
+/** An answer may be older than what was heard since: what became of the command is asked once more. */
+function current(element, answer, asks) {
+  const root = answer.ok && !asks && rootOf(element);
+  if (!root) return;
+  spoken = "";
+  refresh(root);
 }
 
 async function token(button) {
@@ -419,7 +429,7 @@ async function confirm(form, submitter) {
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);
   if (field) return settle(field, got);
-  if (got) await take(got, null);
+  if (got) current(asked, got, await take(got, null));
   else told(textsOf(asked).no_answer, "error");
 }
 
@@ -435,7 +445,7 @@ async function typed(asked, form, fields) {
     return told(textsOf(asked).no_answer, "error");
   }
   if (got.ok) asked.cancel();
-  await take(got, asked);
+  current(asked, got, await take(got, asked));
 }
 
 document.addEventListener("keydown", (event) => {

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from app import bundled
 from tests.browser.station import LANGUAGES, SIZES, Sit, built, fault, serving, take
@@ -57,6 +57,25 @@ def test_start_and_stop_are_seen_in_state_symbol_and_gauge(sit: Sit) -> None:
     press(page, "stop")
     expect(symbol).not_to_have_class(re.compile(r"\brun\b"))
     expect(page.locator(".m-state .st-dir use").first).to_be_hidden()
+
+
+def test_an_answer_that_comes_late_does_not_hide_what_became_of_the_command(sit: Sit) -> None:
+    page = sit()
+    built(page, "d2")
+    take(page)
+
+    def late(route: Route) -> None:
+        answer = route.fetch()  # accepted
+        expect(page.locator("#message")).to_contain_text("Forward: Accepted", timeout=10_000)
+        expect(page.locator("#message")).to_contain_text("Done", timeout=20_000)  # heard by the way of everybody
+        route.fulfill(response=answer)
+
+    page.route("**/command/forward", late)
+    press(page, "forward")
+    page.wait_for_timeout(1_500)
+    expect(page.locator("#message")).to_contain_text("Done")
+    expect(page.locator(".op [data-command='d2.forward']")).to_have_attribute("data-state", re.compile("done|idle"))
+    press(page, "stop")
 
 
 @pytest.mark.parametrize("code", [7860, 30005, 1910])
