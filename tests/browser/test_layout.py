@@ -1,16 +1,26 @@
 """Nothing is cut, shortened, covered or beyond the edge: every page in every language at every size, each page loaded once per language."""
 
+import tomllib
 from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from app import bundled
 from tests.browser.station import LANGUAGES, Sit, fault, serving
 from tests.conftest import ROOT, PogonServer
 
 FAULTS = (ROOT / "tools" / "faults.js").read_text("utf-8")
 SIZES = {"panel": (1280, 800, "desk"), "small": (800, 480, "panel-9"), "phone": (390, 844, "desk")}
-MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
+DEMO = tomllib.loads((bundled("plants/demo") / "plant.toml").read_text("utf-8"))["equipment"]
+MACHINES = tuple(DEMO)
+FURTHER = {
+    machine: sorted(
+        path.stem.removeprefix("page_") for path in (bundled("templates/screens") / item["type"]).glob("page_*.html")
+    )
+    for machine, item in DEMO.items()
+}
+"""Machine → its further pages."""
 LONGEST = """() => { // every state as its longest text, until the next value of its point comes
   for (const element of document.querySelectorAll('main [data-texts], aside [data-texts]')) {
     if (element.children.length || element.tagName === 'tspan') continue;
@@ -30,6 +40,7 @@ BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip(
 PAGES = (
     "/",
     *(f"/equipment/{machine}{part}" for machine in MACHINES for part in ("", "/faceplate")),
+    *(f"/equipment/{machine}/page/{name}" for machine in MACHINES for name in FURTHER[machine]),
     *(f"/equipment/{machine}/parameters" for machine in ("m1", "c1")),
     "/trends?tags=m1.speed,m1.frequency_setpoint,c1.measured_speed_1&span=10m",
     "/alarms",
