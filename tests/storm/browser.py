@@ -37,8 +37,10 @@ class Unanswered(Exception):
 class Browser:
     """Cookies are kept, forms carry the token of the page that was seen."""
 
-    def __init__(self, app: FastAPI, agent: str, address: str) -> None:
+    def __init__(self, app: FastAPI, agent: str, address: str, bearer: str = "") -> None:
+        """`bearer`: the token of a program, which has no cookies."""
         self.app = app
+        self._bearer = bearer
         self.cookies: dict[str, str] = {}
         self._agent, self._address = agent.encode(), address
 
@@ -52,6 +54,10 @@ class Browser:
         access = self.app.state.runtime.access
         return await self._ask("POST", path, urlencode({"csrf": access.form_token(bound), **form}, True).encode())
 
+    async def order(self, path: str, **body: object) -> Answer:
+        """Ask for something as a program does."""
+        return await self._ask("POST", path, json.dumps(body).encode(), b"application/json")
+
     async def sign_in(self, name: str, password: str) -> bool:
         """Fill the sheet; whether there is a session now."""
         sheet = await self.get("/signin")
@@ -59,7 +65,7 @@ class Browser:
         form = {"csrf": token[1] if token else "", "name": name, "password": password}
         return (await self._ask("POST", "/signin", urlencode(form).encode())).status == 303 and "sid" in self.cookies
 
-    async def _ask(self, method: str, path: str, body: bytes) -> Answer:
+    async def _ask(self, method: str, path: str, body: bytes, kind: bytes = FORM) -> Answer:
         sent: list[dict[str, Any]] = []
         given = [{"type": "http.request", "body": body, "more_body": False}]
 
@@ -74,7 +80,7 @@ class Browser:
 
         try:
             async with asyncio.timeout(SETTLES):
-                await self.app(self._scope("http", path, method), receive, send)
+                await self.app(self._scope("http", path, method, kind), receive, send)
         except TimeoutError as error:
             raise Unanswered(f"{method} {path}: nothing in {SETTLES:g} s") from error
         start = next(message for message in sent if message["type"] == "http.response.start")
@@ -91,14 +97,16 @@ class Browser:
         else:
             self.cookies[name.removeprefix("__Host-")] = value
 
-    def _scope(self, kind: str, path: str, method: str = "GET") -> dict[str, Any]:
+    def _scope(self, kind: str, path: str, method: str = "GET", content: bytes = FORM) -> dict[str, Any]:
         where, _, query = path.partition("?")
         headers = [(b"host", HOST), (b"user-agent", self._agent), (b"origin", ORIGIN), (b"hx-request", b"true")]
+        if self._bearer:
+            headers.append((b"authorization", f"Bearer {self._bearer}".encode()))
         if self.cookies:
             told = "; ".join(f"{name}={value}" for name, value in self.cookies.items())
             headers.append((b"cookie", told.encode()))
         if method == "POST":
-            headers.append((b"content-type", FORM))
+            headers.append((b"content-type", content))
         return {
             "type": kind, "asgi": {"version": "3.0", "spec_version": "2.4"}, "http_version": "1.1", "method": method,
             "scheme": "http" if kind == "http" else "ws", "path": where, "raw_path": where.encode(), "root_path": "",

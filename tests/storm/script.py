@@ -29,6 +29,7 @@ ACTS = {
     "enter": 6, "leave": 2, "look": 2, "take": 8, "give": 2, "want": 2, "command": 18, "set": 10, "sets": 6, "stop": 6, "hold": 8,
     "acknowledge": 4, "roles": 2, "bar": 1,
 }  # fmt: skip
+WEB_ACTS = {**ACTS, "look": 5, "program": 6}
 FAULTS = {
     "line": 10, "unplug": 1, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "kill": 2, "restart": 1,
     "stall": 2,
@@ -79,7 +80,7 @@ def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrie
     """The script of `seed`: its last `CALM` seconds are quiet."""
     random = Random(f"storm {seed}")
     machines = machines or (random.choice(PLANTS) if seed % 10 else MACHINES)
-    seconds = minutes * 60
+    seconds, web = minutes * 60, WEB[seed % len(WEB)]
     wild = max(5.0, seconds - CALM)
     pace, trouble = random.choice((0.15, 0.3, 0.6)), random.choice((0.0, 0.15, 0.3, 0.5))
     """Seconds between two actions; part of them that are faults."""
@@ -90,11 +91,10 @@ def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrie
         at += random.expovariate(1 / pace)
         if at >= wild:
             break
-        shares = FAULTS if random.random() < trouble else ACTS
+        shares = FAULTS if random.random() < trouble else WEB_ACTS if web else ACTS
         kind = random.choices(list(shares), list(shares.values()))[0]
         actions.append(Action(round(at, 3), kind, _given(kind, random, machines)))
-    carrier = carrier or CARRIERS[seed % len(CARRIERS)]
-    return Script(seed, machines, seconds, tuple(actions), carrier, WEB[seed % len(WEB)])
+    return Script(seed, machines, seconds, tuple(actions), carrier or CARRIERS[seed % len(CARRIERS)], web)
 
 
 def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:
@@ -122,6 +122,8 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
         case "hold":
             seconds = round(random.uniform(0.1, 4), 1)
             return {"who": who, "machine": machine, "number": number, "how": random.choice(HOLDS), "seconds": seconds}
+        case "program":
+            return {"who": who, "machine": machine, "number": number, "seconds": round(random.uniform(0.2, 6), 1)}
         case "acknowledge":
             return {"who": who, "number": number}
         case "roles":

@@ -2,12 +2,14 @@
 
 import asyncio
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.main import create_app
 from app.runtime import Runtime
 from app.settings import Settings
 from app.web import socket
+from app.web.guard import permissions
 from tests.storm.browser import Answer, Browser
 from tests.storm.world import ADDRESS, AGENT, PASSWORD, World
 from tests.virtual import inline
@@ -23,6 +25,7 @@ class WebWorld(World):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.browsers: dict[str, Browser] = {}
+        self.looked = 0
 
     def _build(self) -> Runtime:
         self.app = create_app(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
@@ -83,13 +86,70 @@ class WebWorld(World):
         browser = self._browser(who)
         if browser is None or not self.sids.get(who):
             return
-        pages = ["/", "/alarms", "/account", "/audit", "/users", *(f"/equipment/{one}" for one in self.machines)]
-        path = pages[len(self.asked) % len(pages)]
-        self._note(f"{who} {path}", await browser.get(path))
+        self.looked += 1
+        pages = list(self._pages())
+        for path in ("/", pages[self.looked % len(pages)], pages[(7 * self.looked + 3) % len(pages)]):
+            self._note(f"{who} {path}", await browser.get(path))
         async with browser.socket() as page:
             page.say(subscribe="overview", rev=0)
             await asyncio.sleep(5)
             self.trace(f"{who} saw {page.frames} frames")
+
+    def _pages(self) -> Iterator[str]:
+        """Every page, list and file that is read by its address alone, for each machine that there is."""
+        for route in sorted(permissions(self.app)):
+            method, _, path = route.partition(" ")
+            if method != "GET" or path.startswith("/static"):
+                continue
+            found = {path}
+            for name, values in self._given().items():
+                found = {one.replace(name, value) for one in found for value in values}
+            yield from sorted(one for one in found if "{" not in one)
+
+    def _given(self) -> dict[str, tuple[str, ...]]:
+        """What parts of an address may be here."""
+        kinds = ("passage", "run", "coil")
+        return {
+            "{key}": self.machines, "{id}": self.machines, "{kind}": kinds, "{number}": ("1",), "{occurrence}": ("1",),
+            "{unit}": ("1",), "{part}": ("commands", "alarms"), "{command}": ("stop", "reset"),
+            "{table}": ("products", "steps"), "{name}": ("hall", "m1.speed"),
+        }  # fmt: skip
+
+    async def _do_program(self, who: str, machine: str, number: int, seconds: float) -> None:
+        person, app = await self.person(who), self.app
+        if person is None:
+            return
+        allowed = [one for one in ("view", "operate", "stop", "export") if person.may(one)]
+        token, secret = await self.runtime.access.tokens.create(person, f"{number} {self.now}", allowed, 1.0)
+        program = Browser(app, AGENT, ADDRESS, secret)
+        async with program.socket() as page:
+            page.say(subscribe=f"tags/{','.join(list(self.runtime.points)[number % 50 :: 97])}", rev=0)
+            for path in ("/api/v1/tags", "/api/v1/alarms", f"/api/v1/equipment/{machine}/commands", "/api/v1/records"):
+                self._note(f"program of {who} {path}", await program.get(path))
+            await self._order_as(program, machine, number)
+            await asyncio.sleep(seconds)
+            if self.down or self.app is not app:
+                return
+            again = await self.person(who)
+            if again is None:
+                return
+            await self.runtime.access.tokens.revoke(again, token.id)
+            answer = self._note(f"program of {who} is over", await program.get("/api/v1/tags"))
+            await asyncio.sleep(1.0)
+            if answer.status == 200 or not (page.closed or self.down or self.app is not app):
+                self.errors.append(f"a token that was revoked: {answer.status}, its socket closed: {page.closed}")
+
+    async def _order_as(self, program: Browser, machine: str, number: int) -> None:
+        command = self._choose(machine, number, hold=False)
+        nonce = await program.order("/api/v1/nonce")
+        if command is None or nonce.status != 200:
+            return
+        if number % 2:
+            self._note("program takes", await program.order(f"/api/v1/equipment/{machine}/control/take"))
+        given = {"id": self._order(machine, command.key), "nonce": json.loads(nonce.body)["nonce"], "confirmed": True}
+        answer = await program.order(f"/api/v1/equipment/{machine}/commands/{command.key}", **given)
+        self._note(f"program orders {command.key}", answer)
+        self._note("program gives", await program.order(f"/api/v1/equipment/{machine}/control/release"))
 
     async def _do_take(self, who: str, machine: str) -> None:
         await self._send(who, f"/equipment/{machine}/token/take")

@@ -39,7 +39,7 @@ from app.sim.plc import EVENT_CAPACITY, VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
-from tests.storm.script import ACTS, CALM, PEOPLE, Action, Script
+from tests.storm.script import CALM, PEOPLE, WEB_ACTS, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
 DEMO = Path(__file__).resolve().parents[2] / "plants" / "demo"
@@ -378,7 +378,7 @@ class World:
             if action.kind in ALONE:
                 await work(**action.given)
             else:
-                self.beside(self._quietly(partial(work, **action.given)), acting=action.kind in ACTS)
+                self.beside(self._quietly(partial(work, **action.given)), acting=action.kind in WEB_ACTS)
 
     async def _quietly(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
         with suppress(PogonError):
@@ -581,6 +581,9 @@ class World:
         standing = self.runtime.alarms.list.active() if person else []
         if person and standing and person.may("acknowledge"):
             await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
+
+    async def _do_program(self, who: str, machine: str, number: int, seconds: float) -> None:
+        """A program with a token of somebody; without browsers there is no interface that it could use."""
 
     async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
         if not self.down and who != "ada":
