@@ -54,7 +54,6 @@ def begin(page: Page) -> None:
 @pytest.mark.timeout(300)  # a minute on an idle machine
 def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
     page = sit()
-    expect(head(page)).to_contain_text("Ready to start", timeout=30_000)
     begin(page)
     car = page.locator(".cc-car")
     place = "element => new DOMMatrix(getComputedStyle(element).transform).m41"
