@@ -224,6 +224,11 @@ class EquipmentView:
         return self.equipment.area
 
     @property
+    def keeps_parameters(self) -> bool:
+        """Whether what is written to it is still there after its supply was off."""
+        return self.equipment.type.device.keeps
+
+    @property
     def link(self) -> str:
         """Id of its link."""
         return self.equipment.link
