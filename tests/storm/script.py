@@ -15,8 +15,8 @@ PEOPLE = {
     "ada": ("admin", "engineer", "operator"),
 }
 """Name → roles at the beginning."""
-MACHINES = ("m1", "m2", "c1", "cc1", "seq1")
-PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",))
+MACHINES = ("m1", "m2", "c1", "cc1", "seq1", "cr1")
+PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",), ("cr1",))
 """Few machines of the demo, which seeds choose from; every tenth has all."""
 CARRIERS = ("memory", "tcp", "rtu")
 """What the lines of the plant are; seeds take them by turns."""
