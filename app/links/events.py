@@ -173,15 +173,18 @@ class EventReader:
             except Exception:
                 log.exception("last event not known equipment=%s", self.equipment.id)
                 known = ()
-            if any(self._ring.replaces(mark) for mark in known):
+            marks = [mark for mark in known if mark is not None]
+            if any(self._ring.replaces(mark) for mark in marks):
                 self._tell(
                     "event ring is another one link=%s unit=%d newest=%d last taken=%s",
                     head.newest,
-                    max(mark.sequence for mark in known),
+                    max(mark.sequence for mark in marks),
                 )
                 return 0
-            if known:
-                return reduce(earlier, known).sequence
+            if marks and len(marks) == len(known):
+                return reduce(earlier, marks).sequence
+            if marks:  # one of them has none: he is told all that is there, whatever another host has acknowledged
+                return max(0, head.oldest - 1)
         if 0 < head.acknowledged <= head.newest:
             return head.acknowledged
         return max(0, head.oldest - 1)  # nobody ever took one: what is there is the beginning

@@ -32,7 +32,7 @@ class HostEvent:
 
 OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
 """Takes events in order, and how many were lost before the first; what it raises means: not taken."""
-LastSeen = Callable[[Equipment], Awaitable[Sequence[Mark]] | Sequence[Mark]]
-"""The last event of a machine, for each of those who take them; nothing = one of them knows none."""
+LastSeen = Callable[[Equipment], Awaitable[Sequence[Mark | None]] | Sequence[Mark | None]]
+"""The last event of a machine, for each of those who take them; None = that one knows none."""
 StoredUpTo = Callable[[Equipment], Mark | None]
 """The last event of a machine that is stored wherever it belongs; None = none is."""

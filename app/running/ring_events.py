@@ -41,10 +41,9 @@ class RingEvents:
         if self._alarms.journal.waiting:
             await self._alarms.journal.settle()
 
-    def last_seen(self, item: Equipment) -> Sequence[Mark]:
+    def last_seen(self, item: Equipment) -> Sequence[Mark | None]:
         """What the alarms and the history have of the ring of a machine."""
-        alarms, stored = self._alarms.journal.last_event(item.id), self._history.last(item.id)
-        return () if alarms is None or stored is None else (alarms, stored)
+        return self._alarms.journal.last_event(item.id), self._history.last(item.id)
 
     def stored_up_to(self, item: Equipment) -> Mark | None:
         """The last event of a machine that is in the journal of the alarms and in the history."""

@@ -51,7 +51,7 @@ class Taker:
 
 @asynccontextmanager
 async def followed(
-    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[Mark, ...] = ()
+    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[Mark | None, ...] = ()
 ) -> AsyncIterator[tuple[Line, FaultyBus]]:
     async with plant(device, kind, start=False) as (line, bus):
         line.link.on_events = taker
@@ -337,6 +337,30 @@ async def test_a_row_that_the_head_counts_and_that_is_not_there_yet_is_waited_fo
         device.event(4)
         await until(lambda: taker.codes == [1, 2, 4])
         assert sum(taker.lost) == 1, "it never was there, and that is told"
+
+
+@pytest.mark.parametrize(
+    ("last", "first"),
+    [
+        ((), 9),
+        ((None, None), 9),
+        ((Mark(1, 5, 0), None), 1),
+        ((None, Mark(1, 5, 0)), 1),
+        ((Mark(1, 5, 0), Mark(1, 4, 0)), 5),
+        ((Mark(1, 5, 0), Mark(1, 10, 0)), 6),
+    ],
+)
+async def test_what_another_host_has_acknowledged_is_read_by_whoever_has_not_seen_it(
+    last: tuple[Mark | None, ...], first: int
+) -> None:
+    """A server that was killed between the two transactions knows a mark of one of them only."""
+    device, taker = SmallPlc(), Taker()
+    for code in range(1, 13):
+        device.event(code)
+    device._ring.acknowledged = 8
+    async with followed(device, taker, last=last):
+        await until(lambda: taker.codes == list(range(first, 13)))
+        assert sum(taker.lost) == 0
 
 
 async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
