@@ -52,6 +52,7 @@ class _Door:
         self._behind = port
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
+        self._slamming = threading.Lock()
         self._held: list[socket.socket] = []
         threading.Thread(target=self._accept, daemon=True).start()
 
@@ -62,23 +63,26 @@ class _Door:
 
     def slam(self) -> None:
         """Shut it, and cut whatever goes through."""
-        self.shut = True
-        for one in self._held:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # a reset, as a PLC sends it
-            with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
-        self._held.clear()
+        with self._slamming:
+            self.shut = True
+            for one in self._held:
+                # a reset, as a PLC sends it
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                with suppress(OSError):
+                    one.shutdown(socket.SHUT_RDWR)
+                one.close()
+            self._held.clear()
 
     def _accept(self) -> None:
         with suppress(OSError):
             while True:
                 near, _ = self._listener.accept()
-                if self.shut:
-                    near.close()
-                    continue
-                far = socket.create_connection(("127.0.0.1", self._behind))
-                self._held += [near, far]
+                with self._slamming:  # or what is half open when it slams goes through for ever
+                    if self.shut:
+                        near.close()
+                        continue
+                    far = socket.create_connection(("127.0.0.1", self._behind))
+                    self._held += [near, far]
                 threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
                 threading.Thread(target=self._carry, args=(far, near), daemon=True).start()
 
