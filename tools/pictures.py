@@ -55,7 +55,7 @@ SCREENS = {
     "crane-sequence": "/equipment/cr1/page/sequence",
     "crane-faceplate": "/equipment/cr1/faceplate",
     "crane-settings": "/equipment/cr1/parameters",
-    "records-cycle": "/records/cycle?equipment=cr1",
+    "records-crane-cycle": "/records/crane_cycle?equipment=cr1",
     "instructor-crane": "/instructor/cr1",
     "forces": "/forces",
     "faceplate": "/equipment/m1/faceplate",
