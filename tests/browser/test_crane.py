@@ -281,7 +281,8 @@ def test_a_set_that_fails_leaves_what_was(sit: Sit) -> None:
     stands("hoist_fan_run_on", "60")
     other = sit("ivana")
     subject(other, "hoist")
-    hold_until(other, "jog_hoist_up", other.locator(".k-above h2", has_text="Manual, moving"))
+    speed = other.locator(".k-axes .val[data-tag='cr1.hoist_speed'] b")
+    hold_until(other, "jog_hoist_up", speed.get_by_text(re.compile(r"^[1-9]")))  # let go before, it is not confirmed
     wanted(hoist_step_1="30", hoist_fan_run_on="50")
     expect(page.locator("body")).to_contain_text(re.compile("An axis moves|Hold-to-move active"), use_inner_text=True)
     stands("hoist_step_1", "20.32")
