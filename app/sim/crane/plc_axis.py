@@ -182,7 +182,7 @@ class PlcAxis:
 
     @property
     def moving(self) -> bool:
-        """It moves, or its brakes are not closed."""
+        """It moves, or its brakes are held open: they fall in a moment later, those that stick never."""
         return abs(self.axis.speed) > AT_REST / 2 or any(motor.out.open_brakes for motor in self.motors)
 
     @property

@@ -60,7 +60,7 @@ class CraneView(VirtualPlc):
 
     @property
     def moving(self) -> bool:
-        """An axis moves, or its brakes are not closed."""
+        """An axis moves, or its brakes are held open."""
         return any(axis.moving for axis in self.axes.values())
 
     @property

@@ -67,7 +67,8 @@ def test_a_lever_moves_its_axis_at_the_speed_of_its_step(axis: str, way: int, st
     assert not any(other.moving for name, other in stand.crane.axes.items() if name != axis)
     assert stand.crane.state == CraneState.MANUAL_MOVING
     stand.release()
-    assert stand.crane.state == CraneState.MANUAL and all(not there for there in moved.brakes_open)
+    assert stand.crane.state == CraneState.MANUAL
+    stand.until(lambda: not any(moved.brakes_open), 1)
 
 
 def test_two_levers_move_nothing_and_a_second_one_stops_the_first() -> None:
