@@ -79,7 +79,7 @@ def plant_file(machines: tuple[str, ...] | list[str], links: Mapping[str, str]) 
     return "".join(said)
 
 
-LINKS = ("hall", "line", "coil")
+LINKS = ("hall", "line", "coil", "crane")
 """Of the demo."""
 
 
