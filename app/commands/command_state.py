@@ -9,7 +9,7 @@ from app.access.roles import ROLE_PERMISSION, Rights
 from app.clock import Clock
 from app.commands import interlocks
 from app.commands.audit_lines import AuditLines
-from app.commands.checks import Checks
+from app.commands.checks import PULSE_PAUSE, Checks
 from app.commands.control_token import ControlToken
 from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
@@ -96,8 +96,11 @@ class CommandState:
         return self.hold.active(equipment) is not None
 
     def tell_changed(self, now: float) -> None:
-        """Tell of what changed too short after it was told to be told at once."""
+        """Tell of what changed too short after it was told to be told at once, and of pulses that may be repeated now."""
         for machine in self.machines.values():
+            for key in [key for key, at in machine.pulses.items() if now - at >= PULSE_PAUSE]:
+                del machine.pulses[key]
+                machine.dirty = True
             if machine.dirty and now - machine.told_at >= TELL:
                 self._tell(machine, now)
 

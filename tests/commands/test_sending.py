@@ -49,7 +49,11 @@ async def test_a_reset_that_the_drive_refuses_with_exception_04_failed() -> None
     assert (progress.state, progress.reason, progress.params["code"]) == (ProgressState.FAILED, "why.device_refused", 4)
     stand.link.spoil = lambda *telegram: None
     assert (await refusal(stand, ANA, "reset")).reason == "why.too_soon"
-    await stand.pass_time(5.1)
+    await stand.pass_time(3)
+    told: list[str] = []
+    stand.gate.subscribe(told.append)
+    await stand.pass_time(2.1)
+    assert told, "who looks on is told that it may be repeated"
     await stand.ask(ANA, "reset")
     await stand.pass_time(0.2)
     assert stand.state() == "confirmed"
