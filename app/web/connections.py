@@ -14,6 +14,7 @@ Everything here is O(1) per connection and event.
 """
 
 import asyncio
+import re
 import resource
 import ssl
 from collections import OrderedDict
@@ -51,6 +52,8 @@ PER_SESSION = 100
 """Connections of one session; more of it count as strangers."""
 KEPT_FILES = 200
 """Files that the rest of the server needs open."""
+FIRST_LINE_HOST = re.compile(rb"[^/?#]*")
+"""What stands between `http://` and the path."""
 CHANCE = 2.0
 """A connection without a request goes before those that had one when it is older than this [s]."""
 
@@ -359,6 +362,7 @@ class Connection(HttpToolsProtocol):
         if len(self.pipeline) >= MOST_AHEAD:
             self._refusal = 429
             raise ValueError("too many requests ahead")
+        self._take_authority()
         self._in_head = False
         self._raw, self._lines, self._size = self._portion, 0, 0
         self._wait(LONGEST_BODY, partial(self._refuse, 408))
@@ -398,6 +402,17 @@ class Connection(HttpToolsProtocol):
             self._answer(self._refusal)
         else:
             super().send_400_response(msg)
+
+    def _take_authority(self) -> None:
+        """`GET http://host/path` names its host in its first line; what the header says beside it does not count (RFC 9112, 3.2.2)."""
+        scheme, found, rest = self.url.partition(b"://")
+        if not found or not scheme.isalpha():
+            return
+        authority = FIRST_LINE_HOST.match(rest)
+        named = authority[0] if authority else b""
+        path = rest[len(named) :]
+        self.url = path if path.startswith(b"/") else b"/" + path
+        self.headers[:] = [(name, named if name == b"host" else value) for name, value in self.headers]
 
     def _begin(self) -> None:
         """The first byte of a request: its head has to be here in time."""

@@ -313,6 +313,24 @@ async def test_a_head_of_everyday_size_is_served(served: Served) -> None:
     assert heard.startswith(b"HTTP/1.1 200 ")
 
 
+@pytest.mark.parametrize(
+    ("target", "host"),
+    [
+        (b"/read", "x"),
+        (b"http://evil/read", "evil"),
+        (b"HTTP://evil:80/read?a=b://c", "evil:80"),
+        (b"http://x@evil/read", "x@evil"),
+        (b"http://evil", "evil"),
+        (b"http://evil?a=b", "evil"),
+        (b"/read?to=http://evil/", "x"),
+    ],
+)
+async def test_a_first_line_with_a_host_is_for_that_host(served: Served, target: bytes, host: str) -> None:
+    heard = await served.send(b"GET " + target + b" HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+    assert heard.startswith(b"HTTP/1.1 200 ")
+    assert [headers["host"] for headers in served.seen] == [host]
+
+
 # ---- a whole server under a flood -------------------------------------------------------------------------
 
 
