@@ -58,12 +58,21 @@ class Browser:
         """Ask for something as a program does."""
         return await self._ask("POST", path, json.dumps(body).encode(), b"application/json")
 
-    async def sign_in(self, name: str, password: str) -> bool:
-        """Fill the sheet; whether there is a session now."""
-        sheet = await self.get("/signin")
+    async def sign_in(self, name: str, password: str, code: str = "") -> bool:
+        """Fill the sheet, and with `code` that for the second factor; whether there is a session now."""
+        former = self.cookies.get("sid")
+        done = await self._fill("/signin", name=name, password=password)
+        if done.status == 303 and done.headers.get("location", "").startswith("/signin/code"):
+            if self.cookies.get("sid", former) != former:
+                raise Unanswered(f"{name} has a session before the code was given")
+            done = await self._fill("/signin/code", code=code)
+        return done.status == 303 and "sid" in self.cookies
+
+    async def _fill(self, path: str, **form: str) -> Answer:
+        """Open a sheet and send it."""
+        sheet = await self.get(path)
         token = re.search(r'name="csrf" value="([^"]*)"', sheet.text)
-        form = {"csrf": token[1] if token else "", "name": name, "password": password}
-        return (await self._ask("POST", "/signin", urlencode(form).encode())).status == 303 and "sid" in self.cookies
+        return await self._ask("POST", path, urlencode({"csrf": token[1] if token else "", **form}).encode())
 
     async def _ask(self, method: str, path: str, body: bytes, kind: bytes = FORM) -> Answer:
         sent: list[dict[str, Any]] = []

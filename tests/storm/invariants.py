@@ -14,6 +14,7 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
 from app.historian import tables as history
 from app.registers import plc_map
+from app.registers.codec import decoder
 from app.sim.bus import Bus
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.plc import VirtualPlc
@@ -439,6 +440,43 @@ async def events_are_stored(c: Checker) -> None:
                 raise Fell("events_are_stored", f"{one} is neither stored nor told as a gap")
 
 
+async def what_is_shown_is_so(c: Checker) -> None:
+    """While machines stand still, every good value that was read meanwhile is the one in the registers of its machine."""
+    world = c.world
+    runtime, devices, since = world.runtime, world.devices, world.now
+    if world.down or runtime.plant is None:
+        return
+    with world.standstill():
+        await asyncio.sleep(STANDSTILL)
+        tags, compared = runtime.tags, Counter[str]()
+        for item in runtime.plant.equipment.values():
+            for point in item.points.values() if item.id in devices else ():
+                handle, register = tags.handles.get(point.name), point.register
+                if handle is None or register is None or not register.readable or not is_good(tags.quality(handle)):
+                    continue
+                shown = tags.value(handle)
+                if tags.age(handle) >= world.now - since - LATEST or (point.table and not shown):
+                    continue
+                function = 4 if register.table == "input" else 3
+                held = decoder(register)(devices[item.id].read(function, register.address, register.words))
+                compared[item.id] += 1
+                alike = (
+                    shown == held
+                    if isinstance(shown, str) or isinstance(held, str) or None in (shown, held)
+                    else (abs(shown - held) <= 1e-6 * (1 + abs(held)))
+                )
+                if not alike:
+                    raise Fell("what_is_shown_is_so", f"{point.name} is shown as {shown!r}, its machine has {held!r}")
+        if min((compared[id] for id in runtime.plant.equipment if id in devices), default=1) == 0:
+            raise Fell(
+                "what_is_shown_is_so", f"a machine of which nothing was read in {STANDSTILL} s: {dict(compared)}"
+            )
+
+
+STANDSTILL = 0.9
+"""A PLC whose program stands still for longer is told as such [s]."""
+LATEST = 0.2
+"""A telegram that was on its way when the machines stopped is answered by then [s]."""
 STORED = select(history.event_machine.c.name, history.event.c.sequence, history.event.c.code).join(
     history.event, history.event.c.machine == history.event_machine.c.id
 )
@@ -453,4 +491,6 @@ ALWAYS: tuple[Callable[[Checker], None], ...] = (
     nothing_grows,
     stop_is_open,
 )
-AT_THE_END = (all_is_well_again, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored)
+AT_THE_END = (
+    all_is_well_again, what_is_shown_is_so, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored,
+)  # fmt: skip

@@ -29,10 +29,10 @@ ACTS = {
     "enter": 6, "leave": 2, "look": 2, "take": 8, "give": 2, "want": 2, "command": 18, "set": 10, "sets": 6, "stop": 6, "hold": 8,
     "acknowledge": 4, "roles": 2, "bar": 1,
 }  # fmt: skip
-WEB_ACTS = {**ACTS, "look": 5, "program": 6}
+WEB_ACTS = {**ACTS, "look": 5, "program": 6, "factor": 2}
 FAULTS = {
-    "line": 10, "unplug": 1, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "kill": 2, "restart": 1,
-    "stall": 2,
+    "line": 10, "unplug": 1, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "redefine": 1, "kill": 2,
+    "restart": 1, "stall": 2,
 }  # fmt: skip
 """Kind of action → share."""
 LINE_FAULTS = (
@@ -126,6 +126,8 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
             return {"who": who, "machine": machine, "number": number, "seconds": round(random.uniform(0.2, 6), 1)}
         case "acknowledge":
             return {"who": who, "number": number}
+        case "factor":
+            return {"who": who, "seconds": round(random.uniform(0.5, 8), 1)}
         case "roles":
             return {"who": who, "roles": random.choice((("viewer",), ("operator",), ("operator", "engineer")))}
         case "bar":
@@ -151,6 +153,8 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
             return {"seconds": random.choice((-3600.0, -60.0, -2.0, -0.5, 0.5, 1.5, 30.0, 3600.0, 86400.0))}
         case "reload":
             return {"machine": random.choice(("extra", machine))}
+        case "redefine":
+            return {"number": number}
         case "restart":
             return _away(random)
         case "kill":

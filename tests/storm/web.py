@@ -2,8 +2,11 @@
 
 import asyncio
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+from pyotp import TOTP
 
 from app.main import create_app
 from app.runtime import Runtime
@@ -14,6 +17,9 @@ from tests.storm.browser import Answer, Browser
 from tests.storm.world import ADDRESS, AGENT, PASSWORD, World
 from tests.virtual import inline
 
+KEY = re.compile(r'<p class="mono u-key"[^>]*>([A-Z2-7 ]+)</p>')
+CODES = re.compile(r"<li>([0-9A-Z]{4}(?:-[0-9A-Z]{4}){3})</li>")
+"""As the page of the second factor shows them."""
 REFUSED = {401, 403, 404}
 """Answers to a Stop of somebody who may not, or of a machine that is not there."""
 
@@ -25,7 +31,9 @@ class WebWorld(World):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.browsers: dict[str, Browser] = {}
-        self.looked = 0
+        self.looked = self.enrolled = 0
+        self.codes: dict[str, list[str]] = {}
+        """Recovery codes of whoever has a second factor."""
 
     def _build(self) -> Runtime:
         self.app = create_app(Settings(plant=self.plant_folder, data=self.data), self.clock, inline)
@@ -75,8 +83,34 @@ class WebWorld(World):
     # ---- people
 
     async def _do_enter(self, who: str) -> None:
-        if (browser := self._browser(who)) is not None and await browser.sign_in(who, PASSWORD):
+        codes = self.codes.get(who)
+        browser = self._browser(who)
+        if browser is not None and await browser.sign_in(who, PASSWORD, codes.pop(0) if codes else ""):
             self.sids[who] = browser.cookies["sid"]
+
+    async def _do_factor(self, who: str, seconds: float) -> None:
+        """Somebody turns the second factor on, signs in with it, and turns it off."""
+        browser = self._browser(who)
+        if browser is None or not self.sids.get(who) or self.codes.get(who):
+            return
+        page = await self._send(who, "/account/factor/begin", own_password=PASSWORD)
+        shown = KEY.search(page.text) if page else None
+        if shown is None:
+            return
+        code = TOTP(shown[1].replace(" ", "")).at(self.clock.micros() // 1_000_000)
+        page = await self._send(who, "/account/factor/confirm", code=code)
+        if page is None or page.status != 200:
+            return
+        self.codes[who] = CODES.findall(page.text)
+        self.sids[who] = browser.cookies.get("sid", "")
+        self.enrolled += 1
+        await asyncio.sleep(seconds)
+        await self._do_leave(who)
+        await self._do_enter(who)
+        left = self.codes[who]
+        gone = await self._send(who, "/account/factor/remove", own_password=PASSWORD, code=left.pop(0) if left else "")
+        if gone is not None and gone.status == 303:
+            self.codes[who] = []
 
     async def _do_leave(self, who: str) -> None:
         if self.sids.get(who):
