@@ -187,7 +187,12 @@ class Positioner:
                 self.phase = Phase.SLOW
 
     def _going(self, measured: float) -> float:
-        """Speed from which the ramp would brake: the block's own picture of it, or the measured one when that says more."""
+        """Speed from which the ramp would brake: the block's own picture of it, or the measured one when that says more.
+
+        Behind a shaper the axis is faster than its ramp for a while; that way is `held` and not counted twice.
+        """
+        if self.shaper_delay:
+            return self.ramp
         if self.phase is Phase.SLOW or self.phase is Phase.STOP:
             return max(self.ramp, measured - self.deceleration * self.lag)
         return max(self.ramp, measured)

@@ -6,9 +6,9 @@ from types import MappingProxyType
 
 from app.blocks.drive_selection import Selection
 from app.registers.plc_map import AnswerState, Request, real_of
+from app.sim.crane.configuration import STAND_NUMBERS
 from app.sim.crane.register_map import (
     AXES,
-    STANDS,
     CraneCommand,
     CraneEvent,
     CraneReason,
@@ -104,7 +104,7 @@ class CommandedCrane(CraneView):
         if self.cycle.open:
             return no(CraneReason.CYCLE_RUNS)
         for number in (start, end):
-            if not 1 <= number <= STANDS:
+            if number not in STAND_NUMBERS:
                 return no(CraneReason.NO_SUCH_STAND, number)
         if start == end:
             return no(CraneReason.SAME_STAND, start)

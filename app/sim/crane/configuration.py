@@ -9,8 +9,10 @@ from app.sim.crane.figures import AXES as FIGURES
 from app.sim.plc import Setting
 
 AXES: Sequence[str] = tuple(FIGURES)
-STANDS = (1, 2, 3, 4)
-STEEPEST = 0.5
+FIRST_STAND, STANDS = 1, 4
+"""Number of the first stand, and how many there are."""
+STAND_NUMBERS: Sequence[int] = range(FIRST_STAND, STANDS + 1)
+SHORTEST_RAMP = 0.5
 """Shortest ramp time that an axis takes [s]: below it the load would be thrown."""
 
 
@@ -33,8 +35,8 @@ def _axis(axis: str) -> Sequence[Setting]:
         setting("max_speed", "max_speed", 1.0, fastest),
         setting("max_position", "max_position", 5000.0, 100000.0),
         setting("end_tolerance", "end_stop_tolerance", 20.0, 2000.0),
-        setting("slow_down_time", "slow_down_time", STEEPEST, 60.0),
-        setting("speed_up_time", "speed_up_time", STEEPEST, 60.0),
+        setting("slow_down_time", "slow_down_time", SHORTEST_RAMP, 60.0),
+        setting("speed_up_time", "speed_up_time", SHORTEST_RAMP, 60.0),
         *(setting(f"step_{n}", f"step_{n}", 1.0, fastest) for n in (1, 2, 3, 4)),
         setting("fan_run_on", "fan_run_on", 0.0, 600.0),
         setting("brake_timeout", "brake_timeout", 0.5, 20.0),
@@ -100,7 +102,7 @@ class Places:
             ]
             if not all(a < b for a, b in itertools.pairwise(ends)):
                 raise ValueError(f"switches of {axis} at {ends}: expected rising positions")
-        for n in STANDS:
+        for n in STAND_NUMBERS:
             for axis in AXES:
                 at = getattr(self, f"stand_{n}_{axis}")
                 low, high = getattr(self, f"{axis}_lower_slow_at"), getattr(self, f"{axis}_upper_slow_at")
@@ -142,7 +144,7 @@ def _judged(values: Mapping[str, float], places: Places) -> Iterator[tuple[str, 
         way = fastest * (values[f"{axis}_slow_down_time"] / 2 + STOP_DELAY)
         yield f"{axis}_max_speed", way <= places.slow_way(axis)
         yield f"{axis}_max_position", values[f"{axis}_max_position"] >= getattr(places, f"{axis}_upper_stop_at")
-    locks = [places.stand(n) for n in STANDS]
+    locks = [places.stand(n) for n in STAND_NUMBERS]
     yield "safe_height", values["safe_height"] <= places.hoist_upper_slow_at
     yield "arc_radius", max(lock["hoist"] for lock in locks) + values["arc_radius"] < values["safe_height"]
     yield "arc_radius", min(lock["trolley"] for lock in locks) - values["arc_radius"] > places.trolley_lower_slow_at

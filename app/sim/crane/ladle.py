@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import nan
 
 from app.sim.crane import training
-from app.sim.crane.configuration import STANDS, Places
+from app.sim.crane.configuration import STAND_NUMBERS, Places
 from app.sim.crane.figures import HOIST
 from app.sim.crane.pendulum import Pendulum
 from app.sim.crane.rope import Rope
@@ -93,7 +93,7 @@ class Load:
 
     def _over(self, position: dict[str, float]) -> float | None:
         """Height of the hook over the lock of a stand below it [mm]; None = none is there."""
-        for n in STANDS:
+        for n in STAND_NUMBERS:
             lock = self.places.stand(n)
             if abs(position["bridge"] - lock["bridge"]) > 2 * NEAR_BRIDGE:
                 continue

@@ -2,8 +2,9 @@
 
 from typing import Protocol
 
+from app.sim.crane.configuration import STANDS
 from app.sim.crane.ladle import Load
-from app.sim.crane.register_map import STANDS, Mode, StepState
+from app.sim.crane.register_map import Mode, StepState
 from app.sim.crane.sequence import Cycle
 from app.sim.plc import Verdict
 

@@ -24,7 +24,7 @@ from app.sim import training
 from app.sim.crane import signals
 from app.sim.crane import training as own
 from app.sim.crane.commands import CommandedCrane
-from app.sim.crane.configuration import SETTINGS, Places, checked, faulty
+from app.sim.crane.configuration import FIRST_STAND, SETTINGS, STANDS, Places, checked, faulty
 from app.sim.crane.edges import Edges
 from app.sim.crane.ladle import Load
 from app.sim.crane.orders import Orders
@@ -38,7 +38,6 @@ from app.sim.crane.register_map import (
     DRIVES,
     SETTINGS_AT,
     STAGING,
-    STANDS,
     STATUS,
     STATUS_WORDS,
     CraneEvent,
@@ -87,7 +86,7 @@ class VirtualCrane(CommandedCrane):
         orders: bool = False,
         pause: float = 20.0,
         ladle: float = 210.0,
-        stand: int = 1,
+        stand: int = FIRST_STAND,
         settings: Mapping[str, float] | None = None,
     ) -> None:
         """A crane just switched on for the first time, at its safe height over stand 1.
@@ -104,7 +103,7 @@ class VirtualCrane(CommandedCrane):
         for name, value, low, high in (
             ("pause", pause, 0, 3600),
             ("ladle", ladle, 0, 400),
-            ("stand", stand, 1, STANDS),
+            ("stand", stand, FIRST_STAND, STANDS),
         ):
             if not low <= value <= high:
                 raise ValueError(f"{name} = {value:g}: expected {low:g} to {high:g}")
@@ -306,7 +305,7 @@ class VirtualCrane(CommandedCrane):
         self._hurry = True
 
     def _forget(self) -> None:
-        start = {**self.places.stand(1), "hoist": self.settings["safe_height"]}
+        start = {**self.places.stand(FIRST_STAND), "hoist": self.settings["safe_height"]}
         self.axes = {name: PlcAxis(name, self.settings, self.places, start[name]) for name in AXES}
         self.load = Load(self.places, self._ladle, self._stand)
         self.sequence = CraneSequence(self, Cycle())
@@ -320,7 +319,7 @@ class VirtualCrane(CommandedCrane):
         self.mode, self._start_mode = self._start_mode, Mode.OFF
         for axis in self.axes.values():
             axis.start_up(self.settings)
-        self.travel = Travel(self.axes, self.settings)
+        self.travel = Travel(self.axes, self.settings, BUSY * self.dt)
         self.latched = self.stopping = self._acknowledge = self._silent = self._busy = False
         self._hurry, self._since, self._dt, self._period = True, 0, BUSY * self.dt, BUSY
         self.weight = self.load.scale(self.fault, self.settings["overload_limit"])

@@ -10,12 +10,11 @@ from app.blocks.arc_positioner.following import Fault, Phase
 from app.blocks.drive_control import Alarm, Missing, State
 from app.blocks.limit_switches import Alarm as LimitAlarm
 from app.blocks.limit_switches import End
-from app.sim.crane.configuration import PLACES, Places
+from app.sim.crane.configuration import PLACES, STANDS, Places
 from app.sim.crane.plc_axis import FAULT_CODE, HOT, Motor, PlcAxis
 from app.sim.crane.register_map import (
     AXIS_WORDS,
     CONFIGURATION_WORDS,
-    STANDS,
     START_PERMISSIVES,
     STATUS_BITS_OF,
     STATUS_REALS,

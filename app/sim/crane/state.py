@@ -9,7 +9,7 @@ from app.sim.crane.configuration import Places
 from app.sim.crane.ladle import FULL, Load
 from app.sim.crane.plc_axis import PlcAxis
 from app.sim.crane.register_map import CraneState as State
-from app.sim.crane.register_map import DriveChoice, Mode
+from app.sim.crane.register_map import DriveChoice, Mode, StepState
 from app.sim.crane.sequence import CraneSequence, Cycle
 from app.sim.crane.travel import Travel
 from app.sim.plc import VirtualPlc
@@ -83,7 +83,7 @@ class CraneView(VirtualPlc):
     @property
     def weight_asked(self) -> bool:
         """A person has to confirm what the scale says."""
-        return self.cycle.state == 2
+        return self.cycle.state is StepState.WAITING
 
     @property
     def load_part(self) -> float:

@@ -1,6 +1,6 @@
 """How the sequence moves the crane: positioners of single axes, and the circular move of trolley and hoist."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite, nan
 
 from app.blocks.arc_positioner.circle import Circle, Point
@@ -10,12 +10,18 @@ from app.blocks.arc_positioner.original import OriginalArc
 from app.blocks.positioner.positioner import Inputs as MoveInputs
 from app.blocks.positioner.positioner import Phase as MovePhase
 from app.blocks.positioner.positioner import Positioner
+from app.blocks.ramp import Ramp
 from app.blocks.rope import stretch
+from app.blocks.sway_shaper import Shaped, Shaping, SwayShaper
 from app.sim.crane.figures import HOIST
 from app.sim.crane.plc_axis import Asked, PlcAxis
 
 LAG = 0.1
 """Of the drives, as commissioned [s]."""
+MARGIN = 0.05
+"""What a positioner adds to it: with less lag than told it stops short, with more it would overshoot [s]."""
+UNSHAPED = Shaped(0.0, 0.0, 0.0)
+TINY = 1e-9
 SLOW_DISTANCE: Mapping[str, float] = {"hoist": 60.0, "trolley": 200.0, "bridge": 200.0}
 """At the lowest manual speed before a target [mm]."""
 JERK_TIME = 0.5
@@ -29,13 +35,82 @@ CREEPING = 3.0
 STRAIN = HOIST["rope_strain"].value
 TOP = HOIST["max_position"].value + HOIST["rope_length_at_top"].value
 STILL = Asked()
+SWAYING = ("trolley", "bridge")
+"""Axes under which the load swings."""
+SHAPINGS: Sequence[Shaping] = (Shaping.OFF, Shaping.ZV, Shaping.ZVD)
+"""By the value of the setting."""
+
+
+class CalmMove:
+    """A positioner; of trolley and bridge with a ramp and the sway shaper behind it, so that the load hangs still when they are there.
+
+    The shaper takes a speed every `scan` [s], however long the scans of the program are. Its positioner is told the drive's lag without
+    `MARGIN`, half a scan on it for the steps of the shaper: a further attempt costs the delay of the shaper once more. What stops an axis
+    otherwise (suspension, fault, emergency stop) is never shaped.
+    """
+
+    def __init__(self, axis: PlcAxis, shaping: Shaping, scan: float) -> None:
+        data = axis.axis.data
+        self._axis, self._scan = axis, scan
+        calms = axis.name in SWAYING and shaping is not Shaping.OFF
+        self.block = Positioner(
+            axis.max_speed,
+            data.acceleration,
+            data.deceleration,
+            slow_speed=axis.steps[0],
+            slow_distance=SLOW_DISTANCE[axis.name],
+            lag=LAG + (scan / 2 if calms else MARGIN),
+        )
+        self._shaper = SwayShaper(TOP, scan, shaping) if calms else None
+        self._ramp = Ramp(data.acceleration, data.deceleration)
+        self._shaped, self._since = UNSHAPED, 0.0
+
+    def step(self, target: float, speed: float, rope: float, dt: float) -> tuple[MovePhase, float]:
+        """(phase, command [mm/s]) of a scan of `dt` [s] on the way to `target` [mm] at `speed` [mm/s], with `rope` [mm] of rope out."""
+        axis = self._axis
+        low, high = axis.low, axis.high
+        if self.block.phase is MovePhase.OFF:
+            self._ramp.speed = axis.speed
+        out = self.block.step(
+            MoveInputs(
+                True,
+                axis.position,
+                target,
+                axis.speed,
+                speed,
+                low.slow,
+                high.slow,
+                low.stop,
+                high.stop,
+                self._shaped.held,
+            ),
+            dt,
+        )
+        if self._shaper is None:
+            return out.phase, out.speed
+        self._since += dt
+        self._ramp.step(out.speed, dt)
+        while self._since >= self._scan - TINY:
+            self._since -= self._scan
+            self._shaped = self._shaper.step(self._ramp.speed, rope)
+        self.block.shaper_delay = self._shaped.delay
+        return out.phase, self._shaped.speed
+
+    def forget(self) -> None:
+        """The axis was stopped elsewhere: nothing is under way, nothing is held."""
+        if self.block.phase is MovePhase.OFF:
+            return
+        self.block.safe()
+        if self._shaper is not None:
+            self._shaper.clear()
+        self._shaped, self._since = UNSHAPED, 0.0
 
 
 class Travel:
-    """Positioners and the circular move of one crane; asked anew in every scan."""
+    """Positioners and the circular move of one crane; asked anew in every scan, of usually `scan` [s]."""
 
-    def __init__(self, axes: Mapping[str, PlcAxis], settings: Mapping[str, float]) -> None:
-        self._axes = axes
+    def __init__(self, axes: Mapping[str, PlcAxis], settings: Mapping[str, float], scan: float) -> None:
+        self._axes, self._scan = axes, scan
         self.asked: dict[str, Asked] = {}
         """Of this scan, by axis."""
         self.take(settings)
@@ -43,7 +118,8 @@ class Travel:
     def take(self, settings: Mapping[str, float]) -> None:
         """Settings in effect; what was under way is forgotten."""
         speed = settings["automatic_speed"] / 100
-        self._moves = {name: self._positioner(axis) for name, axis in self._axes.items()}
+        shaping = SHAPINGS[round(settings["sway_shaping"])]
+        self._moves = {name: CalmMove(axis, shaping, self._scan) for name, axis in self._axes.items()}
         self._speeds = {name: axis.max_speed * speed for name, axis in self._axes.items()}
         self._radius = settings["arc_radius"]
         self._speed = settings["arc_speed"]
@@ -69,8 +145,8 @@ class Travel:
     def end(self, dt: float) -> None:
         """What was not asked for in this scan is forgotten."""
         for name, move in self._moves.items():
-            if name not in self._moved and move.phase is not MovePhase.OFF:
-                move.safe()
+            if name not in self._moved and move.block.phase is not MovePhase.OFF:
+                move.forget()
                 self._axes[name].target = nan
         if not self._circled and self.phase not in (Phase.OFF, Phase.FAULT, Phase.DONE):
             self._drop(dt)
@@ -79,26 +155,21 @@ class Travel:
         """Bring an axis to `target` [mm]; its brakes are open before it counts."""
         axis, move = self._axes[name], self._moves[name]
         self._moved.add(name)
-        there = move.phase in (MovePhase.DONE, MovePhase.MISSED)
-        if move.phase is MovePhase.OFF and abs(axis.position - target) < move.tolerance and not axis.moving:
+        block = move.block
+        there = block.phase in (MovePhase.DONE, MovePhase.MISSED)
+        if block.phase is MovePhase.OFF and abs(axis.position - target) < block.tolerance and not axis.moving:
             return MovePhase.DONE
         axis.target = target
         if not axis.running and not there:
-            move.safe()
+            move.forget()
             self.asked[name] = Asked(0.0, True)
             return MovePhase.OFF
-        low, high = axis.low, axis.high
-        out = move.step(
-            MoveInputs(
-                True, axis.position, target, axis.speed, self._speeds[name], low.slow, high.slow, low.stop, high.stop
-            ),
-            dt,
-        )
-        if out.phase in (MovePhase.DONE, MovePhase.MISSED):
+        phase, speed = move.step(target, self._speeds[name], TOP - self._axes["hoist"].position, dt)
+        if phase in (MovePhase.DONE, MovePhase.MISSED):
             axis.target = nan
         else:
-            self.asked[name] = Asked(out.speed, True)
-        return out.phase
+            self.asked[name] = Asked(speed, True)
+        return phase
 
     def lay(self, circle: Circle) -> None:
         """The circle of the next circular move."""
@@ -200,17 +271,6 @@ class Travel:
             return True
         self._ask_both(out.speed)
         return False
-
-    def _positioner(self, axis: PlcAxis) -> Positioner:
-        data = axis.axis.data
-        return Positioner(
-            axis.max_speed,
-            data.acceleration,
-            data.deceleration,
-            slow_speed=axis.steps[0],
-            slow_distance=SLOW_DISTANCE[axis.name],
-            lag=LAG + 0.05,
-        )
 
     def _limits(self, axis: PlcAxis) -> AxisLimits:
         data = axis.axis.data
