@@ -182,7 +182,8 @@ def _settings(kind: EquipmentType, plc: PlcMap) -> Iterator[str]:
         limits = f"{_cell(setpoint.low)} … {_cell(setpoint.high)}"
         at, staged = register.address, register.address - first + plc.staging
         row = (f"0x{at:04X}", f"0x{staged:04X}", register.type.value, f"`{point.key}`", point.unit, default, limits)
-        rows.append((*row, setpoint.role, _text(kind, point.label)))
+        choices = f": {_choices(kind, setpoint.options)}" if setpoint.options else ""
+        rows.append((*row, setpoint.role, _text(kind, point.label) + choices))
     yield _grid(("register", "staged at", "type", "name", "unit", "default", "limits", "role", "meaning"), rows)
 
 
@@ -310,7 +311,9 @@ def _layout(
             assert register
             bits = "" if register.mask is None else f" bit {register.shift}"
             note = _note(kind, file, f"{prefix}{point.key}")
-            meaning = _with(_text(kind, point.label), "; ".join(part for part in (_choices(kind, point), note) if part))
+            meaning = _with(
+                _text(kind, point.label), "; ".join(part for part in (_choices(kind, point.texts), note) if part)
+            )
             unit = f"{register.scale:g} {point.unit}" if register.scale != 1 and point.unit else point.unit
             rows.append((place_of, register.type.value + bits, f"`{point.key}`", unit, meaning))
         at += max(point.register.words for point in here if point.register)
@@ -322,8 +325,8 @@ def _inside(points: Iterable[Point], first: int, last: int) -> list[Point]:
     return [point for address, _, point in sorted(found, key=lambda one: one[:2]) if first <= address <= last]
 
 
-def _choices(kind: EquipmentType, point: Point) -> str:
-    return ", ".join(f"{value} {_text(kind, key).lower()}" for value, key in point.texts.items())
+def _choices(kind: EquipmentType, texts: Mapping[int, str]) -> str:
+    return ", ".join(f"{value} {_text(kind, key).lower()}" for value, key in texts.items())
 
 
 def _text(kind: EquipmentType, key: str) -> str:

@@ -5,6 +5,7 @@ import { quantity } from "../js/format.js";
 
 const MOST = 1500, FINE = 0.05; // points of a trace; a point nearer than this adds nothing [units]
 const PAST = "-10m", COLUMNS = 1500; // how far back a lift is looked for, in how many columns
+const LIMIT = 8000; // for the history to answer [ms]
 const MOVES = new Set([1, 2, 3, 4]); // phases in which the load is on its way
 
 for (const sheet of document.querySelectorAll("[data-arc]")) {
@@ -51,7 +52,7 @@ for (const sheet of document.querySelectorAll("[data-arc]")) {
 /** Angle and deviation of the last lift that the history has. */
 async function past(names) {
   try {
-    const answer = await fetch(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`, { headers: { "HX-Request": "true" } });
+    const answer = await fetch(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(LIMIT) });
     if (!answer.ok) return [];
     const [angles, errors] = (await answer.json()).series.map(({ time = [], first = [], last = first }) => {
       let at = 0;
@@ -61,7 +62,7 @@ async function past(names) {
     const start = angles.findLastIndex(([, angle], n) => n < end && angle === null) + 1;
     return angles.slice(start, end + 1).map(([at, angle]) => [angle, errors.findLast(([time]) => time <= at)?.[1] ?? 0]);
   } catch {
-    return []; // the history is down: the trace grows from what arrives
+    return []; // the history is down, or too slow: the trace grows from what arrives
   }
 }
 

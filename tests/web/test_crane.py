@@ -94,7 +94,8 @@ def test_positions_stand_where_the_numbers_say(ivana: Operator) -> None:
 @pytest.mark.parametrize("drive", DRIVES)
 def test_every_bit_of_a_drive_stands_in_its_dialog(ivana: Operator, drive: str) -> None:
     drawn = page(ivana, f"/equipment/cr1/part/drive?drive={drive}")
-    assert len(re.findall(rf'data-tag="cr1\.{drive}_zsw_\w+"\s+data-class="on:1', drawn)) == 16
+    for word in ("zsw", "stw"):
+        assert len(re.findall(rf'data-tag="cr1\.{drive}_{word}_\w+"\s+data-class="on:1', drawn)) == 16
     assert len(set(re.findall(rf'data-tag="cr1\.({drive}_permit_\w+)"', drawn))) == 12
     assert len(set(re.findall(rf'data-tag="cr1\.({drive}_alarm_\w+)"', drawn))) == 8
     assert f"reset_hours?motor={DRIVES.index(drive) + 1}" in drawn

@@ -25,7 +25,7 @@ from enum import IntEnum
 from types import MappingProxyType
 
 from app.blocks.drive_control import Alarm, Missing
-from app.profidrive.words import Status
+from app.profidrive.words import Control, Status
 from app.sim.crane.configuration import PLACES, SETTINGS
 from app.sim.plc import REASON_UNKNOWN, REASON_WRONG_STATE
 
@@ -38,7 +38,6 @@ DRIVE_AT = (32, 60)
 AXES: Sequence[str] = ("hoist", "trolley", "bridge")
 DRIVES: Sequence[str] = ("hoist_1", "hoist_2", "trolley_1", "bridge_1")
 """By number from 1, as events and commands name them."""
-STANDS = 4
 
 
 class CraneCommand(IntEnum):
@@ -349,6 +348,8 @@ DRIVE_PERMISSIVES: Sequence[str] = (*(missing.value for missing in Missing), "se
 """Bits of `<drive>_permissives`; points `<drive>_permit_<bit>`."""
 DRIVE_STATUS: Sequence[str] = tuple(bit.name.lower() for bit in Status)
 """Bits of `<drive>_status_word`; points `<drive>_zsw_<bit>`."""
+DRIVE_CONTROL: Sequence[str] = tuple(bit.name.lower() for bit in Control)
+"""Bits of `<drive>_control_word`; points `<drive>_stw_<bit>`."""
 
 
 def drives_of(axis: str) -> Sequence[str]:
@@ -383,6 +384,7 @@ def _axis(axis: str) -> Mapping[str, Place]:
 def _drive(drive: str, at: int) -> Mapping[str, Place]:
     places = {f"{drive}_{name}": Place(at + n) for n, name in enumerate(DRIVE_WORDS)}
     places |= _bits(at, DRIVE_STATUS, f"{drive}_zsw_")
+    places |= _bits(at + 1, DRIVE_CONTROL, f"{drive}_stw_")
     places |= _bits(at + 3, DRIVE_ALARMS, f"{drive}_alarm_")
     places |= _bits(at + 4, DRIVE_PERMISSIVES, f"{drive}_permit_")
     places |= {f"{drive}_{name}": Place(at + 6 + 2 * n, "f32") for n, name in enumerate(DRIVE_REALS)}
