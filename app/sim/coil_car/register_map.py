@@ -53,12 +53,11 @@ faults (0xE010): 1/2 horizontal/vertical drive trips · 11–14 limit switch lef
 """  # noqa: E501
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from types import MappingProxyType
 
 from app.sim.coil_car.machine import MEASURES
-from app.sim.plc import REASON_UNKNOWN, REASON_WRONG_STATE, Setting
+from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
 STATUS, CONFIGURATION, SETTINGS_AT, STAGING = 0x0100, 0x0180, 0x0200, 0x0240
 
@@ -266,18 +265,6 @@ GEOMETRY = frozenset(
 """Blocks because of what is in the way."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a value lies and how its words become a number."""
-
-    address: int
-    type: str = "u16"
-    """u16, u32 or f32."""
-    shift: int = 0
-    mask: int = 0
-    """After the shift; 0 = the whole word."""
-
-
 BITS: Mapping[int, Sequence[str]] = MappingProxyType(
     {
         3: (
@@ -325,26 +312,22 @@ COUNTS: Mapping[str, int] = MappingProxyType({"coils_done": 40, "coils_wound": 4
 """Name → word of the status image, u32."""
 
 
-def _places() -> Mapping[str, Place]:
+def _places() -> Mapping[str, RegisterPlace]:
     places = {
-        "config_crc": Place(4, "u32"),
-        "boots": Place(7),
-        "scan_time": Place(16),
-        "scan_time_max": Place(17),
-        "overruns": Place(18),
-        "device_saddles": Place(CONFIGURATION + 1),
+        **HEADER_PLACES,
+        "device_saddles": RegisterPlace(CONFIGURATION + 1),
     }
     for word, names in BITS.items():
-        places |= {name: Place(STATUS + word, shift=bit, mask=1) for bit, name in enumerate(names)}
-    places |= {name: Place(STATUS + word) for name, word in WORDS.items()}
-    places |= {name: Place(STATUS + word, "f32") for name, word in REALS.items()}
-    places |= {name: Place(STATUS + word, "u32") for name, word in COUNTS.items()}
-    places |= {f"device_{name}": Place(CONFIGURATION + 2 + 2 * n, "f32") for n, name in enumerate(MEASURES)}
-    places |= {setting.name: Place(SETTINGS_AT + 2 + 2 * n, "f32") for n, setting in enumerate(SETTINGS)}
+        places |= {name: RegisterPlace(STATUS + word, shift=bit, mask=1) for bit, name in enumerate(names)}
+    places |= {name: RegisterPlace(STATUS + word) for name, word in WORDS.items()}
+    places |= {name: RegisterPlace(STATUS + word, "f32") for name, word in REALS.items()}
+    places |= {name: RegisterPlace(STATUS + word, "u32") for name, word in COUNTS.items()}
+    places |= {f"device_{name}": RegisterPlace(CONFIGURATION + 2 + 2 * n, "f32") for n, name in enumerate(MEASURES)}
+    places |= {setting.name: RegisterPlace(SETTINGS_AT + 2 + 2 * n, "f32") for n, setting in enumerate(SETTINGS)}
     return MappingProxyType(places)
 
 
-REGISTERS: Mapping[str, Place] = _places()
+REGISTERS: Mapping[str, RegisterPlace] = _places()
 """Every value of the map by name; those of the status image are the signals that a sequence reads."""
 
 SIGNALS: Sequence[str] = tuple(

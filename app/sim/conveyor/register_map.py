@@ -1,17 +1,16 @@
 """The register map of the conveyor's virtual PLC: where every value lies, what words and codes mean.
 
-Written from the map's description (issue 3), never from the equipment type's points; a test compares both.
+Written from the map's description, never from the equipment type's points; a test compares both.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from struct import Struct
 from types import MappingProxyType
 
 from app.registers.plc_map import long_words, real
 from app.sim.conveyor.machine import BELTS, SENSORS
-from app.sim.plc import REASON_UNKNOWN, REASON_WRONG_STATE, Setting
+from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
 STATUS, CONFIGURATION, SETTINGS_AT, STAGING, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0800
 BELT_AT, BELT_WORDS = STATUS + 48, 14
@@ -111,57 +110,41 @@ class Motor(IntEnum):
     ENCODER = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a value lies and how its words become a number."""
-
-    address: int
-    type: str = "u16"
-    """u16, u32, i32, f32 or u64."""
-    shift: int = 0
-    mask: int = 0
-    """After the shift; 0 = the whole word."""
-
-
-def _places() -> Mapping[str, Place]:
+def _places() -> Mapping[str, RegisterPlace]:
     u32, i32, f32 = "u32", "i32", "f32"
     places = {
-        "config_crc": Place(4, u32),
-        "boots": Place(7),
-        "scan_time": Place(16),
-        "scan_time_max": Place(17),
-        "overruns": Place(18),
-        "state": Place(STATUS + 1),
-        "mode": Place(STATUS + 2),
-        "products": Place(STATUS + 8),
-        "next_id": Place(STATUS + 10, u32),
-        "smallest_gap": Place(STATUS + 12, f32),
-        "gap_limit": Place(STATUS + 14, f32),
-        "gap_rear": Place(STATUS + 16, u32),
-        "gap_front": Place(STATUS + 18, u32),
-        "first_out": Place(STATUS + 20),
-        "first_out_source": Place(STATUS + 21),
-        "first_out_rear": Place(STATUS + 22, u32),
-        "first_out_front": Place(STATUS + 24, u32),
-        "first_out_time": Place(STATUS + 26, "u64"),
-        "first_out_value": Place(STATUS + 30, f32),
-        "entered": Place(STATUS + 32, u32),
-        "unloaded": Place(STATUS + 34, u32),
-        "lost": Place(STATUS + 36, u32),
-        "unexpected": Place(STATUS + 38, u32),
-        "corrections": Place(STATUS + 40, u32),
-        "line_speed": Place(STATUS + 42, f32),
-        "greatest_correction": Place(STATUS + 44, f32),
-        "device_belts": Place(CONFIGURATION + 1),
-        "device_sensors": Place(CONFIGURATION + 2),
-        "device_areas": Place(CONFIGURATION + 3),
-        "device_line_length": Place(CONFIGURATION + 26, f32),
-        "device_roller_radius": Place(CONFIGURATION + 28, f32),
-        "device_rated_speed": Place(CONFIGURATION + 30, f32),
-        "device_resolution": Place(CONFIGURATION + 32, u32),
-        "device_intact_is_one": Place(CONFIGURATION + 34),
-        "slots": Place(CONFIGURATION + 35),
-        "pulse_length": Place(CONFIGURATION + 36, f32),
+        **HEADER_PLACES,
+        "state": RegisterPlace(STATUS + 1),
+        "mode": RegisterPlace(STATUS + 2),
+        "products": RegisterPlace(STATUS + 8),
+        "next_id": RegisterPlace(STATUS + 10, u32),
+        "smallest_gap": RegisterPlace(STATUS + 12, f32),
+        "gap_limit": RegisterPlace(STATUS + 14, f32),
+        "gap_rear": RegisterPlace(STATUS + 16, u32),
+        "gap_front": RegisterPlace(STATUS + 18, u32),
+        "first_out": RegisterPlace(STATUS + 20),
+        "first_out_source": RegisterPlace(STATUS + 21),
+        "first_out_rear": RegisterPlace(STATUS + 22, u32),
+        "first_out_front": RegisterPlace(STATUS + 24, u32),
+        "first_out_time": RegisterPlace(STATUS + 26, "u64"),
+        "first_out_value": RegisterPlace(STATUS + 30, f32),
+        "entered": RegisterPlace(STATUS + 32, u32),
+        "unloaded": RegisterPlace(STATUS + 34, u32),
+        "lost": RegisterPlace(STATUS + 36, u32),
+        "unexpected": RegisterPlace(STATUS + 38, u32),
+        "corrections": RegisterPlace(STATUS + 40, u32),
+        "line_speed": RegisterPlace(STATUS + 42, f32),
+        "greatest_correction": RegisterPlace(STATUS + 44, f32),
+        "device_belts": RegisterPlace(CONFIGURATION + 1),
+        "device_sensors": RegisterPlace(CONFIGURATION + 2),
+        "device_areas": RegisterPlace(CONFIGURATION + 3),
+        "device_line_length": RegisterPlace(CONFIGURATION + 26, f32),
+        "device_roller_radius": RegisterPlace(CONFIGURATION + 28, f32),
+        "device_rated_speed": RegisterPlace(CONFIGURATION + 30, f32),
+        "device_resolution": RegisterPlace(CONFIGURATION + 32, u32),
+        "device_intact_is_one": RegisterPlace(CONFIGURATION + 34),
+        "slots": RegisterPlace(CONFIGURATION + 35),
+        "pulse_length": RegisterPlace(CONFIGURATION + 36, f32),
     }
     for word, names in (
         (
@@ -178,43 +161,43 @@ def _places() -> Mapping[str, Place]:
         (6, "input_1 input_2 input_3 input_4"),
         (7, "area_1 area_2 area_3 area_4"),
     ):
-        places |= {name: Place(STATUS + word, shift=bit, mask=1) for bit, name in enumerate(names.split())}
+        places |= {name: RegisterPlace(STATUS + word, shift=bit, mask=1) for bit, name in enumerate(names.split())}
     for n in range(1, BELTS + 1):
         at = BELT_AT + BELT_WORDS * (n - 1)
         places |= {
-            f"speed_setpoint_{n}": Place(at, f32),
-            f"speed_{n}": Place(at + 2, f32),
-            f"stop_distance_{n}": Place(at + 4, f32),
-            f"encoder_{n}": Place(at + 6, i32),
-            f"belt_speed_{n}": Place(at + 8, f32),
-            f"motor_{n}": Place(at + 10),
-            f"speed_source_{n}": Place(at + 11),
+            f"speed_setpoint_{n}": RegisterPlace(at, f32),
+            f"speed_{n}": RegisterPlace(at + 2, f32),
+            f"stop_distance_{n}": RegisterPlace(at + 4, f32),
+            f"encoder_{n}": RegisterPlace(at + 6, i32),
+            f"belt_speed_{n}": RegisterPlace(at + 8, f32),
+            f"motor_{n}": RegisterPlace(at + 10),
+            f"speed_source_{n}": RegisterPlace(at + 11),
         }
-        places[f"belt_end_{n}"] = Place(CONFIGURATION + 2 + 2 * n, f32)
+        places[f"belt_end_{n}"] = RegisterPlace(CONFIGURATION + 2 + 2 * n, f32)
     for n in range(1, SENSORS + 1):
-        places[f"sensor_position_{n}"] = Place(CONFIGURATION + 8 + 2 * n, f32)
-        places[f"area_end_{n}"] = Place(CONFIGURATION + 16 + 2 * n, f32)
+        places[f"sensor_position_{n}"] = RegisterPlace(CONFIGURATION + 8 + 2 * n, f32)
+        places[f"area_end_{n}"] = RegisterPlace(CONFIGURATION + 16 + 2 * n, f32)
     for n, setting in enumerate(SETTINGS):
-        places[setting.name] = Place(SETTINGS_AT + 2 + 2 * n, f32)
+        places[setting.name] = RegisterPlace(SETTINGS_AT + 2 + 2 * n, f32)
     return MappingProxyType(places)
 
 
-REGISTERS: Mapping[str, Place] = _places()
+REGISTERS: Mapping[str, RegisterPlace] = _places()
 """Every value that is no cell of the product table, by name."""
-ROW: Mapping[str, Place] = MappingProxyType(
+ROW: Mapping[str, RegisterPlace] = MappingProxyType(
     {
-        "id": Place(0, "u32"),
-        "state": Place(3),
-        "head": Place(4, "f32"),
-        "tail": Place(6, "f32"),
-        "length": Place(8, "f32"),
-        "area": Place(10),
-        "corrected_at": Place(11),
-        "correction": Place(12, "f32"),
-        "age": Place(14, "u32"),
-        "displacement": Place(16, "f32"),
-        "direction": Place(18),
-        "entered": Place(19, "u64"),
+        "id": RegisterPlace(0, "u32"),
+        "state": RegisterPlace(3),
+        "head": RegisterPlace(4, "f32"),
+        "tail": RegisterPlace(6, "f32"),
+        "length": RegisterPlace(8, "f32"),
+        "area": RegisterPlace(10),
+        "corrected_at": RegisterPlace(11),
+        "correction": RegisterPlace(12, "f32"),
+        "age": RegisterPlace(14, "u32"),
+        "displacement": RegisterPlace(16, "f32"),
+        "direction": RegisterPlace(18),
+        "entered": RegisterPlace(19, "u64"),
     }
 )
 """Cells of a row of the product table, from its first word."""

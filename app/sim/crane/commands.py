@@ -6,16 +6,8 @@ from types import MappingProxyType
 
 from app.blocks.drive_selection import Selection
 from app.registers.plc_map import AnswerState, Request, real_of
-from app.sim.crane.configuration import STAND_NUMBERS
-from app.sim.crane.register_map import (
-    AXES,
-    CraneCommand,
-    CraneEvent,
-    CraneReason,
-    DriveChoice,
-    Mode,
-    Suspension,
-)
+from app.sim.crane.configuration import AXES, STAND_NUMBERS
+from app.sim.crane.register_map import CraneCommand, CraneEvent, CraneReason, DriveChoice, Mode, Suspension
 from app.sim.crane.sequence import READING
 from app.sim.crane.state import CraneView
 from app.sim.plc import Verdict

@@ -14,9 +14,9 @@ from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Reaction
 from app.sim.crane import training
 from app.sim.crane.axis import Axis, AxisData, Brake
-from app.sim.crane.configuration import Places
+from app.sim.crane.configuration import AXES, Places
 from app.sim.crane.figures import AXES as FIGURES
-from app.sim.crane.register_map import AXES, DRIVES, drives_of
+from app.sim.crane.register_map import DRIVES, drives_of
 from app.sim.sinamics.axis_drive import VirtualDrive
 
 COOL, WARM, HOT = 25.0, 60.0, 140.0

@@ -24,13 +24,12 @@ from app.sim import training
 from app.sim.crane import signals
 from app.sim.crane import training as own
 from app.sim.crane.commands import CommandedCrane
-from app.sim.crane.configuration import FIRST_STAND, SETTINGS, STANDS, Places, checked, faulty
+from app.sim.crane.configuration import AXES, FIRST_STAND, SETTINGS, STANDS, Places, checked, faulty
 from app.sim.crane.edges import Edges
 from app.sim.crane.ladle import Load
 from app.sim.crane.orders import Orders
 from app.sim.crane.plc_axis import Asked, PlcAxis, Surroundings
 from app.sim.crane.register_map import (
-    AXES,
     AXIS_AT,
     AXIS_WORDS,
     CONFIGURATION,

@@ -20,22 +20,20 @@ none. Retained: settings, selections, hours, starts, counters, a cycle that was 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from types import MappingProxyType
 
 from app.blocks.drive_control import Alarm, Missing
 from app.profidrive.words import Control, Status
-from app.sim.crane.configuration import PLACES, SETTINGS
-from app.sim.plc import REASON_UNKNOWN, REASON_WRONG_STATE
+from app.sim.crane.configuration import AXES, PLACES, SETTINGS
+from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace
 
 STATUS, CONFIGURATION, SETTINGS_AT, STAGING = 0x0100, 0x0180, 0x0200, 0x0280
 STATUS_WORDS, CONFIGURATION_WORDS, AXIS_WORDS = 64, 64, 92
-AXIS_AT: Mapping[str, int] = MappingProxyType({"hoist": 0x0900, "trolley": 0x0980, "bridge": 0x0A00})
+AXIS_AT: Mapping[str, int] = MappingProxyType(dict(zip(AXES, (0x0900, 0x0980, 0x0A00), strict=True)))
 DRIVE_AT = (32, 60)
 """Offsets of the drives in the image of their axis."""
 
-AXES: Sequence[str] = ("hoist", "trolley", "bridge")
 DRIVES: Sequence[str] = ("hoist_1", "hoist_2", "trolley_1", "bridge_1")
 """By number from 1, as events and commands name them."""
 
@@ -248,18 +246,6 @@ class PathFault(IntEnum):
     STOP_SWITCH = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a value lies and how its words become a number."""
-
-    address: int
-    type: str = "u16"
-    """u16, u32 or f32."""
-    shift: int = 0
-    mask: int = 0
-    """After the shift; 0 = the whole word."""
-
-
 STATUS_WORDS_OF: Sequence[str] = (
     *("state", "mode", "", "step", "step_state", "suspension", "from_stand", "to_stand", "speed_step"),
     *("drives_selected", "path_mode", "path_phase", "path_fault", "start_permissives", "ladle_stand"),
@@ -363,55 +349,51 @@ def axis_bits(axis: str, word: int) -> Sequence[str]:
     return tuple("" if single and "_2" in bit else bit for bit in AXIS_BITS[word])
 
 
-def _bits(address: int, names: Sequence[str], prefix: str = "") -> Mapping[str, Place]:
-    return {f"{prefix}{name}": Place(address, shift=bit, mask=1) for bit, name in enumerate(names) if name}
+def _bits(address: int, names: Sequence[str], prefix: str = "") -> Mapping[str, RegisterPlace]:
+    return {f"{prefix}{name}": RegisterPlace(address, shift=bit, mask=1) for bit, name in enumerate(names) if name}
 
 
-def _axis(axis: str) -> Mapping[str, Place]:
+def _axis(axis: str) -> Mapping[str, RegisterPlace]:
     at = AXIS_AT[axis]
-    places = {f"{axis}_state": Place(at + 1)}
+    places = {f"{axis}_state": RegisterPlace(at + 1)}
     for word in AXIS_BITS:
         places |= _bits(at + word, axis_bits(axis, word), f"{axis}_")
     for word, way, names in ((4, "up", UP_PERMISSIVES), (5, "down", DOWN_PERMISSIVES)):
-        places[f"{axis}_{way}_permissives"] = Place(at + word)
+        places[f"{axis}_{way}_permissives"] = RegisterPlace(at + word)
         places |= _bits(at + word, names[axis], f"{axis}_{way}_")
-    places |= {f"{axis}_{name}": Place(at + 8 + 2 * n, "f32") for n, name in enumerate(AXIS_REALS)}
+    places |= {f"{axis}_{name}": RegisterPlace(at + 8 + 2 * n, "f32") for n, name in enumerate(AXIS_REALS)}
     for drive, offset in zip(drives_of(axis), DRIVE_AT, strict=False):
         places |= _drive(drive, at + offset)
     return places
 
 
-def _drive(drive: str, at: int) -> Mapping[str, Place]:
-    places = {f"{drive}_{name}": Place(at + n) for n, name in enumerate(DRIVE_WORDS)}
+def _drive(drive: str, at: int) -> Mapping[str, RegisterPlace]:
+    places = {f"{drive}_{name}": RegisterPlace(at + n) for n, name in enumerate(DRIVE_WORDS)}
     places |= _bits(at, DRIVE_STATUS, f"{drive}_zsw_")
     places |= _bits(at + 1, DRIVE_CONTROL, f"{drive}_stw_")
     places |= _bits(at + 3, DRIVE_ALARMS, f"{drive}_alarm_")
     places |= _bits(at + 4, DRIVE_PERMISSIVES, f"{drive}_permit_")
-    places |= {f"{drive}_{name}": Place(at + 6 + 2 * n, "f32") for n, name in enumerate(DRIVE_REALS)}
-    places[f"{drive}_{DRIVE_COUNT[0]}"] = Place(at + DRIVE_COUNT[1], "u32")
+    places |= {f"{drive}_{name}": RegisterPlace(at + 6 + 2 * n, "f32") for n, name in enumerate(DRIVE_REALS)}
+    places[f"{drive}_{DRIVE_COUNT[0]}"] = RegisterPlace(at + DRIVE_COUNT[1], "u32")
     return places
 
 
-def _places() -> Mapping[str, Place]:
+def _places() -> Mapping[str, RegisterPlace]:
     places = {
-        "config_crc": Place(4, "u32"),
-        "boots": Place(7),
-        "scan_time": Place(16),
-        "scan_time_max": Place(17),
-        "overruns": Place(18),
-        "device_stands": Place(CONFIGURATION + 1),
+        **HEADER_PLACES,
+        "device_stands": RegisterPlace(CONFIGURATION + 1),
     }
-    places |= {name: Place(STATUS + n) for n, name in enumerate(STATUS_WORDS_OF, 1) if name}
+    places |= {name: RegisterPlace(STATUS + n) for n, name in enumerate(STATUS_WORDS_OF, 1) if name}
     places |= _bits(STATUS + FLAGS, STATUS_BITS_OF)
     places |= _bits(STATUS + 1 + STATUS_WORDS_OF.index("start_permissives"), START_PERMISSIVES, "start_")
-    places |= {name: Place(STATUS + 16 + 2 * n, "f32") for n, name in enumerate(STATUS_REALS)}
-    places |= {name: Place(STATUS + 46 + 2 * n, "u32") for n, name in enumerate(STATUS_COUNTS)}
+    places |= {name: RegisterPlace(STATUS + 16 + 2 * n, "f32") for n, name in enumerate(STATUS_REALS)}
+    places |= {name: RegisterPlace(STATUS + 46 + 2 * n, "u32") for n, name in enumerate(STATUS_COUNTS)}
     for axis in AXES:
         places |= _axis(axis)
-    places |= {f"device_{name}": Place(CONFIGURATION + 2 + 2 * n, "f32") for n, name in enumerate(PLACES)}
-    places |= {setting.name: Place(SETTINGS_AT + 2 + 2 * n, "f32") for n, setting in enumerate(SETTINGS)}
+    places |= {f"device_{name}": RegisterPlace(CONFIGURATION + 2 + 2 * n, "f32") for n, name in enumerate(PLACES)}
+    places |= {setting.name: RegisterPlace(SETTINGS_AT + 2 + 2 * n, "f32") for n, setting in enumerate(SETTINGS)}
     return MappingProxyType(places)
 
 
-REGISTERS: Mapping[str, Place] = _places()
+REGISTERS: Mapping[str, RegisterPlace] = _places()
 """Every value of the map by name."""

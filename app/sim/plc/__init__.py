@@ -2,6 +2,7 @@
 
 from app.sim.plc.areas import Image, Table
 from app.sim.plc.plc import VirtualPlc
+from app.sim.plc.register_place import HEADER_PLACES, RegisterPlace
 from app.sim.plc.ring import EVENT_CAPACITY
 from app.sim.plc.settings import Setting
 from app.sim.plc.verdict import (
@@ -16,12 +17,14 @@ from app.sim.plc.verdict import (
 
 __all__ = [
     "EVENT_CAPACITY",
+    "HEADER_PLACES",
     "REASON_COUNT",
     "REASON_CRC",
     "REASON_UNKNOWN",
     "REASON_VALUE",
     "REASON_WRONG_STATE",
     "Image",
+    "RegisterPlace",
     "Setting",
     "Table",
     "Verdict",

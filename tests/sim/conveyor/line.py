@@ -26,9 +26,8 @@ from app.sim.conveyor.register_map import (
     ConveyorCommand,
     ConveyorEvent,
     ConveyorState,
-    Place,
 )
-from app.sim.plc import EVENT_CAPACITY
+from app.sim.plc import EVENT_CAPACITY, RegisterPlace
 from app.sim.server import MBAP, serve_tcp
 
 OF_A_PRODUCT = (Code.LOST, Code.UNEXPECTED, Code.LENGTH_DIFFERS)
@@ -95,7 +94,7 @@ async def tcp_port(device: VirtualConveyor) -> Any:
         await server.close()
 
 
-def value(place: Place, words: Sequence[int], first: int) -> float:
+def value(place: RegisterPlace, words: Sequence[int], first: int) -> float:
     """The value at `place` in `words` that begin at `first`."""
     at = place.address - first
     form = {"u16": ">H", "u32": ">I", "i32": ">i", "f32": ">f", "u64": ">Q"}[place.type]

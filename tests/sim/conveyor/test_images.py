@@ -10,8 +10,8 @@ from app.sim.conveyor.machine import Geometry
 from app.sim.conveyor.register_map import (
     REGISTERS,
     ROW,
-    Place,
 )
+from app.sim.plc import RegisterPlace
 from tests.sim.conveyor.bench import SIMULATION, line
 
 
@@ -23,7 +23,7 @@ def test_registers_agree_with_the_type() -> None:
         for key, row in tomllib.loads((folder / file).read_text("utf-8")).items()
     }
     told = {
-        key: Place(row["address"], row.get("type", "u16"), row.get("shift", 0), row.get("mask", 0))
+        key: RegisterPlace(row["address"], row.get("type", "u16"), row.get("shift", 0), row.get("mask", 0))
         for key, row in data.items()
         if "address" in row
     }

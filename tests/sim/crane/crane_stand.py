@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from app.registers.plc_map import AnswerState, real
+from app.sim.crane.configuration import AXES
 from app.sim.crane.program import VirtualCrane
-from app.sim.crane.register_map import AXES, CraneCommand
+from app.sim.crane.register_map import CraneCommand
 from tests.sim.coil_car.line import Talker
 
 JOGS = {(axis, way): 1 << 2 * n + (way < 0) for n, axis in enumerate(AXES) for way in (1, -1)}

@@ -8,7 +8,8 @@ from app.profidrive.words import Status
 from app.registers.plc_map import real
 from app.sim import training
 from app.sim.crane import training as own
-from app.sim.crane.register_map import AXES, STAGING, CraneCommand, StepState
+from app.sim.crane.configuration import AXES
+from app.sim.crane.register_map import STAGING, CraneCommand, StepState
 from tests.sim.crane.crane_stand import JOGS, Stand
 
 CREEP: dict[str, float] = {"hoist": 30.0, "trolley": 120.0, "bridge": 120.0}

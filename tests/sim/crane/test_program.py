@@ -8,8 +8,8 @@ from app.blocks.arc_positioner.circle import Point
 from app.registers.plc_map import AnswerState, real
 from app.sim import training
 from app.sim.crane import training as own
+from app.sim.crane.configuration import AXES
 from app.sim.crane.register_map import (
-    AXES,
     STAGING,
     CraneCommand,
     CraneEvent,
