@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import cbrt, copysign, cos, hypot, isfinite, nan, radians, sin, sqrt
+from math import cbrt, copysign, cos, degrees, hypot, inf, isfinite, nan, radians, sin, sqrt
 from typing import NamedTuple
 
 from app.blocks.arc_positioner.circle import Circle, Point
@@ -11,6 +11,8 @@ from app.blocks.s_ramp import SRamp
 
 PATH, CURVE, OVERRIDE, STOP = 0.6, 0.4, 0.4, 0.85
 """Of an axis' acceleration and jerk: for the path as a whole, in it for the curve alone, for slowing down on the path, and for a stop."""
+ZONE = 0.25
+"""Of an axis' acceleration, with which the load slows down before the slow zone: less than `OVERRIDE`, for the jerk."""
 JOIN = 20.0
 """A load beside the circle is led onto it over this many times its offset."""
 LEAST_RATE = 0.1
@@ -101,6 +103,12 @@ class Inputs(NamedTuple):
     """Of the hoist's rope under its present load: the load rises by this part more than the drum takes up."""
     hold: bool = False
     stop_switch: bool = False
+    rope_rate: float = 0.0
+    """How fast the hoist's rope gets longer because its load does [mm/s]: the drum has to take up as much."""
+    slow_zone: tuple[float, float] = (0.0, 0.0)
+    """Lower and upper angle between which the load is taken up or set down [°]; equal = none."""
+    slow_speed: float = inf
+    """Greatest along the path in there [mm/s], above 0."""
 
 
 class Outputs(NamedTuple):
@@ -295,7 +303,7 @@ class ArcFollower:
         slowing = -min(0.0, self._profile.at(self.time).acceleration) * rate.speed**2
         share = OVERRIDE if self.phase is Phase.MOVING else max(OVERRIDE, STOP - slowing / weaker)
         rate.acceleration_limit = share * weaker / self._profile.speed
-        rate.step(self._wanted_rate(error), dt)
+        rate.step(min(self._wanted_rate(error), self._zone_rate(inputs)), dt)
         if self.phase is Phase.MOVING and self.time >= self._profile.duration and error < self.tolerance:
             self.phase = Phase.DONE
 
@@ -318,6 +326,19 @@ class ArcFollower:
         if self.phase is not Phase.MOVING:
             return 0.0
         return min(1.0, max(LEAST_RATE, (self.stop_error - error) / (self.stop_error - self.slow_error)))
+
+    def _zone_rate(self, inputs: Inputs) -> float:
+        """Rate at which the load is no faster than it may be in the slow zone when it gets there."""
+        low, high = inputs.slow_zone
+        if not low < high:
+            return 1.0
+        way, speed, _ = self._profile.at(self.time)
+        angle = self._begin + degrees(self._way * way / inputs.radius)
+        left = low - angle if self._way > 0 else angle - high
+        if left < low - high or not speed:  # behind it
+            return 1.0
+        brake = ZONE * min(self.x.acceleration, self.y.acceleration)
+        return min(1.0, sqrt(inputs.slow_speed**2 + 2 * brake * max(0.0, radians(left) * inputs.radius)) / speed)
 
     def _reference(self, ahead: float) -> tuple[Point, Point]:
         """(where the load should be, how fast) on the path, `ahead` [s] from now."""
@@ -345,7 +366,7 @@ class ArcFollower:
     def _command(self, inputs: Inputs, dt: float) -> Point:
         (x, y), _ = self._reference(0.0)
         feed_x = self._reference(self.x.lag + dt / 2)[1].x
-        feed_y = self._reference(self.y.lag + dt / 2)[1].y / (1 + inputs.rope_strain)
+        feed_y = (self._reference(self.y.lag + dt / 2)[1].y + inputs.rope_rate) / (1 + inputs.rope_strain)
         return Point(
             self._axis(self.x, feed_x, x - inputs.position.x), self._axis(self.y, feed_y, y - inputs.position.y)
         )
@@ -364,6 +385,9 @@ def _check(inputs: Inputs) -> None:
         "radius": inputs.radius,
         "set_speed": inputs.set_speed,
         "rope_strain": inputs.rope_strain,
+        "rope_rate": inputs.rope_rate,
+        "slow zone from": inputs.slow_zone[0],
+        "slow zone to": inputs.slow_zone[1],
     }
     for name, value in numbers.items():
         if not isfinite(value):
@@ -371,6 +395,8 @@ def _check(inputs: Inputs) -> None:
     for name in ("radius", "set_speed"):
         if not numbers[name] > 0:
             raise ValueError(f"{name} is {numbers[name]}, a number above 0 expected")
+    if not inputs.slow_speed > 0:
+        raise ValueError(f"slow_speed is {inputs.slow_speed}, a number above 0 expected")
     if not inputs.rope_strain >= 0:
         raise ValueError(f"rope_strain is {inputs.rope_strain}, a number of at least 0 expected")
 

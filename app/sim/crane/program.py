@@ -13,8 +13,9 @@ Type code 40. The program runs every 20 ms on a circle, every 40 ms while anythi
 """
 
 from collections.abc import Callable, Mapping
+from math import nan
 
-from app.blocks.arc_positioner.circle import Circle
+from app.blocks.arc_positioner.circle import Circle, Point
 from app.blocks.arc_positioner.following import Phase
 from app.blocks.joystick import Joystick, Lever
 from app.blocks.positioner.positioner import Phase as MovePhase
@@ -144,20 +145,24 @@ class VirtualCrane(CommandedCrane):
         """As measured [mm]."""
         return self.axes[axis].position
 
-    def positioning(self, axis: str, target: float) -> MovePhase:
+    def positioning(self, axis: str, target: float, fine: bool) -> MovePhase:
         """Bring an axis there."""
-        return self.travel.position(axis, target, self._dt)
+        return self.travel.position(axis, target, self._dt, fine=fine)
 
     def circling(self, angles: tuple[float, float]) -> bool:
         """Circular move; whether it is there."""
         travel = self.travel
-        done = travel.circle_to(angles, self.load_part, bool(self.path_mode), self._dt)
+        done = travel.circle_to(angles, bool(self.path_mode), self._dt)
         if done:
             self.event(CraneEvent.PATH_DONE, self.cycle.step, travel.worst)
         elif travel.phase is Phase.FAULT:
             self.event(CraneEvent.PATH_FAULT, signals.FAULT_WORDS[travel.fault], travel.worst)
             self.sequence.suspend(Suspension.PATH)
         return done
+
+    def load_place(self) -> Point:
+        """Where the load is, by encoders and scale."""
+        return self.travel.load_at
 
     def lay_circle(self, circle: Circle) -> None:
         """The circle of the next circular move."""
@@ -175,7 +180,7 @@ class VirtualCrane(CommandedCrane):
             return
         self._dt, self._since, self._hurry = self._since * self.dt, 0, False
         dt = self._dt
-        self.travel.begin()
+        self.travel.begin(self.load_part if self.scale_ok and not self.overload else nan, dt)
         self._judge()
         self.orders.step(dt)
         levers = self._levers()

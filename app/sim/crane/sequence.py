@@ -6,6 +6,8 @@
 | suspended | every axis comes to a stop, the load stays where it is; the step begins anew when the cycle is resumed |
 | resume | refused when an axis stands where the step must not begin (`needs`): the person drives it back by hand |
 | circular move | the circle is laid when its step begins and kept while the cycle is suspended |
+| where it is laid | of a lift where the hook has found the ladle, of a lowering through the lock of the stand |
+| heights | of the load, by encoder, scale and the stretch of the rope |
 | weight | within the tolerance of the plan or not, it is confirmed by a person, who gives what the scale says |
 """
 
@@ -39,6 +41,8 @@ class Job(NamedTuple):
     """Axes that go to their place of the step."""
     arc: tuple[float, float] | None = None
     """Angles from and to [°]."""
+    fine: Sequence[str] = ()
+    """Of those, axes that have to be exact: the load has to be on the circle that begins there."""
     needs: Sequence[str] = ()
     """Axes that stand at their places before."""
 
@@ -56,7 +60,7 @@ JOBS: Mapping[Step, Job] = {
     Step.WEIGHT_CONFIRMATION: Job(),
     Step.LOADED_SAFE_HEIGHT: Job(("hoist",), needs=("bridge",)),
     Step.TO_SET_DOWN: Job(("bridge", "trolley"), needs=("hoist",)),
-    Step.LOWER: Job(("hoist",), needs=("bridge", "trolley")),
+    Step.LOWER: Job(("hoist",), fine=("hoist",), needs=("bridge", "trolley")),
     Step.ARC_LOWERING: Job(arc=(HIGH, LOW), needs=("bridge",)),
     Step.BELOW_LOCK_AGAIN: Job(("hoist",), needs=("bridge", "trolley")),
     Step.OUT_OF_LOCK: Job(("trolley",), needs=("bridge", "hoist")),
@@ -74,8 +78,9 @@ class Crane(Protocol):
     def event(self, code: int, source: int = 0, value: float = 0.0) -> None: ...
     def stand(self, number: int) -> Mapping[str, float]: ...
     def position(self, axis: str) -> float: ...
-    def positioning(self, axis: str, target: float) -> MovePhase: ...
+    def positioning(self, axis: str, target: float, fine: bool) -> MovePhase: ...
     def circling(self, angles: tuple[float, float]) -> bool: ...
+    def load_place(self) -> Point: ...
     def lay_circle(self, circle: Circle) -> None: ...
     def weighed(self) -> float: ...
 
@@ -178,8 +183,10 @@ class CraneSequence:
         self.crane.event(CraneEvent.STEP_ENTERED, step)
         arc = JOBS[step].arc
         if arc:
-            at, radius = self._places(step), self.crane.settings["arc_radius"]
-            cycle.laid = Circle.through(Point(at["trolley"], at["hoist"]), arc[0], radius)
+            places = self._places(step)
+            lifts = step is Step.ARC_LIFT
+            at = self.crane.load_place() if lifts else Point(places["trolley"], places["hoist"])
+            cycle.laid = Circle.through(at, arc[0], self.crane.settings["arc_radius"])
             self.crane.lay_circle(cycle.laid)
 
     def _done(self) -> bool:
@@ -189,7 +196,7 @@ class CraneSequence:
             return self.crane.circling(job.arc)
         if job.go:
             places = self._places(cycle.step)
-            phases = [self.crane.positioning(axis, places[axis]) for axis in job.go]
+            phases = [self.crane.positioning(axis, places[axis], axis in job.fine) for axis in job.go]
             if MovePhase.MISSED in phases:
                 self.suspend(Suspension.MISSED)
             return all(phase is MovePhase.DONE for phase in phases)

@@ -93,7 +93,7 @@ class CraneView(VirtualPlc):
     @property
     def load_at(self) -> Point:
         """Where the load is, by encoders and scale [mm]."""
-        return self.travel.load_at(self.load_part)
+        return self.travel.load_at
 
     @property
     def facts(self) -> Mapping[str, bool]:

@@ -1,7 +1,7 @@
 """How the sequence moves the crane: positioners of single axes, and the circular move of trolley and hoist."""
 
 from collections.abc import Mapping, Sequence
-from math import isfinite, nan
+from math import asin, degrees, isfinite, nan
 
 from app.blocks.arc_positioner.circle import Circle, Point
 from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Phase
@@ -33,7 +33,16 @@ CREEP = 1.0
 CREEPING = 3.0
 """[s]"""
 STRAIN = HOIST["rope_strain"].value
+USUAL, FINE = (5.0, 3), (1.0, 6)
+"""Tolerance of a position [mm] and attempts to reach it."""
 TOP = HOIST["max_position"].value + HOIST["rope_length_at_top"].value
+SET_DOWN_WAY, SET_DOWN_SPEED = 600.0, 60.0
+"""Height of the load over the lock in which the ladle is taken up or set down, and the greatest speed there (assumed) [mm, mm/s]: as much
+as the rope gets longer meanwhile, the drum turns more."""
+SET_DOWN_BELOW = 10.0
+"""The zone goes on so far below the end of the circle [°]."""
+FASTEST_STRETCH = 20.0
+"""Of a rope that takes up its load; what is more is a leap of the scale [mm/s]."""
 STILL = Asked()
 SWAYING = ("trolley", "bridge")
 """Axes under which the load swings."""
@@ -113,6 +122,12 @@ class Travel:
         self._axes, self._scan = axes, scan
         self.asked: dict[str, Asked] = {}
         """Of this scan, by axis."""
+        self._load = 0.0
+        """What hangs on the rope, as was known last [1 = full]."""
+        self._rate = 0.0
+        """[1/s]"""
+        self._known = False
+        """It was in the last scan."""
         self.take(settings)
 
     def take(self, settings: Mapping[str, float]) -> None:
@@ -134,10 +149,12 @@ class Travel:
         self._creeping = 0.0
         self._moved: set[str] = set()
         self._circled = False
-        self._share = 0.0
 
-    def begin(self) -> None:
-        """A scan begins; nothing is asked yet."""
+    def begin(self, load: float, dt: float) -> None:
+        """A scan of `dt` [s] begins; nothing is asked yet. `load` by the scale [1 = full]; NaN = unknown, then the last one counts."""
+        known = isfinite(load)
+        self._rate = (load - self._load) / dt if known and self._known else 0.0
+        self._load, self._known = load if known else self._load, known
         self.asked = {}
         self._moved.clear()
         self._circled = False
@@ -151,11 +168,18 @@ class Travel:
         if not self._circled and self.phase not in (Phase.OFF, Phase.FAULT, Phase.DONE):
             self._drop(dt)
 
-    def position(self, name: str, target: float, dt: float) -> MovePhase:
-        """Bring an axis to `target` [mm]; its brakes are open before it counts."""
+    def position(self, name: str, target: float, dt: float, *, fine: bool = False) -> MovePhase:
+        """Bring an axis to `target` [mm], the hoist so that the load on its rope is there; its brakes are open before it counts.
+
+        `fine`: within 1 mm, in more attempts.
+        """
         axis, move = self._axes[name], self._moves[name]
         self._moved.add(name)
         block = move.block
+        block.tolerance, block.attempts = FINE if fine else USUAL
+        if name == "hoist":
+            strain = self._load * STRAIN
+            target = (target + strain * TOP) / (1 + strain)
         there = block.phase in (MovePhase.DONE, MovePhase.MISSED)
         if block.phase is MovePhase.OFF and abs(axis.position - target) < block.tolerance and not axis.moving:
             return MovePhase.DONE
@@ -181,9 +205,9 @@ class Travel:
         self.worst, self._creeping = 0.0, 0.0
         self.phase, self.fault = Phase.OFF, Fault.NONE
 
-    def circle_to(self, angles: tuple[float, float], load: float, original: bool, dt: float) -> bool:
-        """Move the load [1 = full] on the circle to the second angle [°]; whether it is there. `fault` says when it ended otherwise."""
-        self._circled, self._share = True, load
+    def circle_to(self, angles: tuple[float, float], original: bool, dt: float) -> bool:
+        """Move the load on the circle to the second angle [°]; whether it is there. `fault` says when it ended otherwise."""
+        self._circled = True
         trolley, hoist = self._axes["trolley"], self._axes["hoist"]
         self.goal = angles[1]
         if original:
@@ -191,13 +215,16 @@ class Travel:
         out = self.follower.step(
             ArcInputs(
                 self.follower.phase is not Phase.STOPPING,
-                self.load_at(load),
+                self.load_at,
                 angles[0],
                 angles[1],
                 self._radius,
                 self._speed,
                 brakes_open=(trolley.running, hoist.running),
-                rope_strain=load * STRAIN,
+                rope_strain=self._load * STRAIN,
+                rope_rate=self._rope_rate,
+                slow_zone=(-SET_DOWN_BELOW, degrees(asin(min(1.0, SET_DOWN_WAY / self._radius)))),
+                slow_speed=SET_DOWN_SPEED,
                 stop_switch=any(axis.low.stop or axis.high.stop for axis in (trolley, hoist)),
             ),
             dt,
@@ -210,10 +237,17 @@ class Travel:
             self._ask_both(out.speed)
         return out.phase is Phase.DONE
 
-    def load_at(self, load: float) -> Point:
+    @property
+    def load_at(self) -> Point:
         """Where the load is, by encoders and scale [mm]."""
         y = self._axes["hoist"].position
-        return Point(self._axes["trolley"].position, y - stretch(load, max(0.0, TOP - y), STRAIN))
+        return Point(self._axes["trolley"].position, y - stretch(self._load, max(0.0, TOP - y), STRAIN))
+
+    @property
+    def _rope_rate(self) -> float:
+        """How fast the rope gets longer because the load does [mm/s]."""
+        rate = self._rate * STRAIN * (TOP - self._axes["hoist"].position)
+        return min(max(rate, -FASTEST_STRETCH), FASTEST_STRETCH)
 
     @property
     def circles(self) -> bool:
@@ -234,12 +268,13 @@ class Travel:
             out = self.follower.step(
                 ArcInputs(
                     False,
-                    self.load_at(self._share),
+                    self.load_at,
                     0.0,
                     self.goal,
                     self._radius,
                     self._speed,
-                    rope_strain=self._share * STRAIN,
+                    rope_strain=self._load * STRAIN,
+                    rope_rate=self._rope_rate,
                 ),
                 dt,
             )

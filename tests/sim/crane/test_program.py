@@ -300,8 +300,20 @@ def test_without_an_encoder_the_axis_creeps_and_keeps_its_last_position() -> Non
 
 
 def test_a_cycle_brings_the_ladle_from_stand_to_stand() -> None:
-    stand = in_step(Step.WEIGHT_CONFIRMATION)
+    stand = Stand()
     crane = stand.crane
+    beside = {Step.ARC_LIFT: [0.0], Step.ARC_LOWERING: [0.0]}
+
+    def look() -> None:
+        """How far the true load is beside the circle, and from where the plan has it by now."""
+        if crane.cycle.step in beside and crane.travel.circle:
+            hoist = crane.axes["hoist"].axis.position - crane.load.rope.stretch
+            true = Point(crane.axes["trolley"].axis.position, hoist)
+            beside[crane.cycle.step] += [abs(crane.travel.circle.radial_error(true)), crane.travel.worst]
+
+    stand.watch = look
+    stand.cycle()
+    until_step(stand, Step.WEIGHT_CONFIRMATION)
     assert crane.load.locked and crane.load.stand == 0 and crane.weight == 210.0
     assert stand.reason(CraneCommand.CONFIRM_WEIGHT, real(205.0)) == CraneReason.OTHER_WEIGHT
     assert stand.ask(CraneCommand.CONFIRM_WEIGHT, real(210.4)) is DONE
@@ -309,7 +321,8 @@ def test_a_cycle_brings_the_ladle_from_stand_to_stand() -> None:
     assert crane.cycle.state is StepState.DONE and (crane.load.stand, crane.load.locked) == (2, False)
     lock = crane.places.stand(2)
     assert abs(crane.axes["bridge"].axis.position - lock["bridge"]) < 5
-    assert crane.cycles_done == 1 and crane.travel.worst < 5
+    assert crane.cycles_done == 1
+    assert all(max(errors) <= 2 and len(errors) > 1000 for errors in beside.values())
 
 
 def test_every_step_is_told_with_its_seconds_in_the_order_of_the_thesis() -> None:
@@ -331,7 +344,7 @@ def test_every_step_is_told_with_its_seconds_in_the_order_of_the_thesis() -> Non
     ended = {source: value for code, source, value in seen if code == CraneEvent.STEP_ENDED}
     assert list(ended) == entered and sum(ended.values()) == pytest.approx(stand.crane.cycle.seconds, abs=1)
     paths = [(source, value) for code, source, value in seen if code == CraneEvent.PATH_DONE]
-    assert [source for source, _ in paths] == [220, 420] and all(value < 6 for _, value in paths)
+    assert [source for source, _ in paths] == [220, 420] and all(value <= 2 for _, value in paths)
     told = [(source, value) for code, source, value in seen if code == CraneEvent.WEIGHT_CONFIRMED]
     assert told == [(0, 210.0)]
 
@@ -506,7 +519,7 @@ def test_the_formulas_of_the_original_lift_too_and_are_farther_from_the_circle()
         return max(errors)
 
     ours, original = worst(0), worst(1)
-    assert ours < 5 and original > 3 * ours, f"{ours:g} mm, {original:g} mm"
+    assert ours <= 2 and original > 3 * ours, f"{ours:g} mm, {original:g} mm"
 
 
 # ---- settings

@@ -5,7 +5,7 @@ import pytest
 from app.blocks.positioner.positioner import Phase
 from app.sim.crane import training
 from app.sim.crane.configuration import AXES, SETTINGS, Places
-from app.sim.crane.ladle import Load
+from app.sim.crane.ladle import FULL, Load
 from app.sim.crane.plc_axis import Asked, PlcAxis, Surroundings
 from app.sim.crane.register_map import CraneCommand, Step, StepState
 from app.sim.crane.travel import SWAYING, Travel
@@ -29,7 +29,7 @@ class Trip:
         self.axes = {name: PlcAxis(name, settings, Places(), at[name]) for name in AXES}
         self.travel = Travel(self.axes, settings, DT)
         self.load = Load(Places(), 210.0, 0, locked=True, share=1.0)
-        self.load.rope.load = 210.0 / 354.0
+        self.load.rope.load = 210.0 / FULL
         self.seconds = 0.0
         self.far = {name: 0.0 for name in AXES}
         """Farthest that an axis came from where it began [mm]."""
@@ -40,7 +40,7 @@ class Trip:
     def step(self, goes: dict[str, float], fault: int = 0, dt: float = DT) -> list[Phase]:
         """One scan on the way to these positions."""
         before = {name: axis.speed for name, axis in self.axes.items()}
-        self.travel.begin()
+        self.travel.begin(self.load.hanging / FULL, dt)
         phases = [self.travel.position(name, target, dt) for name, target in goes.items()]
         self.travel.end(dt)
         around = Surroundings(fault != training.EMERGENCY_STOP, True, True, False, fault, self.load.rope.load)
