@@ -13,6 +13,7 @@
     │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more
     │   ├── NotTaken         a set of values of which the device has taken nothing: it was not told to
     │   └── Rejected         the device understood and did not take it, with its own reason
+    ├── TelegramError        bytes or words that are no telegram of a drive, or values that cannot become one
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
 
@@ -125,6 +126,20 @@ class Rejected(LinkError):
         self.reason = reason
         self.detail = detail
         self.state = state
+
+
+class TelegramError(PogonError):
+    """What is no telegram, or cannot become one: at `place` there is `found` instead of `expected`.
+
+    `refusal`: error number by which a device refuses such a request, if there is one.
+    """
+
+    def __init__(self, place: str, found: str, expected: str, refusal: int | None = None) -> None:
+        super().__init__(f"{place}: {found}, expected {expected}")
+        self.place = place
+        self.found = found
+        self.expected = expected
+        self.refusal = refusal
 
 
 class Refused(PogonError):

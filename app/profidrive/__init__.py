@@ -1,1 +1,1 @@
-"""PROFIdrive: words, states and scaling of a drive on standard telegram 1."""
+"""PROFIdrive: words, states and scaling of a drive, telegrams 1 and 111, parameter access."""
