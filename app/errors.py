@@ -12,7 +12,8 @@
     │   ├── Overtaken        a write that was never sent, because a Stop came before it
     │   ├── Withdrawn        a write that was never sent, because whoever asked for it may no more
     │   ├── NotTaken         a set of values of which the device has taken nothing: it was not told to
-    │   └── Rejected         the device understood and did not take it, with its own reason
+    │   ├── Rejected         the device understood and did not take it, with its own reason
+    │   └── MailboxRefused   the parameter mailbox of a drive did not take a request as such, with its own error number
     ├── TelegramError        bytes or words that are no telegram of a drive, or values that cannot become one
     ├── Refused              a command that was not carried out, with the reason the operator sees
     └── StorageError         a database or a disk did not take what was given
@@ -126,6 +127,16 @@ class Rejected(LinkError):
         self.reason = reason
         self.detail = detail
         self.state = state
+
+
+class MailboxRefused(LinkError):
+    """The parameter mailbox of a drive did not take a request as such; `number` is its own error (profidrive/parameter_access)."""
+
+    kind = "rejected"
+
+    def __init__(self, what: str, number: int) -> None:
+        super().__init__(f"{what}: the parameter mailbox took no request, error {number:04X}")
+        self.number = number
 
 
 class TelegramError(PogonError):

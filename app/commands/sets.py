@@ -235,7 +235,7 @@ class Sets:
         """What the device holds of each value. Of one that was never sent and cannot be read it is the former one."""
         parts = {part.command.key: part for part in job.prepared.parts}
         touched = {key for step in job.touched for key in step}
-        uncertain = job.unsettled if machine.item.type.device.services else frozenset[str]()
+        uncertain = job.unsettled if machine.item.type.device.plc else frozenset[str]()
         changes = []
         for change in job.plan.changes:
             value = None if change.key in uncertain else value_now(self._state, machine, change.key)

@@ -13,6 +13,7 @@ from app.clock import Clock
 from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
 from app.links.contract import Block, Exchange, Transport
 from app.links.host_event import LastSeen, OnEvents, StoredUpTo
+from app.links.mailbox import MailboxUnit
 from app.links.orders import merged
 from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner
@@ -271,6 +272,18 @@ class RegisterLink:
         station, plc = self._plc_of(equipment)
         self._check_writable(station, urgent=urgent or not bits)
         await plc.orders.hold(bits, counter, argument, urgent=urgent)
+
+    def parameters(self, equipment: str) -> MailboxUnit:
+        """The parameters of a drive: the one queue to its mailbox. Changes come from the command gate.
+
+        Raises:
+            LinkError: no such machine, or it has no mailbox.
+        """
+        item = self._equipment_named(equipment)
+        unit = self._runner.stations[item.unit].service(MailboxUnit)
+        if unit is None:
+            raise LinkError(f"{equipment} has no parameter mailbox: its type {item.type.name} is none with one")
+        return unit
 
     async def refresh(self, equipment: str, points: Iterable[str]) -> None:
         """Read the blocks of these points (keys) now; they are published before it returns.

@@ -1,4 +1,4 @@
-"""What cares for a unit beside its plain registers: our PLC map is one such service, a drive's parameter mailbox could be another.
+"""What cares for a unit beside its plain registers: our PLC map is one such service, a drive's parameter mailbox is another.
 
 A unit has a list of them, made of what its type says (`Device.services`). A new kind is one file here and one row in `KINDS` (outages.py).
 """

@@ -270,6 +270,18 @@ class PlcMap(UnitService):
 
 
 @dataclass(frozen=True, slots=True)
+class MailboxMap(UnitService):
+    """Where a drive has its mailbox for parameter requests (profidrive/parameter_access/mailbox.py)."""
+
+    address: int
+    """First of its 122 registers."""
+    error: int = 0
+    """Register that tells why a telegram was refused with exception 04; 0 = none."""
+    timeout: float = 5.0
+    """Longest time for an answer [s]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Interventions:
     """The rows of a table are interventions of people in a machine: each stands until its time is over or somebody takes it back.
 

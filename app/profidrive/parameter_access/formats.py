@@ -93,6 +93,8 @@ INTEGERS: Mapping[str, tuple[int, int]] = MappingProxyType(
     }
 )
 """`struct` code → least and greatest value."""
+LARGEST_SIZE = 4
+"""Of a number [bytes]."""
 LARGEST_FLOAT = 3.4028234663852886e38
 
 
@@ -106,6 +108,11 @@ def format_of(number: int, place: str) -> Format:
         found, illegal = f"format 0x{number:02X}", ErrorNumber.ILLEGAL_FORMAT
         raise TelegramError(place, found, "a format of values (0x01 to 0x0A, 0x41 to 0x43 …)", illegal)
     return Format(number)
+
+
+def size_of(format: Format | None) -> int:
+    """Of one value [bytes]; where nobody knows the format, the most that a number has."""
+    return LAYOUTS[format].size if format is not None and format in LAYOUTS else LARGEST_SIZE
 
 
 def encode_values(format: Format, values: Sequence[Number], place: str) -> bytes:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from app.errors import TelegramError
-from app.profidrive.parameter_access.formats import LAYOUTS, Format
+from app.profidrive.parameter_access.formats import LAYOUTS, Format, size_of
 from app.profidrive.parameter_access.messages import (
     ADDRESS,
     BLOCK,
@@ -25,8 +25,6 @@ from app.profidrive.parameter_access.messages import (
     block_length,
 )
 
-LARGEST_NUMBER = 4
-"""[bytes]"""
 ERROR_BLOCK = BLOCK + 4
 
 
@@ -50,7 +48,7 @@ def read_parts(addresses: Sequence[Address], formats: Sequence[Format | None] = 
     parts: list[tuple[Part, int, int]] = []
     for place, (address, format) in enumerate(zip(addresses, known, strict=True)):
         _check(address)
-        size = LAYOUTS[format].size if format in LAYOUTS else LARGEST_NUMBER
+        size = size_of(format)
         for piece in _pieces(address, min(MOST_ELEMENTS, (LONGEST - HEADER - BLOCK) // size)):
             parts.append((Part(place, piece), ADDRESS, max(ERROR_BLOCK, block_length(size, piece.elements))))
     return _packed(parts)
@@ -68,7 +66,7 @@ def change_parts(changes: Sequence[tuple[Address, Values]]) -> list[list[Part]]:
         if block.format not in LAYOUTS or len(block.values) != address.elements:
             found = f"{len(block.values)} values of format 0x{block.format:02X}"
             raise TelegramError(str(address), found, f"{address.elements} in a format of values")
-        size = LAYOUTS[block.format].size
+        size = size_of(block.format)
         done = 0
         for piece in _pieces(address, min(MOST_ELEMENTS, (LONGEST - HEADER - ADDRESS - BLOCK) // size)):
             values = Values(block.format, block.values[done : done + piece.elements])
