@@ -64,12 +64,12 @@ def test_a_fault_is_caused_seen_and_its_cause_cleared(engineer: Page) -> None:
     expect(page.locator(".in-live")).to_contain_text("Running forward")
     page.get_by_text("ESP – external fault").click()
     expect(page.locator(".in-fault label:has(:checked) small")).to_contain_text("the motor coasts")
-    page.get_by_role("button", name="Cause it").click()
+    page.get_by_role("button", name="Inject fault").click()
     expect(page.locator(".in-now")).to_contain_text("Read back: Machine fault")
     expect(page.locator(".in-active .in-on")).to_contain_text("ESP – external fault")
     expect(page.locator(".in-live")).to_contain_text("ESP – external fault")
-    page.get_by_role("button", name="Clear the cause").click()
-    expect(page.locator(".in-active")).to_contain_text("Nothing is caused")
+    page.get_by_role("button", name="Remove fault").click()
+    expect(page.locator(".in-active")).to_contain_text("No fault injected")
     expect(page.locator(".in-live")).to_contain_text(
         "ESP – external fault"
     )  # the drive stays tripped until it is reset
@@ -80,9 +80,9 @@ def test_what_ran_down_by_itself_leaves_the_page_by_itself(engineer: Page) -> No
     page.goto(page.url.rstrip("/") + "/instructor/m2")
     page.get_by_text("Silent", exact=True).click()
     page.fill("#in-count", "4")
-    page.get_by_role("button", name="Break the line").click()
+    page.get_by_role("button", name="Inject line fault").click()
     expect(page.locator(".in-now")).to_contain_text("Read back: Line fault")
-    expect(page.locator(".in-active")).to_contain_text("Nothing is caused", timeout=60_000)
+    expect(page.locator(".in-active")).to_contain_text("No fault injected", timeout=60_000)
 
 
 def test_plant_files_are_taken_while_the_overview_is_open(engineer: Page, folder: Path) -> None:

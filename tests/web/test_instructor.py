@@ -64,7 +64,7 @@ def test_a_fault_is_caused_read_back_and_cleared(staff: Staff) -> None:
     assert "ESP – external fault" in staff.client.get("/instructor").text
     assert staff.post("/instructor/m1/fault", {"code": "0"}).status_code == 303
     assert register(staff, 1, training.REG_MACHINE_FAULT) == 0
-    assert "Nothing is caused" in staff.client.get("/instructor/m1/active").text
+    assert "No fault injected" in staff.client.get("/instructor/m1/active").text
     last = told(staff)[0]
     assert (last.person, last.object, last.old, last.new, last.result) == (
         "ivana",
@@ -157,7 +157,7 @@ def test_a_type_that_says_nothing_of_training_spoils_nobodys_page(staff: Staff) 
     try:
         assert staff.client.get("/instructor").status_code == 200
         page = staff.client.get("/instructor/m1")
-        assert page.status_code == 200 and "Break the line" in page.text
+        assert page.status_code == 200 and "Inject line fault" in page.text
         assert staff.post("/instructor/m1/fault", {"code": "13"}).status_code == 422
         assert staff.post("/instructor/m1/act", {"act": "power"}).status_code == 422
         assert staff.post("/instructor/m1/line", {"mode": "2", "delay": "0"}).status_code == 303
