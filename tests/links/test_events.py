@@ -133,9 +133,8 @@ async def test_rows_of_an_older_and_of_a_newer_map_are_read(row: int, caused: in
     device.row = row
     async with followed(device, taker) as (line, _):
         await until(lambda: line.value("p.state") == 1)
-        device._executing = 300
         for code in range(1, 21):
-            device.event(code, code + 1, code / 2, [1, 2, 3, 4, 5, 6])
+            device._ring.add(device.time, code, code + 1, code / 2, [1, 2, 3, 4, 5, 6], 300)
         await until(lambda: len(taker.events) == 20)
         found = [(one.code, one.source, one.value, one.snapshot, one.request) for one in taker.events]
         assert found == [(code, code + 1, code / 2, (1, 2, 3, 4, 5, 6), caused) for code in range(1, 21)]

@@ -140,12 +140,12 @@ async def test_a_device_that_restarts_before_it_has_acted_leaves_the_command_unk
     class Forgetful(SmallPlc):
         """Starts anew in place of taking the first command, and has forgotten its answers."""
 
-        def _take(self, request: plc_map.Request) -> None:
-            if self.boots == 1:
-                self._answers.clear()
+        def _take_writes(self) -> None:
+            if self.boots == 1 and any(address == plc_map.COMMAND for address, _ in self._pending):
+                self._command_area.clear()
                 self.power_cycle()
             else:
-                super()._take(request)
+                super()._take_writes()
 
     device = Forgetful()
     async with plant(device) as (line, bus):
@@ -333,7 +333,7 @@ async def test_the_settings_are_composed_from_what_the_device_has_now() -> None:
             **device._settings.values,
             "c": 9.0,
         }  # somebody else has changed it, we have not seen it yet
-        device._areas.forget()
+        device._map.forget()
         await line.link.write("p", "a", 4.0)
         assert device.settings == {"a": 4.0, "b": 2.0, "c": 9.0, "d": 0.0}
 

@@ -155,7 +155,7 @@ class VirtualCoilCar(InterlockedCar):
         """
         presets.put(self, values)
         self.edges.take_stock()
-        self._areas.forget()
+        self._map.forget()
 
     # ---- one scan
 

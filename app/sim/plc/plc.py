@@ -19,19 +19,18 @@ scan as a whole. Between two scans nothing changes, so an image is encoded when 
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import partial
-from struct import Struct, unpack
-from zlib import crc32
 
 from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import AnswerState, Request
 from app.sim import training
 from app.sim.device import DT
-from app.sim.plc.answers import Answers
-from app.sim.plc.areas import Areas, Image, Table
+from app.sim.plc.areas import Image, Table
+from app.sim.plc.command_area import CommandArea
+from app.sim.plc.header import Header
 from app.sim.plc.hold import HoldRequest
 from app.sim.plc.host import HostWatch
+from app.sim.plc.register_map import RegisterMap
 from app.sim.plc.ring import EventRing
 from app.sim.plc.scan_time import ScanTime
 from app.sim.plc.settings import Setting, Settings
@@ -41,8 +40,6 @@ from app.sim.training import LineFault, TrainingRegisters, is_training
 
 MAX_READ = 125
 READING, WRITING = (3, 23), (6, 16, 23)
-
-_HEADER = Struct(">4HI5HQ4HQ9H")
 
 
 class VirtualPlc(ABC):
@@ -57,8 +54,6 @@ class VirtualPlc(ABC):
     """Scans since the device was first switched on."""
     boots: int
     """Starts, the first one counted."""
-    _heartbeat_from: int
-    _command: tuple[int, ...]
     _initial: bool
 
     def __init__(
@@ -87,20 +82,25 @@ class VirtualPlc(ABC):
             triggers=(training.REG_POWER, *triggers),
         )
         self._settings = Settings(settings)
-        self._answers = Answers()
+        self._command_area = CommandArea(self._judged)
         self._ring = EventRing()
         self._hold = HoldRequest()
         self._host_watch = HostWatch()
-        self._settings_at, self._staging_at = settings_at, staging_at
-        self._images = {image.address: image for image in images}
-        self._configuration_at = configuration
-        self._tables = {table.address: table for table in tables}
-        self._capacities = [*capacities, *(0,) * 9][:9]
-        self._areas = Areas()
-        self._map_areas()
+        self._header = Header(self.TYPE_CODE, capacities, self.scan_time, self._host_watch)
+        self._staging_at = staging_at
+        self._tables = tables
+        self._map = RegisterMap(
+            lambda: self.generation,
+            header=self._header_words,
+            images=images,
+            configuration=configuration,
+            tables=tables,
+            settings=(settings_at, staging_at, self._settings),
+            commands=self._command_area,
+            hold=self._hold,
+            ring=self._ring,
+        )
         self._pending: list[tuple[int, tuple[int, ...]]] = []
-        self._executing = 0
-        self._causing: dict[int, int] = {}
         self._forget_all()
 
     # ---- what a machine gives
@@ -163,7 +163,7 @@ class VirtualPlc(ABC):
             raise DeviceException(1, f"{self.type}: function {function:02d}, expected 03 or 23")
         if not 1 <= count <= MAX_READ:
             raise DeviceException(3, f"{self.type}: {count} registers, expected 1 to {MAX_READ}")
-        words = self._areas.read(address, count)
+        words = self._map.read(address, count)
         if len(words) < count:
             raise DeviceException(2, f"{self.type}: register 0x{address + len(words):04X} is not read")
         return words
@@ -221,17 +221,16 @@ class VirtualPlc(ABC):
 
     def event(self, code: int, source: int = 0, value: float = 0.0, snapshot: Sequence[int] = ()) -> None:
         """Put an event into the ring, with the time of this scan; those of one scan stand in the order of their calls."""
-        request = self._executing or self._causing.get(code, 0)
-        self._ring.add(self.time, code, source, value, snapshot, request)
+        self._ring.add(self.time, code, source, value, snapshot, self._command_area.cause_of(code))
 
     def causes(self, *codes: int) -> None:
         """Events with these codes in this scan come from the command that is being executed, though it has been answered by then."""
-        self._causing |= dict.fromkeys(codes, self._executing)
+        self._command_area.causes(codes)
 
     def power_cycle(self) -> None:
         """Supply off and on: the retained area stays, commands that ran have failed, writes not yet taken are gone."""
         self._pending = [write for write in self._pending if is_training(write[0])]
-        self._answers.fail(self.time)
+        self._command_area.fail(self.time)
         self._start_up()
 
     # ---- one scan
@@ -246,9 +245,8 @@ class VirtualPlc(ABC):
             self._take_writes()
         self._host_watch.judge(self.host_timeout)
         self._scan()
-        self._answers.watch(self.time)
-        self._causing.clear()
-        self._areas.forget()
+        self._command_area.end_scan(self.time)
+        self._map.forget()
         self.scan_time.end(self.dt)
 
     def _take_writes(self) -> None:
@@ -262,8 +260,7 @@ class VirtualPlc(ABC):
                     if at not in training.COMMON and at != training.REG_POWER:
                         self._trained(at, word)
             elif address == plc_map.COMMAND:
-                self._command = words
-                self._take(plc_map.request_of(words))
+                self._command_area.take(words, self.time)
             elif address == plc_map.HOLD:
                 self._hold.take(words)
             elif address == plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT:
@@ -279,14 +276,6 @@ class VirtualPlc(ABC):
             self.steps = 1
         elif cycle:
             self.power_cycle()
-
-    def _take(self, request: Request) -> None:
-        if self._answers.knows(request.id):
-            return
-        self._executing = request.id
-        verdict = self._judged(request)
-        self._executing = 0
-        self._answers.add(request.id, verdict, self.time)
 
     def _judged(self, request: Request) -> Verdict:
         if request.expected and request.expected != self.state:
@@ -310,10 +299,10 @@ class VirtualPlc(ABC):
         self.boots = 0
         self.training.reset()
         self._pending = []
-        self._answers.clear()
+        self._command_area.clear()
         self._settings.clear()
         self._ring.clear()
-        for table in self._tables.values():
+        for table in self._tables:
             table.clear()
             table.generation = 0
         self._initial = True
@@ -326,64 +315,27 @@ class VirtualPlc(ABC):
         self.boots += 1
         self._host_watch.start_up()
         self._hold.start_up()
-        self._command = (0,) * plc_map.COMMAND_WORDS
+        self._command_area.start_up()
         self._settings.start_up()
         self.scan_time.start_up()
-        self._heartbeat_from = self.steps
+        self._header.start_up(self.steps)
         self._power_up()
-        self._areas.forget()
-
-    # ---- the register images
-
-    def _map_areas(self) -> None:
-        areas, settings = self._areas, self._settings
-        areas.add_image(plc_map.HEADER, plc_map.HEADER_WORDS, self._header)
-        for image in self._images.values():
-            areas.add_image(image.address, image.words, partial(self._swapped, image))
-        areas.add_image(self._settings_at, settings.words + 4, lambda: self._whole(settings.image, settings.generation))
-        areas.add(self._staging_at, settings.words, lambda first, after: settings.staged[first:after])
-        areas.add(plc_map.COMMAND, plc_map.COMMAND_WORDS, lambda first, after: self._command[first:after])
-        areas.add_image(plc_map.ANSWERS, plc_map.ANSWERS_WORDS, lambda: self._whole(self._answers.words))
-        areas.add(plc_map.HOLD, plc_map.HOLD_WORDS, lambda first, after: self._hold.words[first:after])
-        areas.add_image(plc_map.EVENTS, plc_map.EVENTS_WORDS, lambda: self._whole(self._ring.head))
-        areas.add(plc_map.EVENT_ROWS, len(self._ring.rows), lambda first, after: self._ring.rows[first:after])
-        for table in self._tables.values():
-            areas.add_table(table)
-
-    def _swapped(self, image: Image) -> list[int]:
-        return self._whole(unpack(f">{image.words - 2}H", image.encode()))
+        self._map.forget()
 
     @property
     def generation(self) -> int:
         """Of everything that a scan may change: even, another after every scan."""
         return self.steps << 1 & 0xFFFE
 
-    def _whole(self, payload: Sequence[int], generation: int | None = None) -> list[int]:
-        mark = self.generation if generation is None else generation
-        return [mark, *payload, mark]
-
-    def _header(self) -> Sequence[int]:
-        packed = _HEADER.pack(
-            plc_map.MAGIC,
-            plc_map.MAJOR,
-            plc_map.MINOR,
-            self.TYPE_CODE,
-            self._configuration_crc(),
-            plc_map.SIMULATED | plc_map.WRITABLE,
-            self.boots & 0xFFFF,
-            self.steps - self._heartbeat_from & 0xFFFF,
-            self._host_watch.heartbeat,
-            min(round(self.host_timeout * 1000), 0xFFFF),
-            self.time,
-            plc_map.TimeQuality.FREE,
-            self.scan_time.last,
-            self.scan_time.longest,
-            self.scan_time.overruns & 0xFFFF,
-            self.steps,
-            *self._capacities,
+    def _header_words(self) -> Sequence[int]:
+        return self._header.words(
+            configuration=self._configuration_crc(),
+            boots=self.boots,
+            scans=self.steps,
+            time=self.time,
+            host_timeout=self.host_timeout,
         )
-        return unpack(f">{plc_map.HEADER_WORDS}H", packed)
 
     def _configuration_crc(self) -> int:
         """What the host compares to notice another configuration."""
-        return crc32(self._images[self._configuration_at].encode())
+        return self._map.configuration_crc()

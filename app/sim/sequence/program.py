@@ -174,7 +174,7 @@ class VirtualSequence(VirtualPlc):
             ConfigurationError: see `fits`.
         """
         self.permissives.attach(machine)
-        self._areas.forget()
+        self._map.forget()
 
     def preset(self, values: Mapping[str, float]) -> None:
         """Of a sequence without a machine: its permissive words, `word_0` (abort conditions) to `word_<steps>`.

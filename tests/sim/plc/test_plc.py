@@ -1,79 +1,12 @@
 """The map of our virtual PLCs: header, images, commands, hold-to-run, setpoints, events, tables, power."""
 
-from collections.abc import Callable, Sequence
-from struct import pack, unpack
-from zlib import crc32
+from collections.abc import Sequence
 
-import pytest
-
-from app.errors import DeviceException
 from app.registers import plc_map
-from app.registers.plc_map import Answer, AnswerState, DeviceEvent, Request, real, real_of, time_of
-from app.sim.plc import EVENT_CAPACITY, Verdict, VirtualPlc
-from tests.sim.fake_plc import ADD, FAIL, REMOVE, RUN, SET, SETTINGS, STAGING, STATUS, TABLE, FakePlc
-
-
-def go(plc: VirtualPlc, scans: int) -> None:
-    for _ in range(scans):
-        plc.step()
-
-
-def ask(plc: VirtualPlc, code: int, *arguments: int, id: int = 7, expected: int = 0) -> Answer:
-    """The answer to a command, after one scan."""
-    plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(code, 0, expected, arguments, id)))
-    plc.step()
-    return answers(plc)[id]
-
-
-def answers(plc: VirtualPlc) -> dict[int, Answer]:
-    found = plc_map.answers_of(plc.read(3, plc_map.ANSWERS, plc_map.ANSWERS_WORDS))
-    assert found is not None
-    return {answer.id: answer for answer in found}
-
-
-def events(plc: VirtualPlc, after: int = 0) -> list[DeviceEvent]:
-    """The events in the ring, oldest first."""
-    head = plc.read(3, plc_map.EVENTS, plc_map.EVENTS_WORDS)
-    assert plc_map.is_whole(head)
-    oldest, newest = head[3] << 16 | head[4], head[5] << 16 | head[6]
-    size = plc_map.EVENT_WORDS
-    rows = [
-        plc.read(3, plc_map.EVENT_ROWS + n % head[1] * size, size) for n in range(max(oldest, after + 1), newest + 1)
-    ]
-    return [plc_map.event_of(row) for row in rows]
-
-
-def refused(call: Callable[..., object], *arguments: object) -> int:
-    with pytest.raises(DeviceException) as error:
-        call(*arguments)
-    return error.value.code
-
-
-def stage(plc: VirtualPlc, *values: float) -> tuple[int, int]:
-    """Write the staging area; count and check sum of what was written."""
-    raw = pack(f">{len(values)}f", *values)
-    plc.write(16, STAGING, unpack(f">{len(raw) // 2}H", raw))
-    return len(raw) // 2, crc32(raw)
-
-
-def settings(plc: VirtualPlc) -> list[float]:
-    words = plc.read(3, SETTINGS, 8)
-    assert plc_map.is_whole(words) and words[1] == 2
-    return [real_of(words[at] << 16 | words[at + 1]) for at in (2, 4)]
-
-
-def test_the_header_says_what_it_is() -> None:
-    plc = FakePlc()
-    go(plc, 3)
-    header = plc.read(3, 0, 32)
-    assert header[:4] == [plc_map.MAGIC, plc_map.MAJOR, plc_map.MINOR, 99]
-    configuration = plc.read(3, 0x0180, 4)
-    assert header[4] << 16 | header[5] == crc32(pack(">2H", *configuration[1:3]))
-    assert header[6:9] == [plc_map.SIMULATED | plc_map.WRITABLE, 1, 3]
-    assert time_of(header[11:15]) == 30_000
-    assert header[15:19] == [0, 0, 0, 0]
-    assert time_of(header[19:23]) == 3
-    assert header[23:] == [7, 0, 0, 0, 0, 0, 0, 0, 0]
+from app.registers.plc_map import AnswerState, Request, real, time_of
+from app.sim.plc import EVENT_CAPACITY
+from tests.sim.fake_plc import ADD, REMOVE, SET, SETTINGS, STAGING, STATUS, TABLE, FakePlc
+from tests.sim.plc.stand import ask, events, go, refused, settings, stage
 
 
 def test_a_write_acts_with_the_next_scan_and_a_read_sees_one_scan() -> None:
@@ -126,42 +59,6 @@ def test_bad_requests_are_refused_by_code_and_do_nothing() -> None:
     assert plc.read(3, plc_map.ANSWERS, 66)[1:-1] == before
 
 
-def test_a_command_is_executed_once_whatever_is_repeated() -> None:
-    plc = FakePlc()
-    first = ask(plc, SET, 500, id=40)
-    assert (first.state, first.reason, first.time) == (AnswerState.DONE, 0, 10_000)
-    go(plc, 3)
-    assert ask(plc, SET, 9000, id=40) == first
-    assert plc.counter == 505
-    assert ask(plc, 0x77, id=41) == Answer(41, AnswerState.REJECTED, 1, 0, 60_000)
-    assert ask(plc, SET, 3, id=42, expected=2).reason == 2
-    assert ask(plc, SET, 3, id=43, expected=1).state is AnswerState.DONE
-
-
-def test_the_last_eight_answers_are_kept_newest_first() -> None:
-    plc = FakePlc()
-    for id in range(1, 12):
-        plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(SET, id=id)))
-    plc.step()
-    assert list(answers(plc)) == list(range(11, 3, -1))
-    plc.power_cycle()
-    assert list(answers(plc)) == list(range(11, 3, -1)), "a host may still ask what became of its command"
-
-
-def test_a_command_that_runs_is_answered_again_at_its_end() -> None:
-    plc = FakePlc()
-    assert ask(plc, RUN, id=1).state is AnswerState.RUNNING
-    assert ask(plc, FAIL, id=2).state is AnswerState.RUNNING
-    go(plc, 9)
-    assert (answers(plc)[1].state, answers(plc)[2].state) == (AnswerState.DONE, AnswerState.RUNNING)
-    plc.step()
-    assert answers(plc)[2].state is AnswerState.FAILED
-    assert answers(plc)[2].time > answers(plc)[1].time
-    ask(plc, RUN, id=3)
-    plc.power_cycle()
-    assert answers(plc)[3].state is AnswerState.FAILED
-
-
 def test_hold_to_run_ends_500_ms_after_the_counter_stood_still() -> None:
     plc = FakePlc()
     for count in range(20):
@@ -198,36 +95,6 @@ def test_setpoints_are_taken_all_or_none() -> None:
     plc.power_cycle()
     assert settings(plc) == [2.5, 4.0]
     assert [event.code for event in events(plc)] == [34, 38, 34]
-
-
-def test_an_event_carries_the_command_that_caused_it_and_no_other() -> None:
-    plc = FakePlc(slots=3)
-    ask(plc, ADD, 11, id=7)
-    plc.event(1)
-    plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(ADD, arguments=(12,), id=8)))
-    plc.write(16, plc_map.COMMAND, plc_map.request_words(Request(ADD, arguments=(13,), id=9)))
-    plc.step()
-    ask(plc, plc_map.COMMIT_SETTINGS, *stage(plc, 2.5, 4.0), id=10)
-    plc.step()
-    plc.event(1)
-    assert [event.request for event in events(plc)] == [0, 7, 0, 8, 9, 10, 0]
-
-
-def test_an_event_of_the_same_scan_that_a_command_names_is_caused_by_it() -> None:
-    class Late(FakePlc):
-        def _execute(self, request: Request) -> Verdict:
-            self.causes(40, 41)
-            return Verdict()
-
-        def _scan(self) -> None:
-            for code in (40, 42):
-                self.event(code)
-
-    plc = Late()
-    ask(plc, ADD, 1, id=7)
-    plc.step()
-    found = [(event.code, event.request) for event in events(plc)[1:]]
-    assert found == [(40, 7), (42, 0), (40, 0), (42, 0)], "in the next scan nobody has asked for anything"
 
 
 def test_the_ring_keeps_order_and_time_and_shows_a_loss() -> None:
