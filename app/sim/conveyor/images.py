@@ -11,7 +11,7 @@ from app.sim.conveyor.state import LineState
 
 def status(plc: LineState) -> bytes:
     """The status image."""
-    follow, machine, first = plc.tracking, plc.machine, plc.first_out
+    follow, machine, first = plc.tracking, plc.machine, plc.first_out.first
     gap = follow.gap
     length, scale = plc.geometry.pulse_length, plc.geometry.full_speed / 100
     speeds = [belt.speed(length, plc.steps) for belt in plc.belts]

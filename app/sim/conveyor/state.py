@@ -1,28 +1,13 @@
 """What the conveyor's PLC knows of its line, as its images show it."""
 
-from dataclasses import dataclass
-
 from app.blocks import product_tracking as tracking
 from app.blocks.mode_control import Mode, ModeControl
-from app.blocks.product_tracking import ProductTracking
+from app.blocks.product_tracking import ProductTracking, TrackingEvent
 from app.sim.conveyor.belt import Belt
+from app.sim.conveyor.first_out import FirstOut, StopCause
 from app.sim.conveyor.machine import Conveyor, Geometry
-from app.sim.conveyor.register_map import ConveyorState
-from app.sim.plc import VirtualPlc
-
-
-@dataclass(slots=True)
-class FirstOut:
-    """What stopped the line first."""
-
-    code: int = 0
-    source: int = 0
-    rear: int = 0
-    front: int = 0
-    time: int = 0
-    value: float = 0.0
-    ended: int = 0
-    """When it ended by itself; 0 = it has not."""
+from app.sim.conveyor.register_map import ConveyorState, words_of
+from app.sim.plc import Table, VirtualPlc
 
 
 class LineState(VirtualPlc):
@@ -36,35 +21,55 @@ class LineState(VirtualPlc):
     belts: tuple[Belt, ...]
     modes: ModeControl
     first_out: FirstOut
-    _next_out: FirstOut
-    """What stops the line, too; first when a gap stop has ended by itself."""
     moving: bool
     pressed: bool
     """The emergency stop is."""
-    _stopping: bool
-    _held: bool
+    stopping: bool
+    """A stop, or the end of automatic, is not over."""
+    held: bool
     """After an emergency stop, until reset."""
-    _faulty: bool
-    _direction: int
+    faulty: bool
+    """A drive or an encoder, until reset."""
+    direction: int
+    """In which the belts are driven by hand: 1 forward, −1 reverse, 0 not at all."""
+    table: Table
+    """The products."""
+    scale: float
+    """Speed of a belt at one per cent [mm/s per %]."""
 
     @property
     def state(self) -> int:
         """State word."""
-        if self._held:
+        if self.held:
             return ConveyorState.EMERGENCY_STOP
-        if self._faulty:
+        if self.faulty:
             return ConveyorState.FAULT
         if self.tracking.gap_stop:
             return ConveyorState.GAP
-        if self._stopping:
+        if self.stopping:
             return ConveyorState.STOPPING
         if self.modes.mode is Mode.AUTOMATIC:
             return ConveyorState.AUTOMATIC if all(belt.target for belt in self.belts) else ConveyorState.WAITING
         if self.moving:
-            return ConveyorState.MANUAL if self._direction else ConveyorState.STOPPING
+            return ConveyorState.MANUAL if self.direction else ConveyorState.STOPPING
         return ConveyorState.STOPPED
 
     @property
     def stop_active(self) -> bool:
         """Something holds the line, or is about to."""
-        return self._stopping or self._held or self._faulty
+        return self.stopping or self.held or self.faulty
+
+    def stopped_by(self, code: int, source: int = 0, value: float = 0.0, *, rear: int = 0, front: int = 0) -> None:
+        """Something stops the line now; the first one is shown until a reset."""
+        self.first_out.add(StopCause(code, source, rear, front, self.time, value))
+
+    def report(self, event: TrackingEvent) -> None:
+        """Put what tracking found into the ring."""
+        self.event(event.code, event.source, event.value, words_of(event.id, event.second, event.value2))
+
+    def renew_table(self) -> None:
+        """Products have come, gone or changed places."""
+        ids = [product.id if product else 0 for product in self.tracking.slots]
+        if ids != self.table.ids:
+            self.table.ids = ids
+            self.table.generation = self.table.generation + 2 & 0xFFFE

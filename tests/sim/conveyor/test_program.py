@@ -7,22 +7,17 @@ import pytest
 
 from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Device, Equipment, EquipmentType
-from app.registers.plc_map import AnswerState, real, real_of
+from app.registers.plc_map import AnswerState
 from app.sim import training
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import (
     ConveyorCommand,
     ConveyorState,
-    Motor,
-    Source,
 )
 from app.sim.machines import MACHINE_FAULTS, VIRTUAL_DEVICES
-from tests.sim.conveyor.bench import QUICK, SIMULATION, TOLERANCE, line, put, running
+from tests.sim.conveyor.bench import QUICK, SIMULATION, TOLERANCE, line, running
 from tests.sim.conveyor.line import MemoryPort, Port, TestLine, Witness, tcp_port
-
-# ---- the map
-
 
 # ---- one product, from entry to unloading
 
@@ -59,165 +54,6 @@ async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> Non
     assert witness.worst < 1.5
 
 
-async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> None:
-    on = line(settings={})
-    await on.done(ConveyorCommand.START)
-    on.device.machine.place(40.0, 30.0)
-    await on.until(lambda: bool(on.device.tracking.brake), 60)
-    assert (await on.status())["speed_source_3"] == Source.UNLOADING
-    await on.until(lambda: on.device.machine.speeds[2] == 0)
-    (product,) = on.true()
-    assert product.head == pytest.approx(660.0, abs=1.5)
-    status = await on.status()
-    assert (status["state"], status["unloading"], status["motor_3"]) == (ConveyorState.WAITING, 1, Motor.STOPPED)
-    assert status["motor_1"] == Motor.FORWARD
-    before = on.device.steps
-    await on.until(lambda: on.device.machine.unloaded == 1)
-    assert 1.9 < (on.device.steps - before) / 100 < 2.3
-    on.go(3)
-    assert await on.get("state") == ConveyorState.AUTOMATIC
-
-
-# ---- commands
-
-
-async def test_start_and_stop_are_answered_and_told_in_order() -> None:
-    on = line()
-    await on.fetch()
-    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
-    on.go(1)
-    stop = await on.order(ConveyorCommand.STOP)
-    assert stop.state is AnswerState.RUNNING
-    on.go(2)
-    assert (await on.answer(stop.id)).state is AnswerState.DONE
-    assert await on.codes() == [(30, 0), (33, 0), (31, 0)]
-    assert (await on.order(ConveyorCommand.STOP)).state is AnswerState.DONE, "always accepted, standing too"
-
-
-async def test_a_repeated_command_does_nothing_again() -> None:
-    on = line()
-    first = await on.order(ConveyorCommand.INSERT, real(300.0), real(40.0), id=77)
-    assert first.state is AnswerState.DONE
-    assert await on.order(ConveyorCommand.INSERT, real(500.0), real(40.0), id=77) == first
-    assert list(await on.products()) == [first.detail]
-
-
-async def test_commands_are_refused_with_their_reason() -> None:
-    on = line()
-    one = await put(on, 300.0)
-
-    async def reason(code: int, *arguments: int, expected: int = 0) -> int:
-        answer = await on.order(code, *arguments, expected=expected)
-        assert answer.state is AnswerState.REJECTED
-        return answer.reason
-
-    assert await reason(99) == 1
-    assert await reason(ConveyorCommand.START, expected=ConveyorState.AUTOMATIC) == 2
-    assert await reason(ConveyorCommand.DELETE, 12345) == 7
-    assert await reason(ConveyorCommand.CONFIRM, 12345) == 7
-    assert await reason(ConveyorCommand.EDIT, 12345, real(100.0), real(20.0)) == 7
-    assert await reason(ConveyorCommand.INSERT, real(310.0), real(30.0)) == 8
-    two = await put(on, 400.0)
-    assert await reason(ConveyorCommand.EDIT, two, real(305.0), real(30.0)) == 8
-    assert await reason(ConveyorCommand.INSERT, real(700.0), real(30.0)) == 9
-    assert await reason(ConveyorCommand.INSERT, real(10.0), real(30.0)) == 9
-    assert await reason(ConveyorCommand.INSERT, real(float("nan")), real(30.0)) == 9
-    assert await reason(ConveyorCommand.INSERT, real(100.0), real(float("inf"))) == 11
-    assert await reason(ConveyorCommand.INSERT, real(100.0), real(5.0)) == 11
-    assert await reason(ConveyorCommand.EDIT, one, real(300.0), real(151.0)) == 11
-    small = line(slots=5)
-    for n in range(5):
-        await put(small, 100.0 + 60 * n)
-    assert (await small.order(ConveyorCommand.INSERT, real(600.0), real(30.0))).reason == 10
-    assert (await small.status())["buffer_full"] == 1
-    await on.done(ConveyorCommand.START)
-    on.go(1)
-    assert await reason(ConveyorCommand.MANUAL) == 12
-    assert await reason(ConveyorCommand.EDIT, one, real(100.0), real(30.0)) == 12
-    await on.train(training.REG_MACHINE_FAULT, 50)
-    assert await reason(ConveyorCommand.START) == 3
-    assert await reason(ConveyorCommand.MANUAL) == 3
-    await on.train(training.REG_MACHINE_FAULT, 1)
-    await on.done(ConveyorCommand.RESET)
-    await on.until(lambda: not on.device.machine.speeds[1])
-    await on.done(ConveyorCommand.START)
-    await on.until(lambda: on.device.state == ConveyorState.FAULT)
-    assert await reason(ConveyorCommand.START) == 4
-
-
-async def test_records_are_put_edited_confirmed_and_deleted() -> None:
-    on = line()
-    await on.fetch()
-    answer = await on.order(ConveyorCommand.INSERT, real(300.0), real(40.0))
-    id = answer.detail
-    await on.done(ConveyorCommand.EDIT, id, real(320.0), real(25.5))
-    row = (await on.products())[id]
-    assert (row["head"], row["tail"], row["length"], row["area"], row["state"]) == (320.0, 294.5, 25.5, 2, 1)
-    on.device.power_cycle()
-    assert (await on.products())[id]["state"] == 3
-    assert (await on.status())["uncertain"] == 1
-    await on.done(ConveyorCommand.CONFIRM, 0)
-    assert (await on.products())[id]["state"] == 1
-    await on.done(ConveyorCommand.DELETE, id)
-    assert await on.products() == {}
-    assert await on.codes() == [(8, 0), (7, 0), (34, 0), (9, 0), (6, 0)]
-    assert on.events[2].snapshot[:2] == (0, id)
-    assert real_of(on.events[2].snapshot[4] << 16 | on.events[2].snapshot[5]) == 25.5
-
-
-# ---- manual
-
-
-async def test_backwards_head_and_tail_change_places() -> None:
-    on = line()
-    id = await put(on, 300.0, 30.0)
-    await on.done(ConveyorCommand.MANUAL)
-    await on.fetch()
-    await on.hold(2, 1)
-    on.go(0.5)
-    row = (await on.products())[id]
-    assert row["direction"] == 1 and row["head"] < row["tail"]
-    assert (37, 1) in await on.codes()
-    assert row["head"] == pytest.approx(on.true()[0].tail, abs=0.5)
-
-
-async def test_the_gap_stop_names_the_pair_and_the_line_goes_on_by_itself() -> None:
-    on = line(settings={**QUICK, "unload_dwell": 3.0})
-    await put(on, 655.0)
-    front, rear = await put(on, 485.0), await put(on, 425.0)
-    witness = Witness(on)
-    await on.done(ConveyorCommand.START)
-    stop = await on.until_event(20)
-    assert (stop.snapshot[1], stop.snapshot[3]) == (rear, front)
-    await on.until(lambda: not any(on.device.machine.speeds))
-    status = await on.status()
-    assert (status["state"], status["gap_stop"]) == (ConveyorState.GAP, 1)
-    assert [status[f"speed_source_{belt}"] for belt in (1, 2, 3)] == [Source.GAP, Source.GAP, Source.UNLOADING]
-    assert (status["first_out"], status["first_out_rear"], status["first_out_front"]) == (20, rear, front)
-    assert status["first_out_value"] == pytest.approx(stop.value)
-    assert status["first_out_time"] == stop.time
-    assert 0 < status["smallest_gap"] < stop.value
-    await on.until(lambda: on.device.machine.unloaded == 3, 30)
-    assert on.device.machine.collisions == 0
-    on.go(11)
-    assert await on.get("first_out") == 0, "it ended by itself, and nobody had to do anything"
-    assert witness.fates == {"unloaded": 3}
-    assert [code for code, _ in await on.codes() if code in (20, 21)][:1] == [21]
-
-
-async def test_manual_stops_before_two_products_touch() -> None:
-    on = line()
-    await put(on, 300.0, 30.0)
-    await put(on, 200.0, 30.0)
-    await on.done(ConveyorCommand.MANUAL)
-    for _ in range(4):
-        await on.hold(1 | 0b001 << 4, 3)
-        on.go(1)
-    assert on.device.machine.collisions == 0
-    front, rear = on.true()
-    assert front.tail - rear.head > 2
-
-
 # ---- settings
 
 
@@ -238,41 +74,6 @@ async def test_settings_are_all_or_none_and_act_at_once() -> None:
     assert await on.codes() == [(38, 0)]
     on.device.power_cycle()
     assert (await on.status())["automatic_speed"] == 40
-
-
-@pytest.mark.parametrize("belt", [1, 2, 3])
-@pytest.mark.parametrize("early", [0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0, -0.1, -0.3])
-async def test_a_jam_while_the_gap_stops_the_line_is_what_stopped_it_when_the_gap_is_over(
-    belt: int, early: float
-) -> None:
-    """A gap stop that ends by itself is forgotten; what keeps the line standing is not."""
-
-    async def meeting() -> TestLine:
-        on = line(settings={**QUICK, "unload_dwell": 3.0})
-        for place in (655.0, 485.0, 425.0):
-            await put(on, place)
-        await on.done(ConveyorCommand.START)
-        return on
-
-    on = await meeting()
-    begun = on.device.steps
-    await on.until_event(20)
-    steps = on.device.steps - begun
-    on = await meeting()
-    on.go(max(0.0, steps / 100 - early))
-    await on.train(training.REG_MACHINE_FAULT, belt)
-    for _ in range(40):
-        on.go(1)
-        status = await on.status()
-        if status["state"] == ConveyorState.FAULT:
-            break
-    assert status["state"] == ConveyorState.FAULT
-    on.go(25)
-    status = await on.status()
-    assert status["state"] == ConveyorState.FAULT
-    assert (status["first_out"], status["first_out_source"]) == (24, belt)
-    jam = next(event for event in await on.fetch() if event.code == 24)
-    assert status["first_out_time"] == jam.time
 
 
 # ---- faults: what the PLC sees, what it does, how it goes on
