@@ -3,6 +3,8 @@
 The transport itself is a sequence in another device (`VirtualSequence`, app/sim/sequence/program.py): it asks `ACTIONS` of this one and reads its
 signals, which are the points of this map by name. Type code 30. Measures and numbers are taken here; thesis 001 gives the steps only.
 
+The parts of the program: `commands`, `movements`, `interlock`, `edges`, `recoiler`; what they share is `state`.
+
 | subject | rule |
 | --- | --- |
 | one movement at a time | an axis or the mandrel; another waits until it stands |
@@ -15,26 +17,22 @@ signals, which are the points of this map by name. Type code 30. Measures and nu
 """  # noqa: E501
 
 from collections.abc import Callable, Mapping, Sequence
-from math import isnan, nan
-from types import MappingProxyType
 
-from app.registers.plc_map import AnswerState, Request
+from app.registers.plc_map import Request
 from app.sim import training
 from app.sim.coil_car import presets, signals
 from app.sim.coil_car import training as own
-from app.sim.coil_car.actions import ARRIVED, Demand, block_of, demand_of, is_there, jogged
 from app.sim.coil_car.axis import Axis
+from app.sim.coil_car.commands import CarCommands
 from app.sim.coil_car.edges import Edges
 from app.sim.coil_car.interlock import Interlock, InterlockedCar
 from app.sim.coil_car.machine import FAULTS, HOST_OFF, CoilCar, Geometry, Hit
+from app.sim.coil_car.movements import Movements
 from app.sim.coil_car.recoiler import Recoiler
 from app.sim.coil_car.register_map import (
     ACTIONS,
     CONFIGURATION,
     CONFIGURATION_WORDS,
-    DOWN,
-    EXPAND,
-    FORWARD,
     SADDLES,
     SETTINGS,
     SETTINGS_AT,
@@ -43,22 +41,14 @@ from app.sim.coil_car.register_map import (
     STARTS,
     STATUS,
     STATUS_WORDS,
-    UP,
-    WIND,
     ActionState,
     Block,
-    CoilCarCommand,
     CoilCarEvent,
-    CoilCarReason,
     Fault,
     Mode,
     checked_settings,
 )
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Verdict
-from app.sim.plc import rejected as no
-
-STUCK_AFTER = 6.0
-"""The mandrel must have arrived in this time [s]."""
 
 
 class VirtualCoilCar(InterlockedCar):
@@ -71,13 +61,9 @@ class VirtualCoilCar(InterlockedCar):
 
     edges: Edges
     recoiler: Recoiler
-    _asked: tuple[str, ...]
-    _demand: Demand | None
-    _action_since: int
-    _mandrel_age: float
-    _told: tuple[int, int]
+    _movements: Movements
+    _commands: CarCommands
     _start_mode: Mode
-    _acting: int
     _silent: float
     _getters: Mapping[str, Callable[[], float]]
 
@@ -140,7 +126,7 @@ class VirtualCoilCar(InterlockedCar):
 
     def ask(self, actions: Sequence[str]) -> None:
         """Ask for `actions` in the next scan; to be repeated in every scan for as long as they shall go on."""
-        self._asked = (*self._asked, *actions)
+        self._movements.ask(actions)
 
     @property
     def takes_actions(self) -> bool:
@@ -180,7 +166,7 @@ class VirtualCoilCar(InterlockedCar):
         self._hold_when_unsafe()
         self._host()
         self.choose_target()
-        self._move()
+        self._movements.step()
 
     def _crane_takes(self) -> None:
         machine = self.machine
@@ -194,20 +180,15 @@ class VirtualCoilCar(InterlockedCar):
         if self.fault:
             return
         if machine.emergency_stop:
-            self._trip(Fault.EMERGENCY_STOP)
+            self.trip(Fault.EMERGENCY_STOP)
         elif not all(machine.guard(n) for n in (1, 2, 3)):
-            self._trip(Fault.GUARD)
+            self.trip(Fault.GUARD)
         elif not machine.drive_ready(1):
-            self._trip(Fault.DRIVE_HORIZONTAL)
+            self.trip(Fault.DRIVE_HORIZONTAL)
         elif not machine.drive_ready(2):
-            self._trip(Fault.DRIVE_VERTICAL)
+            self.trip(Fault.DRIVE_VERTICAL)
         elif self.interlocks and machine.hit is not Hit.NONE:
-            self._trip(Fault.COLLISION)
-
-    def _trip(self, fault: Fault) -> None:
-        """Brakes on, mode off, until a reset."""
-        self.fault, self.mode = fault, Mode.OFF
-        self.machine.winding = False
+            self.trip(Fault.COLLISION)
 
     def _host(self) -> None:
         silent, before = float(self.host_silent), self._silent
@@ -217,221 +198,8 @@ class VirtualCoilCar(InterlockedCar):
             if silent:
                 self.mode = Mode.OFF
 
-    # ---- movements
-
-    def _move(self) -> None:
-        self._judge_cut(self.horizontal, True)
-        self._judge_cut(self.vertical, False)
-        demand = self._demanded()
-        self._demand = demand
-        self.held_back = Block.FREE
-        mandrel = 0
-        horizontal = vertical = False
-        if demand is not None:
-            block = block_of(self, demand)
-            if block not in (Block.FREE, Block.THERE):
-                self.held_back = block
-            elif demand.horizontal:
-                horizontal = self._go(self.horizontal, demand)
-            elif demand.movement in (UP, DOWN):
-                vertical = self._go(self.vertical, demand)
-            elif block is Block.FREE:
-                mandrel = 1 if demand.movement == EXPAND else -1
-        if not horizontal:
-            self.horizontal.stop(self.dt)
-            self.horizontal.target = nan
-        if not vertical:
-            self.vertical.stop(self.dt)
-            self.vertical.target = nan
-        if not mandrel:
-            mandrel = self.recoiler.step()
-        self._watch_mandrel(mandrel)
-        self.mandrel_drive = mandrel
-        self._tell_blocks(demand)
-        self._follow_action(demand)
-        if self.stopping and not self.moving:
-            self.stopping = False
-
-    def _judge_cut(self, axis: Axis, horizontal: bool) -> None:
-        """Brake when there is no more supply, or less room than the ramp needs."""
-        machine = self.machine
-        speed = machine.speed_x if horizontal else machine.speed_v
-        if self.fault or axis.cut or (not horizontal and self.interlock.oil_pressure() is not Block.FREE):
-            axis.ramp.reset()
-            axis.cut = axis.cut and speed != 0.0
-            axis.braking = False
-            return
-        if not speed and not axis.ramp.speed:
-            return
-        way = self.interlock.way(horizontal)
-        here = machine.x if horizontal else machine.v
-        end = here + axis.ramp.stop_distance()
-        if not way.low - 1 <= end <= way.high + 1:
-            axis.cut = True
-            axis.ramp.reset()
-
-    def _go(self, axis: Axis, demand: Demand) -> bool:
-        """Move; False when there is nothing to move."""
-        machine = self.machine
-        here = machine.x if demand.horizontal else machine.v
-        way, up = self.interlock.way(demand.horizontal), demand.movement in (FORWARD, UP)
-        end = way.high if up else way.low
-        if not isnan(demand.target):
-            end = min(max(demand.target, way.low), way.high)
-        axis.target = end
-        standing = self.standing_x if demand.horizontal else self.standing_v
-        if axis.cut or (standing and abs(end - here) <= ARRIVED):
-            return False
-        axis.go(1 if up else -1, demand.speed, (end - here) * (1 if up else -1), self.dt)
-        return True
-
-    def _demanded(self) -> Demand | None:
-        asked, self._asked = self._asked, ()
-        self._acting = 0
-        if self.mode is Mode.MANUAL and not self.stopping:
-            return jogged(self)
-        if self.mode is Mode.AUTOMATIC and not self.stopping:
-            for name in asked:
-                if name in ACTIONS:
-                    self._acting = ACTIONS.index(name) + 1
-                    return demand_of(self, name)
-        return None
-
-    def _watch_mandrel(self, mandrel: int) -> None:
-        if mandrel and mandrel == self.mandrel_drive:
-            self._mandrel_age += self.dt
-            if self._mandrel_age > STUCK_AFTER and not self.fault:
-                self.event(CoilCarEvent.MANDREL_STUCK)
-                self._trip(Fault.MANDREL)
-        else:
-            self._mandrel_age = 0.0
-
-    def _tell_blocks(self, demand: Demand | None) -> None:
-        if demand is None:
-            self._told = (-1, 0)
-            return
-        told = (demand.movement, int(self.held_back))
-        if told != self._told:
-            self._told = told
-            if self.held_back is not Block.FREE:
-                self.event(CoilCarEvent.INTERLOCK, demand.movement + 1, float(self.held_back))
-
-    def _follow_action(self, demand: Demand | None) -> None:
-        if self._acting != self.action:
-            self.action, self._action_since = self._acting, self.time
-            self.action_state = ActionState.RUNNING if self.action else ActionState.NONE
-            if self.action:
-                self.event(CoilCarEvent.ACTION_BEGUN, self.action)
-        if not self.action or demand is None:
-            return
-        if self.held_back is not Block.FREE:
-            self.action_state = ActionState.BLOCKED
-        elif is_there(self, demand):
-            if self.action_state is not ActionState.DONE:
-                self.action_state = ActionState.DONE
-                self.event(CoilCarEvent.ACTION_DONE, self.action, (self.time - self._action_since) / 1e6)
-        else:
-            self.action_state = ActionState.RUNNING
-
-    # ---- commands
-
     def _execute(self, request: Request) -> Verdict:
-        code, first = request.code, request.arguments[0]
-        self.interlock.renew()
-        if code == CoilCarCommand.STOP:
-            return self._stop()
-        if code == CoilCarCommand.RESET:
-            return self._reset()
-        if code in (CoilCarCommand.AUTOMATIC, CoilCarCommand.MANUAL):
-            return self._change_mode(Mode.AUTOMATIC if code == CoilCarCommand.AUTOMATIC else Mode.MANUAL)
-        if code == CoilCarCommand.TARGET:
-            if not 0 <= first <= SADDLES:
-                return no(CoilCarReason.NO_SUCH_SADDLE)
-            if self.machine.load and self._asked_to_move():
-                return no(CoilCarReason.MOVING)
-            self.target_selected = first
-            self.choose_target()
-            self.event(CoilCarEvent.TARGET, first)
-            return Verdict()
-        if code == CoilCarCommand.REMOVED:
-            return self._removed(first)
-        if code in (CoilCarCommand.WIND, CoilCarCommand.STOP_WINDING):
-            return self._winding(code)
-        return no(CoilCarReason.UNKNOWN)
-
-    def _asked_to_move(self) -> bool:
-        return not self.standing_x
-
-    def _stop(self) -> Verdict:
-        self.event(CoilCarEvent.STOP)
-        self.mode = Mode.OFF
-        self.machine.winding = False
-        if not self.moving:
-            return Verdict()
-        self.stopping = True
-
-        def standing() -> AnswerState:
-            return AnswerState.RUNNING if self.moving else AnswerState.DONE
-
-        return Verdict(AnswerState.RUNNING, until=standing)
-
-    def _reset(self) -> Verdict:
-        machine = self.machine
-        if machine.emergency_stop:
-            return no(CoilCarReason.EMERGENCY_STOP)
-        if not all(machine.guard(n) for n in (1, 2, 3)):
-            return no(CoilCarReason.GUARD)
-        if self.moving:
-            return no(CoilCarReason.MOVING)
-        if machine.hit is not Hit.NONE and self.interlocks:
-            return no(CoilCarReason.HELD, Fault.COLLISION)
-        self.event(CoilCarEvent.RESET)
-        self.fault = Fault.NONE
-        return Verdict()
-
-    def _change_mode(self, mode: Mode) -> Verdict:
-        machine = self.machine
-        if machine.emergency_stop:
-            return no(CoilCarReason.EMERGENCY_STOP)
-        if not all(machine.guard(n) for n in (1, 2, 3)):
-            return no(CoilCarReason.GUARD)
-        if self.fault:
-            return no(CoilCarReason.HELD, self.fault)
-        if mode is self.mode and not self.stopping:
-            return Verdict()
-        if self.moving or self.hold:
-            return no(CoilCarReason.MOVING)
-        if mode is Mode.AUTOMATIC and self.host_silent:
-            return no(CoilCarReason.WRONG_STATE, self.state)
-        self.mode, self.recoiler.told_not_to = mode, False
-        self.event(CoilCarEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CoilCarEvent.MANUAL)
-        return Verdict()
-
-    def _removed(self, number: int) -> Verdict:
-        machine = self.machine
-        if not 1 <= number <= SADDLES:
-            return no(CoilCarReason.NO_SUCH_SADDLE)
-        if not machine.saddles[number - 1]:
-            return no(CoilCarReason.SADDLE_EMPTY, number)
-        if machine.below(number):
-            return no(CoilCarReason.CRANE_BLOCKED, number)
-        machine.saddles[number - 1] = 0.0
-        return Verdict(detail=number)
-
-    def _winding(self, code: int) -> Verdict:
-        machine = self.machine
-        if code == CoilCarCommand.STOP_WINDING:
-            if not machine.winding:
-                return no(CoilCarReason.NOT_WINDING)
-            machine.winding, self.recoiler.told_not_to = False, True
-            return Verdict()
-        if self.mode is Mode.OFF and not self.fault:
-            return no(CoilCarReason.WRONG_STATE, self.state)
-        block = self.interlock.block(WIND)
-        if block is not Block.FREE:
-            return no(_WINDING_REASONS[block])
-        self.recoiler.wind, self.recoiler.told_not_to = True, False
-        return Verdict()
+        return self._commands.execute(request)
 
     # ---- settings, training, power
 
@@ -487,30 +255,12 @@ class VirtualCoilCar(InterlockedCar):
         self.horizontal.cut = self.vertical.cut = True
         self.machine.winding = False
         self.action, self.action_state = 0, ActionState.NONE
-        self._acting = self._action_since = self.target = self.mandrel_drive = 0
-        self._asked = ()
-        self._demand = None
+        self.target = self.mandrel_drive = 0
         self.held_back = Block.FREE
-        self._mandrel_age = self._silent = 0.0
+        self._silent = 0.0
         self.stopping = False
-        self._told = (-1, 0)
         self.interlock, self.edges, self.recoiler = Interlock(self), Edges(self), Recoiler(self)
+        self._movements, self._commands = Movements(self, self.recoiler), CarCommands(self, self.recoiler)
         self.edges.take_stock()
         self.choose_target()
         self.event(CoilCarEvent.POWER_UP, value=self.boots)
-
-
-_WINDING_REASONS: Mapping[Block, CoilCarReason] = MappingProxyType(
-    {
-        Block.EMERGENCY_STOP: CoilCarReason.EMERGENCY_STOP,
-        Block.GUARD: CoilCarReason.GUARD,
-        Block.HELD: CoilCarReason.HELD,
-        Block.PRESSURE: CoilCarReason.HYDRAULICS,
-        Block.OIL: CoilCarReason.HYDRAULICS,
-        Block.WINDING: CoilCarReason.WINDING,
-        Block.COIL_THERE: CoilCarReason.COIL_ON_MANDREL,
-        Block.NOT_COLLAPSED: CoilCarReason.NOT_EXPANDED,
-        Block.MANDREL: CoilCarReason.NOT_EXPANDED,
-        Block.CAR: CoilCarReason.CAR_IN_THE_WAY,
-    }
-)

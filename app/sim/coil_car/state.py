@@ -45,6 +45,11 @@ class CarState(VirtualPlc):
         """Settings in effect, by name."""
         return self.settings
 
+    def trip(self, fault: Fault) -> None:
+        """Brakes on, mode off, until a reset."""
+        self.fault, self.mode = fault, Mode.OFF
+        self.machine.winding = False
+
     def choose_target(self) -> None:
         """The saddle that is selected, else the farthest that a coil can be laid on."""
         machine, measures = self.machine, self.geometry

@@ -71,11 +71,3 @@ def test_a_limit_switch_stuck_off_is_noticed_and_the_position_stops_the_axis(num
     run(car, 30, talker, bits)
     assert value(car, "collision") == 0 and -0.01 <= car.machine.x <= 10000.01 and -0.01 <= car.machine.v <= 1400.01
     assert (CoilCarEvent.LIMIT_IMPLAUSIBLE, number) in talker.codes()
-
-
-def test_a_stuck_mandrel_is_noticed() -> None:
-    car, talker = line()
-    talker.fault(51)
-    run(car, 7, talker, 32)
-    assert (car.mode, car.fault) == (Mode.OFF, Fault.MANDREL)
-    assert CoilCarEvent.MANDREL_STUCK in [code for code, _ in talker.codes()]
