@@ -24,7 +24,7 @@ import serial  # type: ignore[import-untyped]
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange, LateAnswerDue
 from app.links.late_answers import LateAnswers, Mark, Piece, mark_of_answer, mark_of_request
-from app.links.port_errors import PortErrors, port_errors
+from app.links.line_diagnosis import LineDiagnosis
 from app.links.repeats import Repeats
 from app.links.serial_port import close_port, open_port, reason_of
 from app.plant.definitions import Link
@@ -88,10 +88,7 @@ class RtuTransport:
         """When the last byte was heard, or the last one sent will have left [s]."""
         self._quiet: asyncio.TimerHandle | None = None
         self._repeats = Repeats(self._character)
-        self._errors = PortErrors()
-        """What the port had counted when it was opened."""
-        self._understood = False
-        """Whether a telegram was heard since then."""
+        self._diagnosis = LineDiagnosis(link, lambda: self.counts)
 
     @property
     def connected(self) -> bool:
@@ -110,9 +107,7 @@ class RtuTransport:
         self._lost, self._heard = "", loop.time()
         self._framer = AnswerFramer(echo=self._framer.echo)
         self._repeats = Repeats(self._character)
-        self._understood = False
-        self.counts.parity, self.counts.framing, self.counts.strange = 0, 0, False
-        self._errors = port_errors(self._port) or PortErrors()
+        self._diagnosis.opened(self._port)
         loop.add_reader(self._port.fileno(), self._readable)
 
     async def read(self, unit: int, block: Block, patience: float) -> list[int]:
@@ -246,7 +241,7 @@ class RtuTransport:
         else:
             if telegram.held:
                 self._repeats.doubles = False  # nothing was said twice here
-            hint = self._hint() if self.counts.strange else ""
+            hint = self._diagnosis.hint if self.counts.strange else ""
             self._fail(telegram, NoAnswer(f"{self._path} unit {telegram.unit}: no answer in {patience:g} s{hint}"))
 
     # what is heard
@@ -286,29 +281,15 @@ class RtuTransport:
             self._take(unit, pdu)
         self.counts.damaged += self._framer.damaged - damaged
         if skipped >= NOISE:
-            self.counts.strange = not self._understood
-            if (counted := port_errors(self._port)) is not None:
-                errors = counted.since(self._errors)
-                self.counts.parity, self.counts.framing = errors.parity, errors.framing
-        if skipped >= NOISE and self._telegram is not None:
-            where, hint = f"{self._path} unit {self._telegram.unit}", self._hint()
-            self._fail(self._telegram, BadAnswer(f"{where}: {skipped} bytes that are no telegram (check sum){hint}"))
-
-    def _hint(self) -> str:
-        """What is likely wrong with a line on which nothing is understood; empty when there is nothing to say."""
-        link, counts = self._link, self.counts
-        settings = f"{link.baud} baud, parity {link.parity}, {link.stop_bits} stop bit{'s' * (link.stop_bits > 1)}"
-        if counts.parity or counts.framing:
-            return f"; {counts.parity} parity and {counts.framing} framing errors: has the device {settings}?"
-        if counts.strange:
-            return (
-                f"; no telegram was heard since the port was opened: has the device {settings}? Are A and B exchanged?"
-            )
-        return ""
+            self._diagnosis.noise(self._port)
+            if self._telegram is not None:
+                where, hint = f"{self._path} unit {self._telegram.unit}", self._diagnosis.hint
+                error = BadAnswer(f"{where}: {skipped} bytes that are no telegram (check sum){hint}")
+                self._fail(self._telegram, error)
 
     def _take(self, unit: int, pdu: bytes) -> None:
         """An answer with a good check sum: to what is on its way, or to something given up."""
-        self._understood, self.counts.strange = True, False
+        self._diagnosis.understood()
         telegram, now = self._telegram, asyncio.get_running_loop().time()
         if telegram is None or unit != telegram.unit or telegram.answer.done():
             self._late(unit, pdu)
