@@ -237,9 +237,9 @@ class Runtime:
 
     def _link(self, link: Link, machines: list[Equipment], bus: Bus | None) -> RegisterLink:
         made = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
-        made.on_events = self.ring_events.take
-        made.last_seen = self.ring_events.last_seen
-        made.stored_up_to = self.ring_events.stored_up_to
+        made.events.take = self.ring_events.take
+        made.events.last_seen = self.ring_events.last_seen
+        made.events.stored_up_to = self.ring_events.stored_up_to
         return made
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:

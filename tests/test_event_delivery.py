@@ -202,7 +202,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
     try:
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
         for link in runtime.links.values():
-            link.on_events = None  # the virtual line tells nothing: these events are ours
+            link.events.take = None  # the virtual line tells nothing: these events are ours
         counted = runtime.tags.value(runtime.tags.handle("sys.events.c1")) or 0
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(1, 500, source=1, after=0)
@@ -277,7 +277,7 @@ async def test_a_history_that_takes_nothing_holds_up_neither_alarms_nor_links(tm
     try:
         item = runtime.plant.equipment["c1"]  # type: ignore[union-attr]
         for link in runtime.links.values():
-            link.on_events = None
+            link.events.take = None
         runtime.history.write = full  # type: ignore[method-assign, assignment]
         ring = Ring(time=runtime.clock.micros(), sequence=10_000)
         ring.tell(10, 500, source=2, value=3.25, after=0)

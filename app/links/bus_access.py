@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from app.clock import Clock
 from app.errors import LinkError
 from app.links.contract import Block
-from app.links.host_event import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import EventTaker
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job, Priority
 from app.links.station import Station
@@ -19,9 +19,7 @@ class BusAccess(Protocol):
 
     statistics: LinkStatistics
     clock: Clock
-    on_events: OnEvents | None
-    last_seen: LastSeen | None
-    stored_up_to: StoredUpTo | None
+    events: EventTaker
 
     async def ask(self, job: Job, priority: Priority) -> list[int]:
         """Send the telegram of `job` when it is its turn."""

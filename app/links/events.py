@@ -90,7 +90,7 @@ class EventReader:
 
     def seen(self, head: Head) -> None:
         """The head was read: fetch and acknowledge what is new."""
-        if self._bus.on_events is None or self._busy is not None:
+        if self._bus.events.take is None or self._busy is not None:
             return
         if not head.capacity or not plc_map.LEAST_EVENT_WORDS <= head.words <= MAX_READ:
             if not self._told:
@@ -165,9 +165,9 @@ class EventReader:
         if self._clock.boots is None:
             await self._read_clock()
         self._ring = Ring(object(), 0, self._clock.boots or 0, head.newest)
-        if self._bus.last_seen is not None:
+        if self._bus.events.last_seen is not None:
             try:
-                known = self._bus.last_seen(self.equipment)
+                known = self._bus.events.last_seen(self.equipment)
                 if inspect.isawaitable(known):
                     known = await known
             except Exception:
@@ -274,8 +274,8 @@ class EventReader:
             await asyncio.sleep(AGAIN)
 
     async def _hand_over(self, equipment: Equipment, events: Sequence[HostEvent], lost: int) -> None:
-        if self._bus.on_events is not None:
-            await self._bus.on_events(equipment, events, lost)
+        if self._bus.events.take is not None:
+            await self._bus.events.take(equipment, events, lost)
 
     async def _finish_delivery(self) -> bool:
         """Wait for whoever takes the events. A lost connection ends the waiting, not his work; the next reader waits on."""
@@ -302,10 +302,10 @@ class EventReader:
 
     def _note_stored(self) -> int | None:
         """Sequence of the last event that is stored, as far as this reader handed it over; None when it knows of none."""
-        if self._bus.stored_up_to is None:
+        if self._bus.events.stored_up_to is None:
             self._taken.all_stored(self.position)
         elif self._taken:
-            self._taken.stored_up_to(self._bus.stored_up_to(self.equipment))
+            self._taken.stored_up_to(self._bus.events.stored_up_to(self.equipment))
         return self._taken.stored
 
     def _to_acknowledge(self, head: Head) -> int | None:

@@ -36,3 +36,16 @@ LastSeen = Callable[[Equipment], Awaitable[Sequence[Mark | None]] | Sequence[Mar
 """The last event of a machine, for each of those who take them; None = that one knows none."""
 StoredUpTo = Callable[[Equipment], Mark | None]
 """The last event of a machine that is stored wherever it belongs; None = none is."""
+
+
+@dataclass(slots=True)
+class EventTaker:
+    """Who takes the events of the Pogon PLCs on a link, in order, with the number that was lost before them.
+
+    What `take` raises means that they are handed over again. They are acknowledged to the device when `stored_up_to` says so, without
+    that as soon as it has returned. Without `take` the rings are not read; without `last_seen` the device's own acknowledgement counts.
+    """
+
+    take: OnEvents | None = None
+    last_seen: LastSeen | None = None
+    stored_up_to: StoredUpTo | None = None

@@ -8,7 +8,7 @@ from typing import Any
 from app.clock import Clock
 from app.errors import LinkError, NotConnected, Overtaken, Withdrawn
 from app.links.contract import Block, LateAnswerDue
-from app.links.host_event import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import EventTaker
 from app.links.scan_block import ScanBlock
 from app.links.schedule import PERMIT, Job, Priority, Schedule
 from app.links.station import Station
@@ -29,9 +29,7 @@ class Line:
         self.statistics = LinkStatistics(units={number: UnitStatistics() for number in stations})
         self.demanded: frozenset[str] = frozenset()
         self.clock = clock
-        self.on_events: OnEvents | None = None
-        self.last_seen: LastSeen | None = None
-        self.stored_up_to: StoredUpTo | None = None
+        self.events = EventTaker()
         self._tags = tags
         self._schedule = Schedule()
         self._open: set[int] = set()

@@ -10,22 +10,21 @@ from itertools import count
 from typing import cast
 
 from app.clock import Clock
-from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, NotConnected, Refused
+from app.errors import BadAnswer, ConfigurationError, LinkError, NoAnswer, Refused
 from app.links.contract import Block, Exchange, Transport
-from app.links.host_event import LastSeen, OnEvents, StoredUpTo
+from app.links.host_event import EventTaker
+from app.links.machines import Machines, by_unit, wiring
 from app.links.mailbox import MailboxUnit
-from app.links.orders import merged
 from app.links.plc import TORN_TRIES, PlcUnit
 from app.links.runner import LinkRunner
 from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Priority
-from app.links.services import SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkState, LinkStatistics
 from app.links.statistics import statistic_names as statistic_names
 from app.links.transports import TRANSPORTS
-from app.plant.definitions import Equipment, Link, Point, Register
-from app.registers.codec import encode
+from app.links.writes import Writes
+from app.plant.definitions import Equipment, Link
 from app.registers.pdu import WRITE_MULTIPLE, WRITE_SINGLE
 from app.registers.plc_map import Answer, Request
 from app.tags.database import TagDatabase
@@ -61,13 +60,14 @@ class RegisterLink:
                 raise ConfigurationError(f"{item.id}.unit = {item.unit}: expected 1 to 247")
         self.link = link
         self.name = link.name
-        self._equipment = {item.id: item for item in equipment}
+        self._machines = Machines(link.name, equipment)
         self._demands: dict[object, frozenset[str]] = {}
         self._numbers = count()
-        stations = {unit: self._station(unit, items) for unit, items in _by_unit(equipment).items()}
+        stations = {unit: self._station(unit, items) for unit, items in by_unit(equipment).items()}
         self._runner = LinkRunner(
             link, stations, tags, clock, lambda: cast(Transport, transport(link, exchange)), _lanes(link, equipment)
         )
+        self._writes = Writes(self._runner, self._machines)
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -90,45 +90,19 @@ class RegisterLink:
         return self._runner.stations
 
     @property
-    def on_events(self) -> OnEvents | None:
-        """Takes the events of Pogon PLCs, in order, with the number that was lost before them.
-
-        What it raises means that they are handed over again. They are acknowledged to the device when `stored_up_to` says so, without
-        that as soon as it has returned. While it is None the rings are not read.
-        """
-        return self._runner.on_events
-
-    @on_events.setter
-    def on_events(self, take: OnEvents | None) -> None:
-        self._runner.on_events = take
-
-    @property
-    def last_seen(self) -> LastSeen | None:
-        """Tells (boot, sequence) of the last event that was taken of a machine; without it the device's own acknowledgement counts."""
-        return self._runner.last_seen
-
-    @last_seen.setter
-    def last_seen(self, tell: LastSeen | None) -> None:
-        self._runner.last_seen = tell
-
-    @property
-    def stored_up_to(self) -> StoredUpTo | None:
-        """Tells the last event of a machine that is stored: no later one is acknowledged to the device."""
-        return self._runner.stored_up_to
-
-    @stored_up_to.setter
-    def stored_up_to(self, tell: StoredUpTo | None) -> None:
-        self._runner.stored_up_to = tell
+    def events(self) -> EventTaker:
+        """Who takes the events of its Pogon PLCs."""
+        return self._runner.events
 
     def only_here(self, equipment: str) -> int:
         """Events of a machine that are stored nowhere and that its ring has overwritten."""
-        item = self._equipment.get(equipment)
+        item = self._machines.get(equipment)
         plc = self._runner.stations[item.unit].service(PlcUnit) if item is not None else None
         return plc.events.only_here if plc is not None else 0
 
     def halted(self, equipment: str) -> bool:
         """Whether the program behind a machine stands still while its unit answers; of several on a unit the first one tells."""
-        item = self._equipment.get(equipment)
+        item = self._machines.get(equipment)
         station = self._runner.stations.get(item.unit) if item is not None else None
         up = station is not None and station.state is LinkState.UP and station.equipment[0].id == equipment
         return up and station is not None and station.halted
@@ -139,7 +113,7 @@ class RegisterLink:
 
     def fits(self, equipment: Sequence[Equipment]) -> bool:
         """Whether `renew` could take these machines; else the link is to be built anew."""
-        return _lanes(self.link, equipment) == _lanes(self.link, list(self._equipment.values()))
+        return _lanes(self.link, equipment) == _lanes(self.link, self._machines.all)
 
     def prepare(self, equipment: Sequence[Equipment]) -> dict[int, Station]:
         """What reads these machines, by unit, for `renew`. A unit whose registers stay as they are keeps what reads it.
@@ -147,9 +121,9 @@ class RegisterLink:
         Nothing of what runs is touched: this may be done in a thread. Their units were checked by the plant file.
         """
         stations: dict[int, Station] = {}
-        for unit, items in _by_unit(equipment).items():
+        for unit, items in by_unit(equipment).items():
             before = self._runner.stations.get(unit)
-            stays = before is not None and _wiring(before.equipment) == _wiring(items)
+            stays = before is not None and wiring(before.equipment) == wiring(items)
             stations[unit] = before if before is not None and stays else self._station(unit, items)
         return stations
 
@@ -159,9 +133,9 @@ class RegisterLink:
         Call it after the tag database was configured for them.
         """
         stations = self.prepare(equipment) if stations is None else stations
-        for unit, items in _by_unit(equipment).items():
+        for unit, items in by_unit(equipment).items():
             stations[unit].equipment = items
-        self._equipment = {item.id: item for item in equipment}
+        self._machines.take(equipment)
         self._runner.change(stations)
 
     async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> int:
@@ -176,20 +150,7 @@ class RegisterLink:
             Refused: `command.writes_off`: the plant file does not allow writes.
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
-        item = self._equipment_named(equipment)
-        name, register, words = self._encoded(item, point, value)
-        station = self._runner.stations[item.unit]
-        service = next((each for each in station.services if each.takes(register)), None)
-        if service is not None:
-            self._check_writable(station, urgent=urgent)
-            return await service.write([(name, register, words)])
-        function = self._write_function(station, name, words)
-        self._check_writable(station, urgent=urgent)
-        if register.mask is not None and register.readable:
-            words = await self._merged(station, register, words)
-        await self._send(item.unit, register.address, words, function, urgent=urgent)
-        self._runner.written(station, register.address, len(words))
-        return 0
+        return await self._writes.write(equipment, point, value, urgent=urgent)
 
     def together(self, equipment: str, points: Sequence[str]) -> list[list[str]]:
         """`points` (keys) in the groups that the device takes all or none, in the order of their first; a register by itself is one.
@@ -197,14 +158,7 @@ class RegisterLink:
         Raises:
             LinkError: no such machine or point.
         """
-        item = self._equipment_named(equipment)
-        services = self._runner.stations[item.unit].services
-        groups: dict[object, list[str]] = {}
-        for key in points:
-            register = self._point_named(item, key).register
-            service = next((each for each in services if register is not None and each.takes(register)), None)
-            groups.setdefault(key if service is None else id(service), []).append(key)
-        return list(groups.values())
+        return self._writes.together(equipment, points)
 
     async def write_set(self, equipment: str, values: Mapping[str, float]) -> int:
         """Have the device take the points of one group of `together` at once; otherwise as `write`, and returns the same.
@@ -213,17 +167,7 @@ class RegisterLink:
             Rejected: the device took none of them, with its own reason.
             Refused, LinkError: as `write`.
         """
-        if len(values) == 1:
-            for point, value in values.items():
-                return await self.write(equipment, point, value)
-        item = self._equipment_named(equipment)
-        writes = [self._encoded(item, point, value) for point, value in values.items()]
-        station = self._runner.stations[item.unit]
-        service = next((each for each in station.services if all(each.takes(one[1]) for one in writes)), None)
-        if service is None:
-            raise LinkError(f"{item.id}: {', '.join(values)} are not taken as one set")
-        self._check_writable(station, urgent=False)
-        return await service.write(writes)
+        return await self._writes.write_set(equipment, values)
 
     async def order(
         self,
@@ -246,7 +190,7 @@ class RegisterLink:
             LinkError: it did not arrive, or nobody knows (NoAnswer). It is never sent again by itself.
         """
         station, plc = self._plc_of(equipment)
-        self._check_writable(station, urgent=urgent)
+        self._writes.check(station, urgent=urgent)
         return await plc.orders.order(Request(code, owner, expected, tuple(arguments), request), urgent=urgent)
 
     async def answer(self, equipment: str, id: int) -> Answer | None:
@@ -270,7 +214,7 @@ class RegisterLink:
             LinkError: it was not accepted, or nobody knows (NoAnswer).
         """
         station, plc = self._plc_of(equipment)
-        self._check_writable(station, urgent=urgent or not bits)
+        self._writes.check(station, urgent=urgent or not bits)
         await plc.orders.hold(bits, counter, argument, urgent=urgent)
 
     def parameters(self, equipment: str) -> MailboxUnit:
@@ -279,7 +223,7 @@ class RegisterLink:
         Raises:
             LinkError: no such machine, or it has no mailbox.
         """
-        item = self._equipment_named(equipment)
+        item = self._machines.named(equipment)
         unit = self._runner.stations[item.unit].service(MailboxUnit)
         if unit is None:
             raise LinkError(f"{equipment} has no parameter mailbox: its type {item.type.name} is none with one")
@@ -291,8 +235,8 @@ class RegisterLink:
         Raises:
             LinkError: a block was not answered, or the device has no such register.
         """
-        item = self._equipment_named(equipment)
-        names = {self._point_named(item, key).name for key in points}
+        item = self._machines.named(equipment)
+        names = {self._machines.point(item, key).name for key in points}
         station = self._runner.stations[item.unit]
         if station.state is LinkState.DOWN and self._runner.connected:
             raise NoAnswer(f"link {self.name}: unit {item.unit} is silent")
@@ -327,7 +271,7 @@ class RegisterLink:
         if not self.link.may_write:
             raise Refused("command.writes_off", link=self.name)
         function = WRITE_SINGLE if len(words) == 1 else WRITE_MULTIPLE
-        await self._send(unit, address, words, function, liveness=not self._is_training(unit, address))
+        await self._writes.send(unit, address, words, function, liveness=not self._is_training(unit, address))
         self._runner.nudge(unit)
 
     def demand(self, who: object, points: Iterable[str]) -> None:
@@ -342,7 +286,7 @@ class RegisterLink:
 
     def words(self, name: str) -> Sequence[int] | None:
         """Raw words of the point `name` (`equipment.point`) as last read; None while there are none."""
-        item = self._equipment.get(name.partition(".")[0])
+        item = self._machines.get(name.partition(".")[0])
         if item is None:
             return None
         for block in self._runner.stations[item.unit].covering([name]):
@@ -358,16 +302,6 @@ class RegisterLink:
         station.plan()
         return station
 
-    def _encoded(self, item: Equipment, point: str, value: float) -> SetWrite:
-        definition = self._point_named(item, point)
-        register = definition.register
-        if register is None or not register.writable:
-            raise LinkError(f"{definition.name} cannot be written: it is read only")
-        try:
-            return definition.name, register, encode(register, value)
-        except ValueError as error:
-            raise LinkError(f"{definition.name}: {error}") from error
-
     async def _refresh(self, station: Station, block: ScanBlock) -> None:
         for more in range(TORN_TRIES if block.part else 1, -1, -1):
             try:
@@ -378,51 +312,8 @@ class RegisterLink:
                     raise
                 self.statistics.retries += 1
 
-    async def _send(
-        self,
-        unit: int,
-        address: int,
-        words: Sequence[int],
-        function: int,
-        *,
-        urgent: bool = False,
-        liveness: bool = True,
-    ) -> None:
-        job = self._runner.job(unit, liveness=liveness)
-        job.address, job.words, job.function, job.urgent = address, tuple(words), function, urgent
-        await self._runner.ask(job, Priority.URGENT if urgent else Priority.WRITE)
-
-    async def _merged(self, station: Station, register: Register, words: Sequence[int]) -> list[int]:
-        """`words` with the bits of the register that belong to others as they are now."""
-        block = Block(register.address, register.words, 3)
-        now = await self._runner.ask(self._runner.job(station.number, block), Priority.WRITE)
-        return merged(register, now, words)
-
-    def _check_writable(self, station: Station, *, urgent: bool) -> None:
-        if not self._runner.connected:
-            raise NotConnected(f"link {self.name}: not connected ({self.statistics.last_error_text or 'not yet'})")
-        if station.state is LinkState.CONFIGURATION:
-            raise LinkError(f"link {self.name}: unit {station.number} is not the device of the plant file")
-        if station.state is not LinkState.UP and not (urgent and station.may_write):
-            raise NoAnswer(f"link {self.name}: unit {station.number} is silent")
-        if not station.may_write:
-            raise Refused("command.writes_off", link=self.name)
-        if station.halted and not urgent:
-            raise Refused("why.program_halted", link=self.name)
-
-    def _write_function(self, station: Station, name: str, words: Sequence[int]) -> int:
-        device = station.device
-        if len(words) == 1 and WRITE_SINGLE in device.write_functions:
-            return WRITE_SINGLE
-        if WRITE_MULTIPLE in device.write_functions and len(words) <= max(1, device.max_write):
-            return WRITE_MULTIPLE
-        raise LinkError(
-            f"{name}: {len(words)} words cannot be written with functions {list(device.write_functions)}, "
-            f"at most {device.max_write} at once"
-        )
-
     def _plc_of(self, equipment: str) -> tuple[Station, PlcUnit]:
-        item = self._equipment_named(equipment)
+        item = self._machines.named(equipment)
         station = self._runner.stations[item.unit]
         plc = station.service(PlcUnit)
         if plc is None:
@@ -433,33 +324,9 @@ class RegisterLink:
         station = self._runner.stations.get(unit)
         return address >= (station.device.training if station else 0xE000)
 
-    def _equipment_named(self, name: str) -> Equipment:
-        try:
-            return self._equipment[name]
-        except KeyError:
-            raise LinkError(f"link {self.name}: no equipment {name}, expected one of {list(self._equipment)}") from None
-
-    def _point_named(self, item: Equipment, key: str) -> Point:
-        try:
-            return item.points[key]
-        except KeyError:
-            raise LinkError(f"{item.id} has no point {key}") from None
-
-
-def _by_unit(equipment: Iterable[Equipment]) -> dict[int, list[Equipment]]:
-    found: dict[int, list[Equipment]] = {}
-    for item in sorted(equipment, key=lambda item: item.unit):
-        found.setdefault(item.unit, []).append(item)
-    return found
-
 
 def _lanes(link: Link, equipment: Sequence[Equipment]) -> int:
     """Connections that the machines on a link allow."""
     if not TRANSPORTS[link.transport].parallel:
         return 1
     return max(1, min((item.type.device.connections for item in equipment), default=1))
-
-
-def _wiring(equipment: Iterable[Equipment]) -> list[object]:
-    """All of these machines that matters to who reads them."""
-    return [(item.id, item.type.name, item.type.device, dict(item.points), dict(item.tables)) for item in equipment]

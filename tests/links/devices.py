@@ -12,10 +12,15 @@ from app.plant.definitions import Device, Equipment, EquipmentType, Link, Point,
 from app.registers.pdu import Request
 from app.sim.bus import Bus
 from app.sim.plant import exchange
+from app.sim.server import TcpServer
 from app.sim.training import LineFault
 from app.tags.batch import Batch
 from app.tags.database import Tag, TagDatabase
+from app.tags.quality import Origin
 from tests.virtual import loop_clock
+
+SIMULATED = int(Origin.SIMULATED)
+QUICK = Device(timeout=0.1, fast=0.02, slow=0.1)
 
 
 class RegisterDevice:
@@ -144,3 +149,22 @@ async def until(true: Callable[[], object], limit: float = 30.0) -> float:
 
 
 Answer = Callable[[int, bytes], Awaitable[bytes | None]]
+
+
+def tcp_link(server: TcpServer, **options: object) -> Link:
+    return Link("hall", "tcp", host="127.0.0.1", tcp_port=server.address[1], **options)  # type: ignore[arg-type]
+
+
+async def serving(bus: Bus, port: int = 0) -> TcpServer:
+    server = TcpServer(bus)
+    await server.start("127.0.0.1", port)
+    return server
+
+
+def writable(device: Device = QUICK, unit: int = 1) -> list[object]:
+    return [
+        point("m", "speed", 0),
+        point("m", "command", 0x20, readable=False, writable=True),
+        point("m", "setpoint", 1, Scan.ONCE, writable=True, scale=0.01),
+        point("m", "flags", 2, mask=0xF, shift=4, writable=True),
+    ]

@@ -54,9 +54,9 @@ async def followed(
     device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[Mark | None, ...] = ()
 ) -> AsyncIterator[tuple[Line, FaultyBus]]:
     async with plant(device, kind, start=False) as (line, bus):
-        line.link.on_events = taker
+        line.link.events.take = taker
         if last:
-            line.link.last_seen = lambda equipment: last
+            line.link.events.last_seen = lambda equipment: last
         task = asyncio.create_task(line.link.run())
         try:
             yield line, bus
@@ -371,7 +371,7 @@ async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
         line.link.renew([small()])
         device.event(2)
         await until(lambda: taker.codes == [1, 2])
-        line.link.last_seen = lambda equipment: [Mark(1, 0, 0)]  # would begin anew
+        line.link.events.last_seen = lambda equipment: [Mark(1, 0, 0)]  # would begin anew
         line.link.renew([small(slots=10)])
         device.event(3)
         await until(lambda: taker.codes == [1, 2, 3])
@@ -397,7 +397,7 @@ async def test_only_what_is_stored_is_acknowledged_and_what_is_left_of_it_is_cou
     device, taker = SmallPlc(), Taker()
     stored: dict[str, Mark | None] = {"p": None}
     async with followed(device, taker) as (line, _):
-        line.link.stored_up_to = lambda equipment: stored[equipment.id]
+        line.link.events.stored_up_to = lambda equipment: stored[equipment.id]
         await until(lambda: line.value("p.state") == 1)
         for code in range(1, 6):
             device.event(code)
@@ -423,7 +423,7 @@ async def test_a_mark_of_the_ring_before_acknowledges_nothing_of_the_next_one() 
     device, taker = SmallPlc(), Taker()
     stored: dict[str, Mark | None] = {"p": None}
     async with followed(device, taker) as (line, _):
-        line.link.stored_up_to = lambda equipment: stored[equipment.id]
+        line.link.events.stored_up_to = lambda equipment: stored[equipment.id]
         await until(lambda: line.value("p.state") == 1)
         for code in range(1, 11):
             device.event(code)
