@@ -8,8 +8,8 @@ without a valid answer makes the command *unknown*: the machine is read again, a
 leaves one line in the audit trail when it is over, refused ones too, and one before its telegram leaves; a question back to the person
 (`Question`) is not a command yet.
 
-The parts, in the order of that way: `admission` (who may ask), `checks` (what must be true now), `sending` (telegrams), `following` (what
-became of them), `motion` (what lasts as long as a button is held); `state` is what they share.
+The parts, in the order of that way: `execution` (each order once), `admission` (who may ask), `checks` (what must be true now), `sending`
+(telegrams), `following` (what became of them), `motion` (what lasts as long as a button is held); `command_state` is what they share.
 
 F113 of an E800 is written to EEPROM and RAM unless 0x2001 = 4 was written before; a command whose data lists that write first has it
 sent first. Nothing here knows an equipment type.
@@ -25,19 +25,18 @@ from app.clock import Clock
 from app.commands import interlocks, value_set
 from app.commands.admission import Admission
 from app.commands.command_state import CommandState, machines_of
+from app.commands.execution import Execution
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.machine import Machine
 from app.commands.motion import HeldMotion
-from app.commands.nonce import Once
 from app.commands.open_commands import OpenCommand
-from app.commands.orders import LONGEST_REASON, Audit, Foretell, Order, Writer, foretell_nothing
+from app.commands.orders import Audit, Foretell, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
 from app.commands.sending import Sending
 from app.commands.set_follow_up import SetFollowUp
 from app.commands.sets import Sets
-from app.errors import Refused
 from app.plant.definitions import Condition, Plant
 from app.tags.database import TagDatabase
 
@@ -76,12 +75,12 @@ class Gate:
         self._sending = Sending(state)
         self._follow_up = SetFollowUp(state)
         self._sets = Sets(state, self._follow_up)
+        self._execution = Execution(state, self._admission, self._sending, self._sets)
         self._motion = HeldMotion(state, self._admission, self._sending)
         self._following = Following(state, self._sending, self._motion)
         self.control = state.control
         self.hold = state.hold
         self.nonces = self._admission.nonces
-        self._once: Once[Progress] = Once(clock)
         self._looked = float("-inf")
 
     @property
@@ -135,7 +134,7 @@ class Gate:
             person, equipment, command, argument, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
             language, self._state.clock.micros(), arguments,
         )  # fmt: skip
-        return await self._admit(order, lambda machine: machine.commands.get(command))
+        return await self._execution.take(order, lambda machine: machine.commands.get(command))
 
     async def set_value(
         self,
@@ -158,7 +157,7 @@ class Gate:
             person, equipment, setpoint, value, id or chance.token_hex(16), nonce, expected, confirmed, proven, reason, address,
             language, self._state.clock.micros(),
         )  # fmt: skip
-        return await self._admit(order, lambda machine: machine.setpoints.get(setpoint))
+        return await self._execution.take(order, lambda machine: machine.setpoints.get(setpoint))
 
     async def set_values(
         self,
@@ -181,7 +180,7 @@ class Gate:
             person, equipment, value_set.KEY, None, id or chance.token_hex(16), nonce, None, confirmed, proven, reason, address,
             language, self._state.clock.micros(), dict(values), dict(seen),
         )  # fmt: skip
-        return await self._admit(order, lambda machine: _parts(machine, values))
+        return await self._execution.take(order, lambda machine: _parts(machine, values))
 
     def take_open_sets(self, sets: Iterable[Progress]) -> None:
         """Tell that these sets of a former run may be half written, and what is found of them as soon as it can be read."""
@@ -298,59 +297,6 @@ class Gate:
         for task in list(self._state.tasks):
             task.cancel()
         await asyncio.gather(*self._state.tasks, return_exceptions=True)
-
-    async def _admit(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
-        machine = self._state.machines.get(order.equipment)
-        prepared = choose(machine) if machine else None
-        known, stop = self._once.known(order.id), prepared is not None and prepared.command.stop
-        if not stop and not known and not self._admission.within_rate(order, prepared):
-            raise Refused("why.rate", 429)
-        if machine is None or prepared is None:
-            refusal = Refused("why.no_such_command", 404, equipment=order.equipment, command=order.key)
-            self._admission.note_refusal(order, None, refusal)
-            raise refusal
-        if prepared.command.hold:
-            refusal = Refused("why.hold_only", 409)
-            self._admission.note_refusal(order, prepared, refusal)
-            raise refusal
-        if prepared.command.stop:
-            return await asyncio.shield(self._state.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
-        if len(order.reason) > LONGEST_REASON:
-            raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
-        owner = "" if order.person is None else f"{order.person.id} {order.person.session}"
-        try:
-            return await self._once.run(
-                order.id,
-                owner,
-                lambda: self._carry_out(order, prepared),
-                keep=lambda refusal: not isinstance(refusal, Question),
-            )
-        except Refused as refusal:
-            if refusal.reason == "why.replayed":
-                self._admission.note_refusal(order, prepared, refusal)
-            raise
-
-    async def _carry_out(self, order: Order, prepared: Prepared) -> Progress:
-        try:
-            if not prepared.command.stop:
-                self._admission.check_person(order, prepared)
-                await self._state.checks.renew(self._state.machines[order.equipment], prepared)
-            machine = self._state.machines[order.equipment]
-            if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
-                return machine.job.progress  # the second click of a double click
-            plan = self._state.checks.task(order, machine, prepared)
-        except Question:
-            raise
-        except Refused as refusal:
-            self._admission.note_refusal(order, prepared, refusal)
-            raise
-        except KeyError as error:  # the machine went with a reload while it was read
-            gone = Refused("why.reloaded", 409)
-            self._admission.note_refusal(order, prepared, gone)
-            raise gone from error
-        if prepared.parts:
-            return await self._sets.send(order, machine, prepared, plan)
-        return await self._sending.send(order, machine, prepared, plan)
 
 
 def _parts(machine: Machine, values: Mapping[str, object]) -> Prepared | None:

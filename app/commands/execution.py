@@ -1,0 +1,81 @@
+"""How an order is carried out: once, however often its button was pressed; judged right before it is sent."""
+
+import asyncio
+from collections.abc import Callable
+
+from app.commands.admission import Admission
+from app.commands.command_state import CommandState
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress
+from app.commands.machine import Machine
+from app.commands.nonce import Once
+from app.commands.orders import LONGEST_REASON, Order, Question
+from app.commands.sending import Sending
+from app.commands.sets import Sets
+from app.errors import Refused
+
+
+class Execution:
+    """Takes orders to the telegrams of `sending` and `sets`."""
+
+    def __init__(self, state: CommandState, admission: Admission, sending: Sending, sets: Sets) -> None:
+        self._state, self._admission, self._sending, self._sets = state, admission, sending, sets
+        self._once: Once[Progress] = Once(state.clock)
+
+    async def take(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
+        """Carry out `order`; `choose` finds what it asks for. A second one with the same id gets the first one's result.
+
+        Raises:
+            Question, Refused: as `Gate.ask`.
+        """
+        machine = self._state.machines.get(order.equipment)
+        prepared = choose(machine) if machine else None
+        known, stop = self._once.known(order.id), prepared is not None and prepared.command.stop
+        if not stop and not known and not self._admission.within_rate(order, prepared):
+            raise Refused("why.rate", 429)
+        if machine is None or prepared is None:
+            refusal = Refused("why.no_such_command", 404, equipment=order.equipment, command=order.key)
+            self._admission.note_refusal(order, None, refusal)
+            raise refusal
+        if prepared.command.hold:
+            refusal = Refused("why.hold_only", 409)
+            self._admission.note_refusal(order, prepared, refusal)
+            raise refusal
+        if prepared.command.stop:
+            return await asyncio.shield(self._state.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
+        if len(order.reason) > LONGEST_REASON:
+            raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
+        owner = "" if order.person is None else f"{order.person.id} {order.person.session}"
+        try:
+            return await self._once.run(
+                order.id,
+                owner,
+                lambda: self._carry_out(order, prepared),
+                keep=lambda refusal: not isinstance(refusal, Question),
+            )
+        except Refused as refusal:
+            if refusal.reason == "why.replayed":
+                self._admission.note_refusal(order, prepared, refusal)
+            raise
+
+    async def _carry_out(self, order: Order, prepared: Prepared) -> Progress:
+        try:
+            if not prepared.command.stop:
+                self._admission.check_person(order, prepared)
+                await self._state.checks.renew(self._state.machines[order.equipment], prepared)
+            machine = self._state.machines[order.equipment]
+            if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
+                return machine.job.progress  # the second click of a double click
+            plan = self._state.checks.task(order, machine, prepared)
+        except Question:
+            raise
+        except Refused as refusal:
+            self._admission.note_refusal(order, prepared, refusal)
+            raise
+        except KeyError as error:  # the machine went with a reload while it was read
+            gone = Refused("why.reloaded", 409)
+            self._admission.note_refusal(order, prepared, gone)
+            raise gone from error
+        if prepared.parts:
+            return await self._sets.send(order, machine, prepared, plan)
+        return await self._sending.send(order, machine, prepared, plan)
