@@ -43,6 +43,7 @@ from app.running.next_plant import (
     stations_of,
 )
 from app.running.plant_files import PlantFiles
+from app.running.plant_tasks import PlantTasks
 from app.running.revisions import Revisions
 from app.running.ring_events import RingEvents
 from app.running.session_watch import SessionWatch
@@ -58,9 +59,6 @@ from app.threads import Threads, threads
 
 log = logging.getLogger(__name__)
 
-PLANT_TASKS = ("simulation", "retained", "commands")
-"""Tasks that there are only while there is a plant; beside them one for each link."""
-
 
 class Runtime:
     """One running plant: read, connected, watched, until `stop`."""
@@ -73,6 +71,7 @@ class Runtime:
         self.live = Live(self.tags, self.clock, settings.push_period)
         self.texts = Texts.read()
         self.supervisor = Supervisor(lambda task: tell_of_task(self.alarms, task))
+        self._tasks = PlantTasks(self.supervisor)
         self.plant: Plant | None = None
         self.problems: list[Problem] = []
         """What was wrong with the plant files when they were taken."""
@@ -209,14 +208,14 @@ class Runtime:
         parts = await asyncio.to_thread(parts_of, plant, self.texts, list(plant.links), self.alarms)
         await self.derived.restore(derivation)
         self.derived.take(derivation)
-        self.supervisor.start("retained", self.derived.run)
+        self._tasks.retain(self.derived.run)
         self.links.update(next_links({}, plant, self.sim.buses if self.sim else {}, self._link))
         self._configure(parts)
         await self.alarms.look_in_turns()
         self.gate = self._make_gate(parts.machines)
         await self.command_ends.resume(self.gate, plant)
-        self.supervisor.start("commands", self.gate.run)
-        self._keep_running()
+        self._tasks.follow_commands(self.gate.run)
+        self._tasks.run(self.sim, self.links)
         await self.modbus.open(self.sim)
 
     def _make_gate(self, machines: Mapping[str, Machine]) -> Gate:
@@ -272,10 +271,9 @@ class Runtime:
             await self._start_first(plant)
             return
         new = await self._prepare(old, plant)
-        for name in [name for name, link in self.links.items() if new.links.get(name) is not link]:
-            await self.supervisor.end(f"link.{name}")
+        await self._tasks.end_links(self.links, new.links)
         if new.sim is not self.sim:
-            await self.supervisor.end("simulation")
+            await self._tasks.end_simulation()
         former = self._as_it_runs(old)
         try:
             self._exchange_plant(new, person)
@@ -289,7 +287,7 @@ class Runtime:
             self.alarms.look()
             raise
         finally:
-            self._keep_running()
+            self._tasks.run(self.sim, self.links)
         try:
             await self.modbus.open(self.sim)
         except ConfigurationError as error:
@@ -300,8 +298,7 @@ class Runtime:
         try:
             await self._start_plant(plant)
         except Exception:
-            for name in [name for name in self.supervisor.tasks if name.startswith("link.") or name in PLANT_TASKS]:
-                await self.supervisor.end(name)
+            await self._tasks.end()
             self.plant = self.sim = self.gate = None
             self.derived.take(None)
             self.links.clear()
@@ -353,14 +350,6 @@ class Runtime:
         self.modbus.follow(new.sim)
         for name in gone:
             self.alarms.system.report("link_down", active=False, params={"link": name})
-
-    def _keep_running(self) -> None:
-        """The simulation and every link have a task."""
-        if self.sim is not None and "simulation" not in self.supervisor.tasks:
-            self.supervisor.start("simulation", self.sim.run)
-        for name, link in self.links.items():
-            if f"link.{name}" not in self.supervisor.tasks:
-                self.supervisor.start(f"link.{name}", link.run)
 
     @property
     def simulated(self) -> bool:
