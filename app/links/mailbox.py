@@ -12,7 +12,6 @@ telegram has a place of its own on the line, so values are scanned while a drive
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from app import chance
@@ -22,15 +21,13 @@ from app.errors import (
     LinkError,
     MailboxRefused,
     NoAnswer,
-    NotConnected,
     Overtaken,
     Refused,
     TelegramError,
 )
 from app.links.bus_access import BusAccess
-from app.links.contract import Block, LateAnswerDue
+from app.links.mailbox_registers import FIRST_LOOK, LAST_LOOK, MailboxRegisters, NoResult
 from app.links.scan_block import ScanBlock
-from app.links.schedule import Priority
 from app.links.services import Seen, Service, SetWrite
 from app.links.station import Station
 from app.links.statistics import LinkState
@@ -51,12 +48,9 @@ from app.profidrive.parameter_access.messages import (
     results_of,
 )
 from app.profidrive.parameter_access.split import ERROR_BLOCK, Part, change_parts, halves, joined, read_parts
-from app.registers.pdu import SERVER_FAILURE, WRITE_MULTIPLE
 
 log = logging.getLogger(__name__)
 
-FIRST_LOOK, LAST_LOOK = 0.02, 0.16
-"""Pauses between looks whether the answer is there [s], doubling."""
 BUSY_PAUSE, LONGEST_BUSY_PAUSE = 0.05, 0.4
 """Before a drive that is busy is asked again [s], doubling."""
 BUSY_TRIES = 20
@@ -64,8 +58,6 @@ READ_TRIES = 3
 """Of a read without an answer."""
 FOREIGN = 0.5
 """What carries another reference for so long is what another master asked for after us [s]."""
-SHORT = 10
-"""Words that are looked at in one telegram on a serial line, if the answer is no longer."""
 AGAIN = (NoAnswer, BadAnswer, Overtaken)
 """After these a read is asked again, and a change that was never sent; but a Stop ends a change."""
 SERVER_BUSY = 6
@@ -95,8 +87,7 @@ class MailboxUnit:
         self._station = station
         self._turn = asyncio.Lock()
         self._reference = chance.randrange(0, LAST_REFERENCE)
-        self._open = False
-        """A request was sent whose answer did not come: the drive may still be at it."""
+        self._registers = MailboxRegisters(bus, station, map)
         self.waiting = 0
         """How many wait for their turn, or have it."""
 
@@ -112,7 +103,7 @@ class MailboxUnit:
     def adopt(self, before: Service) -> None:
         """The plant file has changed around the same drive: what waits goes on in the same queue."""
         if isinstance(before, MailboxUnit):
-            self._turn, self._reference, self._open = before._turn, before._reference, True
+            self._turn, self._reference, self._registers.open = before._turn, before._reference, True
 
     async def end(self) -> None:
         """The link ends; whoever waits hears it from their telegrams."""
@@ -201,7 +192,7 @@ class MailboxUnit:
             else:
                 try:
                     results = await self._asked(drive_object, parts, formats)
-                except _Untold as untold:
+                except NoResult as untold:
                     failure = untold.error
                     results = [Missed(failure, sent=untold.sent)] * len(parts)
             for part, result in zip(parts, results, strict=True):
@@ -232,7 +223,7 @@ class MailboxUnit:
         """One request and its answer.
 
         Raises:
-            _Untold: the drive told nothing.
+            NoResult: the drive told nothing.
         """
         changes = parts[0].values is not None
         bound = HEADER if changes else HEADER + sum(_bound(part, formats) for part in parts)
@@ -246,7 +237,7 @@ class MailboxUnit:
                     request = self._request(drive_object, parts, self._next_reference())
                     try:
                         return await self._transaction(request, bound)
-                    except _Untold as untold:
+                    except NoResult as untold:
                         error, sent = untold.error, untold.sent
                         if changes and (sent or isinstance(error, Overtaken)):
                             raise
@@ -259,31 +250,31 @@ class MailboxUnit:
                     pause = min(2 * pause, LONGEST_BUSY_PAUSE)
         finally:
             self.waiting -= 1
-        raise _Untold(error, sent)
+        raise NoResult(error, sent)
 
     async def _transaction(self, request: Request, bound: int) -> Sequence[Result]:
         """Write the request, look until its answer is there, take it."""
         self._check_up()
         loop = asyncio.get_running_loop()
-        if self._open:
-            await self._until_free(loop.time() + self.map.timeout)
+        if self._registers.open:
+            await self._registers.until_free(loop.time() + self.map.timeout)
         sent, ended = False, loop.time() + self.map.timeout
         try:
-            sent = await self._send(encode_request(request))
+            sent = await self._registers.write(encode_request(request))
             pause, odd = FIRST_LOOK, 0.0
             while True:
                 await asyncio.sleep(pause)
                 pause = min(2 * pause, LAST_LOOK)
                 wrong: LinkError | None = None
                 try:
-                    words, said = await self._look(bound)
+                    words, said = await self._registers.look(bound)
                     if said.done and not said.error and said.reference == request.reference:
-                        words = await self._whole(words, said)
+                        words = await self._registers.whole(words, said)
                         results = results_of(request, decode_answer(mailbox.data_of(words, said.length)))
-                        self._open = False
+                        self._registers.open = False
                         return results
                     if said.done and said.error:
-                        self._open = False
+                        self._registers.open = False
                         sent = said.error == MailboxError.INTERNAL  # the others say that it was not done
                         raise MailboxRefused(f"unit {self._station.number}", said.error)
                     if said.done:
@@ -303,93 +294,7 @@ class MailboxUnit:
                     what = f"no answer to request {request.reference} in the mailbox in {self.map.timeout:g} s"
                     raise wrong or NoAnswer(f"unit {self._station.number}: {what}")
         except LinkError as error:
-            raise _Untold(error, sent) from error
-
-    async def _send(self, data: bytes) -> bool:
-        """Write the request into the mailbox; True when it may have arrived.
-
-        Raises:
-            LinkError: it did not.
-        """
-        words = list(mailbox.request_words(data))
-        while True:
-            job = self._bus.job(self._station.number)
-            job.address, job.words, job.function = self.map.address, tuple(words), WRITE_MULTIPLE
-            try:
-                await self._bus.ask(job, Priority.WRITE)
-            except LateAnswerDue as due:  # a longer telegram cannot be taken for the earlier one
-                if len(words) < mailbox.WORDS:
-                    words.append(0)
-                else:
-                    await asyncio.sleep(due.wait)
-                continue
-            except DeviceException as error:
-                raise await self._explained(error) from error
-            except (NoAnswer, BadAnswer):
-                if not job.sent:
-                    raise
-            except NotConnected as error:
-                self._open = self._open or job.sent
-                raise _Untold(error, job.sent) from error
-            self._open = True
-            return True
-
-    async def _explained(self, error: DeviceException) -> DeviceException:
-        """The refusal with the number that the drive keeps for it."""
-        if error.code != SERVER_FAILURE or not self.map.error:
-            return error
-        with suppress(LinkError):
-            number = (await self._read(self.map.error, 1))[0]
-            return DeviceException(
-                error.code, f"unit {self._station.number}: mailbox refused, last access error {number}"
-            )
-        return error
-
-    async def _look(self, bound: int) -> tuple[list[int], mailbox.Look]:
-        """How far the request is; with it as much of the answer as is worth it."""
-        count = mailbox.WORDS
-        if self._station.link.transport == "rtu":
-            count = mailbox.HEAD + bound // 2 if mailbox.HEAD + bound // 2 <= SHORT else mailbox.LOOK
-        words = await self._read(self.map.address, count)
-        return words, mailbox.look(words)
-
-    async def _whole(self, words: list[int], said: mailbox.Look) -> list[int]:
-        """`words` with the rest of the answer.
-
-        Raises:
-            TelegramError: meanwhile something else lies there.
-        """
-        count = mailbox.HEAD + said.length // 2
-        if len(words) >= count:
-            return words
-        whole = await self._read(self.map.address, count)
-        again = mailbox.look(whole)
-        if again != said:
-            raise TelegramError("mailbox", f"{again}", f"{said} as a moment before")
-        return whole
-
-    async def _read(self, address: int, count: int) -> list[int]:
-        """So many registers at least; more where a shorter telegram could be taken for an earlier one."""
-        while True:
-            job = self._bus.job(self._station.number, Block(address, count))
-            try:
-                return await self._bus.ask(job, Priority.REFRESH)
-            except LateAnswerDue as due:
-                if address == self.map.address and count < mailbox.WORDS:
-                    count += 1
-                else:
-                    await asyncio.sleep(due.wait)
-
-    async def _until_free(self, ended: float) -> None:
-        """Wait until the drive is no longer at the request whose answer nobody waits for; at most until `ended` [s]."""
-        loop, pause = asyncio.get_running_loop(), FIRST_LOOK
-        while loop.time() < ended:
-            with suppress(NoAnswer, BadAnswer, TelegramError, DeviceException):
-                words = await self._read(self.map.address, mailbox.LOOK)
-                if words[0] != mailbox.Control.ACTIVE:
-                    return
-            await asyncio.sleep(pause)
-            pause = min(2 * pause, LAST_LOOK)
+            raise NoResult(error, sent) from error
 
     def _request(self, drive_object: int, parts: Sequence[Part], reference: int) -> Request:
         values = tuple(part.values for part in parts if part.values is not None)
@@ -405,22 +310,13 @@ class MailboxUnit:
 
     def _check_up(self) -> None:
         """Raises:
-        _Untold: the unit is silent, or is not the device of the plant file.
+        NoResult: the unit is silent, or is not the device of the plant file.
         """
         station = self._station
         if station.state is LinkState.CONFIGURATION:
-            raise _Untold(LinkError(f"unit {station.number} is not the device of the plant file"), False)
+            raise NoResult(LinkError(f"unit {station.number} is not the device of the plant file"), False)
         if station.state is not LinkState.UP:
-            raise _Untold(NoAnswer(f"unit {station.number} is silent"), False)
-
-
-class _Untold(Exception):
-    """The drive told nothing of a request."""
-
-    def __init__(self, error: LinkError, sent: bool) -> None:
-        super().__init__(str(error))
-        self.error = error
-        self.sent = sent
+            raise NoResult(NoAnswer(f"unit {station.number} is silent"), False)
 
 
 def _bound(part: Part, formats: Sequence[Format | None]) -> int:

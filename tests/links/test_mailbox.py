@@ -9,7 +9,6 @@ import pytest
 
 from app.errors import (
     BadAnswer,
-    DeviceException,
     LinkError,
     MailboxRefused,
     NoAnswer,
@@ -24,7 +23,7 @@ from app.profidrive.parameter_access.messages import Address, Failed, Result, Va
 from app.sim.sinamics.mailbox import MailboxFault
 from tests.links.devices import Line, until
 from tests.links.mailbox_drive import AT, DEVICE, U16, U32, MailboxDrive, drive
-from tests.links.plc_devices import KINDS, FaultyBus, once, plant
+from tests.links.plc_devices import KINDS, FaultyBus, plant
 
 FIVE = [Address(n) for n in range(1, 6)]
 GOT_FIVE = [Values(U16, (n,)) for n in range(1, 6)]
@@ -119,26 +118,6 @@ async def test_two_users_never_collide(kind: str) -> None:
         assert box.waiting == 0
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("what", ["request", "answer", "late"])
-@pytest.mark.parametrize("which", [is_request, is_look])
-async def test_a_lost_or_late_telegram_changes_no_answer(kind: str, what: str, which: object) -> None:
-    device = MailboxDrive()
-    async with mailbox(device, kind) as (box, _, bus):
-        bus.fault = once(what, which)  # type: ignore[arg-type]
-        assert await box.read(2, FIVE) == GOT_FIVE
-        assert bus.spoiled == 1
-        bus.fault = once(what, which)  # type: ignore[arg-type]
-        told = await box.change(2, CHANGES)
-        if what == "request" and which is is_request:
-            assert missed(told, BadAnswer, sent=True) and not device.values  # it might still arrive
-        else:
-            assert told == [Written(), Failed(1, (0,)), Written()]
-        assert sum(request.values is not None for request in device.requests) <= 1  # never sent twice
-        await asyncio.sleep(0.5)
-        assert await box.read(2, [Address(7)]) == [Values(U16, (7,))]
-
-
 async def test_a_drive_that_is_busy_is_asked_again_but_not_for_ever() -> None:
     device = MailboxDrive()
     async with mailbox(device) as (box, _, _):
@@ -221,17 +200,6 @@ async def test_an_answer_that_gets_too_long_is_asked_for_in_pieces() -> None:
         assert told == [Values(U16, tuple(range(64))), Values(U16, (0,))]
         device._read = lambda address: Failed(0x15)  # type: ignore[method-assign]
         assert await box.read(2, [Address(1, count=3), Address(2)], [U16]) == [Failed(0x15)] * 2
-
-
-async def test_a_refusal_by_modbus_is_told_with_the_reason_that_the_drive_keeps() -> None:
-    device = MailboxDrive()
-    async with mailbox(device) as (box, _, _):
-        device.refuses = 4
-        (told,) = await box.read(2, [Address(1)])
-        assert isinstance(told, Missed) and isinstance(told.error, DeviceException) and not told.sent
-        assert "last access error 17" in str(told.error)
-        device.refuses = 6  # busy: asked again
-        assert await box.change(2, CHANGES[:1]) == [Written()]
 
 
 async def test_a_stop_ends_a_change_but_not_a_read() -> None:
