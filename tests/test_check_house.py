@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import import_circles, long_lines, named_machines
+from tools.check_house import import_circles, large_parts, long_lines, named_machines
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -108,3 +108,27 @@ def test_a_line_of_a_template_that_is_too_long_is_told(tmp_path: Path, length: i
 
 def test_no_line_of_the_templates_is() -> None:
     assert not list(long_lines(Path(__file__).resolve().parent.parent))
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (300, []),
+        (301, ["app/a/one.py:2: class Big has 301 lines, expected at most 300"]),
+        (599, ["app/a/one.py:2: class Big has 599 lines, expected at most 300"]),
+        (
+            600,
+            [
+                "app/a/one.py: 601 lines, expected at most 600",
+                "app/a/one.py:2: class Big has 600 lines, expected at most 300",
+            ],
+        ),
+    ],
+)
+def test_a_part_that_is_too_large_is_told(tmp_path: Path, lines: int, told: list[str]) -> None:
+    source = "\nclass Big:\n" + "    x = 1\n" * (lines - 1)
+    assert list(large_parts(house(tmp_path, a__one=source))) == told
+
+
+def test_no_part_of_the_house_is() -> None:
+    assert not list(large_parts(Path(__file__).parent.parent))

@@ -1,4 +1,4 @@
-"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; no line of a template is too long.
+"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; nothing is too long.
 
 A new machine is folders of its own. So no equipment type, none of its tables and no kind of its records is named in the rooms that serve
 all of them: in Python as a string or an imported module, in templates, scripts and sheets anywhere.
@@ -26,10 +26,12 @@ PACKAGES = ("app.blocks", "app.sim", "app.web.screens")
 """Of which a machine has modules."""
 LONGEST_LINE = 160
 """Of a template [characters]."""
+LONGEST_MODULE, LONGEST_CLASS = 600, 300
+"""Of the house's Python [lines]: what is longer has more than one owner's work in it."""
 
 
 def main() -> int:
-    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT)]
+    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT), *large_parts(ROOT)]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 
@@ -111,6 +113,17 @@ def long_lines(root: Path) -> Iterator[str]:
             if len(line) > LONGEST_LINE:
                 name = path.relative_to(root).as_posix()
                 yield f"{name}:{number}: {len(line)} characters, expected at most {LONGEST_LINE}"
+
+
+def large_parts(root: Path) -> Iterator[str]:
+    """Modules and classes that nobody can hold in his head."""
+    for path in sorted(root.glob("app/**/*.py")):
+        name, text = path.relative_to(root).as_posix(), path.read_text("utf-8")
+        if (lines := len(text.splitlines())) > LONGEST_MODULE:
+            yield f"{name}: {lines} lines, expected at most {LONGEST_MODULE}"
+        for node in ast.walk(ast.parse(text, str(path))):
+            if isinstance(node, ast.ClassDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_CLASS:
+                yield f"{name}:{node.lineno}: class {node.name} has {lines} lines, expected at most {LONGEST_CLASS}"
 
 
 def _after(word: str) -> str:
