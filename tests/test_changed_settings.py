@@ -11,7 +11,7 @@ from app.access.roles import Person, permissions_of
 from app.access.tokens import GRANTABLE
 from app.cli_access import terminal
 from app.settings import Settings
-from tests.test_reload import DEMO, Plant
+from tests.reloading import DEMO, Plant
 from tests.virtual import VirtualClient, house
 
 SETTINGS = {

@@ -9,17 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import cli
-from app.errors import ConfigurationError
 from app.links.contract import Block
-from app.links.inject import LINE_FAULTS, injection
-from app.links.probe import BAUDS, PARITIES, tries
 from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
 from app.sim.bus import Bus
-from app.sim.eura_e800.faults import FAULTS
 from app.sim.server import serve_pty, serve_tcp
-from app.sim.training import LINE_FAULT_MODES
 from tests.links.devices import RegisterDevice
 from tests.links.serial_slaves import rtu
 from tests.sim.test_simulate_process import simulating
@@ -43,13 +38,6 @@ async def line(baud: int = 9600) -> AsyncIterator[tuple[str, RegisterDevice]]:
         yield served.path, device
     finally:
         await served.close()
-
-
-def test_the_likely_settings_are_tried_first_and_each_once() -> None:
-    order = [str(one) for one in tries(Link("probe", "rtu", port="x"), BAUDS, PARITIES, [1])]
-    assert order[:3] == ["9600 8E1", "19200 8E1", "38400 8E1"]
-    assert order[len(BAUDS)] == "9600 8N2"
-    assert len(set(order)) == len(order) == len(BAUDS) * len(PARITIES)
 
 
 async def test_a_unit_on_a_serial_line_is_found_and_read_and_nothing_is_written() -> None:
@@ -137,17 +125,6 @@ async def test_what_makes_no_sense_is_told_and_not_tried(arguments: list[str], t
 
 
 # ---- inject --------------------------------------------------------------------------------------------------
-
-
-def test_every_line_fault_has_a_name_and_every_machine_fault_that_of_the_keypad() -> None:
-    assert sorted(LINE_FAULTS.values()) == [mode for mode in LINE_FAULT_MODES if mode]
-    names = {keypad: code for code, (keypad, _) in FAULTS.items()}
-    assert injection("oc", names).writes == ((0xE010, 4),)
-    assert injection("0x09", names).writes == injection("OH", names).writes == ((0xE010, 9),)
-    assert injection("slow", names, delay=700, count=2).writes == ((0xE012, 700), (0xE013, 0), (0xE014, 2), (0xE011, 2))
-    assert injection("exception", names, code=6).writes[1] == (0xE013, 6)
-    with pytest.raises(ConfigurationError, match=r"fault fire: expected one of OC, .*cable, .*clear"):
-        injection("fire", names)
 
 
 async def words(address: str, unit: int, block: Block) -> list[int]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from app.tags.quality import QualityReason, reason
 from tests.commands.stand import ANA
-from tests.test_reload import running
+from tests.reloading import running
 
 
 async def test_it_raises_one_alarm_per_unit_refuses_with_its_reason_and_clears_by_itself(tmp_path: Path) -> None:

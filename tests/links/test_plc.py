@@ -5,28 +5,19 @@ import asyncio
 import pytest
 
 from app.errors import DeviceException, LinkError
-from app.links.map_plan import plan_map
-from app.links.planner import NETWORK_OVERHEAD, Part, Rows
 from app.links.statistics import LinkState
-from app.plant.definitions import Scan
 from app.registers import plc_map
 from app.tags.quality import CONFIGURATION as BAD_CONFIGURATION
-from app.tags.quality import GOOD, Origin, is_good
+from app.tags.quality import Origin, is_good
 from tests.links.devices import until
 from tests.links.plc_devices import (
     CONFIGURATION,
-    DEVICE,
     KINDS,
-    MAP,
-    SETTINGS,
-    SETTINGS_WORDS,
     STATUS,
     STATUS_WORDS,
-    TABLE,
     SmallPlc,
     once,
     plant,
-    small,
 )
 
 SIMULATED = int(Origin.SIMULATED)
@@ -34,25 +25,6 @@ WRONG = BAD_CONFIGURATION | SIMULATED
 
 
 # the plan
-
-
-def test_every_image_is_one_read_and_no_row_is_cut() -> None:
-    readings = plan_map([small()], DEVICE, MAP, NETWORK_OVERHEAD).readings
-    blocks = {(r.block.address, r.block.count): r for r in readings}
-    assert blocks[(0, 32)].part is Part.HEADER and blocks[(0, 32)].scan is Scan.SLOW
-    assert blocks[(STATUS, STATUS_WORDS)].scan is Scan.FAST
-    assert blocks[(CONFIGURATION, 6)].scan is Scan.ONCE
-    assert blocks[(SETTINGS, SETTINGS_WORDS)].scan is Scan.SLOW
-    assert blocks[(plc_map.EVENTS, plc_map.EVENTS_WORDS)].part is Part.RING
-    rows = [r for r in readings if isinstance(r.part, Rows)]
-    assert [(r.block.address, r.block.count) for r in rows] == [
-        (TABLE, 4 + 15 * 8),
-        (TABLE + 4 + 15 * 8, 15 * 8),
-        (TABLE + 4 + 30 * 8, 10 * 8),
-    ]
-    placed = [p.name for r in readings for p in r.points]
-    assert sorted(placed) == sorted(p.name for p in small().points.values())
-    assert readings[0].part is Part.HEADER, "a silent unit is asked for its first word"
 
 
 # values
@@ -148,64 +120,6 @@ async def test_on_a_serial_line_a_lost_answer_does_not_end_the_scans_of_an_image
 
 
 # tables
-
-
-async def test_rows_that_are_not_counted_are_not_read_and_are_read_at_once_when_they_are() -> None:
-    device = SmallPlc()
-    second = (TABLE + 4 + 15 * 8, 15 * 8)
-    async with plant(device) as (line, _):
-        await until(lambda: line.value("p.thing_40_id") == 0)
-        assert line.quality("p.thing_40_state") == GOOD | SIMULATED
-        await asyncio.sleep(0.2)
-        assert second not in device.reads
-        device.put(77, slot=20, value=4.0)
-        took = await until(lambda: line.value("p.thing_21_id") == 77)
-        assert took < 0.2 and line.value("p.thing_21_value") == 4.0
-        assert (line.value("p.thing_21_state"), line.value("p.thing_22_state")) == (3, 0)
-        device.table.ids[20] = 0
-        await until(lambda: line.value("p.thing_21_id") == 0)
-        assert (line.value("p.thing_21_value"), line.quality("p.thing_21_value")) == (None, GOOD | SIMULATED)
-        await asyncio.sleep(0.1)
-        device.reads = []
-        await asyncio.sleep(0.2)
-        assert second not in device.reads
-        await line.link.refresh("p", ["thing_21_id"])
-        assert second not in device.reads and line.value("p.thing_21_id") == 0
-
-
-async def test_cells_that_are_not_read_do_not_grow_old() -> None:
-    async with plant(SmallPlc()) as (line, _):
-        await until(lambda: line.value("p.thing_40_id") == 0)
-        handle = line.tags.handle("p.thing_40_value")
-        for _ in range(20):
-            await asyncio.sleep(0.1)
-            assert line.tags.age(handle) < 1.5
-
-
-async def test_a_torn_row_keeps_what_it_was_while_the_others_go_on() -> None:
-    device = SmallPlc()
-    for id in (1, 2, 3):
-        device.put(id, value=1.0)
-    async with plant(device) as (line, _):
-        await until(lambda: line.value("p.thing_3_value") == 1.0)
-        device.torn_rows.add(1)
-        await asyncio.sleep(0.05)
-        device.things.update({0: 5.0, 1: 5.0, 2: 5.0})
-        await until(lambda: line.value("p.thing_3_value") == 5.0)
-        assert (line.value("p.thing_1_value"), line.value("p.thing_2_value")) == (5.0, 1.0)
-        assert line.link.statistics.torn >= 3
-        device.torn_rows.clear()
-        await until(lambda: line.value("p.thing_2_value") == 5.0)
-
-
-async def test_a_table_with_other_rows_than_the_plant_file_says_is_bad_and_the_rest_lives() -> None:
-    device = SmallPlc()
-    device.put(1)
-    device.row_size = 9
-    async with plant(device) as (line, _):
-        await until(lambda: line.quality("p.thing_1_id") == WRONG)
-        await until(lambda: line.quality("p.thing_40_id") == WRONG)
-        assert is_good(line.quality("p.counter"))
 
 
 # the header

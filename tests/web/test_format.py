@@ -9,16 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.clock import ManualClock, to_micros
-from app.plant.definitions import Kind, Point
+from app.clock import to_micros
 from app.plant.texts import Texts, read_product
 from app.tags import quality as q
-from app.tags.batch import Batch, Value
-from app.tags.database import Tag, TagDatabase
 from app.tags.quality import Origin
 from app.web import format as fmt
-from app.web.drawing import Dial, Knots, indicator, round_steps, tenth
-from app.web.points import REASONS, PointView, live_texts, point_view
+from app.web.points import REASONS, live_texts
 
 LANGUAGES = ("hr", "en", "de", "cs")
 ZAGREB = ZoneInfo("Europe/Zagreb")
@@ -213,121 +209,3 @@ def test_quality_is_told_with_reason_and_origin() -> None:
     assert fmt.quality_words(q.COMM_FAILURE, text("en")) == "bad: no communication with the device"
     assert fmt.quality_words(q.STALE, text("de")) == "veraltet"
     assert fmt.quality_words(q.GOOD | Origin.SIMULATED, text("hr")) == "ispravno, simulirana vrijednost"
-
-
-class Hall:
-    """The little that a view needs of the runtime."""
-
-    def __init__(self) -> None:
-        self.clock = ManualClock()
-        self.tags = TagDatabase(self.clock)
-        self.plant = None
-        self.tags.configure([Tag("m1.speed", "m1.speed", "hall", stale_after=2.0)])
-
-    def view(self, lang: str = "en", **point: object) -> PointView:
-        given = {"unit": "rpm", "normal": (900.0, 1250.0), "scale_low": -1500.0, "scale_high": 1500.0} | point
-        texts = {"0": "Stopped", "1": "Running forward"} if "texts" in given else None
-        drawn = Point("m1.speed", "m1.speed", "m1", "speed", "point.speed", **given)  # type: ignore[arg-type]
-        return point_view(drawn, self, lang, text(lang), label="Speed", texts=texts)
-
-    def publish(self, value: Value, quality: int = q.GOOD) -> None:
-        now = self.clock.micros()
-        self.tags.publish(Batch("hall", 0, now, now, [0], [value], quality))
-
-
-def test_a_view_tells_value_unit_and_quality_in_one_sentence() -> None:
-    hall = Hall()
-    hall.publish(1180.4)
-    view = hall.view("hr")
-    assert (view.text, view.unit, view.state, view.badge("bare")) == ("1\u202f180", "o/min", "good", "")
-    assert view.accessible_name == "Speed: 1\u202f180 okretaja u minuti, ispravno"
-    assert view.normal_text == "900\u00a0–\u00a01\u202f250"
-
-
-def test_a_bad_value_never_shows_its_last_number_and_a_stale_one_shows_its_age() -> None:
-    hall = Hall()
-    assert hall.view().text == "–\u00a0–"
-    hall.publish(1180)
-    hall.clock.advance(12)
-    hall.tags.sweep()
-    stale = hall.view()
-    assert (stale.text, stale.state, stale.badge("bare")) == ("1\u202f180", "stale", "12\u00a0s")
-    hall.publish(1180, q.COMM_FAILURE)
-    bad = hall.view()
-    assert (bad.text, bad.state, bad.badge("bare"), bad.usable) == ("----", "bad", "BAD", False)
-    assert "1" not in bad.accessible_name
-
-
-def test_letters_say_where_a_value_comes_from_and_s_only_in_a_box() -> None:
-    hall = Hall()
-    for flag, letter in ((Origin.FORCED, "F"), (Origin.LOCAL, "M"), (Origin.SUBSTITUTED, "M"), (Origin.SIMULATED, "")):
-        hall.publish(1, q.GOOD | flag)
-        assert hall.view().badge("bare") == letter
-    assert hall.view().badge("boxed") == "S"
-
-
-def test_an_enumeration_shows_its_text_and_an_unlisted_value_its_number() -> None:
-    hall = Hall()
-    hall.publish(1)
-    assert hall.view(kind=Kind.ENUM, texts={0: "a", 1: "b"}).text == "Running forward"
-    hall.publish(9)
-    assert hall.view(kind=Kind.ENUM, texts={0: "a", 1: "b"}).text == "Unknown (9)"
-
-
-def test_a_moment_is_a_time_of_day_and_on_other_days_a_date_too() -> None:
-    hall = Hall()
-    hall.publish(hall.clock.micros())
-    assert hall.view(unit="time", kind=Kind.STEP).text == "06:05:00"
-    hall.clock.advance(86_400)
-    assert hall.view(unit="time", kind=Kind.STEP).text == "09/03 06:05:00"
-
-
-@pytest.mark.parametrize(
-    ("value", "condition", "holds"),
-    [(1, "1,2", True), (0, "1,2", False), (3.5, ">3", True), (-1, "<0", True), (0, "<0,>0", False), (0, "bad", False)],
-)
-def test_conditions_of_a_picture(value: float, condition: str, holds: bool) -> None:
-    hall = Hall()
-    hall.publish(value)
-    assert hall.view().holds(condition) is holds
-    hall.publish(value, q.COMM_FAILURE)
-    assert hall.view().holds(condition) is ("bad" in condition)
-
-
-def test_every_normal_band_stands_at_the_same_place() -> None:
-    for low, high, band in ((0, 50, (30, 45)), (0, 3, (0.75, 2.4)), (-1500, 1500, (900, 1250)), (0, 100, (10, 70))):
-        knots = indicator(low, high, band).knots.scaled(6, 208)
-        assert [knots.at(value) for value in (low, *band, high)] == [6, 78.8, 141.2, 214]
-
-
-def test_alarm_limits_stand_at_12_and_88_percent_and_push_the_scale_out() -> None:
-    scale = indicator(0, 100, (10, 70), (5, 80, 120))
-    assert [scale.knots.at(value) for value in (5, 80)] == [0.1, 0.9]
-    assert (scale.low, scale.high) == (0, 120)
-    assert scale.knots.scaled(0, 100).at(80) == 88
-
-
-def test_a_pointer_stays_at_the_ends_of_its_scale() -> None:
-    knots = Knots(((0.0, 10.0), (1.0, 20.0)))
-    assert [knots.at(value) for value in (-5, 0, 0.25, 1, 9)] == [10, 10, 12.5, 20, 20]
-    assert str(knots.scaled(0, 2)) == "0:20 1:40"
-
-
-def test_the_gauge_has_zero_at_twelve_o_clock_and_its_ends_below_the_horizon() -> None:
-    dial = Dial(-1500, 1500)
-    assert [dial.angle(value) for value in (-1500, 0, 1500, 1180)] == [-98, 0, 98, 77.1]
-    assert dial.arc(-1500, 1500) == "M35.1 154.1A116 116 0 1 1 264.9 154.1"
-    assert dial.ticks == (-1000, -500, 0, 500, 1000)
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 50), (-1500, 1500), (0, 3), (0, 0.8), (0, 450), (-0.001, 0.002)])
-def test_axis_steps_are_round_few_and_inside(low: float, high: float) -> None:
-    steps = round_steps(low, high, 7)
-    assert steps[0] == low
-    assert steps[-1] == high
-    assert 3 <= len(steps) <= 9
-    assert list(steps) == sorted(set(steps))
-
-
-def test_tenths_round_halves_upward_like_the_live_script() -> None:
-    assert [tenth(value) for value in (0.25, 0.35, -0.25, -0.04)] == [0.3, 0.4, -0.2, 0.0]
