@@ -121,17 +121,6 @@ def test_the_simulation_takes_numbers_within_limits(tmp_path: Path) -> None:
     ]
 
 
-def test_setpoints_of_the_settings_image_can_be_written(tmp_path: Path) -> None:
-    points = machine(tmp_path).points
-    for key in ("speed", "delay"):
-        register = points[key].register
-        assert register
-        assert register.writable, key
-    register = points["count"].register
-    assert register
-    assert not register.writable
-
-
 def test_commands_are_codes_with_arguments(tmp_path: Path) -> None:
     commands = machine(tmp_path).type.commands
     assert (commands["start"].code, commands["start"].feedback) == (1, "state == 1")

@@ -1,6 +1,5 @@
 """A sequence is a file of the plant: what it says is read, every mistake in it is told, its texts come in the person's language."""
 
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -8,35 +7,23 @@ from time import process_time
 
 import pytest
 
-from app.plant.definitions import Equipment
 from app.plant.loader import read_plant
-from app.plant.problems import Problem
 from app.plant.sequence_definition import SequencePermissive
 from app.plant.sequences import canonical, checksum, program, unused
 from app.plant.texts import Texts
 from app.plant.type_files.options import MOST_STEPS
-from tests.plant.transport import PLANT, STROKE, TYPES, load, loaded, write_plant, write_types
-
-ALONE = PLANT.replace('machine = "p1"\n', "")
-OF_A_MACHINE = re.compile(r"^(when|value|actions) = .*\n", re.MULTILINE)
-"""Lines of a definition that nobody evaluates without a machine."""
-
-
-def sequence(folder: Path, plant: str = PLANT, **definitions: str) -> Equipment:
-    return loaded(folder, plant, **definitions).equipment["seq1"]
-
-
-def one(folder: Path, plant: str = PLANT, **definitions: str) -> Problem:
-    plant_read, problems = load(folder, plant, **definitions)
-    assert plant_read is None
-    assert len(problems) == 1, problems
-    return problems[0]
-
-
-def changed(old: str, new: str, text: str = STROKE) -> str:
-    assert old in text
-    return text.replace(old, new, 1)
-
+from tests.plant.transport import (
+    PLANT,
+    STROKE,
+    TYPES,
+    changed,
+    load,
+    loaded,
+    one,
+    sequence,
+    write_plant,
+    write_types,
+)
 
 # ---- what a file says ---------------------------------------------------------------------------------
 
@@ -122,58 +109,6 @@ def test_a_sequence_without_a_label_is_called_like_its_definition(tmp_path: Path
     assert sequence(tmp_path).label == {"hr": "Stroke", "en": "Stroke"}
     plain = sequence(tmp_path, changed('label = "Stroke"\n', "", PLANT))
     assert plain.label == {"hr": "Hod", "en": "Stroke", "de": "Hub", "cs": "Zdvih"}
-
-
-def test_repeated_sequences_have_repeated_machines(tmp_path: Path) -> None:
-    many = PLANT.replace("unit = 21", "unit = 21\nrepeat = 3").replace("unit = 20", "unit = 50\nrepeat = 3")
-    plant = loaded(tmp_path, many)
-    assert [plant.equipment[f"seq1_0{n}"].machine for n in (1, 2, 3)] == ["p1_01", "p1_02", "p1_03"]
-    shared = loaded(tmp_path, PLANT.replace("unit = 21", "unit = 21\nrepeat = 2"))
-    assert [shared.equipment[f"seq1_0{n}"].machine for n in (1, 2)] == ["p1", "p1"]
-    found = one(tmp_path, PLANT.replace("unit = 20", "unit = 50\nrepeat = 3"))
-    assert found.key == "equipment.seq1.machine" and "p1 is repeated" in found.expected
-
-
-def test_a_sequence_without_a_machine_needs_no_sentences(tmp_path: Path) -> None:
-    plain = STROKE.partition("[[tests]]")[0].replace('when = "at_top == 1"\n', "")
-    alone = OF_A_MACHINE.sub("", plain)
-    item = sequence(tmp_path, ALONE, stroke=alone)
-    assert item.machine == "" and item.sequence and item.sequence.steps[0].permissives[0].when == ""
-    problem = one(tmp_path, stroke=plain)
-    assert (problem.key, problem.value) == ("steps.0.permissives.0.when", "missing")
-    assert problem.expected == "a sentence over points of p1 that says when it is there"
-    words = alone + '[[tests]]\nname = "a"\ngiven = { word_2 = 0xFFFF }\nthen = [{ at = 1, expect = "state == 0" }]\n'
-    assert sequence(tmp_path, ALONE, stroke=words).sequence
-    assert "word_0, word_1, word_2" in one(tmp_path, ALONE, stroke=words.replace("word_2", "word_3")).expected
-
-
-def test_a_forgotten_machine_is_told_where_nobody_else_evaluates_the_sentences(tmp_path: Path) -> None:
-    plain = STROKE.partition("[[tests]]")[0]
-    found = one(tmp_path, ALONE, stroke=plain)
-    assert (found.file, found.key, found.value) == ("plant.toml", "equipment.seq1.machine", "missing")
-    assert found.expected == (
-        "the id of an equipment: only its machine gives steps.0.permissives.3.when and 6 more a meaning on a simulated link; "
-        "else take them out of sequences/stroke.toml"
-    )
-    assert one(tmp_path, ALONE, stroke=STROKE) == found, "what its tests ask of the machine follows from it"
-    _, problems = load(tmp_path, ALONE, stroke=changed('command = "start"', 'command = "stert"'))
-    assert [problem.key for problem in problems] == [found.key, "tests.0.when.1.command"]
-    bare = OF_A_MACHINE.sub("", plain)
-    for line in ('actions = ["fly"]', '[steps.permissives.0]\nlabel = "A"\nvalue = "nix"'):
-        rest = f'[[steps]]\nkey = "rest"\nlabel = "Rest"\n{line}\n[abort.0]'
-        told = one(tmp_path, ALONE, stroke=bare.replace("[abort.0]", rest))
-        assert told.key == "equipment.seq1.machine" and " and " not in told.expected, told
-
-
-def test_of_a_real_plc_without_a_machine_the_sentences_say_what_its_program_does(tmp_path: Path) -> None:
-    plain = STROKE.partition("[[tests]]")[0]
-    real = ALONE.replace('type = "sequence"\nlink = "hall"', 'type = "sequence"\nlink = "real"')
-    real += '[links.real]\ntransport = "tcp"\nhost = "10.0.0.1"\n'
-    item = sequence(tmp_path, real, stroke=plain)
-    assert item.machine == "" and item.sequence and item.sequence.steps[0].permissives[1].when == "pressure > 80"
-    other = sequence(tmp_path, real, stroke=plain.replace("pressure > 80", "pressure > 90"))
-    assert item.options["program"] != other.options["program"], "they are part of the program's check sum"
-    assert one(tmp_path, real, stroke=plain.replace("pressure > 80", "pressure >")).key == "steps.0.permissives.3.when"
 
 
 def test_labels_come_in_the_language_of_the_person_or_with_its_mark(tmp_path: Path) -> None:
@@ -266,36 +201,12 @@ def test_a_mistake_at_the_machine_is_told(tmp_path: Path, old: str, new: str, ke
     assert found.line and found.line > 7
 
 
-def test_a_machine_that_takes_no_actions_is_told(tmp_path: Path) -> None:
-    device = TYPES["press"]["device.toml"].partition("[actions]")[0]
-
-    def read(definition: str) -> list[Problem]:
-        folder = write_plant(tmp_path, stroke=definition)
-        return read_plant(folder, type_folder=write_types(tmp_path, press_device=device))[1]
-
-    plain = STROKE.partition("[[tests]]")[0]
-    (found,) = read(plain)
-    assert (found.key, found.expected) == ("equipment.seq1.machine", "a machine that takes actions; press takes none")
-    assert read(plain.replace('actions = ["lower"]', "").replace('actions = ["lift"]', "")) == []
-
-
-def test_a_real_machine_has_no_simulated_sequence(tmp_path: Path) -> None:
-    real = PLANT.replace('type = "press"\nlink = "hall"', 'type = "press"\nlink = "real"')
-    real += '[links.real]\ntransport = "tcp"\nhost = "10.0.0.1"\n'
-    assert one(tmp_path, real).expected == "a machine that is simulated like its sequence, or real like it"
-
-
 def test_a_definition_and_a_machine_are_for_a_sequence_only(tmp_path: Path) -> None:
     _, problems = load(tmp_path, PLANT + 'definition = "stroke"\nmachine = "p1"\n')
     assert [(found.key, found.expected.split(";")[0]) for found in problems] == [
         ("equipment.p1.definition", "no such key"),
         ("equipment.p1.machine", "no such key"),
     ]
-
-
-def test_a_sequence_does_not_blame_a_machine_that_has_its_own_mistakes(tmp_path: Path) -> None:
-    found = one(tmp_path, changed('type = "press"', 'type = "pres"', PLANT))
-    assert found.key == "equipment.p1.type"
 
 
 # ---- mistakes in the definition -----------------------------------------------------------------------

@@ -1,8 +1,9 @@
 """Small types for the tests: a sequence with the map of register-map.md in short, a press that it works on; a definition and a plant."""
 
+import re
 from pathlib import Path
 
-from app.plant.definitions import Plant
+from app.plant.definitions import Equipment, Plant
 from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
 from app.plant.problems import Problem
@@ -179,3 +180,26 @@ def loaded(folder: Path, plant: str = PLANT, **definitions: str) -> Plant:
     assert problems == []
     assert found is not None
     return found
+
+
+ALONE = PLANT.replace('machine = "p1"\n', "")
+
+
+OF_A_MACHINE = re.compile(r"^(when|value|actions) = .*\n", re.MULTILINE)
+"""Lines of a definition that nobody evaluates without a machine."""
+
+
+def sequence(folder: Path, plant: str = PLANT, **definitions: str) -> Equipment:
+    return loaded(folder, plant, **definitions).equipment["seq1"]
+
+
+def one(folder: Path, plant: str = PLANT, **definitions: str) -> Problem:
+    plant_read, problems = load(folder, plant, **definitions)
+    assert plant_read is None
+    assert len(problems) == 1, problems
+    return problems[0]
+
+
+def changed(old: str, new: str, text: str = STROKE) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
