@@ -34,14 +34,18 @@ def seal(connection: Connection, before: int, point: int = 0) -> int | None:
     """
     before = before // HOUR * HOUR
     left = AT_ONCE
-    for number in (
-        connection.exec_driver_sql("SELECT id FROM point WHERE id >= ? ORDER BY id", (point,)).scalars().all()
-    ):
+    for number in connection.exec_driver_sql(RIPE, (point, before)).scalars().all():
         while (count := _seal(connection, number, before)) > 0:
             left -= count
             if left <= 0:
                 return int(number)
     return None
+
+
+RIPE = """
+SELECT id FROM point p WHERE id >= ? AND EXISTS (SELECT 1 FROM sample WHERE point = p.id AND t < ?) ORDER BY id
+"""
+"""Points with samples that may be sealed: each costs a look into the index, and not a statement."""
 
 
 def _seal(connection: Connection, number: int, before: int) -> int:

@@ -57,22 +57,22 @@ class Size:
 
 def register(connection: Connection, points: Iterable[Point]) -> dict[str, int]:
     """Numbers of `points` by lasting id; new ones are added, changed names and units are taken over."""
-    known = {
-        row.lasting_id: row for row in connection.execute(text("SELECT id, lasting_id, name, unit, kind FROM point"))
-    }
-    numbers: dict[str, int] = {}
-    for item in points:
-        row = known.get(item.id)
-        values = {"l": item.id, "n": item.name, "u": item.unit, "k": item.kind.value}
-        if row is None:
-            numbers[item.id] = connection.execute(
-                text("INSERT INTO point (lasting_id, name, unit, kind) VALUES (:l, :n, :u, :k) RETURNING id"), values
-            ).scalar_one()
-        else:
-            numbers[item.id] = row.id
-            if (row.name, row.unit, row.kind) != (item.name, item.unit, item.kind.value):
-                connection.execute(text("UPDATE point SET name=:n, unit=:u, kind=:k WHERE lasting_id=:l"), values)
-    return numbers
+    known = _known(connection)
+    told = {item.id: (item.name, item.unit, item.kind.value) for item in points}
+    new = [(id, *said) for id, said in told.items() if id not in known]
+    changed = [(*said, id) for id, said in told.items() if id in known and known[id][1:] != said]
+    if changed:
+        connection.exec_driver_sql("UPDATE point SET name = ?, unit = ?, kind = ? WHERE lasting_id = ?", changed)
+    if new:
+        connection.exec_driver_sql("INSERT INTO point (lasting_id, name, unit, kind) VALUES (?, ?, ?, ?)", new)
+        known = _known(connection)
+    return {id: known[id][0] for id in told}
+
+
+def _known(connection: Connection) -> dict[str, tuple[int, str, str, str]]:
+    """Number, name, unit and kind of every point by lasting id."""
+    rows = connection.exec_driver_sql("SELECT lasting_id, id, name, unit, kind FROM point")
+    return {lasting_id: (number, name, unit, kind) for lasting_id, number, name, unit, kind in rows}
 
 
 def begin_run(connection: Connection, start: int) -> int:
@@ -84,14 +84,20 @@ def begin_run(connection: Connection, start: int) -> int:
     alive = connection.execute(text("SELECT alive FROM run ORDER BY start DESC LIMIT 1")).scalar()
     rows: list[Row] = []
     if alive is not None:
-        for (number,) in connection.exec_driver_sql("SELECT id FROM point").all():
-            last = connection.exec_driver_sql(
-                "SELECT t, q FROM sample WHERE point = ? ORDER BY t DESC LIMIT 1", (number,)
-            ).first()
-            if last is not None and last[1] & 3 != 2:
-                rows.append((number, max(alive, last[0]) + 1, None, None, NO_DATA))
+        rows = [
+            (number, max(alive, time) + 1, None, None, NO_DATA)
+            for number, time in connection.exec_driver_sql(LEFT_OPEN)
+        ]
     append(connection, rows, start, start)
     return len(rows)
+
+
+LEFT_OPEN = """
+SELECT p.id, s.t FROM point p CROSS JOIN sample s ON s.point = p.id
+ AND s.t = (SELECT max(b.t) FROM sample b WHERE b.point = p.id)
+WHERE s.q & 3 <> 2 ORDER BY p.id
+"""
+"""Points whose last sample is not bad, and its time."""
 
 
 def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, minutes: Minutes | None = None) -> None:
