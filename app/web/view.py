@@ -102,6 +102,8 @@ class Compiled(BytecodeCache):
         self._code: dict[tuple[str, str], CodeType | None] = {}
         self.ready: set[str] = set()
         """Templates of which everything that they name is compiled."""
+        self.names: dict[str, list[str]] = {}
+        """Source of a template → the templates that it names."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
         bucket.code = self._code.get((bucket.key, bucket.checksum))
@@ -151,8 +153,17 @@ def _compile(environment: Environment, template: str) -> None:
             continue
         seen.add(name)
         environment.get_template(name)
-        source = environment.loader.get_source(environment, name)[0]
-        todo += [found for found in meta.find_referenced_templates(environment.parse(source)) if found]
+        todo += _referenced(environment, name)
+
+
+def _referenced(environment: Environment, name: str) -> list[str]:
+    """Templates that `name` names; most pages name the same, and each is parsed once."""
+    assert environment.loader is not None
+    source = environment.loader.get_source(environment, name)[0]
+    if source not in COMPILED.names:
+        found = meta.find_referenced_templates(environment.parse(source))
+        COMPILED.names[source] = [other for other in found if other]
+    return COMPILED.names[source]
 
 
 class View:
