@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from app.settings import Settings
+from tests.demo_plant import plant_folder
 from tests.test_cli_history import pogon
 from tests.virtual import house
 from tests.web.operating import runtime_of
@@ -32,9 +33,9 @@ class Kept(NamedTuple):
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, Kept]]]:
     """The demo plant for a while, as a person and a program see its records; and its data when it has stopped."""
-    data = tmp_path_factory.mktemp("story") / "data"
-    found = {}
-    with house(Settings(data=data)) as client:
+    folder = tmp_path_factory.mktemp("story")
+    plant, data, found = plant_folder(folder / "plant", *MACHINES.values()), folder / "data", {}
+    with house(Settings(plant=plant, data=data)) as client:
         staff = Staff(client)
         runtime = runtime_of(client)
         client.pass_time(STORY)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from app import bundled
 from app.access.audit.line import Record
 from app.access.audit.search import Filter
 from app.commands.lifecycle import ProgressState
@@ -16,9 +15,9 @@ from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.settings import Settings
 from tests.commands.test_open_sets import EVA, runtime_of
+from tests.demo_plant import DEMO, plant_folder
 from tests.virtual import house
 
-DEMO = bundled("plants/demo")
 ORDERS = [
     ("m2", "forward", None),
     ("m1", "reset", None),
@@ -29,6 +28,9 @@ ORDERS = [
     ("c1", "manual_speed", "22"),
     ("cc1", "stop", None),
 ]
+
+PLANTS = {"m1": ("m1", "m2"), "m2": ("m1", "m2"), "c1": ("c1",), "cc1": ("cc1", "seq1")}
+"""What runs beside a machine: its neighbours on the same link."""
 
 
 async def ask(runtime: Runtime, machine: str, key: str, value: str | None) -> "asyncio.Task[object]":
@@ -68,8 +70,8 @@ def written(runtime: Runtime) -> list[str]:
 def test_a_command_that_a_killed_server_left_open_is_told_once_and_not_repeated(
     tmp_path: Path, machine: str, key: str, value: str | None
 ) -> None:
-    left = tmp_path / "left"
-    with house(Settings(plant=DEMO, data=tmp_path / "data")) as browser:
+    left, plant = tmp_path / "left", plant_folder(tmp_path / "plant", *PLANTS[machine])
+    with house(Settings(plant=plant, data=tmp_path / "data")) as browser:
         browser.pass_time(5)
         runtime = runtime_of(browser)
         task = browser.run(ask(runtime, machine, key, value))
@@ -81,7 +83,7 @@ def test_a_command_that_a_killed_server_left_open_is_told_once_and_not_repeated(
         assert line.kind == "command.sent"
         shutil.copytree(tmp_path / "data", left, ignore=shutil.ignore_patterns("server.socket", "*.lock"))
         browser.pass_time(8)
-    with house(Settings(plant=DEMO, data=left)) as browser:
+    with house(Settings(plant=plant, data=left)) as browser:
         runtime = runtime_of(browser)
         sent = written(runtime)
         browser.pass_time(6)
@@ -97,7 +99,7 @@ def test_a_command_that_a_killed_server_left_open_is_told_once_and_not_repeated(
         end, begin = browser.run(lines(runtime))
         assert (end.kind, end.result, end.reason) == ("command", "unknown", SERVER_ENDED)
         assert (end.object, end.new, end.parameters["by"]) == (begin.object, begin.new, "eva")
-    with house(Settings(plant=DEMO, data=left)) as browser:
+    with house(Settings(plant=plant, data=left)) as browser:
         browser.pass_time(5)
         runtime = runtime_of(browser)
         assert runtime.gate is not None

@@ -16,6 +16,7 @@ from app.commands.sets import MIXED, RESTORED
 from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.settings import Settings
+from tests.demo_plant import plant_folder
 from tests.virtual import VirtualClient, house
 
 ROLES = frozenset({"engineer", "operator"})
@@ -25,8 +26,8 @@ FORMER, WANTED = (40.0, 0.0), (45.0, 3.0)
 
 
 def plant_of(folder: Path, f113: float, f905: float) -> Path:
-    """The demo plant whose first drive holds these values when it is switched on."""
-    shutil.copytree(bundled("plants/demo"), folder)
+    """The drives of the demo plant; the first one holds these values when it is switched on."""
+    plant_folder(folder, "m1", "m2")
     text = (folder / "plant.toml").read_text("utf-8")
     begin = 'simulation = { start = "forward", F113 = 40.0, F905 = 0.0 }'
     assert begin in text
@@ -64,6 +65,12 @@ def killed(tmp_path: Path, moment: float) -> Path:
     return left
 
 
+@pytest.fixture(scope="module")
+def killed_at_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The data of a server that was killed in the middle of a set."""
+    return killed(tmp_path_factory.mktemp("killed"), 0.01)
+
+
 async def found(runtime: Runtime) -> list[Record]:
     return await runtime.access.audit.find(Filter(object="m1.setpoints", kind="command"))
 
@@ -83,9 +90,9 @@ def alarmed(runtime: Runtime) -> bool:
     ],
 )
 def test_a_set_that_a_killed_server_left_open_is_told_by_what_the_device_holds(
-    tmp_path: Path, values: tuple[float, float], reason: str
+    tmp_path: Path, killed_at_once: Path, values: tuple[float, float], reason: str
 ) -> None:
-    left = killed(tmp_path, 0.01)
+    left = shutil.copytree(killed_at_once, tmp_path / "left")
     with house(Settings(plant=plant_of(tmp_path / "after", *values), data=left)) as browser:
         runtime = runtime_of(browser)
         gate = runtime.gate

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
+from tests.demo_plant import MACHINES
+
 PEOPLE = {
     "ana": ("operator",),
     "ivo": ("operator",),
@@ -15,7 +17,6 @@ PEOPLE = {
     "ada": ("admin", "engineer", "operator"),
 }
 """Name → roles at the beginning."""
-MACHINES = ("m1", "m2", "c1", "cc1", "seq1", "cr1")
 PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",), ("cr1",))
 """Few machines of the demo, which seeds choose from; every tenth has all."""
 CARRIERS = ("memory", "tcp", "rtu")

@@ -8,7 +8,7 @@ import hashlib
 import logging
 import re
 import shutil
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -37,12 +37,12 @@ from app.sim.machines import MACHINE_FAULTS
 from app.sim.plant import SimPlant
 from app.sim.plc import EVENT_CAPACITY, VirtualPlc
 from app.sim.training import REG_MACHINE_FAULT
+from tests.demo_plant import DEMO, LINKS, plant_file
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
 from tests.storm.script import CALM, PEOPLE, WEB_ACTS, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
-DEMO = Path(__file__).resolve().parents[2] / "plants" / "demo"
 PASSWORD = "tri plave ladice u kutu"
 AGENT, ADDRESS = "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0", "127.0.0.1"
 BOSS = Person(0, "boss", "boss", frozenset({"admin"}), permissions_of({"admin", "engineer", "operator"}), "")
@@ -59,28 +59,9 @@ rated_current = 2.5
 """
 
 
-def plant_file(machines: tuple[str, ...] | list[str], links: Mapping[str, str]) -> str:
-    """The demo's plant file with only these machines and their links; `extra` is one more drive.
-
-    `links`: link → what it says in place of `transport = "memory"`.
-    """
-    parts = re.split(r"(?m)^(?=\[)", (DEMO / "plant.toml").read_text("utf-8"))
-    kept = [part for part in parts if not (found := re.match(r"\[equipment\.(\w+)\]", part)) or found[1] in machines]
-    if "extra" in machines:
-        kept.append(EXTRA)
-    used = {found[1] for part in kept if (found := re.search(r'(?m)^link = "(\w+)"', part))}
-    said = []
-    for part in kept:
-        found = re.match(r"\[links\.(\w+)\]", part)
-        if not found:
-            said.append(part)
-        elif found[1] in used:
-            said.append(re.sub(r'(?m)^transport = "memory".*$', links.get(found[1], 'transport = "memory"'), part))
-    return "".join(said)
-
-
-LINKS = ("hall", "line", "coil", "crane")
-"""Of the demo."""
+def plant_text(machines: Sequence[str], links: Mapping[str, str]) -> str:
+    """As `plant_file`; `extra` is one more drive."""
+    return plant_file(machines, links) + (EXTRA if "extra" in machines else "")
 
 
 class Fell(Exception):
@@ -710,7 +691,7 @@ class World:
 
     def _write_plant(self) -> None:
         (self.plant_folder / "plant.toml").write_text(
-            plant_file(self.machines, {name: wire.toml for name, wire in self.wires.items()}), "utf-8"
+            plant_text(self.machines, {name: wire.toml for name, wire in self.wires.items()}), "utf-8"
         )
 
     async def _do_kill(self, seconds: float, point: int, clock: float = 0.0) -> None:
