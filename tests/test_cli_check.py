@@ -10,6 +10,7 @@ from app.plant.definitions import Plant
 from app.plant.loader import read_plant
 from app.plant.problems import Problem
 from app.sim import plant as sim_plant
+from tests.demo_plant import plant_folder
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
 
 ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
@@ -127,6 +128,16 @@ def test_a_mistake_in_a_definition_is_told_with_its_path_and_line(check: Checked
     )
 
 
-def test_a_plant_without_sequences_says_nothing_of_tests() -> None:
+def test_a_plant_without_sequences_says_nothing_of_tests(tmp_path: Path) -> None:
+    folder = plant_folder(tmp_path / "plant", "m1", "c1")
+    done = CliRunner().invoke(cli, ["check", str(folder), "--tests"])
+    assert done.exit_code == 0 and len(done.stdout.splitlines()) == 1
+    assert done.stdout.startswith(f"{folder}: no problems. Equipment: 2, links: 2,")
+
+
+def test_the_demo_plant_has_no_problems_and_its_sequence_passes_its_tests() -> None:
     done = CliRunner().invoke(cli, ["check", "plants/demo", "--tests"])
-    assert done.exit_code == 0 and done.stdout.splitlines()[0].startswith("plants/demo: no problems.")
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("plants/demo: no problems.") and lines[-1].endswith(", failed: 0")
+    assert len(lines) > 10

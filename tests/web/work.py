@@ -87,7 +87,7 @@ def bare_loop() -> float:
 
 
 class BareLoops:
-    """Measures in times of counting to a million. The fastest count seen decides on what is clearly short; what is not has one of its own."""
+    """Measures in times of counting to a million. The fastest seen decides on what is clearly short; what is not has one of its own."""
 
     def __init__(self) -> None:
         self._fastest = min(bare_loop() for _ in range(5))

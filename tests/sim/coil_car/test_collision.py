@@ -166,6 +166,8 @@ def test_what_the_interlock_prevents_happens_without_it(
             if scan % 10 == 0:
                 talker.hold(bits)
             car.step()
+            if car.machine.hit is not Hit.NONE:  # the first one stays
+                break
         assert car.machine.hit is (Hit.NONE if guarded else kind)
         if guarded:
             movement = bits.bit_length() - 1
@@ -184,7 +186,9 @@ def test_without_the_interlock_the_same_commotion_collides() -> None:
         crowd(car, random)
         car.interlocks = False
         kinds.append(commotion(car, random, 60.0))
-    assert sum(kind is not Hit.NONE for kind in kinds) >= 4, kinds
+        if sum(kind is not Hit.NONE for kind in kinds) == 4:
+            return
+    pytest.fail(f"too few collisions: {kinds}")
 
 
 def test_a_collision_is_seen_held_and_told() -> None:
