@@ -290,6 +290,12 @@ def test_a_set_that_fails_leaves_what_was(sit: Sit) -> None:
     other.mouse.up()
     expect(other.locator(".k-above h2")).to_have_text("Manual", timeout=30_000)
     expect(other.locator("#message")).to_contain_text("Done", timeout=30_000)
+    fault(other, "cr1", 93)  # the whole set arrives, and the PLC cannot keep it
+    wanted(hoist_step_1="30", hoist_fan_run_on="50")
+    expect(page.locator("body")).to_contain_text("The memory of the PLC takes no settings", use_inner_text=True)
+    stands("hoist_step_1", "20.32")
+    stands("hoist_fan_run_on", "60")
+    fault(other, "cr1", 0)
     wanted(hoist_step_1="30", hoist_fan_run_on="50")
     stands("hoist_step_1", "30.00")
     stands("hoist_fan_run_on", "50")

@@ -283,6 +283,8 @@ class VirtualCrane(CommandedCrane):
     def _judged(self, request: Request) -> Verdict:
         if request.code == plc_map.COMMIT_SETTINGS and self.moving:
             return no(CraneReason.MOVING)
+        if request.code == plc_map.COMMIT_SETTINGS and self.fault == own.MEMORY:
+            return no(CraneReason.NOT_KEPT)
         return super()._judged(request)
 
     def _settings_changed(self) -> None:

@@ -77,6 +77,7 @@ class CraneReason(IntEnum):
     NO_CYCLE = 16
     CYCLE_RUNS = 17
     OVERLOAD = 18
+    NOT_KEPT = 19
 
 
 class CraneEvent(IntEnum):

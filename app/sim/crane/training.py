@@ -14,6 +14,7 @@
 | 71–74 | rope overlaps, rope slack, overload, scale fails |
 | 81–84 | motor too hot |
 | 90, 91, 92 | emergency stop pressed, hoist over-speed, the host's heartbeat does not arrive |
+| 93 | retained memory takes nothing: a set of settings that has arrived whole is not kept |
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,12 +36,12 @@ LIMITS: Mapping[int, tuple[int, int]] = MappingProxyType(
 TRIP, SILENT, BRAKE_STICKS, FEEDBACK_LOST, ENCODER, STOP_DEAD, SLOW_DEAD, HOT = 1, 11, 21, 31, 41, 51, 61, 81
 """First code of each row."""
 ROPE_OVERLAP, SLACK_ROPE, OVERLOAD, SCALE = 71, 72, 73, 74
-EMERGENCY_STOP, OVER_SPEED, HOST_OFF = 90, 91, 92
+EMERGENCY_STOP, OVER_SPEED, HOST_OFF, MEMORY = 90, 91, 92, 93
 FAULTS: Sequence[int] = (
     *(first + n for first in (TRIP, SILENT, BRAKE_STICKS, FEEDBACK_LOST) for n in range(4)),
     *(ENCODER + n for n in range(3)),
     *(first + n for first in (STOP_DEAD, SLOW_DEAD) for n in range(6)),
     *(ROPE_OVERLAP, SLACK_ROPE, OVERLOAD, SCALE),
     *(HOT + n for n in range(4)),
-    *(EMERGENCY_STOP, OVER_SPEED, HOST_OFF),
+    *(EMERGENCY_STOP, OVER_SPEED, HOST_OFF, MEMORY),
 )
