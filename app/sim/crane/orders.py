@@ -10,6 +10,8 @@ from app.sim.plc import Verdict
 
 READS = 4.0
 """How long he reads [s]."""
+FIRST = 3.0
+"""Until his first order after the crane was switched on for the first time, at most [s]."""
 
 
 class Crane(Protocol):
@@ -36,7 +38,7 @@ class Orders:
     def reset(self) -> None:
         """As switched on for the first time."""
         self.active, self.pause = self._given
-        self._waited = 0.0
+        self._waited = max(0.0, self.pause - FIRST)
 
     def step(self, dt: float) -> None:
         """`dt` [s] pass."""

@@ -484,6 +484,14 @@ def test_it_works_by_itself_when_nobody_commands_it() -> None:
     assert stand.crane.load.stand in (0, 3)
 
 
+def test_a_crane_that_orders_its_own_cycles_moves_soon_after_it_was_switched_on_and_then_keeps_its_pause() -> None:
+    stand = Stand(start="automatic", orders=True, pause=600)
+    stand.until(lambda: stand.crane.moving, 6)
+    assert stand.ask(CraneCommand.ABORT) is DONE
+    stand.run(20)
+    assert not stand.crane.cycle.open
+
+
 # ---- the original's formulas
 
 
@@ -545,6 +553,18 @@ def test_a_set_that_contradicts_itself_is_refused_as_a_whole(wrong: dict[str, fl
     before = dict(stand.crane.settings)
     assert stand.talker.commit({**wrong, "trolley_fan_run_on": 99.0}, STAGING).state is REJECTED
     assert stand.crane.settings == before
+
+
+def test_a_set_that_cannot_be_kept_leaves_every_old_value_in_effect_and_in_the_registers() -> None:
+    stand = manual()
+    before = dict(stand.crane.settings)
+    stand.talker.fault(own.MEMORY)
+    answer = stand.talker.commit({"hoist_step_1": 30.0, "trolley_fan_run_on": 99.0}, STAGING)
+    assert (answer.state, answer.reason) == (REJECTED, CraneReason.NOT_KEPT)
+    assert stand.crane.settings == before and stand.crane.axes["hoist"].steps[0] == pytest.approx(20.32)
+    stand.talker.fault(0)
+    assert stand.talker.commit({"hoist_step_1": 30.0}, STAGING).state is DONE
+    assert stand.crane.settings == before | {"hoist_step_1": 30.0}
 
 
 def test_other_ramps_and_speeds_are_driven() -> None:
