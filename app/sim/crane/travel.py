@@ -165,7 +165,11 @@ class Travel:
             if name not in self._moved and move.block.phase is not MovePhase.OFF:
                 move.forget()
                 self._axes[name].target = nan
-        if not self._circled and self.phase not in (Phase.OFF, Phase.FAULT, Phase.DONE):
+        if self._circled:
+            return
+        if self.phase is Phase.FAULT:
+            self.follower.release()  # it is told until the next start, which counts
+        elif self.phase not in (Phase.OFF, Phase.DONE):
             self._drop(dt)
 
     def position(self, name: str, target: float, dt: float, *, fine: bool = False) -> MovePhase:

@@ -4,17 +4,13 @@ from random import Random
 
 import pytest
 
-from app.profidrive.words import Status
 from app.registers.plc_map import real
 from app.sim import training
 from app.sim.crane import training as own
 from app.sim.crane.configuration import AXES
 from app.sim.crane.register_map import STAGING, CraneCommand, StepState
 from tests.sim.crane.crane_stand import JOGS, Stand
-
-CREEP: dict[str, float] = {"hoist": 30.0, "trolley": 120.0, "bridge": 120.0}
-"""Farthest beyond a stop switch from the slow speed, a trip and its brake's way included [mm]."""
-SWITCH_FAULTS = range(own.STOP_DEAD, own.SLOW_DEAD + 6)
+from tests.sim.crane.guard import Guard
 
 
 class Chaos:
@@ -30,8 +26,6 @@ class Chaos:
             ladle=random.uniform(20, 340),
         )
         crane = self.stand.crane
-        self.moved = 0.0
-        self.dead: set[int] = set()
         places = crane.places
         for name in AXES:
             if random.random() < 0.5:
@@ -39,13 +33,8 @@ class Chaos:
                 edge = random.choice((low + 20, low + 300, high - 20, high - 300, random.uniform(low + 20, high - 20)))
                 crane.axes[name].axis.position = edge
         crane.speed_step = random.randint(1, 4)
-        self.stand.watch = self.look
-        self.before = {name: axis.axis.position for name, axis in crane.axes.items()}
-        self.held = {name: True for name in AXES}
-        self.speed = dict.fromkeys(AXES, 0.0)
-        self.stopped = False
-        self.against = dict.fromkeys(AXES, 0.0)
-        self.status = dict.fromkeys(range(1, 5), 0)
+        self.guard = Guard(crane)
+        self.stand.watch = self.guard.look
 
     def go(self, events: int) -> None:
         for _ in range(events):
@@ -85,8 +74,6 @@ class Chaos:
                 stand.talker.ask(code, first, random.randint(0, 5), real(random.uniform(0, 400)))
             case "fault":
                 code = random.choice(own.FAULTS)
-                if code in SWITCH_FAULTS:
-                    self.dead.add(code)
                 stand.talker.fault(code)
             case "heal":
                 stand.talker.fault(0)
@@ -103,49 +90,6 @@ class Chaos:
                 else:
                     stand.talker.commit({"hoist_slow_down_time": random.uniform(1.0, 6.0)}, STAGING)
 
-    def look(self) -> None:
-        crane = self.stand.crane
-        if crane._since:  # not a scan of the program
-            return
-        for name, axis in crane.axes.items():
-            mechanics = axis.axis
-            self.moved += abs(mechanics.position - self.before[name])
-            opened = [motor.out.open_brakes for motor in axis.active]
-            for motor in axis.motors:
-                if motor.out.open_brakes:
-                    assert self.status[motor.number] & Status.OPERATION_ENABLED, f"{name}: no torque"
-                self.status[motor.number] = motor.drive.status
-                if motor.out.setpoint and axis.running:
-                    assert all(axis.brakes_open) and all(opened), f"{name}: a reference with a closed brake"
-                    assert motor.selected and not motor.control.alarms, name
-                    assert axis.setpoint * motor.out.setpoint > 0, name
-            if mechanics.held and self.held[name]:
-                assert abs(mechanics.speed) <= abs(self.speed[name]) + 1e-9, f"{name}: speeds up against its brake"
-            self.held[name], self.speed[name] = mechanics.held, mechanics.speed
-            pulls = axis.running and axis.setpoint != 0 and mechanics.held
-            self.against[name] = self.against[name] + crane._dt if pulls else 0.0
-            assert self.against[name] <= 0.1, f"{name}: the drive pulls against its brake"
-            assert abs(mechanics.speed) < 1.25 * axis.max_speed, f"{name}: falls"
-            self.look_at_ends(name)
-        self.before = {name: axis.axis.position for name, axis in crane.axes.items()}
-        if self.stopped:
-            assert not any(axis.setpoint for axis in crane.axes.values()), "goes on after an emergency stop"
-        self.stopped = crane.emergency or crane.held
-
-    def look_at_ends(self, name: str) -> None:
-        crane, number = self.stand.crane, AXES.index(name)
-        axis, places = crane.axes[name], crane.places
-        for n, at in enumerate((f"{name}_lower_stop_at", f"{name}_upper_stop_at")):
-            place = getattr(places, at)
-            beyond = axis.axis.position - place if n else place - axis.axis.position
-            room = CREEP[name]
-            if own.STOP_DEAD + 2 * number + n in self.dead:
-                room += axis.limits.places.tolerance + axis.max_speed
-            if own.SLOW_DEAD + 2 * number + n in self.dead:
-                room += axis.max_speed**2 / axis.axis.data.deceleration + axis.max_speed
-            broken = (own.BRAKE_STICKS, own.FEEDBACK_LOST, own.ENCODER)
-            assert beyond <= room or any(code in broken for code in self.dead), f"{name} is {beyond:g} mm beyond {at}"
-
 
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_fault_or_timing_makes_it_do_what_it_must_not(seed: int) -> None:
@@ -159,7 +103,7 @@ def test_the_runs_do_move_the_crane() -> None:
     for seed in range(100, 102):
         chaos = Chaos(seed)
         chaos.go(25)
-        moved += chaos.moved
+        moved += chaos.guard.moved
     assert moved > 2 * 2000.0
 
 

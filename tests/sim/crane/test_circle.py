@@ -6,7 +6,7 @@ from app.blocks.arc_positioner.circle import Circle, Point
 from app.blocks.arc_positioner.following import Fault
 from app.sim.crane.configuration import AXES, SETTINGS, Places
 from app.sim.crane.ladle import FULL, Load
-from app.sim.crane.plc_axis import Asked, PlcAxis, Surroundings
+from app.sim.crane.plc_axis import HOT, Asked, PlcAxis, Surroundings
 from app.sim.crane.travel import FASTEST_STRETCH, STRAIN, TOP, Travel
 
 DT = 0.02
@@ -91,6 +91,24 @@ def test_the_load_stays_within_two_millimetres_while_the_rope_takes_it_up(
     arc.run()
     assert arc.radial <= MOST and arc.along <= MOST, (arc.radial, arc.along)
     assert (arc.load.stand, arc.load.share > 0.99) == ((0, True) if angles == LIFT else (1, False))
+
+
+def test_after_a_path_fault_the_load_goes_on_from_where_it_stands() -> None:
+    arc = Arc(LIFT, 1000.0, 100.0, 210.0)
+    for _ in range(400):
+        arc.step()
+    motor = arc.axes["hoist"].motors[1]
+    motor.temperature = HOT + 20
+    while arc.travel.fault is Fault.NONE:
+        arc.step()
+    assert arc.travel.fault is Fault.BRAKE_LOST
+    motor.temperature = 40.0
+    for _ in range(200):
+        arc.step(go=False)
+    assert arc.travel.fault is Fault.BRAKE_LOST, "told until it goes on"
+    assert not any(axis.speed for axis in arc.axes.values())
+    arc.run()
+    assert abs(arc.travel.angle - LIFT[1]) < 0.1
 
 
 def test_a_scale_that_fails_or_leaps_moves_the_load_no_faster_than_a_rope_stretches() -> None:
