@@ -276,11 +276,12 @@ class World:
     def watch_devices(self) -> None:
         """Have every device tell what it does."""
         for name, device in (self.sim.devices if self.sim else {}).items():
-            if isinstance(device, VirtualPlc) and "_take" not in vars(device):
+            if isinstance(device, VirtualPlc) and "event" not in vars(device):
                 self._watch_plc(name, device)
 
     def _watch_plc(self, name: str, device: VirtualPlc) -> None:
-        take, tell = device._take, device.event
+        area = device._command_area
+        take, tell = area.take, device.event
         for sequence in range(
             device.newest - device._ring.kept + 1, device.newest + 1
         ):  # it told them when it was made
@@ -288,18 +289,19 @@ class World:
             kept = plc_map.event_of(device._ring.rows[row : row + plc_map.EVENT_WORDS])
             self.told.append(Told(name, device.boots, sequence, kept.code, self.now))
 
-        def taken(request: Any) -> None:
-            known = device._answers.knows(request.id)
-            take(request)
+        def taken(words: Sequence[int], time: int) -> None:
+            request = plc_map.request_of(words)
+            known = area._answers.knows(request.id)
+            take(words, time)
             if not known:
-                said = device._answers.newest
+                said = area._answers.newest
                 self.done.append(Done(self.now, name, request.code, request.id, int(said.state) not in REJECTED))
 
         def happened(*given: Any, **named: Any) -> None:
             tell(*given, **named)
             self.told.append(Told(name, device.boots, device.newest, int(given[0]), self.now))
 
-        device._take, device.event = taken, happened  # type: ignore[method-assign]
+        area.take, device.event = taken, happened  # type: ignore[method-assign]
 
     @property
     def devices(self) -> dict[str, VirtualDevice]:
