@@ -220,6 +220,9 @@ class Shift(World):
     async def ask(self, command: str, **arguments: float) -> bool:
         """A press of the operator; whether it was taken."""
         person: Person | None = await self.person("ana")
+        if not self.down and (person is None or person.idle):  # a quarter of an hour without a page that was opened
+            await self._do_enter("ana")
+            person = await self.person("ana")
         gate = None if self.down else self.runtime.gate
         if person is None or gate is None:
             return False
