@@ -1,8 +1,5 @@
 """Commands of a machine stand in one place: a newer one supersedes, a Stop is one Stop."""
 
-import asyncio
-from dataclasses import replace
-
 from app.commands.lifecycle import ProgressState
 from app.errors import NoAnswer
 from tests.commands.stand import ANA, Stand
@@ -15,16 +12,6 @@ async def test_a_newer_command_supersedes_the_pending_one() -> None:
     await stand.ask(ANA, "reverse")
     assert [(line.object, line.result) for line in stand.commands] == [("m1.forward", "superseded")]
     assert stand.gate.progress("m1").command == "reverse"  # type: ignore[union-attr]
-
-
-async def test_a_double_click_on_stop_is_one_stop() -> None:
-    stand = Stand()
-    stand.set_drive(status=1, frequency=40.0)
-    await asyncio.gather(stand.ask(ANA, "stop", id="s"), stand.ask(ANA, "stop", id="s"))
-    await stand.pass_time(0.2)
-    assert stand.link.sent() == [("command", 3.0)]
-    assert [line.result for line in stand.commands] == ["confirmed"]
-    assert (await stand.ask(ANA, "stop", id="s")).state is ProgressState.ACCEPTED  # and it may always be asked again
 
 
 async def test_pressing_stop_again_does_not_put_the_alarm_off() -> None:
@@ -68,17 +55,3 @@ async def test_subscribers_hear_of_progress_and_reasons_at_most_ten_times_a_seco
     await stand.ask(ANA, "stop")
     await stand.pass_time(1)
     assert told == []
-
-
-async def test_a_reload_keeps_what_is_pending_and_ends_what_is_gone() -> None:
-    stand = Stand()
-    stand.drives["m1"].deaf = stand.drives["m2"].deaf = True
-    await stand.ask(ANA, "forward", "m1")
-    await stand.ask(ANA, "forward", "m2")
-    left = replace(stand.plant, equipment={"m1": stand.plant.equipment["m1"]})
-    stand.gate.configure(left)
-    assert [(line.object, line.reason) for line in stand.commands] == [("m2.forward", "why.reloaded")]
-    stand.drive().update(status=1, frequency=40.0)
-    await stand.pass_time(0.2)
-    assert stand.state() == "confirmed"
-    assert stand.gate.control.holder("m2") is None

@@ -56,16 +56,6 @@ async def test_every_command_in_every_state_for_every_person(status: int) -> Non
 # what is possible
 
 
-async def test_an_unknown_machine_or_command_is_refused_and_leaves_a_line() -> None:
-    stand = Stand()
-    for equipment, command in (("m9", "forward"), ("m1", "explode")):
-        with pytest.raises(Refused) as refused:
-            await stand.gate.ask(ANA, equipment, command)
-        assert refused.value.status == 404
-    assert (await refusal(stand, ANA, "jog_forward")).reason == "why.hold_only"
-    assert [line.object for line in stand.commands] == ["m9.forward", "m1.explode", "m1.jog_forward"]
-
-
 # confirmation
 
 

@@ -18,18 +18,3 @@ async def test_why_not_names_every_reason_and_the_first_missing_one_first() -> N
     refused = await refusal(stand, ANA, "forward")
     assert refused.params["label"] == "permissive.no_fault"
     assert "interlock.overheat" in refused.params["missing"]  # type: ignore[operator]
-
-
-async def test_conditions_come_with_how_they_stand_and_since_when() -> None:
-    stand = Stand()
-    await stand.pass_time(0.3)
-    before = {condition.key: (met, since) for condition, met, since in stand.gate.permissives("m1")}
-    assert before["no_fault"][0] is True
-    await stand.pass_time(5)
-    stand.drive()["status"] = 9
-    await stand.pass_time(0.3)
-    lines = {condition.key: (met, since) for condition, met, since in stand.gate.permissives("m1")}
-    assert lines["no_fault"][0] is False
-    assert lines["no_fault"][1] > before["no_fault"][1] + 4_000_000
-    assert lines["start_source"] == before["start_source"]
-    assert {c.key: met for c, met, _ in stand.gate.interlocks("m1")}["overheat"] is False

@@ -6,15 +6,12 @@ from bisect import bisect_left
 from pathlib import Path
 
 import pytest
-from alembic.autogenerate import compare_metadata
-from alembic.migration import MigrationContext
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import Connection, create_engine
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.schema import CreateTable
 
-from app.db import Database, history_tables
 from app.historian import store, tables
 from app.historian.store import DAY, HOUR, MINUTE, Row
 from app.plant.definitions import Kind
@@ -200,13 +197,6 @@ def test_size_knows_the_rate_of_a_day(tmp_path: Path) -> None:
         assert size.used > 0
         assert size.free > 0
         assert store.size(connection, tmp_path / "history.db", BEGIN + 3 * DAY).rows_today == 0
-
-
-def test_the_migration_makes_the_tables_that_the_program_knows(history: Database) -> None:
-    def differences(connection: Connection) -> list[object]:
-        return list(compare_metadata(MigrationContext.configure(connection), history_tables))
-
-    assert history.run(differences) == []
 
 
 @pytest.mark.parametrize("at_once", [1, 3, 1000])

@@ -5,7 +5,7 @@ import pytest
 from app.plant import types
 from app.records import fold
 from app.records.fold import Machine
-from app.records.kind import Belongs, Column, End, Field, Kind, Order, Parts, Pause, Rule, Verb, When
+from app.records.kind import Belongs, End, Field, Kind, Order, Parts, Rule, Verb, When
 from app.records.record import OPEN, UNKNOWN, Reading, Record
 from tests.historian import stories
 from tests.historian.rings import Ring
@@ -54,13 +54,6 @@ def test_a_record_begins_and_ends_with_its_events() -> None:
         "gone",
         3.0,
     )
-
-
-def test_folding_leaves_the_former_record_as_it_was() -> None:
-    former = Record("thing", 7, 1, 1, 0, fields={"it": 1}, id=1)
-    after = fold.fold(rule(Verb.COUNT), former, event(B), Machine())
-    assert (former.fields, after.fields) == ({"it": 1}, {"it": 2})
-    assert after is not former
 
 
 @pytest.mark.parametrize(
@@ -138,35 +131,6 @@ def test_the_first_end_that_fits_is_the_one(source: int, value: float | None, wa
     ends = (End("one", When(code, source=1)), End("six", When(code, value=6.0)), End("any", When(code)))
     (one,) = told(kind(ends=ends), event(A), event(C, 3, value, source=source))
     assert one.outcome == wanted
-
-
-@pytest.mark.parametrize(("seconds", "wanted"), [("elapsed", 3.0), ("value", 2.5), ("unknown", None)])
-def test_how_long_it_took(seconds: str, wanted: float | None) -> None:
-    (one,) = told(kind(ends=(End("gone", When(frozenset({C})), seconds=seconds),)), event(A, 1), event(C, 4, 2.5))
-    assert one.seconds == wanted
-
-
-def test_a_pause_is_no_time_of_a_part() -> None:
-    made = kind(
-        parts=Parts(frozenset({B}), frozenset({E})),
-        pause=Pause(frozenset({D}), frozenset({D + 10, C})),
-    )
-    (one,) = told(
-        made,
-        event(A),
-        event(B, 1, source=1),
-        event(D, 2),
-        event(D + 10, 4),
-        event(E, 5, 1.5, source=1),
-        event(B, 5, source=2),
-        event(D, 6),
-        event(C, 9),
-    )
-    assert (one.paused, one.pause) == (5 * SECOND, None)
-    assert [(part.number, part.state, part.seconds, part.paused) for part in one.parts.values()] == [
-        (1, "done", 1.5, 2 * SECOND),
-        (2, "gone", 1.0, 3 * SECOND),
-    ]
 
 
 def test_a_part_whose_end_was_lost_is_not_known() -> None:
@@ -249,16 +213,6 @@ def test_a_function_of_the_kind_has_the_last_word() -> None:
     own = Kind(**{name: getattr(made, name) for name in Kind.__slots__} | {"hooks": type(made.hooks)(belongs=belongs)})
     assert told(own, event(A, source=3)) == []
     assert len(told(own, event(A, source=2))) == 1
-
-
-def test_the_kinds_of_our_types_are_read() -> None:
-    assert list(CONVEYOR.records) == ["passage"]
-    assert list(SEQUENCE.records) == ["force", "run"], "forces first: a run counts those that stand"
-    assert CONVEYOR.records["passage"].outcomes == ("open", "unloaded", "deleted", "lost", "returned", "unknown")
-    assert SEQUENCE.records["run"].outcomes == ("open", "done", "timed_out", "aborted", "unknown")
-    assert SEQUENCE.records["run"].csv[0] == Column("started_utc", "begun.utc")
-    assert SEQUENCE.records["run"].hooks.fold is not None
-    assert CONVEYOR.records["passage"].hooks.fold is None
 
 
 @pytest.mark.parametrize("seed", range(5))

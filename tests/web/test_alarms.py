@@ -20,7 +20,6 @@ from app.running.page_tags import page_tags
 from app.runtime import Runtime
 from app.settings import Settings
 from app.tags.batch import Batch
-from app.web.alarm_view import bars, lasting
 from tests import virtual
 from tests.web.people import HOST, Staff
 
@@ -366,22 +365,6 @@ def _heatsink(hall: Hall) -> ListedAlarm:
     row = next(alarm for alarm in hall.runtime.plant.equipment["m1"].alarms if alarm.key == "heatsink_high")  # type: ignore[union-attr]
     base = hall.one("sys.stop_unconfirmed.m1")
     return replace(base, id="m1.heatsink_high", label=row.label, point=row.value, priority=row.priority)
-
-
-def test_durations_are_written_as_a_clock() -> None:
-    assert [lasting(seconds) for seconds in (-1, 6, 75, 3725, 90061)] == [
-        "00:00",
-        "00:06",
-        "01:15",
-        "1:02:05",
-        "1\u00a0d 01:01",
-    ]
-
-
-def test_bars_hold_every_time_once() -> None:
-    hour = 3_600_000_000
-    assert bars([0, 1, hour - 1, hour, 5 * hour], 5 * hour, hour, 6) == [1, 3, 0, 0, 0, 1]
-    assert sum(bars([-hour, 0], 5 * hour, hour, 5)) == 0
 
 
 # ---- the journal ------------------------------------------------------------------------------------------
