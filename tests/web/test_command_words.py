@@ -1,0 +1,82 @@
+"""What a command says of itself: each state in every language, names for who is signed in alone, numbers of the reader."""
+
+from functools import partial
+from zoneinfo import ZoneInfo
+
+import pytest
+
+from app.commands.interlocks import RefusalReason
+from app.commands.lifecycle import Progress, ProgressState
+from app.errors import Refused
+from app.plant.loader import read_plant
+from app.plant.texts import Texts
+from app.web.command_words import CommandWords
+from app.web.points import EquipmentView
+from tests.conftest import ROOT
+
+PLANT, _ = read_plant(ROOT / "plants" / "demo")
+assert PLANT is not None
+TEXTS = Texts.read(PLANT)
+LANGUAGES = ("hr", "en", "de", "cs")
+ASKED = 1_772_000_000_000_000
+
+
+class Nothing:
+    """A runtime without a value."""
+
+    plant = PLANT
+    tags: dict[str, object] = {}  # noqa: RUF012
+
+
+def words(lang: str = "en", machine: str = "m1", *, signed_in: bool = True) -> CommandWords:
+    assert PLANT is not None
+    view = EquipmentView(PLANT.equipment[machine], Nothing(), lang, partial(TEXTS.text, lang))  # type: ignore[arg-type]
+    return CommandWords(view, ZoneInfo("Europe/Zagreb"), signed_in=signed_in)
+
+
+def progress(state: ProgressState, **more: object) -> Progress:
+    return Progress("7", "m1", "forward", "command.forward", "Ana Kos", state, ASKED, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("state", list(ProgressState))
+def test_every_state_is_a_line_without_a_key_in_it(state: ProgressState, lang: str) -> None:
+    line = words(lang).tell(progress(state, ended=ASKED + 3_000_000)).text
+    assert line.startswith("M1 ") and line.endswith(" · Ana Kos")
+    assert "fb." not in line and "why." not in line and "command." not in line
+
+
+def test_the_kind_of_the_line_is_how_it_ended() -> None:
+    kinds = {state: words().tell(progress(state, ended=ASKED)).kind for state in ProgressState}
+    assert {state for state, kind in kinds.items() if kind == "done"} == {
+        ProgressState.CONFIRMED,
+        ProgressState.DRY_RUN,
+    }
+    info = {ProgressState.REQUESTED, ProgressState.ACCEPTED, ProgressState.SUPERSEDED}
+    assert {state for state, kind in kinds.items() if kind == "info"} == info
+
+
+def test_a_guest_learns_no_name() -> None:
+    line = words(signed_in=False).tell(progress(ProgressState.CONFIRMED, ended=ASKED)).text
+    assert "Ana" not in line and "Operator" in line
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_why_it_failed_stands_behind_it(lang: str) -> None:
+    told = words(lang)
+    failed = progress(ProgressState.REFUSED, ended=ASKED, reason="why.rate")
+    assert f": {told.text('why.rate', {})}" in told.tell(failed).text
+    assert told.because(progress(ProgressState.CONFIRMED)) == ""
+
+
+def test_of_several_missing_conditions_the_first_is_named_and_the_rest_counted() -> None:
+    one = RefusalReason("why.condition", {}, "permissive.no_fault")
+    alone, three = words().explain_first([one]), words().explain_first([one, one, one])
+    assert alone != three and "2" in three
+    assert words().explain_first([]) == ""
+
+
+def test_a_refused_value_is_named_once() -> None:
+    refused = Refused("why.not_a_number", 422, text="abc", argument="x", label="point.frequency_setpoint")
+    said = words().refusal(refused)
+    assert "abc" in said and not said.startswith("point.")
