@@ -20,7 +20,18 @@ saddle_2_position = 5500
 saddle_1_position = 6800
 travel = 7500
 label = { hr = "Kolica", en = "Coil car", de = "Bundwagen", cs = "Vozík" }
-simulation = { start = "automatic", coil = 1, growth = 400, crane = 3 }
+
+[equipment.cc1.simulation]
+start = "automatic"
+coil = 1
+growth = 400
+crane = 3
+automatic_horizontal = 600
+acceleration_horizontal = 500
+jerk_horizontal = 2000
+automatic_vertical = 150
+acceleration_vertical = 300
+jerk_vertical = 1000
 
 [equipment.seq1]
 type = "sequence"

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, StorageState, expect
+from playwright.sync_api import Browser, Page, StorageState, expect
 
-from tests.browser.station import Operator, Sit, serving, small
+from tests.browser.station import Operator, Sit, Stations, serving, small
 from tests.conftest import PogonServer, find_port
 
 expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
@@ -24,16 +24,30 @@ def sessions() -> dict[str, StorageState]:
     return {}
 
 
+@pytest.fixture(scope="session")
+def stations(browser: Browser) -> Stations:
+    """Browsers of this process, which one test after the other sits at."""
+    return Stations(browser)
+
+
+@pytest.fixture
+def page(stations: Stations) -> Iterator[Page]:
+    """An empty page of a browser that knows nobody."""
+    page = stations.sit()
+    yield page
+    stations.leave(page)
+
+
 @pytest.fixture
 def sit(
-    browser: Browser, server: PogonServer, sessions: dict[str, StorageState], request: pytest.FixtureRequest
+    stations: Stations, server: PogonServer, sessions: dict[str, StorageState], request: pytest.FixtureRequest
 ) -> Iterator[Sit]:
     """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said; with its MOVES things glide.
 
     Whatever a console complains of fails the test.
     """
     module = request.module
-    seat = Sit(browser, server, sessions, module.WHO, module.HOME, moves=getattr(module, "MOVES", False))
+    seat = Sit(stations, server, sessions, module.WHO, module.HOME, moves=getattr(module, "MOVES", False))
     yield seat
     seat.leave()
     assert not seat.complaints
@@ -49,9 +63,9 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
 
 
 @pytest.fixture
-def operator(browser: Browser, broken: PogonServer, sessions: dict[str, StorageState]) -> Iterator[Operator]:
+def operator(stations: Stations, broken: PogonServer, sessions: dict[str, StorageState]) -> Iterator[Operator]:
     """Somebody before a plant as it was built, with no alarm, whatever went on before."""
-    seat = Sit(browser, broken, sessions, "ana", "/")
+    seat = Sit(stations, broken, sessions, "ana", "/")
     who = Operator(seat(), broken)
     who.rebuild("m1", "m2")
     yield who

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, BrowserContext, Page, StorageState, TimeoutError, expect
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, StorageState, TimeoutError, expect
 
 from app import bundled
 from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
@@ -56,16 +56,53 @@ def small(folder: Path, *machines: str) -> Path:
     return folder
 
 
-class Sit:
-    """`sit("ivana")`: a browser of its own in which this person is signed in and looks at a page; `sit("")` is a guest.
+PLACE = {"locale": "en-GB", "timezone_id": "Europe/Zagreb"}
+"""Where browsers are."""
+LOOKS: dict[str, Any] = {"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce"}
+"""How big a page is, and that nothing glides there, unless something else is said: what glides is drawn sixty times a second."""
 
-    `complaints` is what consoles said and pages threw. Nothing glides there unless something `moves`: a page whose every value glides
-    to the next one is drawn anew sixty times a second, and three of them keep two cores busy.
+
+class Stations:
+    """The browsers of this process. Who gets up leaves his to the next: one that was just started costs as much as several pages."""
+
+    def __init__(self, browser: Browser) -> None:
+        self._browser = browser
+        self._free: list[Page] = []
+
+    def sit(self, **how: Any) -> Page:
+        """An empty page of a browser that knows nobody; one that is to be other than all (`how`) is started for that."""
+        looks = LOOKS | {name: how.pop(name) for name in LOOKS if name in how}
+        page = self._browser.new_context(**PLACE, **how).new_page() if how or not self._free else self._free.pop()
+        page.set_viewport_size(looks["viewport"])
+        page.emulate_media(reduced_motion=looks["reduced_motion"])
+        return page
+
+    def leave(self, page: Page, *, again: bool = True) -> None:
+        """Nobody looks at this page and its neighbours any more. What its browser knows is forgotten before somebody has it `again`."""
+        context = page.context
+        if not again or page.is_closed():
+            context.close()
+            return
+        for other in context.pages:
+            if other is not page:
+                other.close()
+        page.unroute_all()
+        if page.url.startswith("http"):
+            page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
+        page.goto("about:blank")
+        context.clear_cookies()
+        self._free.append(page)
+
+
+class Sit:
+    """`sit("ivana")`: a browser in which this person is signed in and looks at a page; `sit("")` is a guest.
+
+    `complaints` is what consoles said and pages threw. Nothing glides there unless something `moves`.
     """
 
     def __init__(
         self,
-        browser: Browser,
+        stations: Stations,
         server: PogonServer,
         sessions: dict[str, StorageState],
         who: str,
@@ -73,53 +110,66 @@ class Sit:
         moves: bool = False,
     ) -> None:
         self.complaints: list[str] = []
-        self._browser = browser
+        self._stations = stations
         self._server = server
         self._sessions = sessions
         self._who = who
         self._home = home
         self._motion = "no-preference" if moves else "reduce"
-        self._contexts: list[BrowserContext] = []
+        self._pages: dict[Page, bool] = {}
 
     def __call__(self, name: str | None = None, path: str = "", lang: str = "en", **how: Any) -> Page:
         name = self._who if name is None else name
-        given = {
-            "locale": "en-GB",
-            "timezone_id": "Europe/Zagreb",
-            "viewport": {"width": 1280, "height": 800},
-            "reduced_motion": self._motion,
-            "storage_state": self._sessions.get(name),
-        }
-        context = self._browser.new_context(**(given | how))
-        self._contexts.append(context)
-        context.add_cookies([{"name": "pogon_lang", "value": lang, "url": self._server.url}])
-        page = context.new_page()
+        page = self._stations.sit(**({"reduced_motion": self._motion} | how))
+        self._pages[page] = not how.keys() - LOOKS
+        if name in self._sessions:
+            page.context.add_cookies(self._sessions[name]["cookies"])
+        speak(page, lang, self._server.url)
         if name and name not in self._sessions:
             page.goto(f"{self._server.url}/signin")
             page.fill("[name=name]", name)
             page.fill("[name=password]", PASSWORD)
             page.click("form.sheet-form button.cmd")
             expect(page.locator(".head .who")).to_contain_text(name)
-            self._sessions[name] = context.storage_state()
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on(
-            "console",
-            lambda said: (
-                said.type in ("error", "warning")
-                and "status of 4" not in said.text  # an answer that refuses is no fault of the page
-                and self.complaints.append(said.text)
-            ),
-        )
+            self._sessions[name] = page.context.storage_state()
+        page.on("pageerror", self._threw)
+        page.on("console", self._said)
         page.goto(self._server.url + (path or self._home))
         expect(page.locator("body")).to_have_attribute("data-live", "live")
         return page
 
     def leave(self) -> None:
-        """Everybody lets go of the machine and closes the browser."""
-        for context in self._contexts:
-            for page in context.pages:
+        """Everybody lets go of the machine and leaves the browser to others."""
+        for one, again in self._pages.items():
+            for page in one.context.pages:
                 let_go(page)
-            context.close()
+            one.remove_listener("pageerror", self._threw)
+            one.remove_listener("console", self._said)
+            self._stations.leave(one, again=again)
+        self._pages.clear()
+
+    def _threw(self, error: Error) -> None:
+        self.complaints.append(str(error))
+
+    def _said(self, message: ConsoleMessage) -> None:
+        """An answer that refuses is no fault of the page."""
+        if message.type in ("error", "warning") and "status of 4" not in message.text:
+            self.complaints.append(message.text)
+
+
+def speak(page: Page, lang: str, url: str) -> None:
+    """From the next page on this browser speaks another language."""
+    page.context.add_cookies([{"name": "pogon_lang", "value": lang, "url": url}])
+
+
+def lay_out(page: Page, width: int, height: int, profile: str = "") -> None:
+    """The page on another screen, drawn anew; if somebody chose a `profile` there, with that."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.evaluate(
+        """(profile) => { if (profile) document.documentElement.dataset.profile = profile;
+           return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))); }""",
+        profile,
+    )
 
 
 class Operator:
@@ -195,7 +245,7 @@ def built(page: Page, machine: str) -> None:
 def heard(page: Page, tag: str) -> None:
     """Wait until the server has heard of `tag` anew: a page that is loaded then shows what is true after this call."""
     began = time.monotonic()
-    root = page.url.split("/equipment")[0].rstrip("/")
+    root = page.evaluate("location.origin")
     while True:
         asked = time.monotonic()
         age = page.request.get(f"{root}/api/v1/tags/{tag}").json()["age"]
@@ -210,7 +260,7 @@ def instruct(page: Page, what: str, **form: str) -> None:
 
     A line that has no time to answer is asked again, as an instructor does who reads that.
     """
-    root = page.url.split("/equipment")[0].rstrip("/")
+    root = page.evaluate("location.origin")
     form |= {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
     end = time.monotonic() + 30
     while True:

@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.station import AXE, SIZES, Operator
+from tests.browser.station import AXE, LANGUAGES, SIZES, Operator, lay_out, speak
 
 
 def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operator) -> None:
@@ -32,17 +32,17 @@ def test_numbers_move_words_come_again_and_the_forecast_answers(operator: Operat
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_it_fits_every_size_in_every_language_and_axe_finds_nothing(operator: Operator, theme: str) -> None:
     page, url = operator.page, operator.server.url
-    for width, height in SIZES.values():
-        page.set_viewport_size({"width": width, "height": height})
-        for lang in ("de", "cs", "hr", "en"):
-            page.context.add_cookies(
-                [{"name": "pogon_lang", "value": lang, "url": url}, {"name": "pogon_theme", "value": theme, "url": url}]
-            )
-            operator.go("/communication?open=hall.2")
+    page.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": url}])
+    for lang in LANGUAGES:
+        speak(page, lang, url)
+        operator.go("/communication?open=hall.2")
+        for width, height in SIZES.values():
+            lay_out(page, width, height)
             wide = page.evaluate(
                 "[document.documentElement, document.getElementById('content')].map(e => e.scrollWidth - e.clientWidth)"
             )
             assert wide == [0, 0], (width, lang)
-        page.evaluate(AXE.read_text("utf-8"))
-        found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
-        assert found == [], (width, found)
+            if lang == "en":
+                page.evaluate(AXE.read_text("utf-8"))
+                found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
+                assert found == [], (width, found)

@@ -245,17 +245,6 @@ def test_positions_nobody_knows_are_not_shown(sit: Sit) -> None:
     expect(page.locator(".c-dead")).not_to_be_visible()
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (800, 480), (390, 844)])
-@pytest.mark.parametrize("lang", LANGUAGES)
-def test_every_language_fits_every_screen(sit: Sit, lang: str, size: tuple[int, int]) -> None:
-    page = sit(lang=lang, viewport={"width": size[0], "height": size[1]})
-    page.wait_for_timeout(500)
-    assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
-    assert not re.search(r"\[[a-z_]+(\.[a-z_0-9]+)+\]|\[(hr|en|de|cs)\] ", page.inner_text("body"))
-    stop = page.locator(".zone .stop").bounding_box()
-    assert stop and stop["y"] + stop["height"] <= size[1] + 1, "Stop is always in sight"
-
-
 @pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_screen_can_be_read_by_everybody(sit: Sit, server: PogonServer, theme: str) -> None:

@@ -7,13 +7,10 @@ from contextlib import suppress
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.station import LANGUAGES, SIZES, Sit, built, fault, serving, take
-from tests.browser.test_layout import BOTH, lay_out
+from tests.browser.station import Sit, built, fault, serving, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/cr1"
-PAGES = ("hoist", "trolley", "bridge", "drives", "sequence")
-PARTS = ("", *(f"/page/{name}" for name in PAGES), "/faceplate", "/parameters")
 PLANT = """
 [plant]
 name = { hr = "Kran", en = "Crane", de = "Kran", cs = "Jeřáb" }
@@ -303,21 +300,3 @@ def test_a_set_that_fails_leaves_what_was(sit: Sit) -> None:
     expect(other.locator("[data-subject=hoist] .k-speed")).to_be_visible()
     other.locator("[data-subject=hoist] .k-speed [value='1']").click()
     expect(other.locator("[data-subject=hoist] .field .num")).to_contain_text("30.00 mm/s · 15.0 %")
-
-
-@pytest.mark.parametrize("lang", LANGUAGES)
-def test_nothing_is_cut_at_any_size(sit: Sit, server: PogonServer, lang: str) -> None:
-    page = sit(lang=lang)
-    found: list[str] = []
-    for part in PARTS:
-        page.goto(f"{server.url}/equipment/cr1{part}")
-        expect(page.locator("body")).to_have_attribute("data-live", "live")
-        page.evaluate("document.fonts.ready.then(() => 1)")
-        for size, (width, height) in SIZES.items():
-            lay_out(page, width, height, "panel-9" if size == "small" else "desk")
-            if size != "phone" and page.evaluate("document.documentElement.scrollHeight") > height:
-                found.append(f"{lang} {part} {size}: the page is higher than the screen")
-            found += [f"{lang} {part} {size}: {one}" for one in page.evaluate(BOTH)]
-            if part != "/parameters" and not page.locator("[data-command='cr1.stop']:visible").count():
-                found.append(f"{lang} {part} {size}: no Stop")
-    assert found == [], "\n".join(["", *found])

@@ -1,11 +1,12 @@
 """The frame in a real browser: what htmx may not do, the message line, menus, sizes, and the looks of a lost connection."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.station import AXE
+from tests.browser.station import AXE, small
 from tests.conftest import PogonServer
 
 EVIL = """<b id="in" hx-on:click="window.bad = 1" data-hx-on:click="window.bad = 2"
@@ -31,6 +32,13 @@ def visitor(browser: Browser, server: PogonServer, request: pytest.FixtureReques
     context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
     yield context.new_page()
     context.close()
+
+
+def test_chromium_reaches_a_pogon(page: Page, server: PogonServer) -> None:
+    """Before any page of ours: whether the browser of this machine starts, scripts, and reaches a server."""
+    answer = page.goto(f"{server.url}/healthz")
+    assert answer is not None and answer.status == 200
+    assert page.evaluate("1 + 1") == 2
 
 
 def test_a_fragment_brings_no_program_along(visitor: Page, server: PogonServer) -> None:
@@ -141,10 +149,13 @@ def test_the_letters_are_ours_and_nothing_moves_when_they_come(page: Page, serve
         for node in wire.send("DOM.querySelectorAll", {"nodeId": root, "selector": one})["nodeIds"]:
             used = wire.send("CSS.getPlatformFontsForNode", {"nodeId": node})["fonts"]
             assert {font["isCustomFont"] for font in used} <= {True}, (one, used)
+    wire.detach()
 
 
-def test_a_lost_server_is_seen_and_heard_of_again(page: Page, pogon_server: Callable[..., PogonServer]) -> None:
-    server = pogon_server()
+def test_a_lost_server_is_seen_and_heard_of_again(
+    page: Page, pogon_server: Callable[..., PogonServer], tmp_path: Path
+) -> None:
+    server = pogon_server(plant=small(tmp_path, "m1") / "plant")
     page.context.add_cookies([{"name": "pogon_lang", "value": "en", "url": server.url}])
     page.goto(f"{server.url}/equipment/m1")
     expect(page.locator("body")).to_have_attribute("data-live", "live")

@@ -7,8 +7,9 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from app import bundled
-from tests.browser.station import LANGUAGES, Sit, fault, serving
+from tests.browser.station import LANGUAGES, Sit, Stations, fault, lay_out, serving, speak
 from tests.conftest import ROOT, PogonServer
+from tools.pictures import MARKS
 
 FAULTS = (ROOT / "tools" / "faults.js").read_text("utf-8")
 SIZES = {"panel": (1280, 800, "desk"), "small": (800, 480, "panel-9"), "phone": (390, 844, "desk")}
@@ -34,6 +35,11 @@ LONG = """() => { // every list with thirty rows more
   for (const body of lists) for (let n = 0; n < 30; n++) body.append(body.rows[0].cloneNode(true));
   return lists.length;
 }"""
+STOP = """(within) => [...document.querySelectorAll('.cmd.stop')].some((button) => {
+  const { top, bottom } = button.getBoundingClientRect();
+  return button.checkVisibility() && top >= 0 && bottom <= within + 1;
+})"""
+"""Whether Stop is there, no lower than this."""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
@@ -41,7 +47,7 @@ PAGES = (
     "/",
     *(f"/equipment/{machine}{part}" for machine in MACHINES for part in ("", "/faceplate")),
     *(f"/equipment/{machine}/page/{name}" for machine in MACHINES for name in FURTHER[machine]),
-    *(f"/equipment/{machine}/parameters" for machine in ("m1", "c1")),
+    *(f"/equipment/{machine}/parameters" for machine in ("m1", "c1", "cr1")),
     "/trends?tags=m1.speed,m1.frequency_setpoint,c1.measured_speed_1&span=10m",
     "/alarms",
     "/events",
@@ -71,36 +77,44 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
 
 
 @pytest.fixture(scope="module")
-def abnormal(browser: Browser, server: PogonServer) -> Iterator[Sit]:
-    """A plant at work, one of whose drives has tripped."""
-    seat = Sit(browser, server, {}, "ana", "/equipment/m2")
+def abnormal(stations: Stations, server: PogonServer) -> Iterator[Page]:
+    """A page of a plant at work, one of whose drives has tripped."""
+    seat = Sit(stations, server, {}, "ana", "/equipment/m2")
     page = seat()
     fault(page, "m2", 13)
     expect(page.locator("#alarms .banner-row, #alarms li, #alarms a").first).to_be_visible()
-    yield seat
+    yield page
     seat.leave()
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
-def test_nothing_is_cut_at_any_size(abnormal: Sit, server: PogonServer, lang: str) -> None:
-    page = abnormal(lang=lang)
+def test_nothing_is_cut_at_any_size(abnormal: Page, server: PogonServer, lang: str) -> None:
+    """Nor is a text missing in a language, nor Stop out of sight on the page of a machine."""
+    page = abnormal
+    speak(page, lang, server.url)
     found: list[str] = []
     for path in PAGES:
         page.goto(server.url + path, wait_until="load")
         if page.locator("body[data-live]").count():
             expect(page.locator("body")).to_have_attribute("data-live", "live")
         page.evaluate("document.fonts.ready.then(() => 1)")
+        found += [f"{lang} {path}: {mark} is no text" for mark in MARKS.findall(page.inner_text("body"))]
         for size, (width, height, profile) in SIZES.items():
             lay_out(page, width, height, profile)
             if size != "phone" and page.evaluate("document.documentElement.scrollHeight") > height:
                 found.append(f"{lang} {path} {size}: the page is higher than the screen")
             found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
-    page.context.close()
+            if path.startswith("/equipment/") and not path.endswith(("/parameters", "/events")):
+                within = (
+                    height if (size, path.split("/")[-1]) != ("phone", "faceplate") else 5000
+                )  # a list, Stop at its end
+                found += [f"{lang} {path} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, within))]
     assert found == [], "\n".join(["", *found])
 
 
-def test_a_long_list_does_not_make_the_page_higher(abnormal: Sit, server: PogonServer) -> None:
-    page = abnormal()
+def test_a_long_list_does_not_make_the_page_higher(abnormal: Page, server: PogonServer) -> None:
+    page = abnormal
+    speak(page, "en", server.url)
     found: list[str] = []
     for path in (
         "/",
@@ -120,18 +134,7 @@ def test_a_long_list_does_not_make_the_page_higher(abnormal: Sit, server: PogonS
             lay_out(page, width, height, profile)
             if page.evaluate("document.documentElement.scrollHeight") > height:
                 found.append(f"{path} {size}")
-    page.context.close()
     assert found == []
-
-
-def lay_out(page: Page, width: int, height: int, profile: str) -> None:
-    """The page on another screen, drawn anew."""
-    page.set_viewport_size({"width": width, "height": height})
-    page.evaluate(
-        """(profile) => { document.documentElement.dataset.profile = profile;
-           return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))); }""",
-        profile,
-    )
 
 
 @pytest.mark.parametrize("path", ["/", "/alarms", "/equipment/m1"])

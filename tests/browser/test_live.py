@@ -5,14 +5,18 @@ import os
 import random
 import re
 import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from mimetypes import guess_type
+from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
+from playwright.sync_api import Browser, BrowserContext, Page, WebSocketRoute, expect
 
 from app import bundled
 from app.clock import ManualClock
@@ -26,10 +30,9 @@ from app.web import format as fmt
 from app.web.assets import Assets
 from app.web.points import EquipmentView, live_texts
 from app.web.view import View
+from tests.browser.station import LANGUAGES, LOOKS, PLACE, small
 from tests.conftest import PogonServer
 
-LANGUAGES = ("hr", "en", "de", "cs")
-ADDRESS = "http://pogon.test"
 STATES = {
     "good": q.GOOD,
     "uncertain": q.OUT_OF_RANGE,
@@ -122,25 +125,74 @@ class Wire:
         return sum(key in message for message in self.heard)
 
 
+class Site:
+    """A web server with the product's static files, which a browser keeps, and the one page that a test gives it."""
+
+    def __init__(self) -> None:
+        self.page: Callable[[], str] = str
+        site = self
+
+        class Answer(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                static = self.path.startswith("/static/")
+                name = re.sub(r"\.[0-9a-f]{12}(?=\.\w+$)", "", self.path.removeprefix("/static/"))
+                body = (bundled("static") / name).read_bytes() if static else site.page().encode()
+                self.send_response(200)
+                kind = guess_type(name)[0] or "application/octet-stream" if static else "text/html; charset=utf-8"
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(len(body)))
+                self.send_header("Cache-Control", "max-age=3600" if static else "no-store")
+                self.end_headers()
+                self.wfile.write(body)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
+        self.server.daemon_threads = True
+        self.address = f"http://127.0.0.1:{self.server.server_port}"
+
+
+@pytest.fixture(scope="module")
+def site() -> Iterator[Site]:
+    site = Site()
+    thread = threading.Thread(target=site.server.serve_forever)
+    thread.start()
+    yield site
+    site.server.shutdown()
+    thread.join()
+    site.server.server_close()
+
+
+@pytest.fixture(scope="module")
+def place(browser: Browser) -> Iterator[BrowserContext]:
+    """A browser for all tests of this module: what it has loaded once it keeps."""
+    context = browser.new_context(**PLACE, **LOOKS)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def page(place: BrowserContext) -> Iterator[Page]:
+    """A page of its own: what a test puts in the place of its socket stays with it."""
+    page = place.new_page()
+    yield page
+    page.close()
+
+
 @pytest.fixture
 def hall() -> Hall:
     return Hall()
 
 
 @pytest.fixture
-def opened(page: Page, hall: Hall) -> Callable[..., Wire]:
+def opened(page: Page, hall: Hall, site: Site) -> Callable[..., Wire]:
     """Open the page of `hall` in a language; its socket is the returned wire, which says nothing by itself but hello."""
 
     def start(lang: str = "en", *, greet: bool = True) -> Wire:
         wire = Wire()
-
-        def serve(route: Route) -> None:
-            path = route.request.url.removeprefix(ADDRESS)
-            if path.startswith("/static/"):
-                name = re.sub(r"\.[0-9a-f]{12}(?=\.\w+$)", "", path.removeprefix("/static/"))
-                route.fulfill(path=bundled("static") / name)
-            else:
-                route.fulfill(body=hall.page(lang), content_type="text/html")
 
         def speak(socket: WebSocketRoute) -> None:
             wire.sockets.append(socket)
@@ -152,9 +204,9 @@ def opened(page: Page, hall: Hall) -> Callable[..., Wire]:
 
             socket.on_message(hear)
 
-        page.route(f"{ADDRESS}/**", serve)
+        site.page = partial(hall.page, lang)
         page.route_web_socket("**/live", speak)
-        page.goto(f"{ADDRESS}/equipment/m1")
+        page.goto(f"{site.address}/equipment/m1")
         wait_for(page, lambda: wire.asked("subscribe") > 0)
         return wire
 
@@ -281,36 +333,37 @@ PICTURE = """(root) => [...root.querySelectorAll("[data-tag]")].map((element) =>
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
-@pytest.mark.parametrize("state", STATES)
 def test_what_the_script_draws_is_what_the_server_draws(
-    page: Page, hall: Hall, opened: Callable[..., Wire], lang: str, state: str
+    page: Page, hall: Hall, opened: Callable[..., Wire], lang: str
 ) -> None:
-    wire = opened(lang)  # the page as it is before anything was received
-    hall.publish_all(q.GOOD, lambda key: 1)
-    wire.send(hall.frame(1))
-    live(page)
-    now = hall.clock.micros()
-    special: dict[str, Value] = {
-        "status": 2,
-        "state_since": now - 90_000_000,
-        "speed": -1180.4,
-        "frequency_setpoint": 40.0,
-    }
-    value = (lambda key: None) if state == "none" else (lambda key: special.get(key, 31.237))
-    hall.publish_all(STATES[state], value)
-    if state == "stale":  # becomes so by time, 2 s after it was seen last
-        hall.publish_all(q.GOOD, value)
-        hall.clock.advance(2.05)
-        hall.tags.sweep()
-    wire.send(hall.frame(2))
-    page.wait_for_timeout(300)
-    drawn = page.evaluate(f"({PICTURE})(document)")
-    server = page.evaluate(
-        f"(html) => ({PICTURE})(new DOMParser().parseFromString(html, 'text/html'))", hall.page(lang)
-    )
-    assert len(drawn) > 40
-    for mine, theirs in zip(drawn, server, strict=True):
-        assert mine == theirs
+    """In every state, which comes after a good value each time; the first one after a page to which nothing was sent."""
+    wire = opened(lang)
+    for number, (state, quality) in enumerate(STATES.items()):
+        hall.publish_all(q.GOOD, lambda key: 1)
+        wire.send(hall.frame(2 * number + 1))
+        live(page)
+        now = hall.clock.micros()
+        special: dict[str, Value] = {
+            "status": 2,
+            "state_since": now - 90_000_000,
+            "speed": -1180.4,
+            "frequency_setpoint": 40.0,
+        }
+        value = (lambda key: None) if state == "none" else (lambda key, special=special: special.get(key, 31.237))
+        hall.publish_all(quality, value)
+        if state == "stale":  # becomes so by time, 2 s after it was seen last
+            hall.publish_all(q.GOOD, value)
+            hall.clock.advance(2.05)
+            hall.tags.sweep()
+        wire.send(hall.frame(2 * number + 2))
+        page.wait_for_timeout(300)
+        drawn = page.evaluate(f"({PICTURE})(document)")
+        server = page.evaluate(
+            f"(html) => ({PICTURE})(new DOMParser().parseFromString(html, 'text/html'))", hall.page(lang)
+        )
+        assert len(drawn) > 40
+        for mine, theirs in zip(drawn, server, strict=True):
+            assert mine == theirs, state
 
 
 def test_an_unlisted_value_and_one_out_of_scale_are_drawn_alike_too(
@@ -565,7 +618,7 @@ def test_a_motor_at_rest_is_drawn_by_server_and_script_alike(browser: Browser, s
 
 
 def test_nine_tabs_of_one_browser_stay_live(browser: Browser, server: PogonServer) -> None:
-    context = browser.new_context(locale="en-GB")
+    context = browser.new_context(**PLACE, **LOOKS)
     pages = [context.new_page() for _ in range(9)]
     for index, page in enumerate(pages):
         page.goto(f"{server.url}/equipment/m{1 + index % 2}")
@@ -578,9 +631,10 @@ def test_nine_tabs_of_one_browser_stay_live(browser: Browser, server: PogonServe
 
 
 def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(
-    page: Page, pogon_server: Callable[..., PogonServer]
+    page: Page, pogon_server: Callable[..., PogonServer], tmp_path: Path
 ) -> None:
-    server = pogon_server()
+    plant = small(tmp_path, "m1") / "plant"
+    server = pogon_server(plant=plant)
     page.goto(f"{server.url}/equipment/m1")
     live(page)
     page.evaluate(TIMES)
@@ -590,7 +644,7 @@ def test_a_killed_server_is_noticed_within_three_seconds_and_found_again(
     assert page.evaluate("window.times.offline") - killed <= 3100
     expect(page.locator(".offline")).to_be_visible()
     expect(page.locator(".st.when-online")).to_be_hidden()
-    pogon_server(data=server.data, port=server.port)
+    pogon_server(plant=plant, data=server.data, port=server.port)
     live(page, "live", 8)
     page.wait_for_timeout(1500)
     assert page.locator(".val.hero").get_attribute("data-q") == "good"
