@@ -42,12 +42,12 @@ def page(stations: Stations) -> Iterator[Page]:
 def sit(
     stations: Stations, server: PogonServer, sessions: dict[str, StorageState], request: pytest.FixtureRequest
 ) -> Iterator[Sit]:
-    """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said; with its MOVES things glide.
+    """Sit down at the `server` of a module, as its WHO and before its HOME if nothing else is said.
 
     Whatever a console complains of fails the test.
     """
     module = request.module
-    seat = Sit(stations, server, sessions, module.WHO, module.HOME, moves=getattr(module, "MOVES", False))
+    seat = Sit(stations, server, sessions, module.WHO, module.HOME)
     yield seat
     seat.leave()
     assert not seat.complaints

@@ -97,7 +97,7 @@ class Stations:
 class Sit:
     """`sit("ivana")`: a browser in which this person is signed in and looks at a page; `sit("")` is a guest.
 
-    `complaints` is what consoles said and pages threw. Nothing glides there unless something `moves`.
+    `complaints` is what consoles said and pages threw.
     """
 
     def __init__(
@@ -107,7 +107,6 @@ class Sit:
         sessions: dict[str, StorageState],
         who: str,
         home: str,
-        moves: bool = False,
     ) -> None:
         self.complaints: list[str] = []
         self._stations = stations
@@ -115,12 +114,11 @@ class Sit:
         self._sessions = sessions
         self._who = who
         self._home = home
-        self._motion = "no-preference" if moves else "reduce"
         self._pages: dict[Page, bool] = {}
 
     def __call__(self, name: str | None = None, path: str = "", lang: str = "en", **how: Any) -> Page:
         name = self._who if name is None else name
-        page = self._stations.sit(**({"reduced_motion": self._motion} | how))
+        page = self._stations.sit(**how)
         self._pages[page] = not how.keys() - LOOKS
         if name in self._sessions:
             page.context.add_cookies(self._sessions[name]["cookies"])
@@ -195,18 +193,7 @@ class Operator:
         """The simulated devices as when they were built, and no alarm that is left of what was."""
         for machine in machines:
             built(self.page, machine)
-        url, end = self.server.url, time.monotonic() + 60
-        while True:
-            self.page.goto(f"{url}/alarms")
-            left = self.page.locator("#content [name=occurrence]").evaluate_all("rows => rows.map(row => row.value)")
-            if not left and self.page.locator("#alarms", has_text="No active alarms").count():
-                return
-            assert time.monotonic() < end, self.page.inner_text("#content")
-            for one in left:
-                csrf = self.page.locator("[name=csrf]").first.get_attribute("value") or ""
-                form = {"occurrence": str(one), "csrf": csrf}
-                self.page.request.post(f"{url}/alarms/acknowledge", form=form, headers={"Origin": url})
-            self.page.wait_for_timeout(200)
+        acknowledge(self.page)
 
 
 def let_go(page: Page) -> None:
@@ -230,6 +217,22 @@ def take(page: Page) -> None:
     if page.locator("[data-token=take]").count():
         page.locator("[data-token=take]").first.click()
     expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+
+
+def acknowledge(page: Page) -> None:
+    """Go to the alarms and acknowledge them until none is left."""
+    url, end = page.evaluate("location.origin"), time.monotonic() + 60
+    while True:
+        page.goto(f"{url}/alarms")
+        left = page.locator("#content [name=occurrence]").evaluate_all("rows => rows.map(row => row.value)")
+        if not left and page.locator("#alarms", has_text="No active alarms").count():
+            return
+        assert time.monotonic() < end, page.inner_text("#content")
+        for one in left:
+            csrf = page.locator("[name=csrf]").first.get_attribute("value") or ""
+            form = {"occurrence": str(one), "csrf": csrf}
+            page.request.post(f"{url}/alarms/acknowledge", form=form, headers={"Origin": url})
+        page.wait_for_timeout(200)
 
 
 def fault(page: Page, machine: str, code: int) -> None:

@@ -18,8 +18,13 @@ SPEED = ".hero-v .val b"
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
-    """One Pogon with the drives of the demo plant and two operators."""
-    with serving(small(tmp_path_factory.mktemp("operated"), "m1", "m2"), PEOPLE) as running:
+    """One Pogon with the drives of the demo plant, the first of which is soon at its speed, and two operators."""
+    folder = small(tmp_path_factory.mktemp("operated"), "m1", "m2")
+    file = folder / "plant" / "plant.toml"
+    plant = file.read_text("utf-8")
+    assert "F113 = 40.0" in plant
+    file.write_text(plant.replace("F113 = 40.0", "F113 = 40.0, F114 = 1.5, F115 = 1.5"), "utf-8")
+    with serving(folder, PEOPLE) as running:
         yield running
 
 

@@ -12,7 +12,8 @@ from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving,
 from tests.conftest import PogonServer
 from tests.line_plant import plant
 
-WHO, HOME, MOVES = "ivana", "/equipment/c1", True
+WHO, HOME = "ivana", "/equipment/c1"
+GLIDES = "no-preference"
 PLANT = plant(
     'start = "automatic", automatic_speed = 70.0, unload_dwell = 0.2, interval = 3, shortest = 25, longest = 45'
 )
@@ -75,7 +76,7 @@ def drawn(page: Page, product: str = "") -> list[dict[str, Any]]:
 
 
 def test_a_product_goes_from_entry_to_unloading_without_a_jump(sit: Sit) -> None:
-    page = sit()
+    page = sit(reduced_motion=GLIDES)
     run(page)
     page.wait_for_selector(".prod[data-state='2']:not([display])", timeout=30_000, state="attached")
     product = page.locator(".prod[data-state='2'] .p-id").first.text_content() or ""
@@ -95,7 +96,7 @@ def test_a_product_goes_from_entry_to_unloading_without_a_jump(sit: Sit) -> None
 
 
 def test_another_product_in_the_same_slot_does_not_glide_there(sit: Sit) -> None:
-    page = sit()
+    page = sit(reduced_motion=GLIDES)
     places = page.evaluate(
         """() => {
           const group = document.querySelector('[data-slot="20"]'), body = group.querySelector('.p-body');
@@ -116,7 +117,7 @@ def test_another_product_in_the_same_slot_does_not_glide_there(sit: Sit) -> None
 
 
 def test_the_thick_edge_changes_ends_when_the_line_reverses_and_the_product_stays(sit: Sit) -> None:
-    page = sit()
+    page = sit(reduced_motion=GLIDES)
     forward, backward = page.evaluate(
         f"""async () => {{
           const ends = {ENDS}, group = document.querySelector('[data-slot="20"]');
@@ -141,7 +142,7 @@ def test_who_wants_no_motion_gets_none(sit: Sit) -> None:
 
 
 def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
-    page = sit()
+    page = sit(reduced_motion=GLIDES)
     run(page)
     fault(page, "c1", 2)
     expect(page.locator(".c-first")).to_contain_text(

@@ -8,10 +8,23 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests import coil_plant
-from tests.browser.station import AXE, LANGUAGES, PASSWORD, SIZES, Sit, built, fault, heard, lay_out, serving, take
+from tests.browser.station import (
+    AXE,
+    LANGUAGES,
+    PASSWORD,
+    SIZES,
+    Sit,
+    acknowledge,
+    built,
+    fault,
+    heard,
+    lay_out,
+    serving,
+    take,
+)
 from tests.conftest import PogonServer
 
-WHO, HOME, MOVES = "ivana", "/equipment/seq1", True
+WHO, HOME = "ivana", "/equipment/seq1"
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +52,13 @@ def head(page: Page) -> Any:
 
 
 def begin(page: Page) -> None:
-    """A run that has just begun on a line as it was built, whatever went on before."""
+    """A run that has just begun on a line as it was built, with no alarm, whatever went on before."""
     for machine in ("cc1", "seq1"):
         built(page, machine)
     heard(page, "seq1.state")
-    page.reload()  # or "Ready to start" may still be that of the machine before
+    home = page.url
+    acknowledge(page)
+    page.goto(home)  # or "Ready to start" may still be that of the machine before
     expect(page.locator("body")).to_have_attribute("data-live", "live")
     expect(head(page)).to_contain_text("Ready to start", timeout=30_000)
     take(page)
@@ -53,7 +68,7 @@ def begin(page: Page) -> None:
 
 @pytest.mark.timeout(300)  # a minute on an idle machine
 def test_a_coil_is_carried_from_the_mandrel_to_a_saddle(sit: Sit) -> None:
-    page = sit()
+    page = sit(reduced_motion="no-preference")
     begin(page)
     car = page.locator(".cc-car")
     place = "element => new DOMMatrix(getComputedStyle(element).transform).m41"
