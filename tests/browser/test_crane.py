@@ -7,7 +7,7 @@ from contextlib import suppress
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.browser.station import Sit, built, serving, take
+from tests.browser.station import Sit, built, fault, serving, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/cr1"
