@@ -10,6 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from app.plant.sequence_definition import SequenceDefinition
+from app.profidrive.parameter_access.parameter import DriveParameter
 from app.records.kind import Kind as RecordKind
 from app.records.snapshot import Layout
 from app.registers.register import Order as Order
@@ -431,6 +432,8 @@ class EquipmentType:
     records: Mapping[str, RecordKind] = field(default_factory=dict)
     """What it keeps of its history, by name, in the order of records.toml."""
     training: Training = field(default_factory=Training)
+    drive_parameters: Mapping[str, DriveParameter] = field(default_factory=dict)
+    """What is behind the mailbox of its drives, by code."""
     symbol: str = "e-machine"
     """What its machines are drawn as, in static/symbols.svg."""
     tile: frozenset[str] = frozenset()

@@ -3,7 +3,8 @@
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
 (each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `commands.toml`; `interlocks.toml` with
 `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
-`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py).
+`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive with a mailbox `parameters.toml`
+(plant/drive_parameters.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -25,7 +26,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from app.plant import plc, record_kinds
+from app.plant import drive_parameters, plc, record_kinds
 from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
 from app.plant.services import read_services
@@ -121,6 +122,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     check_commands(guards, "permissives", permissives, commands, name)
     check_commands(guards, "interlocks", interlocks, commands, name)
     training = read_training(files.open("training.toml"), tuple(points.found))
+    behind_mailbox = drive_parameters.read_parameters(files.open("parameters.toml"))
     texts = {
         language: dict(flatten(files.open(f"texts.{language}.toml", optional=language not in spoken).data))
         for language in languages
@@ -156,6 +158,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         simulation_presets=simulation_presets,
         records=kinds,
         training=training,
+        drive_parameters=behind_mailbox,
         symbol=symbol,
         tile=read_tile(head, tile, points.found),
     )
@@ -183,5 +186,6 @@ def text_keys(data: TypeData) -> Iterator[str]:
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from training_keys(kind.training)
+    yield from drive_parameters.text_keys(kind.drive_parameters)
     yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
     yield from record_kinds.text_keys(kind.records)

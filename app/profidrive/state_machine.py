@@ -50,6 +50,8 @@ class Inputs(NamedTuple):
     """Second source of the coast stop (p0845): a terminal that the control word cannot overrule."""
     no_emergency_stop: bool = True
     """Second source of the quick stop (p0849)."""
+    acknowledged: bool = False
+    """Second source of the acknowledgement (p3981)."""
 
 
 STOPPING = frozenset({State.RAMP_STOP, State.QUICK_STOP})
@@ -95,7 +97,7 @@ class StateMachine:
         if inputs.control & Control.BY_PLC:
             self.control = inputs.control & 0xFFFF
         self.released, self.no_emergency_stop = inputs.pulses_released, inputs.no_emergency_stop
-        acknowledged = bool(self.control & ~before & Control.ACKNOWLEDGE)
+        acknowledged = inputs.acknowledged or bool(self.control & ~before & Control.ACKNOWLEDGE)
         if inputs.cause is not None:
             self.faulted, self.reaction = True, max(self.reaction, inputs.cause)
         elif acknowledged:

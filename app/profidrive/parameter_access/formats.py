@@ -132,6 +132,15 @@ def decode_values(format: Format, data: bytes) -> tuple[Number, ...]:
     return tuple(one[0] for one in struct.iter_unpack(f">{LAYOUTS[format].code}", data))
 
 
+def rounded(format: Format, value: Number) -> Number:
+    """`value`, which fits, as it comes back in `format`: of 0.01 as 32 bits there is only a neighbour.
+
+    Raises:
+        TelegramError: it does not fit.
+    """
+    return decode_values(format, encode_values(format, (value,), "value"))[0]
+
+
 def fits(format: Format, value: Number) -> bool:
     """Whether `value` can be said in `format`."""
     try:

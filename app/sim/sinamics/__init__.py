@@ -28,4 +28,5 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         setpoint=setpoint,
         process_words=round(words),
         parameters=parameters,
+        behind_mailbox=item.type.drive_parameters,
     )

@@ -27,46 +27,38 @@ confirms:
 from collections.abc import Mapping, Sequence
 
 from app.errors import ConfigurationError
+from app.profidrive.parameter_access.parameter import DriveParameter
 from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Inputs, State, StateMachine
-from app.profidrive.words import ENABLES, RUN, Control, Status
+from app.profidrive.words import ENABLES, RUN, Control
 from app.sim import training
 from app.sim.device import DT
 from app.sim.induction_motor import MOTOR_SETS, SQRT3
 from app.sim.sinamics import messages
 from app.sim.sinamics import registers as map
 from app.sim.sinamics import training as own
+from app.sim.sinamics.drive_state import DriveState
 from app.sim.sinamics.excitation import BRAKE_TIME, Excitation
-from app.sim.sinamics.fault_buffer import FaultBuffer
-from app.sim.sinamics.image import Readings, reading
+from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
+from app.sim.sinamics.live_parameters import shown
+from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.messages import ALARMS, FAULTS
 from app.sim.sinamics.monitoring import Monitoring, Watched
+from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
 from app.sim.sinamics.parameters import commissioned
 from app.sim.sinamics.power import PowerUnit
 from app.sim.sinamics.ramp import RampGenerator
 from app.sim.sinamics.requests import Requests
-from app.sim.sinamics.shaft import RPM, Shaft, Supply
+from app.sim.sinamics.shaft import RPM, Supply
 from app.sim.training import LineFault, TrainingRegisters, is_training
 from app.sim.watchdog import Watchdog
 
 
-class VirtualSinamics:
+class VirtualSinamics(DriveState):
     """A drive with an induction motor in star at 400 V."""
 
     type: str = "sinamics"
     dt: float = DT
-
-    machine: StateMachine
-    power: PowerUnit
-    buffer: FaultBuffer
-    _ramp: RampGenerator
-    _excitation: Excitation
-    _monitoring: Monitoring
-    _watchdog: Watchdog
-    _value: dict[str, float]
-    """Parameters by code [their unit]."""
-    _output: list[int]
-    """Process data to the drive."""
 
     def __init__(
         self,
@@ -81,12 +73,13 @@ class VirtualSinamics:
         quadratic_load: float = 40.0,
         disturbance: float = 4.0,
         inertia_ratio: float = 9.0,
+        behind_mailbox: Mapping[str, DriveParameter] | None = None,
     ) -> None:
         """A drive that was just powered up, or runs since long when `start` is `forward` or `reverse`.
 
         `rated_current`: of the motor [A], which sizes it; `setpoint`: [% of p2000] that it begins with; `process_words`: 2 of a G120,
         10 of an S120; `parameters`: as `DEFAULTS`; `load`, `quadratic_load`, `disturbance` [% of rated torque]; `inertia_ratio`: of
-        the load to the rotor.
+        the load to the rotor; `behind_mailbox`: parameters that its mailbox knows.
 
         Raises:
             ConfigurationError: one of them is unknown or out of range.
@@ -96,6 +89,8 @@ class VirtualSinamics:
         self.rated_current = rated_current
         self.data = MOTOR_SETS["B"].sized(rated_current * SQRT3)
         self._seed, self._start, self._setpoint, self._inertia_ratio = seed, start, setpoint, inertia_ratio
+        self._behind_mailbox = behind_mailbox or {}
+        self._objects = (1,) if process_words == map.G120_WORDS else (1, 2)
         self._factory = commissioned(rated_current, parameters or {})
         world = _world(load, quadratic_load, disturbance)
         self._training = TrainingRegisters(
@@ -108,8 +103,10 @@ class VirtualSinamics:
                 own.REG_INTERLOCK: 0,
                 own.REG_EMERGENCY: 0,
                 own.REG_LOCAL: 0,
+                own.REG_MAILBOX: 0,
             },
             limits=own.LIMITS,
+            triggers=(training.REG_POWER,),
         )
         self._pending: list[tuple[int, int]] = []
         self._to_initial_state()
@@ -148,7 +145,11 @@ class VirtualSinamics:
             self._training.check(function, address, words)
             self._pending += enumerate(words, address)
             return
-        self._watch(self._requests.check_write(function, address, words))
+        numbers = self._requests.check_write(function, address, words)
+        if numbers.start in map.MAILBOX:
+            self._mailbox.write(numbers.start - map.MAILBOX.start, words)
+            return
+        self._watch(numbers)
         self._pending += enumerate(words, address)
 
     def _watch(self, numbers: range) -> None:
@@ -157,70 +158,12 @@ class VirtualSinamics:
             self._watchdog.telegram()
 
     # ---- what one sees from outside
-
-    @property
-    def state(self) -> State:
-        """State of the drive."""
-        return self.machine.state
-
-    @property
-    def speed(self) -> float:
-        """Of the shaft [rpm], negative in reverse."""
-        return self.power.speed
-
-    @property
-    def shaft(self) -> Shaft:
-        """Motor, speed loop and rotating mass."""
-        return self.power.shaft
-
-    @property
-    def ramp(self) -> float:
-        """Output of the ramp generator [rpm]."""
-        return self._ramp.output
-
-    @property
-    def faults(self) -> list[int]:
-        """Numbers that stand."""
-        return self.buffer.standing
-
-    @property
-    def alarms(self) -> list[int]:
-        """Numbers of alarms that are there now, in the order in which they came."""
-        return list(self._monitoring.alarms)
-
-    @property
-    def status(self) -> int:
-        """ZSW1."""
-        word = self.machine.status
-        if self.local:
-            word &= ~Status.CONTROL_REQUESTED
-        deviation, alarms = abs(self._ramp.reference(self.machine, self._value) - self.speed), self.alarms
-        for bit, on in (
-            (Status.ALARM, bool(alarms)),
-            (Status.SPEED_WITHIN_TOLERANCE, deviation <= self._value["p2163"]),
-            (Status.COMPARISON_REACHED, abs(self.speed) >= self._value["p2155"]),
-            (Status.LIMIT_NOT_REACHED, not self.shaft.limited),
-            (Status.BRAKE_OPEN, self._excitation.brake_open),
-            (Status.NO_MOTOR_OVERTEMPERATURE, messages.MOTOR_WARM not in alarms),
-            (Status.FORWARD, self.power.forward),
-            (Status.NO_POWER_UNIT_OVERLOAD, messages.NEAR_OVERLOAD not in alarms),
-        ):
-            word |= bit if on else 0
-        return word
-
-    @property
-    def local(self) -> bool:
-        """Whether the panel at the drive has the control."""
-        return bool(self._training[own.REG_LOCAL])
-
-    def parameter(self, code: str) -> float:
-        """Present value of a parameter [its unit]."""
-        return self._value[code]
-
     # ---- one step
 
     def step(self) -> None:
         """Advance by 10 ms: writes act, the program and the physics move, the words are new."""
+        self._uptime += self.dt
+        self.buffer.now = round(1000 * self._uptime)
         if self._pending:
             self._take_writes()
         if self._watchdog.step(self._value["p2040"] / 1000, self.dt) and self.machine.pulses:
@@ -232,12 +175,16 @@ class VirtualSinamics:
         self.power.step(self._supply(), self.dt, excited=excited, blocked=blocked)
         for number in self._monitoring.step(self.power, self._watched(), self.dt):
             self.buffer.enter(number)
+        self._alarm_buffer.step(self.alarms, self.buffer.now)
+        self.model.step(self.dt)
+        self._mailbox.step(self.dt, self._training[own.REG_MAILBOX])
 
     def _take_writes(self) -> None:
-        initial = False
+        initial = power = False
         for address, word in self._pending:
             if is_training(address):
                 initial |= self._training.act(address, word)
+                power |= address == training.REG_POWER
                 if address == training.REG_MACHINE_FAULT:
                     self._monitoring.forgive()
                 continue
@@ -248,6 +195,8 @@ class VirtualSinamics:
                 register = map.REGISTERS[number]
                 self._value[register.parameter] = register.decode(word)
         self._pending.clear()
+        if power:
+            self._power_up()
         if initial:
             self._to_initial_state()
 
@@ -262,7 +211,8 @@ class VirtualSinamics:
         machine, before = self.machine, self.machine.control
         now = word if word & Control.BY_PLC else before
         causes = self._monitoring.causes(self.power, self._injected, self.buffer.present)
-        if now & ~before & Control.ACKNOWLEDGE:
+        acknowledged, self._acknowledge = self._acknowledge, False
+        if acknowledged or now & ~before & Control.ACKNOWLEDGE:
             self.buffer.acknowledge()
         for number in causes:
             self.buffer.enter(number)
@@ -276,6 +226,7 @@ class VirtualSinamics:
                 max(reactions) if reactions else None,
                 not self._training[own.REG_INTERLOCK],
                 not self._training[own.REG_EMERGENCY],
+                acknowledged,
             )
         )
         if word & Control.BY_PLC:
@@ -313,11 +264,48 @@ class VirtualSinamics:
         self.machine = StateMachine()
         inertia = self.data.inertia * (1 + self._inertia_ratio)
         self.power = PowerUnit(self._training, self.data, self.rated_current, inertia=inertia, seed=self._seed)
-        self.buffer = FaultBuffer()
+        self.buffer, self._alarm_buffer = FaultBuffer(), AlarmBuffer()
+        self._uptime, self._acknowledge = 0.0, False
+        self.model = self._commissioned_model()
+        self._mailbox = Mailbox(self.model.serve)
         self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
         self._requests.access_error = 0
         if self._start:
             self._already_running(self._start == "reverse")
+
+    def _power_up(self) -> None:
+        """Off and on again: parameters as saved, the fault buffer as it was; motor and heat sink stay as warm as they are."""
+        self.model.power_up()
+        self._output = [0] * 10
+        self._watchdog, self.machine, self._uptime = Watchdog(), StateMachine(), 0.0
+        self._mailbox, self._alarm_buffer = Mailbox(self.model.serve), AlarmBuffer()
+        self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
+        self._requests.access_error = 0
+
+    def _commissioned_model(self) -> ParameterModel:
+        motor = self.data
+        kinds = {1: (map.TYPE_CONTROL_UNIT,), 2: (map.TYPE_CONTROL_UNIT, map.TYPE_SERVO)}[len(self._objects)]
+        return ParameterModel(
+            self._behind_mailbox,
+            self._value,
+            lambda code: shown(self._shown(), code),
+            pulses=lambda: self.machine.pulses,
+            act=self._act,
+            objects=self._objects,
+            initial={
+                "p0101": self._objects,
+                "p0107": kinds,
+                "p0305": (self.rated_current,),
+                "p0307": (motor.rated_power / 1000,),
+            },
+        )
+
+    def _act(self, code: str) -> None:
+        """What writing a parameter has the drive do."""
+        if code == CLEARS:
+            self.buffer.clear()
+        else:
+            self._acknowledge = True
 
     def _already_running(self, reverse: bool) -> None:
         self._output[0] = RUN | (Control.INVERT if reverse else 0)
@@ -327,29 +315,6 @@ class VirtualSinamics:
         self._ramp.output = self._ramp.reference(self.machine, self._value)
         self.power.settle(self.ramp, self._supply())
         self.power.forward = not reverse
-
-    # ---- the registers
-
-    def _word(self, number: int, readings: Readings) -> int:
-        if number in map.REGISTERS:
-            register = map.REGISTERS[number]
-            value = self._value.get(register.parameter)
-            return register.encode(reading(readings, number) if value is None else value)
-        if number < map.PROCESS_OUT_END:
-            return self._output[number - map.CONTROL]
-        if number == map.STATUS:
-            return self.status
-        return Scaling(self._value["p2000"]).encode(self.speed)[0] if number == map.ACTUAL else 0
-
-    def _readings(self) -> Readings:
-        return Readings(
-            power=self.power,
-            ramp=self.ramp if self.machine.pulses else 0.0,
-            training=self._training,
-            faults=self.buffer.present,
-            alarms=self._monitoring.alarms,
-            access_error=self._requests.access_error,
-        )
 
 
 def _check(start: str, rated_current: float, setpoint: float, process_words: int, inertia_ratio: float) -> None:

@@ -1,7 +1,6 @@
 """Modbus registers of a SINAMICS drive: number, parameter, scale, range and access, written from the maker's map.
 
-Source: reference/sinamics-modbus.md sections 2 and 3. Register 4xxxx is protocol address number − 40001. Not here: 40601–40722, the window
-to all parameters (DS47), which answers exception 02 as if the drive lacked it.
+Source: reference/sinamics-modbus.md sections 2, 3 and 5. Register 4xxxx is protocol address number − 40001.
 """
 
 from collections.abc import Mapping
@@ -14,6 +13,12 @@ CONTROL, SETPOINT, PROCESS_OUT_END = 40100, 40101, 40110
 STATUS, ACTUAL, PROCESS_IN_END = 40110, 40111, 40120
 """ZSW1, HIW; up to here are words from the drive."""
 ACCESS_ERROR = 40499
+MAILBOX = range(40601, 40723)
+"""The window to all parameters (DS47)."""
+G120_WORDS = 2
+"""Process data each way of a G120, which has one drive object."""
+TYPE_CONTROL_UNIT, TYPE_SERVO = 1, 11
+"""p0107; unconfirmed."""
 WATCHED = frozenset({CONTROL, SETPOINT, STATUS, ACTUAL})
 """What the monitoring of the process data (p2040) counts."""
 

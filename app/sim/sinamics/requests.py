@@ -48,7 +48,7 @@ class Requests:
 
     def exists(self, number: int) -> bool:
         """Whether the drive has this register."""
-        if number in map.REGISTERS:
+        if number in map.REGISTERS or number in map.MAILBOX:
             return True
         return any(first <= number < first + self.process_words for first in (map.CONTROL, map.STATUS))
 
@@ -57,7 +57,7 @@ class Requests:
             raise DeviceException(2, f"SINAMICS: register {number} does not exist")
         if not 0 <= word <= 0xFFFF:
             raise DeviceException(3, f"SINAMICS: {word} is not a word")
-        if map.CONTROL <= number < map.PROCESS_OUT_END:
+        if map.CONTROL <= number < map.PROCESS_OUT_END or number in map.MAILBOX:
             return
         register = map.REGISTERS.get(number)
         if register is None or not register.writable:

@@ -10,11 +10,14 @@
 | 0xE025 | rw | run interlock: 1 = terminal of the pulse enable open (second source of the coast stop) |
 | 0xE026 | rw | emergency stop: 1 = pressed (second source of the quick stop) |
 | 0xE027 | rw | local control: 1 = the operator panel at the drive has it |
+| 0xE028 | rw | parameter mailbox: 0 right, 1 late, 2 busy, 3 somebody else's answer, 4 wrong length, 5 internal error, 6 never ready |
+| 0xE031 | w | 1 = power off and on: parameters as they were saved |
 """
 
 from collections.abc import Mapping
 
-from app.sim.training import COMMON_LIMITS
+from app.sim.sinamics.mailbox import MailboxFault
+from app.sim.training import COMMON_LIMITS, REG_POWER
 
 TYPE_CODE = 2
 """0xE003"""
@@ -26,6 +29,7 @@ REG_SUPPLY = 0xE024
 REG_INTERLOCK = 0xE025
 REG_EMERGENCY = 0xE026
 REG_LOCAL = 0xE027
+REG_MAILBOX = 0xE028
 
 LIMITS: Mapping[int, tuple[int, int]] = {
     **COMMON_LIMITS,
@@ -37,5 +41,7 @@ LIMITS: Mapping[int, tuple[int, int]] = {
     REG_INTERLOCK: (0, 1),
     REG_EMERGENCY: (0, 1),
     REG_LOCAL: (0, 1),
+    REG_MAILBOX: (0, max(MailboxFault)),
+    REG_POWER: (1, 1),
 }
 """Lowest and highest word per register."""

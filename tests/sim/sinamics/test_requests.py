@@ -16,6 +16,7 @@ def test_what_the_map_does_not_list_answers_2_whether_read_or_written(words: int
         {at(n) for n in registers.REGISTERS}
         | {at(40100 + n) for n in range(words)}
         | {at(40110 + n) for n in range(words)}
+        | {at(n) for n in range(40601, 40723)}
     )
     for address in range(0x0300):
         if address in known:
