@@ -169,7 +169,7 @@ def test_a_place_is_given_back_whatever_fails(
                 if where in vars(kind):
                     patch.setattr(kind, where, property(broken) if where == "file_name" else broken)
         elif where == "record":
-            patch.setattr(type(staff.access.audit), "record", broken)
+            patch.setattr(staff.access.audit, "record", broken)
         for _ in range(MOST_EXPORTS + 1):
             ended = ask(staff, address, headers, where)
             assert not places(staff)

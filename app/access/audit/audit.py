@@ -12,11 +12,11 @@ is False.
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 from sqlalchemy import Connection, insert, select
 
@@ -39,6 +39,7 @@ from app.threads import Threads, threads
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class Audit:
@@ -65,6 +66,10 @@ class Audit:
         self._flushing: asyncio.Task[None] | None = None
         self.verdict: Verdict | None = None
         """What the last verifying found; None before the first."""
+        self.entry = _now(clock, entry_at)
+        """The line that `record` would write, now, for `with_entries`: as `entry_at`, without its time."""
+        self.record = _then(self.entry, self.write)
+        """Write one line as of now: as `entry_at`, without its time; returns what `write` does."""
 
     @property
     def healthy(self) -> bool:
@@ -83,23 +88,11 @@ class Audit:
 
     # ---- writing --------------------------------------------------------------------------------------
 
-    async def record(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str = "",
-        old: object = "",
-        new: object = "",
-        result: str = "ok",
-        reason: str = "",
-        address: str = "",
-        **params: object,
-    ) -> int:
-        """Write one line (`entry_at`), as of now; never raises for a database that does not take it.
+    async def write(self, entry: Entry) -> int:
+        """Write one line; never raises for a database that does not take it.
 
         Returns the line's number, 0 while it waits in the buffer.
         """
-        entry = self.entry(kind, person, object, old, new, result, reason, address, **params)
         try:
             _, newest = await self._commit(lambda _connection: (None, [entry]))
             return newest[0] if newest else 0
@@ -128,21 +121,6 @@ class Audit:
             async with asyncio.timeout(KEEPING_LIMIT):
                 await self.replay()
         return not self._waiting.drop(waits)
-
-    def entry(
-        self,
-        kind: str,
-        person: Person | None,
-        object: str = "",
-        old: object = "",
-        new: object = "",
-        result: str = "ok",
-        reason: str = "",
-        address: str = "",
-        **params: object,
-    ) -> Entry:
-        """The line that `record` would write, now, for `with_entries`."""
-        return entry_at(self._clock.micros(), kind, person, object, old, new, result, reason, address, **params)
 
     async def with_entries(self, work: Callable[[Connection], tuple[T, Sequence[Entry]]]) -> T:
         """Run `work` and write the lines it returns in one transaction: both happen, or neither.
@@ -313,3 +291,21 @@ def refused_without_audit(audit: Audit) -> None:
     """
     if not audit.healthy:
         raise Refused("access.audit_unavailable", 503)
+
+
+def _now(clock: Clock, line: Callable[Concatenate[int, P], Entry]) -> Callable[P, Entry]:
+    """`line` with the time of `clock`."""
+
+    def entry(*args: P.args, **params: P.kwargs) -> Entry:
+        return line(clock.micros(), *args, **params)
+
+    return entry
+
+
+def _then(entry: Callable[P, Entry], write: Callable[[Entry], Awaitable[int]]) -> Callable[P, Awaitable[int]]:
+    """Make a line and write it."""
+
+    async def record(*args: P.args, **params: P.kwargs) -> int:
+        return await write(entry(*args, **params))
+
+    return record

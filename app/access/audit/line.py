@@ -63,6 +63,7 @@ class Record(Entry):
 
 def entry_at(
     time: int,
+    /,
     kind: str,
     person: Person | None,
     object: str = "",
