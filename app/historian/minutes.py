@@ -1,13 +1,14 @@
 """Roll-ups of minutes, kept while the samples are stored: what was just written need not be read back.
 
-One for each point, for the minute under way. What it cannot know (samples from before it began, or in the wrong order) is left to the
-roll-up from stored samples in `store.py`, which gives the same.
+One for each point, for the minute under way. What it cannot know (samples from before it began, or in the wrong order) is rolled up from
+stored samples, in the same way (`of_samples`).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import Connection
+from sqlalchemy import text as sql
 
 from app.historian import sealed
 
@@ -159,7 +160,7 @@ class Minutes:
             if time < reached:
                 late[number] = cell
         if late:
-            upsert(connection, [*self._done, *(cell.row() for cell in late.values())])
+            write(connection, [*self._done, *(cell.row() for cell in late.values())])
             self._done.clear()
         return min(row[1] for row in rows) if self.reached is None else left
 
@@ -170,7 +171,7 @@ class Minutes:
     def write(self, connection: Connection, end: int) -> None:
         """Write the minutes that are over at `end`."""
         over = [cell for cell in self._cells.values() if not cell.written and cell.end <= end]
-        upsert(connection, [*self._done, *(cell.row() for cell in over)])
+        write(connection, [*self._done, *(cell.row() for cell in over)])
         for cell in over:
             cell.written = True
         self._done.clear()
@@ -201,7 +202,40 @@ class Minutes:
         return cell
 
 
-def upsert(connection: Connection, rows: Sequence[RollUp]) -> None:
+def of_samples(connection: Connection, *, first: int, last: int, begin: int, end: int, gap: int) -> list[RollUp]:
+    """Minutes from `begin` to `end` [µs UTC], both on the minute, of the points `first` to `last`, from their stored samples."""
+    span = {"begin": begin, "end": end, "gap": gap, "first": first, "last": last}
+    found: list[RollUp] = []
+    cell: Minute | None = None
+    for number, time, value, is_text, quality in connection.execute(sql(SAMPLES), span):
+        if cell is None or cell.number != number:
+            if cell is not None and cell.count:
+                found.append(cell.row())
+            cell = Minute(number, gap, 0, None, 2, False)
+        if time < begin:  # what held when they began
+            cell.last_t, cell.last, cell.last_q = time, value, quality
+            cell.holds = quality & 3 < 2 and (value is not None or bool(is_text))
+            continue
+        if time >= cell.end:
+            if cell.count:
+                found.append(cell.row())
+            cell.open(time)
+        cell.take(time, value, bool(is_text), quality)
+    if cell is not None and cell.count:
+        found.append(cell.row())
+    return found
+
+
+SAMPLES = """
+SELECT p.id, s.t, s.v, s.s IS NOT NULL, s.q FROM point p CROSS JOIN sample s ON s.point = p.id
+ AND s.t >= coalesce((SELECT max(b.t) FROM sample b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap), :begin)
+ AND s.t < :end
+WHERE p.id >= :first AND p.id <= :last ORDER BY p.id, s.t
+"""
+"""Samples of a span, and of each point the one that held when it began."""
+
+
+def write(connection: Connection, rows: Sequence[RollUp]) -> None:
     """Write roll-ups of minutes; one that is there is replaced."""
     if rows:
         connection.exec_driver_sql(

@@ -13,7 +13,7 @@ from sqlalchemy import Connection, text
 
 from app.historian import events, records, sealed
 from app.historian.minutes import MINUTE as MINUTE
-from app.historian.minutes import Minutes
+from app.historian.minutes import Minutes, of_samples, write
 from app.historian.minutes import Row as Row
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
@@ -135,7 +135,7 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
     """
     done = True
     reached = now
-    for table, width, source, statement in (("minute", MINUTE, "sample", MINUTES), ("hour", HOUR, "minute", HOURS)):
+    for table, width, source in (("minute", MINUTE, "sample"), ("hour", HOUR, "minute")):
         begin = connection.execute(text("SELECT t FROM mark WHERE name = :n"), {"n": table}).scalar()
         known = table == "minute" and minutes is not None and minutes.covers(begin)
         if begin is None:
@@ -146,10 +146,12 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
         done = done and end == reached // width * width
         if begin < end and not known:
             for first, last in _portions(connection):
+                span = {"begin": begin, "end": end, "gap": GAP_AFTER, "first": first, "last": last}
                 if source == "sample":
                     sealed.unseal(connection, first, last, begin - GAP_AFTER, end)
-                span = {"begin": begin, "end": end, "gap": GAP_AFTER, "w": width, "first": first, "last": last}
-                connection.execute(text(statement), span)
+                    write(connection, of_samples(connection, **span))
+                else:
+                    connection.execute(text(HOURS), {"w": width, **span})
         reached = max(begin, end)
         if table == "minute" and minutes is not None:
             (minutes.write if known else minutes.skip)(connection, reached)
@@ -160,45 +162,6 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
     return done
 
 
-MINUTES = """
-INSERT OR REPLACE INTO minute (point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level)
-WITH RECURSIVE
-part AS MATERIALIZED (
-    SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL AS valid, s.q
-    FROM point p CROSS JOIN sample s ON s.point = p.id AND s.t >= :begin AND s.t < :end
-    WHERE p.id >= :first AND p.id <= :last
-    UNION ALL
-    SELECT s.point, s.t, s.v, s.v IS NOT NULL OR s.s IS NOT NULL, s.q
-    FROM point p CROSS JOIN sample s ON s.point = p.id
-     AND s.t = (SELECT max(b.t) FROM sample b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap)
-    WHERE p.id >= :first AND p.id <= :last
-),
-span AS (
-    SELECT point, t, v, valid, q,
-           min(lead(t, 1, :end) OVER (PARTITION BY point ORDER BY t), t + :gap) AS e
-    FROM part
-),
-piece (point, t, e, v, good) AS (
-    SELECT point, max(t, :begin), e, v, q & 3 = 0 FROM span WHERE valid AND q & 3 < 2 AND e > :begin
-    UNION ALL
-    SELECT point, (t / :w + 1) * :w, e, v, good FROM piece WHERE (t / :w + 1) * :w < e
-),
-weight AS MATERIALIZED (
-    SELECT point, t / :w * :w AS m, sum(d) AS held, sum(d * good) AS good, sum(v * d * good) AS area
-    FROM (SELECT point, t, v, good, min(e, (t / :w + 1) * :w) - t AS d FROM piece) GROUP BY 1, 2
-),
-seen AS (
-    SELECT point, t / :w * :w AS m, min(v) AS low, max(v) AS high, min(t) AS t0, max(t) AS t1, count(*) AS n,
-           max(q & 3) AS level
-    FROM part WHERE t >= :begin GROUP BY 1, 2
-)
-SELECT seen.point, seen.m, low, high, t0, f.v, t1, l.v, l.q, iif(good > 0, area / good, NULL), coalesce(good, 0), coalesce(held, 0),
-       n, level
-FROM seen
-JOIN sample f ON f.point = seen.point AND f.t = t0
-JOIN sample l ON l.point = seen.point AND l.t = t1
-LEFT JOIN weight ON weight.point = seen.point AND weight.m = seen.m
-"""
 HOURS = """
 INSERT OR REPLACE INTO hour (point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level)
 WITH RECURSIVE

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from sqlalchemy import Connection, event
 
 from app.historian import store
-from app.historian.minutes import Minutes
+from app.historian.minutes import SAMPLES, Minutes
 from app.historian.store import GAP_AFTER, HOUR, MINUTE, Row
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE
@@ -26,7 +26,7 @@ class Told:
         event.listen(connection, "before_cursor_execute", self._count)
 
     def _count(self, connection: object, cursor: object, statement: str, *rest: object) -> None:
-        self.read += "INTO minute" in statement and "sample" in statement
+        self.read += SAMPLES.split("\n")[1] in statement
 
     def put(self, rows: list[Row], now: int) -> None:
         store.append(self.connection, rows, BEGIN, now, self.minutes)
