@@ -11,7 +11,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -25,7 +25,8 @@ from app.access.access import Access, prepare
 from app.cli_access import terminal
 from app.clock import SystemClock
 from app.db import Database
-from tests.light import light
+from app.plant import types
+from tests.light import light, read_once
 from tests.virtual import VirtualLoop
 
 sys.dont_write_bytecode = False  # two thirds of what it takes to collect all tests is their compilation
@@ -49,6 +50,14 @@ LONGEST = (
 """Files of browser tests that take half a minute and more, the longest first, so that none begins when the other browsers end."""
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What test files read of the product's types, to say what they sweep, is read once, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(types, "read_type", read_once)
+        return (yield)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

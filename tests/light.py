@@ -35,7 +35,7 @@ def light() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         _wait_for_nothing(patch)
         patch.setattr(Database, "migrate", _copying())
-        patch.setattr(types, "read_type", _reading_once())
+        patch.setattr(types, "read_type", read_once)
         yield
 
 
@@ -77,20 +77,18 @@ def _copying() -> Callable[[Database], None]:
     return copy
 
 
-def _reading_once() -> Callable[..., tuple[types.TypeData, list[Problem]]]:
-    """The product's own equipment types are read once per process; types in folders of tests each time."""
-    read = types.read_type
-    known: dict[tuple[object, ...], tuple[types.TypeData, list[Problem]]] = {}
+_read_type = types.read_type
+_types: dict[tuple[object, ...], tuple[types.TypeData, list[Problem]]] = {}
 
-    def once(
-        name: str, languages: Sequence[str], folder: Path = types.EQUIPMENT, *, spoken: Sequence[str] | None = None
-    ) -> tuple[types.TypeData, list[Problem]]:
-        if folder != EQUIPMENT:
-            return read(name, languages, folder, spoken=spoken)
-        asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken))
-        if asked not in known:
-            known[asked] = read(name, languages, folder, spoken=spoken)
-        data, problems = known[asked]
-        return data, [*problems]
 
-    return once
+def read_once(
+    name: str, languages: Sequence[str], folder: Path = EQUIPMENT, *, spoken: Sequence[str] | None = None
+) -> tuple[types.TypeData, list[Problem]]:
+    """In place of `types.read_type`: the product's own types are read once per process, types in folders of tests each time."""
+    if folder != EQUIPMENT:
+        return _read_type(name, languages, folder, spoken=spoken)
+    asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken))
+    if asked not in _types:
+        _types[asked] = _read_type(name, languages, folder, spoken=spoken)
+    data, problems = _types[asked]
+    return data, [*problems]
