@@ -14,19 +14,18 @@ from tests.storm.trial import run, shortened
 ROOT = Path(__file__).resolve().parents[2]
 
 
+REPLAYED = (3, 6, 9)
+"""Seeds that are played once more, to the byte."""
+
+
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_a_minute_of_storm(seed: int) -> None:
     script = draw(seed)
+    assert draw(seed) == script
     verdict = run(script)
     assert not verdict.name, f"{verdict.what}\nTo see the shortest script that fails: make storm SEED={seed}"
-
-
-@pytest.mark.parametrize("seed", [3, 6, 9])
-def test_a_script_is_played_the_same_to_the_byte(seed: int) -> None:
-    assert draw(seed) == draw(seed)
-    script = draw(seed, 0.7)
-    first, second = run(script), run(script)
-    assert first.digest and first.digest == second.digest
+    if seed in REPLAYED:
+        assert verdict.digest and run(script).digest == verdict.digest
 
 
 PLAY = """
