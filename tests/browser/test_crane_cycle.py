@@ -72,6 +72,8 @@ def confirm(page: Page) -> None:
     assert float(shown) == pytest.approx(210, abs=4)
     page.fill("[name=arg_weight]", shown)
     page.locator("#overlay .danger").click()
+    expect(page.locator("#overlay [data-hint]")).to_have_text("Hold the button for one second; only then it counts.")
+    page.locator("#overlay .danger").click(delay=1200)
     expect(page.locator("#message")).to_contain_text("Confirm weight")
 
 
