@@ -255,7 +255,7 @@ class Drawing:
             "news": engine.annunciations.count,
             "sound": counts["sound"],
             "revision": engine.list.revision,
-            "marks": marks(engine.list.active()) if may_view else {"of": {}, "area": {}, "point": {}},
+            "marks": marks(engine.list.active()) if may_view else {"of": {}, "area": {}, "part": {}, "point": {}},
         }
 
     def summary(self) -> dict[str, object]:
@@ -286,13 +286,17 @@ class Drawing:
 
 
 def marks(standing: Iterable[ListedAlarm]) -> dict[str, dict[str, list[object]]]:
-    """What is marked: machine, area and point → [priority, `data-state`] of its most important alarm."""
-    found: dict[str, dict[str, list[object]]] = {"of": {}, "area": {}, "point": {}}
+    """What is marked: machine, area, part and point → [priority, `data-state`] of its most important alarm.
+
+    The part of a machine is the first word of the alarm's key: `cr1.hoist` of `hoist_encoder`.
+    """
+    found: dict[str, dict[str, list[object]]] = {"of": {}, "area": {}, "part": {}, "point": {}}
     for one in sorted(standing, key=lambda one: (one.priority, not one.unacked)):
         mark: list[object] = [one.priority, one.symbol]
         if one.equipment:
             found["of"].setdefault(one.equipment, mark)
             found["area"].setdefault(one.area, mark)
+            found["part"].setdefault(f"{one.equipment}.{one.key.partition('_')[0]}", mark)
             if one.point:
                 found["point"].setdefault(f"{one.equipment}.{one.point}", mark)
     return found

@@ -1,6 +1,6 @@
 // Alarms on every page: banner, sound, silence, announcements, marks on tabs, tiles and pointers. The list is alarm_list.js.
 //   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
-//   data-mark-of | data-mark-area | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a point
+//   data-mark-of | data-mark-area | data-mark-part | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a part, a point
 import { post } from "./alarm_post.js";
 import { parsed, renewing } from "./fetched.js";
 
@@ -32,7 +32,7 @@ export function mark() {
   const now = banner.querySelector("[data-marks]");
   if (!now) return;
   const marks = JSON.parse(now.dataset.marks);
-  for (const [name, still] of [["of", false], ["area", true], ["point", true]])
+  for (const [name, still] of [["of", false], ["area", true], ["part", true], ["point", true]])
     for (const place of document.querySelectorAll(`[data-mark-${name}]`)) {
       const found = marks[name][place.getAttribute(`data-mark-${name}`)];
       const state = found && (still && found[1] === "unack" ? "ack" : found[1]), is = found ? `${found[0]}${state}` : "";

@@ -158,6 +158,8 @@ def test_by_hand_to_the_limit_and_back(sit: Sit) -> None:
     expect(page.locator(".k-above path[data-tag='cr1.trolley_lower_stop']")).to_have_count(0)
     expect(page.locator(".k-beside path[data-tag='cr1.trolley_lower_stop']")).to_have_class(re.compile(r"\bhit\b"))
     expect(page.locator("#alarms")).to_contain_text("stop switch")
+    expect(page.locator("[data-mark-part='cr1.trolley'] svg")).to_have_count(1)
+    expect(page.locator("[data-mark-part='cr1.hoist'] svg")).to_have_count(0)
     page.goto(page.url + "/page/trolley")
     expect(page.locator(".k-told li:visible")).to_contain_text("move away first")
     subject(page, "trolley")

@@ -306,6 +306,7 @@ def test_the_banner_of_every_page_has_the_most_important_one_and_the_counts(hall
     assert re.search(r'data-mark-area="drives"><svg class="alm alm-1[^"]*" data-state="ack"', html), "tabs do not flash"
     assert re.search(r'data-mark-of="m2"[^>]*><svg class="alm alm-1 alm-l" data-state="unack"', html)
     assert re.search(r'data-mark-of="m1"[^>]*></span>', html)
+    assert '"part":{"m2.stop":[1,"unack"]}' in unescape(html)
 
 
 def test_the_summary_counts_by_machine(hall: Hall) -> None:
