@@ -26,7 +26,8 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   if (!event.repeat) begin(of(event));
 });
-for (const name of ["pointerup", "pointercancel", "keyup", "blur", "contextmenu"]) window.addEventListener(name, end);
+for (const name of ["pointerup", "pointercancel", "keyup", "blur"]) window.addEventListener(name, end);
+document.addEventListener("contextmenu", (event) => { if (of(event)) event.preventDefault(); }); // a finger that rests opens one
 
 // A click, or Enter in a field, is too short: nothing is sent, and the dialog says what is missing.
 window.addEventListener("submit", (event) => {
