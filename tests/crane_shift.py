@@ -14,10 +14,12 @@ from typing import Any
 
 from app.access.roles import Person
 from app.errors import PogonError
+from app.historian import record_query as query
+from app.historian.record_query import Wanted
 from app.sim.crane import training as own
 from app.sim.crane.configuration import STANDS
 from app.sim.crane.program import VirtualCrane
-from app.sim.crane.register_map import CraneState, Mode, StepState, Suspension
+from app.sim.crane.register_map import CraneState, Mode, Step, StepState, Suspension
 from app.sim.training import REG_MACHINE_FAULT
 from app.tags.quality import is_good
 from tests.sim.crane.guard import Guard
@@ -107,6 +109,7 @@ class Shift(World):
                 await check(self, False)
             await asyncio.sleep(CALMED)
             await check(self, True)
+            await self._counted()
         finally:
             for task in list(self.tasks):
                 task.cancel()
@@ -264,6 +267,24 @@ class Shift(World):
         wrong = {key: (self.shown(key), float(facts[key])) for key in SHOWN if self.shown(key) != float(facts[key])}
         if wrong:
             raise Fell("what_is_shown_is_so", f"(shown, is): {wrong}")
+
+    async def _counted(self) -> None:
+        """Every cycle is a record with its outcome, and every step of those that were done has its time."""
+        plant = self.runtime.plant
+        assert plant is not None
+        kind = plant.equipment[MACHINE].type.records["crane_cycle"]
+        records = await self.runtime.history.read(
+            lambda connection: query.find(connection, kind, Wanted(MACHINE), 1000)
+        )
+        told = Counter(record.outcome.upper() for record in records)
+        if told != self.outcomes:
+            raise Fell("cycles_are_recorded", f"{told}, {self.outcomes} were carried out")
+        parts = await self.runtime.history.read(
+            lambda connection: query.part_times(connection, kind, Wanted(MACHINE, outcome="done"))
+        )
+        done = {int(part.key): part.spread.count for part in parts}
+        if done != {int(step): self.outcomes["DONE"] for step in Step if step and self.outcomes["DONE"]}:
+            raise Fell("cycles_are_recorded", f"steps {done} of {self.outcomes}")
 
 
 def shift(seed: int, cycles: int, folder: Path, carrier: str = "memory") -> Shift:

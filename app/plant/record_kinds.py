@@ -145,7 +145,7 @@ class _KindReader:
             order=self._order(),
             lasts=lasts,
             expired=table.text("expired", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
-            parts=Parts(*pair) if (pair := self._pair("parts")) else None,
+            parts=self._parts(),
             pause=Pause(*pair) if (pair := self._pair("pause")) else None,
             alarms=table.flag("alarms"),
             definition=table.flag("definition"),
@@ -212,6 +212,15 @@ class _KindReader:
     def _of(self, table: Table, key: str, of: str) -> None:
         if of not in SAID and of not in self.words:
             table.note(key, of, one_of([*SAID, *self.words], of))
+
+    def _parts(self) -> Parts | None:
+        table = self.table.table("parts")
+        if not self.table.has("parts"):
+            return None
+        named = table.text("named", "", pattern=KEY, expected="the key of an enumeration")
+        begin, end = (self._events(table, name, required=True) or frozenset() for name in ("begin", "end"))
+        table.done()
+        return Parts(begin, end, named)
 
     def _pair(self, key: str) -> tuple[frozenset[int], frozenset[int]] | None:
         table = self.table.table(key)

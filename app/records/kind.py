@@ -131,6 +131,8 @@ class Parts:
 
     begin: frozenset[int]
     end: frozenset[int]
+    named: str = ""
+    """Enumeration whose texts name the parts by their numbers; empty: what the machine is configured to do names them."""
 
 
 @dataclass(frozen=True, slots=True)

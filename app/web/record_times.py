@@ -21,6 +21,7 @@ def times(
     """What the parts of a machine's records took."""
     item = draw.item(id)
     labels = newest.parts if newest else {}
+    names = draw.part_names(id)
     order = {key: number for number, key in enumerate(labels, 1)}
     return {
         "equipment": id,
@@ -38,7 +39,7 @@ def times(
         "parts": [
             {
                 "number": order.get(one.key, NOTHING),
-                "label": draw.label(labels.get(one.key, {})) or one.key,
+                "label": draw.label(labels.get(one.key, {})) or names.get(one.key, one.key),
                 **_spread(draw, one.spread),
             }
             for one in sorted(parts, key=lambda one: (order.get(one.key, 1000), one.number))

@@ -157,6 +157,12 @@ class RecordWords:
         """What a person wrote, as this reader may read it."""
         return shown_words(self.request, words)
 
+    def part_names(self, id: str) -> Mapping[str, str]:
+        """Part by its key → its name, of a machine whose parts an enumeration names."""
+        item, parts = self.item(id), self.kind.parts
+        point = item.type.points.get(parts.named) if item and parts else None
+        return {str(number): self.of_type(key) for number, key in point.texts.items()} if point else {}
+
     def parts(self, one: Record) -> list[Part]:
         """The parts of a record in their order."""
         return [part for _, part in sorted(one.parts.items())]

@@ -22,6 +22,7 @@ PAGES = (
     "/equipment/cr1",
     "/equipment/cr1/faceplate",
     "/equipment/cr1/parameters",
+    "/records/crane_cycle?equipment=cr1&view=steps",
     *(f"/equipment/cr1/page/{name}" for name in TABS),
     *(f"/equipment/cr1/part/drive?drive={drive}" for drive in DRIVES),
 )

@@ -100,7 +100,9 @@ class Cycle:
     state: StepState = StepState.NONE
     suspension: Suspension = Suspension.NONE
     seconds: float = 0.0
+    """Since it was started."""
     in_step: float = 0.0
+    """As long as it was not suspended."""
     fits: bool = False
     """The weight is as planned."""
     laid: Circle | None = None
@@ -166,7 +168,7 @@ class CraneSequence:
         """One scan of `dt` [s] of a cycle that is open."""
         cycle = self.cycle
         cycle.seconds += dt
-        cycle.in_step += dt
+        cycle.in_step += dt if cycle.runs else 0.0
         if cycle.runs and self._done():
             self.crane.event(CraneEvent.STEP_ENDED, cycle.step, cycle.in_step)
             after = ORDER.index(cycle.step) + 1

@@ -355,7 +355,9 @@ def test_a_cycle_that_is_suspended_anywhere_goes_on_and_ends(step: Step) -> None
     assert stand.ask(CraneCommand.SUSPEND) is DONE
     stand.until(lambda: not crane.moving, 20)
     assert crane.state == CraneState.SUSPENDED
+    took, lasts = crane.cycle.in_step, crane.cycle.seconds
     stand.run(5)
+    assert crane.cycle.in_step == took and crane.cycle.seconds == pytest.approx(lasts + 5, abs=0.1)
     assert stand.ask(CraneCommand.RESUME) is DONE
     until_step(stand, Step.SAFE_HEIGHT_AGAIN)
     stand.until(lambda: not crane.cycle.open, 100)
