@@ -323,10 +323,13 @@ class Sessions:
             if id_hash in self._known:
                 self.announce([id_hash])
             return None
+        before = self._known.get(id_hash)
         known = self._known[id_hash] = _Known(*found, used=self._clock.monotonic())
         self._known.move_to_end(id_hash)
         while len(self._known) > MOST_KNOWN:
             self._known.popitem(last=False)
+        if before is not None and before.rights() != known.rights():  # `renew` will see no difference any more
+            self._tell(self._changed, [id_hash])
         return known
 
     def _person(self, known: _Known, address: str) -> Person:

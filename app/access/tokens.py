@@ -133,13 +133,19 @@ class Tokens:
                 self._known[session] = person
             if person is None or person.permissions != before[session].permissions:
                 changed.append(session)
+        self._tell(changed)
+
+    def _tell(self, changed: Collection[str]) -> None:
         for ended in self._ended if changed else ():
             ended(changed)
 
     def _note(self, person: Person | None) -> Person | None:
         if person is not None:
+            before = self._known.get(person.session)
             self._known[person.session] = person
             self._used[person.session] = self._clock.monotonic()
+            if before is not None and before.permissions != person.permissions:  # `renew` will see no difference any more
+                self._tell([person.session])
         return person
 
     async def all(self) -> list[Token]:

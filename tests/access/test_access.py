@@ -125,6 +125,23 @@ async def test_a_right_that_ends_elsewhere_is_known_after_one_look(
         assert told.changed == [person.session]
 
 
+@pytest.mark.parametrize("way", THERE)
+async def test_it_is_told_once_also_when_a_page_is_asked_for_before_that_look(
+    open_access: OpenAccess, clock: ManualClock, way: str
+) -> None:
+    server, terminal = open_access(), open_access()
+    await add(server, "oli", "operator")
+    sid = await enter(server, "oli")
+    person = await who(server, sid)
+    assert person is not None
+    told = Told(server)
+    await THERE[way](terminal, person, clock)
+    await who(server, sid)
+    await server.sessions.renew()
+    assert told.ended == ([person.session] if way in OVER else [])
+    assert told.changed == ([person.session] if way not in OVER and way != "idle" else [])
+
+
 async def test_a_right_that_comes_is_known_too(open_access: OpenAccess) -> None:
     server, terminal = open_access(), open_access()
     await add(server, "vit", "viewer")

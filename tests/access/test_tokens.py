@@ -6,7 +6,7 @@ from app.access.access import Access
 from app.access.roles import Person
 from app.clock import ManualClock
 from app.errors import Refused
-from tests.access.conftest import add, boss, enter, who
+from tests.access.conftest import OpenAccess, add, boss, enter, who
 
 
 async def maker(access: Access, *roles: str) -> Person:
@@ -53,6 +53,20 @@ async def test_a_token_shrinks_with_the_roles_of_its_maker(access: Access) -> No
     await access.people.set_roles(boss(), ana.id, ["viewer"])
     found = await access.tokens.find(secret)
     assert found and found.permissions == {"view"}
+
+
+async def test_that_it_shrank_is_told_once_whoever_asks_first(open_access: OpenAccess) -> None:
+    server, terminal = open_access(), open_access()
+    ana = await maker(server)
+    token, secret = await server.tokens.create(ana, "MES", ["view", "configure"], 30)
+    assert await server.tokens.find(secret)
+    told: list[str] = []
+    server.tokens.subscribe(told.extend)
+    terminal.people.set_roles_now(boss(), "ana", ["viewer"])
+    found = await server.tokens.find(secret)
+    assert found and found.permissions == {"view"}
+    await server.tokens.renew()
+    assert told == [f"token-{token.id}"]
 
 
 @pytest.mark.parametrize(
