@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from pyotp import TOTP
 
+from app.commands.lifecycle import ProgressState
 from app.main import create_app
 from app.runtime import Runtime
 from app.settings import Settings
@@ -204,6 +205,8 @@ class WebWorld(World):
         id = self._order(machine, stop.key)
         answer = await self._send(who, f"/equipment/{machine}/stop", id=id)
         refused = answer is not None and answer.status >= 400 and 'data-kind="info"' not in answer.text
+        if any(one.id == id and one.state is not ProgressState.REFUSED for _, one in self.ended):
+            return  # it was taken, and what became of it while the server stood still is told
         if answer is not None and refused and answer.status not in REFUSED:
             self.refused_stops.append((machine, answer.text[:200], answer.status))
 
