@@ -144,7 +144,7 @@ class Tokens:
             before = self._known.get(person.session)
             self._known[person.session] = person
             self._used[person.session] = self._clock.monotonic()
-            if before is not None and before.permissions != person.permissions:  # `renew` will see no difference any more
+            if before is not None and before.permissions != person.permissions:  # `renew` will see no change
                 self._tell([person.session])
         return person
 
