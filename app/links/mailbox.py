@@ -54,8 +54,10 @@ log = logging.getLogger(__name__)
 BUSY_PAUSE, LONGEST_BUSY_PAUSE = 0.05, 0.4
 """Before a drive that is busy is asked again [s], doubling."""
 BUSY_TRIES = 20
-READ_TRIES = 3
+READ_TRIES = 2
 """Of a read without an answer."""
+FREE_LIMIT = 1.0
+"""Longest wait for a drive that is still at a request whose answer nobody waits for [s]."""
 FOREIGN = 0.5
 """What carries another reference for so long is what another master asked for after us [s]."""
 AGAIN = (NoAnswer, BadAnswer, Overtaken)

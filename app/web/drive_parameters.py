@@ -1,0 +1,299 @@
+"""All parameters of a drive behind its mailbox: searched, by group, read when somebody asks, each with the time at which it was read.
+
+Reading takes a while (a request of at most 39 parameters takes tens of milliseconds, on a serial line more), so it goes on beside the
+page, which looks how far it is. One reading per machine goes on at a time: who asks for another one takes its place. What was read
+stays until the server ends; it is never shown without its time, for nothing tells when it changes.
+
+Which drive objects there are is asked first (r0102, p0101 of object 1): a drive with one has everything there.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from starlette.exceptions import HTTPException
+
+from app.errors import LinkError, Refused
+from app.links.mailbox import MailboxUnit, Missed, Told
+from app.profidrive.parameter_access.error_numbers import key_of
+from app.profidrive.parameter_access.formats import Format
+from app.profidrive.parameter_access.messages import Address, Failed, Values
+from app.profidrive.parameter_access.parameter import DriveParameter
+from app.web import format as fmt
+from app.web.commands import operation_of, wants_fragment
+from app.web.guard import allow, fields
+from app.web.operation import Operation
+from app.web.pages import view_of
+
+router = APIRouter()
+
+LONGEST_SEARCH = 80
+ELEMENTS_SHOWN = 8
+"""Of an array; how many more there are is told."""
+DECIMALS = 3
+CONFIRMED = frozenset("MTCX")
+"""Marks that stand for a source."""
+
+CONTROL_UNIT = 1
+"""The drive object that every drive has."""
+OBJECT_COUNT, OBJECT_NUMBERS = 102, 101
+MOST_OBJECTS = 24
+
+Place = tuple[int, str]
+"""Drive object, code."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What the drive said, and when [µs UTC]."""
+
+    told: Told
+    time: int
+
+
+@dataclass(slots=True)
+class Reading:
+    """What is being read of one machine."""
+
+    count: int
+    done: int = 0
+    problem: str = ""
+    """Text key; empty = it goes well."""
+    params: Mapping[str, object] = field(default_factory=dict)
+    task: asyncio.Task[None] | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return self.task is None or self.task.done()
+
+
+@dataclass(slots=True)
+class Machine:
+    """What was read of one machine, and what is being read."""
+
+    found: dict[Place, Found] = field(default_factory=dict)
+    objects: tuple[int, ...] = ()
+    """Its drive objects; none = not known yet."""
+    reading: Reading | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One parameter of one drive object."""
+
+    parameter: DriveParameter
+    object: int
+    label: str
+    unit: str
+    permitted: str
+    confirmed: bool
+    value: str
+    """As read; empty when it was not."""
+    more: int
+    """Elements that are not shown."""
+    problem: str
+    """Why there is no value."""
+    time: str
+
+
+@router.get("/equipment/{key}/drive-parameters", dependencies=[allow("configure")])
+async def page(request: Request, key: str) -> HTMLResponse:
+    """The parameters that the search and the group let through."""
+    operation = operation_of(request, key)
+    machine = operation.equipment
+    return view_of(request).page(
+        request,
+        "pages/drive_parameters.html",
+        title=machine.text("dpar.title"),
+        kind=f"parameters/{machine.id}",
+        area=machine.area,
+        chip=machine.id,
+        up=operation.url,
+        message=operation.story,
+        groups=_groups(operation),
+        **_rows(request, operation, request.query_params.get("q", ""), request.query_params.get("group", "")),
+    )
+
+
+@router.get("/equipment/{key}/drive-parameters/rows", dependencies=[allow("configure")])
+async def rows(request: Request, key: str) -> HTMLResponse:
+    """The table alone, while values come in."""
+    query = request.query_params
+    found = _rows(request, operation_of(request, key), query.get("q", ""), query.get("group", ""))
+    return view_of(request).fragment(request, "fragments/drive_parameter_rows.html", **found)
+
+
+@router.post("/equipment/{key}/drive-parameters/read", dependencies=[allow("configure")])
+async def read(request: Request, key: str) -> Response:
+    """Read what the search and the group let through, or cancel what is being read."""
+    operation = operation_of(request, key)
+    form = await fields(request, (), ("q", "group", "cancel"))
+    machine = _machine(request.app, operation)
+    if machine.reading is not None and machine.reading.task is not None:
+        machine.reading.task.cancel()
+    if not form["cancel"]:
+        machine.reading = _begin(operation, machine, form["q"], form["group"])
+    if not wants_fragment(request):
+        return RedirectResponse(form["next"] or f"{operation.url}/drive-parameters", 303)
+    found = _rows(request, operation, form["q"], form["group"])
+    return view_of(request).fragment(request, "fragments/drive_parameter_rows.html", **found)
+
+
+def _begin(operation: Operation, machine: Machine, search: str, group: str) -> Reading:
+    reading = Reading(len(_wanted(operation, machine, search, group)))
+    link = operation.runtime.links.get(operation.equipment.link)
+    if link is None:
+        raise Refused("why.no_link", 503, link=operation.equipment.link)
+    mailbox = link.parameters(operation.id)
+
+    async def work() -> None:
+        try:
+            if not machine.objects:
+                machine.objects = await _objects(mailbox)
+            wanted = _wanted(operation, machine, search, group)
+            reading.count = len(wanted)
+            await _read(operation, machine, reading, wanted, mailbox)
+        except Refused as refusal:
+            reading.problem, reading.params = refusal.reason, refusal.params
+        except LinkError as error:
+            reading.problem, reading.params = "why.no_answer", {"cause": f"link.error.{error.kind}"}
+
+    reading.task = asyncio.create_task(work(), name=f"drive parameters {operation.id}")
+    return reading
+
+
+async def _objects(mailbox: MailboxUnit) -> tuple[int, ...]:
+    """The drive objects; only the first one, which every drive has, where it does not tell.
+
+    Raises:
+        LinkError: it could not be asked.
+    """
+    wanted = [Address(OBJECT_COUNT), Address(OBJECT_NUMBERS, 0, MOST_OBJECTS)]
+    count, numbers = await mailbox.read(CONTROL_UNIT, wanted, [Format.UNSIGNED16] * 2)
+    for told in (count, numbers):
+        if isinstance(told, Missed):
+            raise told.error
+    if not isinstance(count, Values) or not isinstance(numbers, Values):
+        return (CONTROL_UNIT,)
+    known = (int(number) for number in numbers.values[: int(count.values[0])])
+    return tuple(number for number in known if number) or (CONTROL_UNIT,)
+
+
+async def _read(
+    operation: Operation,
+    machine: Machine,
+    reading: Reading,
+    wanted: Sequence[tuple[int, DriveParameter]],
+    mailbox: MailboxUnit,
+) -> None:
+    """One drive object after the other; what came is kept, also when the rest fails."""
+    clock = operation.runtime.clock
+    for object in sorted({object for object, _ in wanted}):
+        members = [parameter for one, parameter in wanted if one == object]
+        addresses = [Address(one.number, 0, one.count) for one in members]
+        formats: list[Format | None] = [one.format for one in members]
+        before = reading.done
+
+        def progress(done: int, count: int, before: int = before) -> None:
+            reading.done = before + done
+
+        told = await mailbox.read(object, addresses, formats, progress)
+        for parameter, result in zip(members, told, strict=True):
+            machine.found[object, parameter.code] = Found(result, clock.micros())
+        missed = next((result for result in told if isinstance(result, Missed)), None)
+        if missed is not None:
+            raise missed.error
+
+
+def _machine(app: FastAPI, operation: Operation) -> Machine:
+    found: dict[str, Machine] = app.state.__dict__.setdefault("drive_parameters", {})
+    return found.setdefault(operation.id, Machine())
+
+
+def _parameters(operation: Operation) -> Mapping[str, DriveParameter]:
+    """Raises:
+    HTTPException: 404, the machine has none behind a mailbox.
+    """
+    parameters = operation.equipment.equipment.type.drive_parameters
+    if not parameters:
+        raise HTTPException(404)
+    return parameters
+
+
+def _groups(operation: Operation) -> list[tuple[str, str, int]]:
+    """Key, text and number of parameters of every group, in the order of their texts."""
+    parameters = _parameters(operation).values()
+    counts = {group: sum(one.group == group for one in parameters) for group in {one.group for one in parameters}}
+    t = operation.equipment.t
+    return sorted(((key, t(f"parameter.group.{key}"), count) for key, count in counts.items()), key=lambda row: row[1])
+
+
+def places(parameter: DriveParameter, objects: Sequence[int]) -> list[int]:
+    """The drive objects in which a drive with `objects` has a parameter: that of the drive is the first one beside the Control Unit."""
+    if not objects:
+        return list(parameter.objects)
+    drive = next((one for one in objects if one != CONTROL_UNIT), CONTROL_UNIT)
+    return list(dict.fromkeys(CONTROL_UNIT if one == CONTROL_UNIT else drive for one in parameter.objects))
+
+
+def _wanted(operation: Operation, machine: Machine, search: str, group: str) -> list[tuple[int, DriveParameter]]:
+    """(drive object, parameter) of everything whose number or name holds the search, in the group; all when both are empty."""
+    text, t = search.strip()[:LONGEST_SEARCH].casefold(), operation.equipment.t
+    found = []
+    for code, parameter in _parameters(operation).items():
+        named = text in code or text == str(parameter.number) or text in t(f"parameter.{code}").casefold()
+        if named and group in ("", parameter.group):
+            found += [(object, parameter) for object in places(parameter, machine.objects)]
+    return found
+
+
+def _rows(request: Request, operation: Operation, search: str, group: str) -> dict[str, Any]:
+    machine = _machine(request.app, operation)
+    reading = machine.reading
+    wanted = _wanted(operation, machine, search, group)
+    problem = ""
+    if reading is not None and reading.problem:
+        problem = operation.words.text(reading.problem, reading.params)
+    return {
+        "operation": operation,
+        "equipment": operation.equipment,
+        "rows": [_row(operation, machine, *one) for one in wanted],
+        "reading": reading if reading is not None and not reading.over else None,
+        "problem": problem,
+        "search": search[:LONGEST_SEARCH],
+        "group": group if any(group == one.group for _, one in wanted) else "",
+    }
+
+
+def _row(operation: Operation, machine: Machine, object: int, parameter: DriveParameter) -> Row:
+    drawn, found = operation.equipment, machine.found.get((object, parameter.code))
+    value, more, problem = "", 0, ""
+    if found is not None and isinstance(found.told, Values):
+        values = [_number(one, drawn.lang) for one in found.told.values]
+        value, more = " · ".join(values[:ELEMENTS_SHOWN]), max(0, len(values) - ELEMENTS_SHOWN)
+    elif found is not None and isinstance(found.told, Failed):
+        number = found.told.number
+        shown = "–" if number is None else fmt.hexadecimal(number, 2)
+        problem = f"{shown} {drawn.text(key_of(number), number=shown)}"
+    elif found is not None and isinstance(found.told, Missed):
+        problem = drawn.text(f"link.error.{found.told.error.kind}")
+    return Row(
+        parameter,
+        object,
+        drawn.t(f"parameter.{parameter.code}"),
+        fmt.unit_symbol(parameter.unit, drawn.text) if parameter.unit else "",
+        f"{_number(parameter.low, drawn.lang)} … {_number(parameter.high, drawn.lang)}" if parameter.writable else "",
+        bool(CONFIRMED & set(parameter.certainty)),
+        value,
+        more,
+        problem,
+        operation.words.time(found.time) if found is not None else "",
+    )
+
+
+def _number(value: float, lang: str) -> str:
+    return fmt.number(value, fmt.shortest(value, DECIMALS), lang)
