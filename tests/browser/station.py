@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from playwright.sync_api import Browser, ConsoleMessage, Error, Page, StorageState, TimeoutError, expect
 
@@ -219,9 +220,14 @@ def take(page: Page) -> None:
     expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
 
 
+def origin(page: Page) -> str:
+    """The server whose page this is, as `http://127.0.0.1:8000`."""
+    return "{0.scheme}://{0.netloc}".format(urlsplit(page.url))
+
+
 def acknowledge(page: Page) -> None:
     """Go to the alarms and acknowledge them until none is left."""
-    url, end = page.evaluate("location.origin"), time.monotonic() + 60
+    url, end = origin(page), time.monotonic() + 60
     while True:
         page.goto(f"{url}/alarms")
         left = page.locator("#content [name=occurrence]").evaluate_all("rows => rows.map(row => row.value)")
@@ -248,7 +254,7 @@ def built(page: Page, machine: str) -> None:
 def heard(page: Page, tag: str) -> None:
     """Wait until the server has heard of `tag` anew: a page that is loaded then shows what is true after this call."""
     began = time.monotonic()
-    root = page.evaluate("location.origin")
+    root = origin(page)
     while True:
         asked = time.monotonic()
         age = page.request.get(f"{root}/api/v1/tags/{tag}").json()["age"]
@@ -263,7 +269,7 @@ def instruct(page: Page, what: str, **form: str) -> None:
 
     A line that has no time to answer is asked again, as an instructor does who reads that.
     """
-    root = page.evaluate("location.origin")
+    root = origin(page)
     form |= {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
     end = time.monotonic() + 30
     while True:
