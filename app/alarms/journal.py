@@ -19,7 +19,7 @@ from app.access.audit.chain import begin_now, chained, genesis, is_mac
 from app.access.audit.verification import Verdict
 from app.alarms.lifecycle import Life
 from app.alarms.tables import event_mark_table, journal_table, state_table
-from app.plant.events import Mark
+from app.plant.events import RingPosition
 
 DAY = 86_400_000_000
 HOUR = 3_600_000_000
@@ -161,7 +161,7 @@ def write(
     records: Sequence[Record],
     states: Iterable[Stored],
     gone: Iterable[str],
-    marks: Mapping[str, Mark] = {},
+    marks: Mapping[str, RingPosition] = {},
 ) -> int:
     """Append `records`, keep how the alarms stand and how far the events were taken (`marks`, by machine), in one transaction.
 
@@ -199,10 +199,10 @@ def write(
     return seq
 
 
-def event_marks(connection: Connection) -> dict[str, Mark]:
+def event_marks(connection: Connection) -> dict[str, RingPosition]:
     """Machine → its last event that the alarms have taken."""
     rows = connection.execute(select(event_mark_table))
-    return {row.equipment: Mark(row.boot, row.sequence, row.time) for row in rows}
+    return {row.equipment: RingPosition(row.boot, row.sequence, row.time) for row in rows}
 
 
 def stored(connection: Connection) -> list[Stored]:

@@ -19,7 +19,7 @@ from app.alarms.watch import Watch
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
-from app.plant.events import Mark
+from app.plant.events import RingPosition
 
 log = logging.getLogger(__name__)
 
@@ -48,9 +48,9 @@ class JournalQueue:
         self._key = key
         self._records: list[Record] = []
         self._dirty: dict[str, Watch | None] = {}
-        self._marks: dict[str, Mark] = {}
-        self._new_marks: dict[str, Mark] = {}
-        self._safe: Mapping[str, Mark] = {}
+        self._marks: dict[str, RingPosition] = {}
+        self._new_marks: dict[str, RingPosition] = {}
+        self._safe: Mapping[str, RingPosition] = {}
         self._unmarked = 0
         self._marked_at = 0.0
         self._woken = asyncio.Event()
@@ -59,7 +59,7 @@ class JournalQueue:
     async def load(self) -> tuple[list[Stored], int, list[int]]:
         """Read what was written: how the alarms stood, the newest occurrence, and the annunciations of a day [µs UTC]."""
 
-        def work(connection: Connection) -> tuple[list[Stored], int, list[int], dict[str, Mark]]:
+        def work(connection: Connection) -> tuple[list[Stored], int, list[int], dict[str, RingPosition]]:
             since = self._clock.micros() - journal.DAY
             return (
                 journal.stored(connection),
@@ -86,12 +86,12 @@ class JournalQueue:
         """The alarm `id` is no longer there."""
         self._dirty[id] = None
 
-    def reached(self, equipment: str, mark: Mark, events: int) -> None:
+    def reached(self, equipment: str, mark: RingPosition, events: int) -> None:
         """The events of a machine were taken up to `mark`, `events` more than before."""
         self._marks[equipment] = self._new_marks[equipment] = mark
         self._unmarked += events
 
-    def met(self, equipment: str, mark: Mark) -> None:
+    def met(self, equipment: str, mark: RingPosition) -> None:
         """The ring of which the last event taken is was found again."""
         self._marks[equipment] = mark
 
@@ -102,11 +102,11 @@ class JournalQueue:
         """Whether something that people see is not written yet."""
         return bool(self._records or self._dirty)
 
-    def last_event(self, equipment: str) -> Mark | None:
+    def last_event(self, equipment: str) -> RingPosition | None:
         """The last event of a machine that was taken; None = none ever was."""
         return self._marks.get(equipment)
 
-    def stored_event(self, equipment: str) -> Mark | None:
+    def stored_event(self, equipment: str) -> RingPosition | None:
         """The last event of a machine of which everything that follows is in the journal; None = none is."""
         waits = self.waiting or self._lock.locked()
         return (self._safe if waits else self._marks).get(equipment)

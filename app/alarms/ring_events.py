@@ -15,7 +15,7 @@ from app.alarms.states import AlarmStates
 from app.alarms.system_alarms import SystemAlarms
 from app.alarms.watch import Watch, explain
 from app.clock import Clock
-from app.plant.events import RingEvent, begins_again, is_new, mark_of
+from app.plant.events import RingEvent, begins_again, is_new, position_of
 
 LATEST_SCAN = 10_000_000
 """A value shows what an event says at most this much later [µs]."""
@@ -62,7 +62,7 @@ class RingEvents:
         for event in events:
             if not is_new(event, mark):
                 continue
-            mark = mark_of(event)
+            mark = position_of(event)
             taken += 1
             if event.time >= since:
                 self._tell(equipment, event, wall)

@@ -20,7 +20,7 @@ from app.db import Database
 from app.errors import StorageError
 from app.historian import renames
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, Ring, RingEvent, begins_again, is_new, mark_of
+from app.plant.events import Ring, RingEvent, RingPosition, begins_again, is_new, position_of
 from app.records.event import Event, packed, unpacked
 
 log = logging.getLogger(__name__)
@@ -116,7 +116,7 @@ class Events:
         self._database = database
         self._clock = clock
         self._machines: frozenset[str] = frozenset()
-        self._marks: dict[str, Mark] = {}
+        self._marks: dict[str, RingPosition] = {}
         self._names: dict[str, str] = {}
         """Lasting id → name under which the rows of a machine are, as far as is known."""
         self._now: dict[str, str] = {}
@@ -134,7 +134,7 @@ class Events:
     async def load(self) -> None:
         """Read how far the events of each machine were stored; a history that cannot be read is told by the recorder."""
 
-        def work(connection: Connection) -> tuple[dict[str, Mark], dict[str, str]]:
+        def work(connection: Connection) -> tuple[dict[str, RingPosition], dict[str, str]]:
             return marks(connection), renames.names(connection)
 
         try:
@@ -163,7 +163,7 @@ class Events:
         self._names |= now
         self._revision += bool(moved)
 
-    def last(self, equipment: str) -> Mark | None:
+    def last(self, equipment: str) -> RingPosition | None:
         """The last event of a machine that is stored; None = none ever was."""
         return self._marks.get(equipment)
 
@@ -193,7 +193,7 @@ class Events:
         """Events that are missing before these although nobody noticed it: the link was killed before it had acknowledged anything, and
         the ring went round meanwhile."""
         waiting = (
-            mark_of(one.events[-1]) for one in reversed(self._waiting) if one.equipment == equipment and one.events
+            position_of(one.events[-1]) for one in reversed(self._waiting) if one.equipment == equipment and one.events
         )
         last = next(waiting, self._marks.get(equipment))
         if last is None or not events or not is_new(events[0], last) or begins_again(events[0], last):
@@ -231,7 +231,7 @@ class Events:
         now = self._clock.micros()
         names, revision, before = self._now, self._revision, self._marks
 
-        def work(connection: Connection) -> tuple[dict[str, Mark], list[Told], set[str]]:
+        def work(connection: Connection) -> tuple[dict[str, RingPosition], list[Told], set[str]]:
             touched = renames.follow(connection, names)
             rings = {equipment: mark.ring for equipment, mark in before.items()}
             for one in waiting:
@@ -285,10 +285,10 @@ class Events:
 # ---- what is stored ---------------------------------------------------------------------------------------
 
 
-def marks(connection: Connection) -> dict[str, Mark]:
+def marks(connection: Connection) -> dict[str, RingPosition]:
     """Machine → its last stored event."""
     rows = connection.exec_driver_sql("SELECT equipment, boot, sequence, time FROM event_mark").all()
-    return {row[0]: Mark(row[1], row[2], row[3]) for row in rows}
+    return {row[0]: RingPosition(row[1], row[2], row[3]) for row in rows}
 
 
 def machine(connection: Connection, equipment: str) -> int:
@@ -314,7 +314,7 @@ def store(
     row = connection.exec_driver_sql(
         "SELECT boot, sequence, time FROM event_mark WHERE equipment = ?", (equipment,)
     ).first()
-    mark = known = None if row is None else Mark(row[0], row[1], row[2], ring)
+    mark = known = None if row is None else RingPosition(row[0], row[1], row[2], ring)
     fresh: list[RingEvent] = []
     again: list[RingEvent] = []
     for event in delivery.events:
@@ -322,7 +322,7 @@ def store(
             if mark is not None and begins_again(event, mark):
                 again.append(event)
             fresh.append(event)
-            mark = mark_of(event)
+            mark = position_of(event)
     if delivery.events and not fresh:
         return False
     told = [fold for fold in folds if equipment in fold.machines]
@@ -434,7 +434,7 @@ def oldest(connection: Connection) -> int | None:
 
 
 def _note_gap(
-    connection: Connection, equipment: str, lost: int, first: RingEvent | None, mark: Mark | None, now: int
+    connection: Connection, equipment: str, lost: int, first: RingEvent | None, mark: RingPosition | None, now: int
 ) -> None:
     boot, sequence, time = (
         (first.boot, first.sequence, first.time)

@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, Ring
+from app.plant.events import Ring, RingPosition
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +32,9 @@ class HostEvent:
 
 OnEvents = Callable[[Equipment, Sequence[HostEvent], int], Awaitable[None]]
 """Takes events in order, and how many were lost before the first; what it raises means: not taken."""
-LastSeen = Callable[[Equipment], Awaitable[Sequence[Mark | None]] | Sequence[Mark | None]]
+LastSeen = Callable[[Equipment], Awaitable[Sequence[RingPosition | None]] | Sequence[RingPosition | None]]
 """The last event of a machine, for each of those who take them; None = that one knows none."""
-StoredUpTo = Callable[[Equipment], Mark | None]
+StoredUpTo = Callable[[Equipment], RingPosition | None]
 """The last event of a machine that is stored wherever it belongs; None = none is."""
 
 

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from app.links.host_event import HostEvent
-from app.plant.events import Mark, is_new
+from app.plant.events import RingPosition, is_new
 
 
 class TakenEvents:
@@ -29,7 +29,7 @@ class TakenEvents:
         self._waiting.clear()
         self.stored = sequence
 
-    def stored_up_to(self, mark: Mark | None) -> None:
+    def stored_up_to(self, mark: RingPosition | None) -> None:
         """All up to `mark` are stored; None = nobody knows of any."""
         while mark is not None and self._waiting and not is_new(self._waiting[0], mark):
             self.stored = self._waiting.popleft().sequence

@@ -21,7 +21,7 @@ class Ring:
     newest: int = 0
     """Sequence of its newest event then."""
 
-    def replaces(self, mark: "Mark") -> bool:
+    def replaces(self, mark: "RingPosition") -> bool:
         """Whether `mark` is of a ring that was before this one. Of a mark from a file only its numbers tell: they never go back."""
         if mark.ring is not None and mark.ring.reader is self.reader:
             return mark.ring.number < self.number
@@ -66,7 +66,7 @@ class RingEvent(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class RingPosition:
     """The last event of a machine that somebody has dealt with."""
 
     boot: int
@@ -77,23 +77,23 @@ class Mark:
     """None: read from a file."""
 
 
-def mark_of(event: RingEvent) -> Mark:
-    """The mark behind `event`."""
-    return Mark(event.boot, event.sequence, event.time, event.ring)
+def position_of(event: RingEvent) -> RingPosition:
+    """The position behind `event`."""
+    return RingPosition(event.boot, event.sequence, event.time, event.ring)
 
 
-def is_new(event: RingEvent, mark: Mark | None) -> bool:
+def is_new(event: RingEvent, mark: RingPosition | None) -> bool:
     """Whether `event` comes after `mark`; numbers wrap after 2³²−1."""
     return mark is None or begins_again(event, mark) or _behind(mark.sequence, event.sequence, HALF)
 
 
-def begins_again(event: RingEvent, mark: Mark) -> bool:
+def begins_again(event: RingEvent, mark: RingPosition) -> bool:
     """Whether `event` is of a ring that replaces the one of `mark`."""
     return event.ring.replaces(mark)
 
 
-def earlier(one: Mark, other: Mark) -> Mark:
-    """The mark that is further back."""
+def earlier(one: RingPosition, other: RingPosition) -> RingPosition:
+    """The position that is further back."""
     for first, second in ((one, other), (other, one)):
         if first.ring is not None and first.ring.replaces(second):
             return second

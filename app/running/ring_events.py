@@ -9,7 +9,7 @@ from app.alarms.engine import AlarmEngine
 from app.errors import StorageError
 from app.historian.events import Events
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, RingEvent, earlier
+from app.plant.events import RingEvent, RingPosition, earlier
 
 log = logging.getLogger(__name__)
 
@@ -41,11 +41,11 @@ class RingEvents:
         if self._alarms.journal.waiting:
             await self._alarms.journal.settle()
 
-    def last_seen(self, item: Equipment) -> Sequence[Mark | None]:
+    def last_seen(self, item: Equipment) -> Sequence[RingPosition | None]:
         """What the alarms and the history have of the ring of a machine."""
         return self._alarms.journal.last_event(item.id), self._history.last(item.id)
 
-    def stored_up_to(self, item: Equipment) -> Mark | None:
+    def stored_up_to(self, item: Equipment) -> RingPosition | None:
         """The last event of a machine that is in the journal of the alarms and in the history."""
         alarms, stored = self._alarms.journal.stored_event(item.id), self._history.last(item.id)
         return None if alarms is None or stored is None else earlier(alarms, stored)

@@ -13,7 +13,7 @@ from app.db import Database
 from app.historian import record_query, records, store
 from app.historian.record_query import Wanted
 from app.historian.records import RecordFold
-from app.plant.events import begins_again, mark_of
+from app.plant.events import begins_again, position_of
 from app.plant.kept import kept
 from app.records import fold
 from tests.historian import books, rings, stories
@@ -94,7 +94,7 @@ def test_the_store_says_what_the_fold_says(history: Database, seed: int) -> None
         for event in (event for portion in told for event in portion.events):
             if mark is not None and begins_again(event, mark):
                 fold.begin_again(source.machine, shelf, reading(machine.type, event))
-            mark = mark_of(event)
+            mark = position_of(event)
             fold.take(source.machine, shelf, reading(machine.type, event))
         for kind in machine.type.records.values():
             own = [

@@ -10,7 +10,7 @@ from app.links.host_event import HostEvent
 from app.links.plc import PlcUnit
 from app.links.ring_head import Head
 from app.plant.definitions import Equipment
-from app.plant.events import Mark, begins_again, mark_of
+from app.plant.events import RingPosition, begins_again, position_of
 from app.registers import plc_map
 from app.registers.plc_map import long_words
 from app.sim.plc import EVENT_CAPACITY
@@ -51,7 +51,7 @@ class Taker:
 
 @asynccontextmanager
 async def followed(
-    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[Mark | None, ...] = ()
+    device: SmallPlc, taker: Taker, kind: str = "memory", *, last: tuple[RingPosition | None, ...] = ()
 ) -> AsyncIterator[tuple[Line, FaultyBus]]:
     async with plant(device, kind, start=False) as (line, bus):
         line.link.events.take = taker
@@ -208,7 +208,7 @@ async def test_it_begins_behind_what_the_owner_has_and_that_counts_more() -> Non
     for code in range(1, 6):
         device.event(code)
     device._ring.acknowledged = 4
-    async with followed(device, taker, last=(Mark(1, 2, 0), Mark(1, 4, 0))):
+    async with followed(device, taker, last=(RingPosition(1, 2, 0), RingPosition(1, 4, 0))):
         await until(lambda: taker.codes == [3, 4, 5])
         assert sum(taker.lost) == 0
 
@@ -216,16 +216,16 @@ async def test_it_begins_behind_what_the_owner_has_and_that_counts_more() -> Non
 @pytest.mark.parametrize(
     ("marks", "told", "again"),
     [
-        ([Mark(1, 5, 0), Mark(1, 5, 0)], [], False),
-        ([Mark(1, 2, 0), Mark(1, 5, 0)], [3, 4, 5], False),
-        ([Mark(1, 5, 10**16), Mark(1, 3, 0)], [4, 5], False),
-        ([Mark(1, 60, 0), Mark(1, 3, 0)], [1, 2, 3, 4, 5], True),
-        ([Mark(1, 60, 0), Mark(1, 61, 0)], [1, 2, 3, 4, 5], True),
-        ([Mark(2, 3, 0), Mark(2, 3, 0)], [1, 2, 3, 4, 5], True),
+        ([RingPosition(1, 5, 0), RingPosition(1, 5, 0)], [], False),
+        ([RingPosition(1, 2, 0), RingPosition(1, 5, 0)], [3, 4, 5], False),
+        ([RingPosition(1, 5, 10**16), RingPosition(1, 3, 0)], [4, 5], False),
+        ([RingPosition(1, 60, 0), RingPosition(1, 3, 0)], [1, 2, 3, 4, 5], True),
+        ([RingPosition(1, 60, 0), RingPosition(1, 61, 0)], [1, 2, 3, 4, 5], True),
+        ([RingPosition(2, 3, 0), RingPosition(2, 3, 0)], [1, 2, 3, 4, 5], True),
     ],
 )
 async def test_a_ring_is_another_one_when_its_numbers_are_behind_what_is_known(
-    marks: list[Mark], told: list[int], again: bool
+    marks: list[RingPosition], told: list[int], again: bool
 ) -> None:
     device, taker = SmallPlc(), Taker()
     for code in range(1, 6):
@@ -343,14 +343,14 @@ async def test_a_row_that_the_head_counts_and_that_is_not_there_yet_is_waited_fo
     [
         ((), 9),
         ((None, None), 9),
-        ((Mark(1, 5, 0), None), 1),
-        ((None, Mark(1, 5, 0)), 1),
-        ((Mark(1, 5, 0), Mark(1, 4, 0)), 5),
-        ((Mark(1, 5, 0), Mark(1, 10, 0)), 6),
+        ((RingPosition(1, 5, 0), None), 1),
+        ((None, RingPosition(1, 5, 0)), 1),
+        ((RingPosition(1, 5, 0), RingPosition(1, 4, 0)), 5),
+        ((RingPosition(1, 5, 0), RingPosition(1, 10, 0)), 6),
     ],
 )
 async def test_what_another_host_has_acknowledged_is_read_by_whoever_has_not_seen_it(
-    last: tuple[Mark | None, ...], first: int
+    last: tuple[RingPosition | None, ...], first: int
 ) -> None:
     """A server that was killed between the two transactions knows a mark of one of them only."""
     device, taker = SmallPlc(), Taker()
@@ -371,7 +371,7 @@ async def test_a_change_of_the_plant_keeps_the_place_in_the_ring() -> None:
         line.link.renew([small()])
         device.event(2)
         await until(lambda: taker.codes == [1, 2])
-        line.link.events.last_seen = lambda equipment: [Mark(1, 0, 0)]  # would begin anew
+        line.link.events.last_seen = lambda equipment: [RingPosition(1, 0, 0)]  # would begin anew
         line.link.renew([small(slots=10)])
         device.event(3)
         await until(lambda: taker.codes == [1, 2, 3])
@@ -395,7 +395,7 @@ async def test_a_head_that_comes_late_on_another_connection_is_not_another_ring(
 
 async def test_only_what_is_stored_is_acknowledged_and_what_is_left_of_it_is_counted() -> None:
     device, taker = SmallPlc(), Taker()
-    stored: dict[str, Mark | None] = {"p": None}
+    stored: dict[str, RingPosition | None] = {"p": None}
     async with followed(device, taker) as (line, _):
         line.link.events.stored_up_to = lambda equipment: stored[equipment.id]
         await until(lambda: line.value("p.state") == 1)
@@ -404,7 +404,7 @@ async def test_only_what_is_stored_is_acknowledged_and_what_is_left_of_it_is_cou
         await until(lambda: taker.codes == [1, 2, 3, 4, 5])
         await asyncio.sleep(0.3)
         assert acknowledged(device) == 0 and line.link.only_here("p") == 0
-        stored["p"] = mark_of(taker.events[2])
+        stored["p"] = position_of(taker.events[2])
         await until(lambda: acknowledged(device) == 3)
         for code in range(6, EVENT_CAPACITY + 20):
             device.event(code)
@@ -414,21 +414,21 @@ async def test_only_what_is_stored_is_acknowledged_and_what_is_left_of_it_is_cou
         await until(lambda: len(taker.events) == total)
         assert taker.codes == list(range(1, total + 1)), "they are handed over all the same"
         assert acknowledged(device) == 3 and line.link.only_here("p") == total - 3 - EVENT_CAPACITY
-        stored["p"] = mark_of(taker.events[-1])
+        stored["p"] = position_of(taker.events[-1])
         await until(lambda: acknowledged(device) == total)
         assert line.link.only_here("p") == 0 and sum(taker.lost) == 0
 
 
 async def test_a_mark_of_the_ring_before_acknowledges_nothing_of_the_next_one() -> None:
     device, taker = SmallPlc(), Taker()
-    stored: dict[str, Mark | None] = {"p": None}
+    stored: dict[str, RingPosition | None] = {"p": None}
     async with followed(device, taker) as (line, _):
         line.link.events.stored_up_to = lambda equipment: stored[equipment.id]
         await until(lambda: line.value("p.state") == 1)
         for code in range(1, 11):
             device.event(code)
         await until(lambda: len(taker.events) == 10)
-        stored["p"] = mark_of(taker.events[-1])
+        stored["p"] = position_of(taker.events[-1])
         await until(lambda: acknowledged(device) == 10)
         await asyncio.sleep(1.2)
         device._forget_all()
@@ -437,7 +437,7 @@ async def test_a_mark_of_the_ring_before_acknowledges_nothing_of_the_next_one() 
         await until(lambda: taker.codes[10:] == [100])
         await asyncio.sleep(0.3)
         assert acknowledged(device) == 0
-        stored["p"] = mark_of(taker.events[-1])
+        stored["p"] = position_of(taker.events[-1])
         await until(lambda: acknowledged(device) == 1)
 
 

@@ -6,15 +6,15 @@ from math import nan
 import pytest
 
 from app.links.host_event import HostEvent
-from app.plant.events import Mark, Ring, is_new, mark_of
+from app.plant.events import Ring, RingPosition, is_new, position_of
 
 RING = Ring(object(), 0, 3, 0)
 EVENT = HostEvent(9, 1000, 1005, 40, 2, nan, (1, 2), 3, RING)
 
 
 def test_its_mark_is_behind_it_and_what_follows_is_new() -> None:
-    mark = mark_of(EVENT)
-    assert mark == Mark(3, 9, 1000, RING)
+    mark = position_of(EVENT)
+    assert mark == RingPosition(3, 9, 1000, RING)
     for sequence, new in ((8, False), (9, False), (10, True), (11, True)):
         event = HostEvent(sequence, 1000 + sequence, 1005, 40, 2, nan, (), 3, RING)
         assert is_new(event, mark) is new

@@ -4,7 +4,7 @@ import pytest
 
 from app.links.host_event import HostEvent
 from app.links.taken_events import TakenEvents
-from app.plant.events import Mark, Ring
+from app.plant.events import Ring, RingPosition
 
 RING = Ring(object(), 0, 1, 0)
 
@@ -13,8 +13,8 @@ def event(sequence: int, ring: Ring = RING) -> HostEvent:
     return HostEvent(sequence, 1000 * sequence, 0, 1, 0, 0.0, (), 1, ring)
 
 
-def mark(sequence: int, ring: Ring | None = RING) -> Mark:
-    return Mark(1, sequence, 1000 * sequence, ring)
+def mark(sequence: int, ring: Ring | None = RING) -> RingPosition:
+    return RingPosition(1, sequence, 1000 * sequence, ring)
 
 
 @pytest.mark.parametrize(

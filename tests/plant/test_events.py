@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from app.plant.events import Mark, Ring, begins_again, earlier, is_new
+from app.plant.events import Ring, RingPosition, begins_again, earlier, is_new
 
 READER, OTHER = object(), object()
 FIRST, SECOND = Ring(READER, 0, 3, 5), Ring(READER, 1, 3, 5)
@@ -48,11 +48,11 @@ class Event:
 def test_an_event_is_new_or_known_whatever_the_clocks_say(
     boot: int, sequence: int, ring: Ring, new: bool, again: bool, later: int
 ) -> None:
-    mark = Mark(3, 5, 1_000_000_000, FIRST)
+    mark = RingPosition(3, 5, 1_000_000_000, FIRST)
     event = Event(boot, sequence, ring, mark.time + later)
     assert (is_new(event, mark), begins_again(event, mark)) == (new, again)
     if ring.reader is OTHER:
-        mark = Mark(3, 5, 1_000_000_000)
+        mark = RingPosition(3, 5, 1_000_000_000)
         assert (is_new(event, mark), begins_again(event, mark)) == (new, again), "from a file"
 
 
@@ -65,7 +65,7 @@ def test_everything_is_new_to_who_knows_nothing() -> None:
     [(65_535, 2**32 - 1, False), (65_535, 1, True), (0, 2**32 - 1, False), (0, 2, True)],
 )
 def test_numbers_and_boots_wrap(boots: int, number: int, new: bool) -> None:
-    mark = Mark(65_535, 2**32 - 1, 0)
+    mark = RingPosition(65_535, 2**32 - 1, 0)
     event = Event(boots, number, Ring(OTHER, 0, boots, max(number % (2**32 - 1), 0) or 2**32 - 1))
     assert (is_new(event, mark), begins_again(event, mark)) == (new, False)
 
@@ -73,14 +73,14 @@ def test_numbers_and_boots_wrap(boots: int, number: int, new: bool) -> None:
 @pytest.mark.parametrize(
     ("back", "front"),
     [
-        (Mark(3, 5, 9), Mark(3, 6, 1)),
-        (Mark(3, 5, 9), Mark(3, 6, 1, FIRST)),
-        (Mark(3, 5, 9, FIRST), Mark(3, 6, 1, FIRST)),
-        (Mark(3, 9, 9, FIRST), Mark(3, 2, 1, SECOND)),
-        (Mark(3, 9, 9), Mark(3, 2, 1, SECOND)),
-        (Mark(3, 2**32 - 1, 9), Mark(3, 1, 1)),
+        (RingPosition(3, 5, 9), RingPosition(3, 6, 1)),
+        (RingPosition(3, 5, 9), RingPosition(3, 6, 1, FIRST)),
+        (RingPosition(3, 5, 9, FIRST), RingPosition(3, 6, 1, FIRST)),
+        (RingPosition(3, 9, 9, FIRST), RingPosition(3, 2, 1, SECOND)),
+        (RingPosition(3, 9, 9), RingPosition(3, 2, 1, SECOND)),
+        (RingPosition(3, 2**32 - 1, 9), RingPosition(3, 1, 1)),
     ],
 )
-def test_the_mark_further_back_is_told_by_rings_and_numbers(back: Mark, front: Mark) -> None:
+def test_the_mark_further_back_is_told_by_rings_and_numbers(back: RingPosition, front: RingPosition) -> None:
     assert earlier(back, front) is back
     assert earlier(front, back) is back

@@ -6,20 +6,22 @@ from typing import Any
 import pytest
 
 from app.errors import StorageError
-from app.plant.events import Mark
+from app.plant.events import RingPosition
 from app.running.ring_events import RingEvents
 
 ITEM: Any = SimpleNamespace(id="c1", alarms=(), type=SimpleNamespace(events={}))
 
 
-def mark(sequence: int) -> Mark:
-    return Mark(1, sequence, sequence)
+def mark(sequence: int) -> RingPosition:
+    return RingPosition(1, sequence, sequence)
 
 
 class Parts:
     """Alarms and history that note the order in which they are told."""
 
-    def __init__(self, journal: Mark | None = None, stored: Mark | None = None, error: Exception | None = None) -> None:
+    def __init__(
+        self, journal: RingPosition | None = None, stored: RingPosition | None = None, error: Exception | None = None
+    ) -> None:
         self.heard: list[str] = []
         self.error = error
         alarms: Any = SimpleNamespace(
