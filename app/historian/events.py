@@ -45,7 +45,7 @@ class Delivery:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class EndedCommand:
     """A person's command that has ended."""
 
     equipment: str
@@ -126,7 +126,7 @@ class Events:
         self._revision = 0
         """Of the names."""
         self._waiting: list[Delivery] = []
-        self._told: list[Told] = []
+        self._commands: list[EndedCommand] = []
         self._taken = self._stored = 0
         self._lock = asyncio.Lock()
         self._retry_at = 0.0
@@ -158,7 +158,7 @@ class Events:
             taken = set(moved.values()) - set(moved)
             self._marks = {moved.get(name, name): mark for name, mark in self._marks.items() if name not in taken}
             self._waiting = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._waiting]
-            self._told = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._told]
+            self._commands = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._commands]
         self._followed = self._followed and all(self._names.get(id) == name for id, name in now.items())
         self._names |= now
         self._revision += bool(moved)
@@ -200,15 +200,15 @@ class Events:
             return 0
         return (events[0].sequence - last.sequence) % 2**32 - 1
 
-    def told(self, told: Told) -> None:
+    def command_ended(self, command: EndedCommand) -> None:
         """A person's command has ended: its event, stored already or still to come, says who and why."""
-        self._told = [*self._told[-200:], told]
+        self._commands = [*self._commands[-200:], command]
 
     async def run(self) -> None:
         """Store what was not taken at once, and who asked for what, for ever."""
         while True:
             await asyncio.sleep(1.0)
-            if self._waiting or self._told or not self._followed:
+            if self._waiting or self._commands or not self._followed:
                 async with self._lock:
                     try:
                         await self._write()
@@ -227,11 +227,11 @@ class Events:
     async def _write(self) -> None:
         if self.failed and self._clock.monotonic() < self._retry_at:
             raise StorageError("history.db: not written at the moment")
-        waiting, told, number = self._waiting[:], self._told, self._taken
+        waiting, commands, number = self._waiting[:], self._commands, self._taken
         now = self._clock.micros()
         names, revision, before = self._now, self._revision, self._marks
 
-        def work(connection: Connection) -> tuple[dict[str, RingPosition], list[Told], set[str]]:
+        def work(connection: Connection) -> tuple[dict[str, RingPosition], list[EndedCommand], set[str]]:
             touched = renames.follow(connection, names)
             rings = {equipment: mark.ring for equipment, mark in before.items()}
             for one in waiting:
@@ -240,7 +240,7 @@ class Events:
                 if one.events:
                     rings[one.equipment] = one.events[-1].ring
             rest = []
-            for command in told:
+            for command in commands:
                 if attribute(connection, command, self.folds):
                     touched.add(command.equipment)
                 elif now - command.ended <= LATE:
@@ -259,7 +259,7 @@ class Events:
         self._stored = number
         del self._waiting[: len(waiting)]
         if revision == self._revision:
-            self._told = [*rest, *(one for one in self._told if one not in told)]
+            self._commands = [*rest, *(one for one in self._commands if one not in commands)]
             self._marks, self._followed = found, True
         if self.failed:
             self.failed = False
@@ -383,16 +383,16 @@ def _insert(connection: Connection, machine: int, equipment: str, event: RingEve
     )
 
 
-def attribute(connection: Connection, told: Told, folds: Sequence[Fold]) -> bool:
+def attribute(connection: Connection, command: EndedCommand, folds: Sequence[Fold]) -> bool:
     """Write into the events that a command caused who had asked for it, and why; False when there are none (yet)."""
-    marks = ", ".join("?" * len(told.requests))
+    marks = ", ".join("?" * len(command.requests))
     rows = connection.exec_driver_sql(
         f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine WHERE m.name = ? AND e.time BETWEEN ? AND ? "
         f"AND e.request IN ({marks}) AND e.person = '' ORDER BY e.id",
-        (told.equipment, told.requested - LATE, told.ended + LATE, *told.requests),
+        (command.equipment, command.requested - LATE, command.ended + LATE, *command.requests),
     ).all()
     for row in rows:
-        event = replace(event_of(row), person=told.person, reason=told.reason)
+        event = replace(event_of(row), person=command.person, reason=command.reason)
         connection.exec_driver_sql(
             "UPDATE event SET person = ?, reason = ? WHERE id = ?", (event.person, event.reason, event.id)
         )

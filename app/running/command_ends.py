@@ -18,7 +18,7 @@ from app.commands.orders import AuditLine
 from app.commands.set_follow_up import FOUND_NEW, FOUND_OLD
 from app.commands.value_set import spelt
 from app.errors import StorageError
-from app.historian.events import Events, Told
+from app.historian.events import EndedCommand, Events
 from app.plant.definitions import Plant
 from app.tags.batch import Value
 
@@ -46,7 +46,9 @@ class CommandEnds:
             ended = int(params["ended"]) or self._clock.micros()
             name, why = person.display or person.name, str(params.get("why", ""))
             equipment = line.object.partition(".")[0]
-            self._events.told(Told(equipment, tuple(params["requests"]), name, why, int(params["requested"]), ended))
+            self._events.command_ended(
+                EndedCommand(equipment, tuple(params["requests"]), name, why, int(params["requested"]), ended)
+            )
         await self._access.audit.record(*_written(line), **params)
 
     async def foretell(self, line: AuditLine) -> bool:

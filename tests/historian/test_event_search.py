@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 from app.db import Database
 from app.historian import event_search as search
 from app.historian.event_search import Wanted
-from app.historian.events import Delivery, Told, attribute, store
+from app.historian.events import Delivery, EndedCommand, attribute, store
 from app.records.event import Event
 from tests.historian.rings import BEGIN, SECOND, Ring
 
@@ -28,7 +28,7 @@ def told(history: Database) -> list[Event]:
             store(connection, Delivery(id, ring.drain()), (), BEGIN)
             for request, (person, reason) in enumerate(PEOPLE):
                 if request:
-                    attribute(connection, Told(id, (request,), person, reason, BEGIN, ring.time), ())
+                    attribute(connection, EndedCommand(id, (request,), person, reason, BEGIN, ring.time), ())
 
     history.run(work)
     everything = history.run(lambda connection: search.find(connection, Wanted(), 10_000))

@@ -12,7 +12,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import events, store
-from app.historian.events import COLUMNS, Delivery, Events, Fold, Told, event_of, has_ring
+from app.historian.events import COLUMNS, Delivery, EndedCommand, Events, Fold, event_of, has_ring
 from app.plant.definitions import Device, Equipment, EquipmentType, PlcMap
 from app.records.event import Event
 from tests.historian import rings
@@ -264,9 +264,9 @@ async def test_each_command_is_given_to_the_events_that_carry_its_id_however_nea
     at = ring.time
     for request in (41, 0, 42, 42):
         ring.tell(5, request=request, after=0.01)
-    made.told(Told("p1", (42,), "Ivo Ban", "later", at, at + SECOND))
-    made.told(Told("p1", (41,), "Ana Kos", "", at, at + SECOND))
-    made.told(Told("p2", (41,), "Eva Novak", "on another machine", at, at + SECOND))
+    made.command_ended(EndedCommand("p1", (42,), "Ivo Ban", "later", at, at + SECOND))
+    made.command_ended(EndedCommand("p1", (41,), "Ana Kos", "", at, at + SECOND))
+    made.command_ended(EndedCommand("p2", (41,), "Eva Novak", "on another machine", at, at + SECOND))
     await made.take("p1", ring.drain())
     assert [(e.person, e.reason) for e in stored(history)] == [
         ("Ana Kos", ""), ("", ""), ("Ivo Ban", "later"), ("Ivo Ban", "later"),
@@ -281,12 +281,12 @@ async def test_event_and_end_of_the_command_come_in_any_order(history: Database,
     made, ring = kept(history), Ring()
     ring.time = made._clock.micros()
     ring.tell(5, request=41)
-    command = Told("p1", (40, 41), "Ana Kos", "stuck", ring.time - SECOND, ring.time)
+    command = EndedCommand("p1", (40, 41), "Ana Kos", "stuck", ring.time - SECOND, ring.time)
     if first == "command":
-        made.told(command)
+        made.command_ended(command)
     await made.take("p1", ring.drain())
     if first == "event":
-        made.told(command)
+        made.command_ended(command)
     await made.close()
     assert [e.person for e in stored(history)] == ["Ana Kos"]
 
@@ -296,7 +296,7 @@ async def test_an_id_that_was_given_again_belongs_to_the_later_command(history: 
     ring.tell(5, request=41)
     ring.tell(5, request=41, after=600)
     await made.take("p1", ring.drain())
-    made.told(Told("p1", (41,), "Ana Kos", "", ring.time - SECOND, ring.time))
+    made.command_ended(EndedCommand("p1", (41,), "Ana Kos", "", ring.time - SECOND, ring.time))
     await made.close()
     assert [e.person for e in stored(history)] == ["", "Ana Kos"]
 

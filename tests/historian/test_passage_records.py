@@ -11,7 +11,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import events, record_query, store
-from app.historian.events import Told as Command
+from app.historian.events import EndedCommand
 from app.historian.records import RecordFold
 from tests.historian import books
 from tests.historian.books import PASSAGE, Records, Said, Told, everything
@@ -302,8 +302,8 @@ async def test_who_deleted_it_and_why_stands_at_the_event(kept: Records, history
     ring.tell(7, 2)
     await kept.take("c1", ring.drain())
     deleted = ring.time + SECOND
-    kept.told(
-        Command("c1", (41,), "Ana Kos", "fell down", deleted, deleted + 100_000)
+    kept.command_ended(
+        EndedCommand("c1", (41,), "Ana Kos", "fell down", deleted, deleted + 100_000)
     )  # told before its event is there
     await kept.take("c2", [])
     ring.tell(6, 1, request=41)
@@ -317,12 +317,12 @@ async def test_who_deleted_it_and_why_stands_at_the_event(kept: Records, history
 
 async def test_a_command_that_never_had_an_event_is_forgotten(kept: Records) -> None:
     now = kept._clock.micros()
-    kept.told(Command("c1", (41,), "Ana Kos", "", now, now))
+    kept.command_ended(EndedCommand("c1", (41,), "Ana Kos", "", now, now))
     await kept.close()
-    assert len(kept._told) == 1
+    assert len(kept._commands) == 1
     kept._clock.advance(120)  # type: ignore[attr-defined]
     await kept.close()
-    assert kept._told == []
+    assert kept._commands == []
 
 
 async def test_a_full_disk_stops_nothing_and_nothing_is_missing_afterwards(tmp_path: Path) -> None:

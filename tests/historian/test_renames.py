@@ -10,7 +10,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import record_query, renames
-from app.historian.events import Told, marks
+from app.historian.events import EndedCommand, marks
 from app.plant.definitions import Equipment
 from tests.historian import books
 from tests.historian.books import FORCE, PASSAGE, RUN, Records
@@ -86,7 +86,7 @@ async def test_what_waits_and_who_asked_follow_too(history: Database) -> None:
     told = ring.tell(6, 7, request=300)
     with pytest.raises(StorageError):
         await book.take("c1", ring.drain())
-    book.told(Told("c1", (300,), "Ana Kos", "fell down", told.time, told.time))
+    book.command_ended(EndedCommand("c1", (300,), "Ana Kos", "fell down", told.time, told.time))
     book.configure(named(conveyor("c1"), c1="line1"))
     history.write = write  # type: ignore[method-assign]
     await book.close()

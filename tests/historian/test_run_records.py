@@ -8,8 +8,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import record_query, store
-from app.historian.events import Told as Command
-from app.historian.events import oldest
+from app.historian.events import EndedCommand, oldest
 from app.historian.record_query import Wanted
 from app.plant.kept import kept as kept_as
 from app.records.record import Part
@@ -385,9 +384,9 @@ async def test_who_started_forced_and_acknowledged_it(kept: Records, history: Da
     device.scan(acknowledge=True)
     told = device.drain()
     for request, code, why in ((11, 15, "sensor broken"), (12, 1, ""), (13, 12, "wrong coil"), (14, 14, "")):
-        kept.told(Command("seq1", (request,), "Ana Kos", why, began, began + SECOND))
+        kept.command_ended(EndedCommand("seq1", (request,), "Ana Kos", why, began, began + SECOND))
         told = caused(told, code, request)
-    kept.told(Command("seq1", (15,), "Ivo Ban", "another command", began, began + SECOND))
+    kept.command_ended(EndedCommand("seq1", (15,), "Ivo Ban", "another command", began, began + SECOND))
     await kept.take("seq1", told)
     (one,) = ask(history)
     assert [asked(history, one, field)[0] for field in ("started_by", "acknowledged_by")] == ["Ana Kos", "Ana Kos"]
@@ -395,7 +394,7 @@ async def test_who_started_forced_and_acknowledged_it(kept: Records, history: Da
     by = {event.code: (event.person, event.reason) for event in events(history, one)}
     assert by[12] == ("Ana Kos", "wrong coil")
     assert by[3] == ("", "")
-    assert [told.person for told in kept._told] == ["Ivo Ban"]
+    assert [told.person for told in kept._commands] == ["Ivo Ban"]
 
 
 async def test_a_definition_that_changes_does_not_change_what_happened(

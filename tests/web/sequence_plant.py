@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from app.historian.events import Delivery, Told, attribute, store
+from app.historian.events import Delivery, EndedCommand, attribute, store
 from app.historian.records import RecordFold
 from app.plant.definitions import Plant
 from tests.historian.rings import BEGIN, SECOND
@@ -149,5 +149,5 @@ def fill(connection: Connection, plant: Plant, many: int = 64, begin: int = BEGI
         told = [replace(event, request=request) if event is first else event for event in told]
     store(connection, Delivery("seq1", told), (fold,), begin)
     for request, (code, person, why, at) in enumerate(asked, 1):
-        assert attribute(connection, Told("seq1", (request,), person, why, at, at + SECOND), (fold,)), code
+        assert attribute(connection, EndedCommand("seq1", (request,), person, why, at, at + SECOND), (fold,)), code
     connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'seq1'")

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import Connection
 
 from app.errors import StorageError
-from app.historian.events import Delivery, Told, attribute, has_ring, store
+from app.historian.events import Delivery, EndedCommand, attribute, has_ring, store
 from app.runtime import Runtime
 from tests.historian.rings import BEGIN, SECOND, Ring
 from tests.web.people import Staff
@@ -33,7 +33,7 @@ def fill(connection: Connection) -> None:
     ring.tell(6, 9, request=77)
     ring.tell(999, 1)
     store(connection, Delivery("c1", ring.drain(), 3), (), BEGIN)
-    asked = Told("c1", (77,), "=Ana; Kos", '<b>fell</b> "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time)
+    asked = EndedCommand("c1", (77,), "=Ana; Kos", '<b>fell</b> "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time)
     assert attribute(connection, asked, ())
     ring = Ring()
     ring.tell(7)
