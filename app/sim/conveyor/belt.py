@@ -9,7 +9,7 @@ from app.sim.conveyor.machine import DRIVE_TIME
 from app.sim.conveyor.register_map import Motor, Source
 from app.sim.device import DT
 
-DOUBT = 1.0
+UNCERTAIN_FROM = 1.0
 """A product on a belt whose encoder differs by more from the ramp is uncertain [mm]."""
 IMPLAUSIBLE, PULSES_OFF = 0.6, 0.3
 """An encoder has failed when it differs by more than this part of the way in the jam time, and this [mm]."""
@@ -27,7 +27,7 @@ class Finding(IntEnum):
     """What supervision found in this scan."""
 
     NONE = 0
-    DOUBT = 1
+    DEVIATION = 1
     """Ramp and encoder differ: what lies on the belt is uncertain."""
     ENCODER = 2
     JAM = 3
@@ -132,7 +132,7 @@ class Belt:
         if off > IMPLAUSIBLE * abs(self._model) * jam_time + PULSES_OFF and not self.encoder_fault:
             self.encoder_fault = True
             return Finding.ENCODER
-        return Finding.DOUBT if off > DOUBT else Finding.NONE
+        return Finding.DEVIATION if off > UNCERTAIN_FROM else Finding.NONE
 
     def reset(self, scale: float) -> None:
         """Try again; `scale` [mm/s per %]."""

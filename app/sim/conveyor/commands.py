@@ -8,7 +8,7 @@ from app.blocks.product_tracking import EditReason, EditRefused, TrackingEvent
 from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.gap_stop import GapStop
-from app.sim.conveyor.plausibility import Doubts
+from app.sim.conveyor.plausibility import UncertainProducts
 from app.sim.conveyor.register_map import ConveyorCommand, ConveyorEvent, ConveyorReason
 from app.sim.conveyor.state import LineState
 from app.sim.plc import Verdict
@@ -21,9 +21,11 @@ _WHILE_STANDING = (ConveyorCommand.EDIT, ConveyorCommand.INSERT)
 class LineCommands:
     """Takes the commands of one line, from a power-up on."""
 
-    def __init__(self, line: LineState, drives: BeltDrives, gap: GapStop, doubts: Doubts, *, start: bool) -> None:
+    def __init__(
+        self, line: LineState, drives: BeltDrives, gap: GapStop, uncertain: UncertainProducts, *, start: bool
+    ) -> None:
         """Over the parts that it commands; `start`: automatic is asked for already."""
-        self._line, self._drives, self._gap, self._doubts = line, drives, gap, doubts
+        self._line, self._drives, self._gap, self._uncertain = line, drives, gap, uncertain
         self._start = start
         self._manual = False
 
@@ -56,7 +58,7 @@ class LineCommands:
             return no(refusal.reason)
         self._line.report(event)
         if first or code == ConveyorCommand.CONFIRM:
-            self._doubts.vouched_for(first)
+            self._uncertain.confirmed(first)
         self._line.renew_table()
         return Verdict(detail=event.id)
 

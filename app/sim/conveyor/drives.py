@@ -3,7 +3,7 @@
 from app.blocks.mode_control import Mode
 from app.sim.conveyor.belt import Finding
 from app.sim.conveyor.machine import BELTS
-from app.sim.conveyor.plausibility import doubt_belt
+from app.sim.conveyor.plausibility import make_belt_uncertain
 from app.sim.conveyor.register_map import BELT_BITS, ConveyorEvent, Source
 from app.sim.conveyor.state import LineState
 
@@ -32,8 +32,8 @@ class BeltDrives:
             if found is Finding.NONE:
                 continue
             begin, end = (0.0, *line.geometry.belt_ends)[number : number + 2]
-            doubt_belt(line.tracking.products, begin, end, across=found is Finding.JAM)
-            if found is not Finding.DOUBT:
+            make_belt_uncertain(line.tracking.products, begin, end, across=found is Finding.JAM)
+            if found is not Finding.DEVIATION:
                 self._fail(ConveyorEvent.JAM if found is Finding.JAM else ConveyorEvent.ENCODER, number)
 
     def follow(self) -> None:

@@ -9,7 +9,7 @@ _CERTAIN = (ProductState.TRACKED, ProductState.OUTSIDE)
 _AT_SENSOR = (Code.HEAD_AT_SENSOR, Code.TAIL_AT_SENSOR, Code.UNEXPECTED)
 
 
-class Doubts:
+class UncertainProducts:
     """What was told and makes a product, or the next one, uncertain beyond the scan in which it was told."""
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Doubts:
         self._look_at_lengths(tracking, happened, tolerance)
         self._look_at_first_edges(tracking, happened)
 
-    def vouched_for(self, id: int) -> None:
+    def confirmed(self, id: int) -> None:
         """A person has looked at a product; 0 = at all."""
         self._lengths = self._lengths - {id} if id else set()
 
@@ -35,9 +35,9 @@ class Doubts:
         agreeing = {event.id for event in happened if event.code == Code.TAIL_AT_SENSOR} - differing
         self._lengths = (self._lengths | differing) - agreeing
         if self._lengths:
-            doubted = [product for product in tracking.products if product.id in self._lengths]
-            self._lengths = {product.id for product in doubted}
-            for product in doubted:
+            uncertain = [product for product in tracking.products if product.id in self._lengths]
+            self._lengths = {product.id for product in uncertain}
+            for product in uncertain:
                 _make_uncertain(product)
 
     def _look_at_first_edges(self, tracking: ProductTracking, happened: Sequence[TrackingEvent]) -> None:
@@ -57,7 +57,7 @@ class Doubts:
                 _make_uncertain(product)
 
 
-def doubt_belt(products: Iterable[Product], begin: float, end: float, *, across: bool = False) -> None:
+def make_belt_uncertain(products: Iterable[Product], begin: float, end: float, *, across: bool = False) -> None:
     """Nobody knows where the products on the belt from `begin` to `end` [mm] are until a sensor sees them; `across`: only those that lie
     on another one, too."""
     for product in products:

@@ -39,7 +39,7 @@ from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.first_out import FirstOut
 from app.sim.conveyor.gap_stop import GapStop
 from app.sim.conveyor.machine import BELTS, EMERGENCY_STOP, FAULTS, HOST_OFF, SENSORS, Conveyor, Geometry
-from app.sim.conveyor.plausibility import Doubts, slip_of
+from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
     FORWARD,
@@ -67,7 +67,7 @@ class VirtualConveyor(LineState):
     _drives: BeltDrives
     _gap_stop: GapStop
     _commands: LineCommands
-    _doubts: Doubts
+    _uncertain: UncertainProducts
     _unload: bool
     """The unloader may take a product now."""
     _unloading: int
@@ -168,7 +168,7 @@ class VirtualConveyor(LineState):
             else:
                 self._watch_slip(event)
         if happened:
-            self._doubts.look(self.tracking, happened, self.settings["sensor_tolerance"])
+            self._uncertain.look(self.tracking, happened, self.settings["sensor_tolerance"])
             self.renew_table()
 
     def _watch_slip(self, event: TrackingEvent) -> None:
@@ -304,9 +304,9 @@ class VirtualConveyor(LineState):
         self.modes = ModeControl()
         self.modes.step(ModeInputs())
         self.first_out = FirstOut()
-        self._doubts = Doubts()
+        self._uncertain = UncertainProducts()
         self._drives, self._gap_stop = BeltDrives(self), GapStop(self)
-        self._commands = LineCommands(self, self._drives, self._gap_stop, self._doubts, start=self._start_automatic)
+        self._commands = LineCommands(self, self._drives, self._gap_stop, self._uncertain, start=self._start_automatic)
         self._start_automatic = False
         self.stopping = self.held = self.faulty = False
         self.pressed = self._silent = self.moving = self._unload = False
