@@ -103,7 +103,7 @@ class CarCommands:
             return no(CoilCarReason.MOVING)
         if mode is Mode.AUTOMATIC and car.host_silent:
             return no(CoilCarReason.WRONG_STATE, car.state)
-        car.mode, self._recoiler.told_not_to = mode, False
+        car.mode, self._recoiler.inhibited = mode, False
         car.event(CoilCarEvent.AUTOMATIC if mode is Mode.AUTOMATIC else CoilCarEvent.MANUAL)
         return Verdict()
 
@@ -145,12 +145,12 @@ class CarCommands:
         block = car.interlock.block(WIND)
         if block is not Block.FREE:
             return no(_WINDING_REASONS[block])
-        self._recoiler.wind, self._recoiler.told_not_to = True, False
+        self._recoiler.wind, self._recoiler.inhibited = True, False
         return Verdict()
 
     def _stop_winding(self) -> Verdict:
         machine = self._car.machine
         if not machine.winding:
             return no(CoilCarReason.NOT_WINDING)
-        machine.winding, self._recoiler.told_not_to = False, True
+        machine.winding, self._recoiler.inhibited = False, True
         return Verdict()

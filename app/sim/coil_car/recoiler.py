@@ -11,7 +11,7 @@ class Recoiler:
         self._car = car
         self.wind = False
         """It was told to begin."""
-        self.told_not_to = False
+        self.inhibited = False
         """It was told to stop, and waits for automatic or for being told to begin."""
 
     def step(self) -> int:
@@ -22,7 +22,7 @@ class Recoiler:
         self.wind = False
         if car.mode is not Mode.AUTOMATIC or not machine.strip or car.values["automatic_winding"] < 0.5:
             return 0
-        if machine.finished or machine.winding or self.told_not_to or car.stopping:
+        if machine.finished or machine.winding or self.inhibited or car.stopping:
             return 0
         if machine.coil:
             if interlock.block(WIND) is Block.FREE:
