@@ -136,7 +136,7 @@ class Job:
         self.since = now
         self.echoed = True
 
-    def in_doubt(self, now: float, at: int, reason: str, params: Mapping[str, object]) -> None:
+    def outcome_unknown(self, now: float, at: int, reason: str, params: Mapping[str, object]) -> None:
         """Nobody knows whether a telegram arrived; what is read from now on tells. Of a held motion its end tells."""
         self.progress = advance(self.progress, ProgressState.UNKNOWN, at, reason=reason, params=params)
         if self.lease is None:

@@ -139,10 +139,10 @@ class Sending:
     ) -> None:
         """A telegram was refused, never sent, or not answered."""
         if job.lease is not None:
-            job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
+            job.outcome_unknown(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
             self._state.hold.end(job.lease, "session" if reason == "why.right_ended" else "write")
         elif state is ProgressState.UNKNOWN:
-            job.in_doubt(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
+            job.outcome_unknown(self._state.clock.monotonic(), self._state.clock.micros(), reason, params)
             self._state.changed(machine.item.id)
             self.read_back(machine, job)
         else:

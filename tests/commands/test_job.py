@@ -54,7 +54,7 @@ def test_doubt_is_settled_by_what_is_read_later_but_of_a_held_motion_by_its_end(
     plain, held = made(), made("jog_forward")
     held.lend(lease(), 6.0)
     for job in (plain, held):
-        job.in_doubt(7.0, 70, "why.unknown", {})
+        job.outcome_unknown(7.0, 70, "why.unknown", {})
         assert job.progress.state is ProgressState.UNKNOWN
     assert (plain.since, held.since) == (7.0, None)
 
