@@ -41,7 +41,9 @@ def fill(connection: Any, fold: RecordFold) -> None:
             ring.tell(20, 99, source=2, second=98, value=4.5, other=6.25)
             ring.tell(6, 99, request=77)
         store(connection, Delivery(equipment, ring.drain()), (fold,), BEGIN)
-    told = EndedCommand("c1", (77,), "=Ana; Kos", 'fell "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time + 60 * SECOND)
+    told = EndedCommand(
+        "c1", (77,), "=Ana; Kos", 'fell "down"\n=HYPERLINK("x")', ring.time - SECOND, ring.time + 60 * SECOND
+    )
     assert attribute(connection, told, (fold,))
     connection.exec_driver_sql("DELETE FROM event_mark WHERE equipment = 'c1'")
 

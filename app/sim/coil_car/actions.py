@@ -84,7 +84,9 @@ def is_there(car: InterlockedCar, demand: Demand) -> bool:
         return machine.expansion >= 1.0
     if demand.movement == COLLAPSE:
         return machine.expansion <= 0.0
-    here, standing = (machine.x, car.standing_x) if demand.horizontal else (machine.v, car.standing_v)
+    here, standing = (
+        (machine.x, car.horizontal_standstill) if demand.horizontal else (machine.v, car.vertical_standstill)
+    )
     return standing and abs(demand.target - here) <= ARRIVED
 
 

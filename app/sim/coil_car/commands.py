@@ -120,7 +120,7 @@ class CarCommands:
         car = self._car
         if not 0 <= saddle <= SADDLES:
             return no(CoilCarReason.NO_SUCH_SADDLE)
-        if car.machine.load and not car.standing_x:
+        if car.machine.load and not car.horizontal_standstill:
             return no(CoilCarReason.MOVING)
         car.target_selected = saddle
         car.choose_target()

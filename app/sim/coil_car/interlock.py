@@ -157,14 +157,14 @@ class Interlock:
         if movement in (FORWARD, BACK):
             if not machine.drive_ready(1):
                 return Block.DRIVE
-            if not self._car.standing_v or (self._car.mandrel_drive and self.in_zone):
+            if not self._car.vertical_standstill or (self._car.mandrel_drive and self.in_zone):
                 return Block.OTHER_MOVEMENT
         elif movement in (UP, DOWN):
             if not machine.drive_ready(2):
                 return Block.DRIVE
             if (hydraulic := self.oil_pressure()) is not Block.FREE:
                 return hydraulic
-            if not self._car.standing_x or (self._car.mandrel_drive and self.in_zone):
+            if not self._car.horizontal_standstill or (self._car.mandrel_drive and self.in_zone):
                 return Block.OTHER_MOVEMENT
         elif movement == WIND:
             return self._judge_winding()
@@ -186,7 +186,7 @@ class Interlock:
             return Block.FREE
         if machine.winding:
             return Block.WINDING
-        if self.in_zone and not (self._car.standing_x and self._car.standing_v):
+        if self.in_zone and not (self._car.horizontal_standstill and self._car.vertical_standstill):
             return Block.OTHER_MOVEMENT
         centred = abs(machine.x - m.mandrel_position) <= m.position_tolerance + DEPTH
         if movement == EXPAND:

@@ -104,7 +104,7 @@ class Movements:
         if not isnan(demand.target):
             end = min(max(demand.target, way.low), way.high)
         axis.target = end
-        standing = car.standing_x if demand.horizontal else car.standing_v
+        standing = car.horizontal_standstill if demand.horizontal else car.vertical_standstill
         if axis.cut or (standing and abs(end - here) <= ARRIVED):
             return False
         axis.go(1 if up else -1, demand.speed, (end - here) * (1 if up else -1), car.dt)

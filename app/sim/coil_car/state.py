@@ -77,19 +77,19 @@ class CarState(VirtualPlc):
         return abs(self.machine.x - position) <= self.geometry.position_tolerance + DEPTH
 
     @property
-    def standing_x(self) -> bool:
+    def horizontal_standstill(self) -> bool:
         """The car stands."""
         return not (self.machine.speed_x or self.horizontal.ramp.speed or self.horizontal.ramp.acceleration)
 
     @property
-    def standing_v(self) -> bool:
+    def vertical_standstill(self) -> bool:
         """Its table stands."""
         return not (self.machine.speed_v or self.vertical.ramp.speed or self.vertical.ramp.acceleration)
 
     @property
     def moving(self) -> bool:
         """Whether anything of the car or the mandrel moves."""
-        return not (self.standing_x and self.standing_v and not self.mandrel_drive)
+        return not (self.horizontal_standstill and self.vertical_standstill and not self.mandrel_drive)
 
     @property
     def state(self) -> int:
