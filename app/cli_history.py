@@ -286,13 +286,13 @@ def _machine(
 
 def _events(machine: str, span: tuple[int, int], plant: "Plant | None", about: dict[str, Any]) -> "Sheet":
     """The export of what `machine`, or `all`, told."""
-    from app.historian.event_search import Wanted
+    from app.historian.event_search import EventFilter
     from app.historian.event_sheet import EventExport, EventExportSettings, with_ring, words
     from app.plant.texts import Texts
 
     equipment = _machine("--events", machine, with_ring(plant), span, plant, about)
     return EventExport(
-        EventExportSettings(Wanted(equipment, *span), **words(Texts.read(plant), plant, about["locale"]), **about)
+        EventExportSettings(EventFilter(equipment, *span), **words(Texts.read(plant), plant, about["locale"]), **about)
     )
 
 
@@ -300,7 +300,7 @@ def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: di
     """The export of the records of a kind: `run`, or `run:seq1` of one machine."""
     from app.historian.export import FORMATS
     from app.historian.record_export import RecordExport, RecordExportSettings, keeping, kinds, names, words
-    from app.historian.record_query import Wanted
+    from app.historian.record_query import RecordFilter
     from app.plant.texts import Texts
 
     if about["locale"] not in FORMATS:
@@ -319,7 +319,7 @@ def _records(asked: str, span: tuple[int, int], plant: "Plant | None", about: di
         )
     equipment = "" if machine == ALL else machine
     settings = RecordExportSettings(
-        Wanted(equipment, *span), kind=kind, **words(Texts.read(plant), plant, kind, about["locale"]), **about
+        RecordFilter(equipment, *span), kind=kind, **words(Texts.read(plant), plant, kind, about["locale"]), **about
     )
     return RecordExport(replace(settings, names=names(plant, kind, equipment, settings.label)))
 

@@ -15,7 +15,7 @@ from typing import Any
 from app.access.roles import Person
 from app.errors import PogonError
 from app.historian import record_query as query
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.sim.crane import training as own
 from app.sim.crane.configuration import STANDS
 from app.sim.crane.program import VirtualCrane
@@ -274,13 +274,13 @@ class Shift(World):
         assert plant is not None
         kind = plant.equipment[MACHINE].type.records["crane_cycle"]
         records = await self.runtime.history.read(
-            lambda connection: query.find(connection, kind, Wanted(MACHINE), 1000)
+            lambda connection: query.find(connection, kind, RecordFilter(MACHINE), 1000)
         )
         told = Counter(record.outcome.upper() for record in records)
         if told != self.outcomes:
             raise Fell("cycles_are_recorded", f"{told}, {self.outcomes} were carried out")
         parts = await self.runtime.history.read(
-            lambda connection: query.part_times(connection, kind, Wanted(MACHINE, outcome="done"))
+            lambda connection: query.part_times(connection, kind, RecordFilter(MACHINE, outcome="done"))
         )
         done = {int(part.key): part.spread.count for part in parts}
         if done != {int(step): self.outcomes["DONE"] for step in Step if step and self.outcomes["DONE"]}:

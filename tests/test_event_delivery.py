@@ -19,7 +19,7 @@ from app.access.roles import Person, permissions_of
 from app.commands.audit_lines import AuditLine
 from app.errors import StorageError
 from app.historian import record_query as query
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.links.ring_head import head_of
 from app.registers import plc_map
 from app.running.page_tags import page_tags
@@ -221,7 +221,7 @@ async def test_from_the_event_to_alarm_passage_page_and_person(tmp_path: Path) -
                 AuditLine("command", person, "c1.delete_product", None, "product = 500", result, "", params)
             )
         await runtime.events.close()
-        wanted = Wanted(given={"product": 500})
+        wanted = RecordFilter(given={"product": 500})
         (one,) = await runtime.history.read(lambda connection: query.find(connection, PASSAGE, wanted, 10))
         told = await runtime.history.read(lambda connection: query.events(connection, [one.id]))
         assert (one.outcome, one.alarms) == ("deleted", (10,))

@@ -18,7 +18,7 @@ Codes = Mapping[str, Collection[int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class EventFilter:
     """Which events a person wants to see; what is empty does not filter."""
 
     equipment: str = ""
@@ -40,13 +40,13 @@ class Wanted:
     """Only what comes after this one in the list (time, id): the next page."""
 
 
-def find(connection: Connection, wanted: Wanted, limit: int) -> list[Event]:
+def find(connection: Connection, wanted: EventFilter, limit: int) -> list[Event]:
     """The newest `limit` events that `wanted` lets through, newest first."""
     lists = [_of_machine(connection, wanted, number, name, limit) for number, name in _machines(connection, wanted)]
     return list(islice(heapq.merge(*lists, key=lambda one: (one.time, one.id), reverse=True), limit))
 
 
-def count(connection: Connection, wanted: Wanted, most: int) -> int:
+def count(connection: Connection, wanted: EventFilter, most: int) -> int:
     """How many events `wanted` lets through, counted up to `most`."""
     found = 0
     for number, name in _machines(connection, wanted):
@@ -68,10 +68,10 @@ def get(connection: Connection, number: int) -> Event | None:
 
 def known(connection: Connection, equipment: str) -> bool:
     """Whether there is an event of a machine, whatever the plant says of it."""
-    return any(_machines(connection, Wanted(equipment))) and bool(find(connection, Wanted(equipment), 1))
+    return any(_machines(connection, EventFilter(equipment))) and bool(find(connection, EventFilter(equipment), 1))
 
 
-def _machines(connection: Connection, wanted: Wanted) -> list[tuple[int, str]]:
+def _machines(connection: Connection, wanted: EventFilter) -> list[tuple[int, str]]:
     """Number and name of the machines that are asked for."""
     driver = connection.connection.driver_connection
     assert driver is not None
@@ -81,7 +81,7 @@ def _machines(connection: Connection, wanted: Wanted) -> list[tuple[int, str]]:
     return [(row[0], row[1]) for row in rows if wanted.codes is None or wanted.codes.get(row[1])]
 
 
-def _of_machine(connection: Connection, wanted: Wanted, number: int, name: str, limit: int) -> Iterator[Event]:
+def _of_machine(connection: Connection, wanted: EventFilter, number: int, name: str, limit: int) -> Iterator[Event]:
     """Its events, newest first, read as they are asked for: the index has them in this order."""
     where, given = _where(wanted, number, name)
     rows = connection.exec_driver_sql(
@@ -92,7 +92,7 @@ def _of_machine(connection: Connection, wanted: Wanted, number: int, name: str, 
     return (event_of(row) for row in rows)
 
 
-def _where(wanted: Wanted, number: int, name: str) -> tuple[str, list[object]]:
+def _where(wanted: EventFilter, number: int, name: str) -> tuple[str, list[object]]:
     where, given = filtered(
         (
             ("e.machine = ?", number),

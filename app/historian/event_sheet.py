@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 from app.historian import event_search as search
 from app.historian.event_export import PAGE, ListExport, ListExportSettings
 from app.historian.event_gaps import Gap, Place, gaps
-from app.historian.event_search import Codes, Wanted
+from app.historian.event_search import Codes, EventFilter
 from app.historian.events import has_ring
 from app.historian.export import iso
 from app.plant.definitions import Equipment, Plant
@@ -27,7 +27,7 @@ COLUMNS = (
 class EventExportSettings(ListExportSettings):
     """Which events somebody wants to take home, and how."""
 
-    wanted: Wanted
+    wanted: EventFilter
     events: Mapping[tuple[str, int], str] = field(default_factory=dict)
     """(machine, code) → the event in words; else its code."""
     layouts: Mapping[str, Layout] = field(default_factory=dict)

@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 from app.errors import ConfigurationError
 from app.historian import record_query as query
 from app.historian.event_export import PAGE, ListExport, ListExportSettings
-from app.historian.record_query import Asked, Wanted
+from app.historian.record_query import Asked, RecordFilter
 from app.plant.definitions import Equipment, Plant
 from app.plant.kept import Definition
 from app.plant.record_kinds import header
@@ -31,7 +31,7 @@ def _english(label: Mapping[str, str]) -> str:
 class RecordExportSettings(ListExportSettings):
     """Which records somebody wants to take home, and how."""
 
-    wanted: Wanted
+    wanted: RecordFilter
     kind: Kind = field(default_factory=lambda: Kind("", frozenset()))
     names: Sequence[str] = ()
     """What the columns that come again are of, in their order: so many there are."""

@@ -23,7 +23,7 @@ EVENT = "e.id, m.name, e.boot, e.sequence, e.time, e.code, e.source, e.value, e.
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RecordFilter:
     """Which records of a kind a person wants to see; what is empty does not filter."""
 
     equipment: str = ""
@@ -69,7 +69,7 @@ class PartTimes:
     spread: Spread
 
 
-def find(connection: Connection, kind: Kind, wanted: Wanted, limit: int) -> list[Record]:
+def find(connection: Connection, kind: Kind, wanted: RecordFilter, limit: int) -> list[Record]:
     """The newest `limit` records that `wanted` lets through, newest first, without their parts."""
     where, given = _where(kind, wanted)
     # few have a number or a key: they are found and sorted, rather than all read in their order until enough of them were met
@@ -80,7 +80,7 @@ def find(connection: Connection, kind: Kind, wanted: Wanted, limit: int) -> list
     return [from_row(row[:-1], row[-1]) for row in rows]
 
 
-def count(connection: Connection, kind: Kind, wanted: Wanted, most: int) -> int:
+def count(connection: Connection, kind: Kind, wanted: RecordFilter, most: int) -> int:
     """How many records `wanted` lets through, counted up to `most`."""
     return counted(connection, "record r", *_where(kind, wanted), most)
 
@@ -179,7 +179,7 @@ def choices(connection: Connection, kind: Kind, equipment: str) -> list[Record]:
     return [record for record in found if record is not None]
 
 
-def part_times(connection: Connection, kind: Kind, wanted: Wanted) -> list[PartTimes]:
+def part_times(connection: Connection, kind: Kind, wanted: RecordFilter) -> list[PartTimes]:
     """Times of the parts that were done in the records that `wanted` lets through, in their order."""
     where, given = _where(kind, wanted)
     source = f"(SELECT r.id, r.begun FROM record r {where}) r CROSS JOIN record_part p ON p.record = r.id AND p.state = 'done'"
@@ -200,7 +200,7 @@ def part_times(connection: Connection, kind: Kind, wanted: Wanted) -> list[PartT
     return sorted(found, key=lambda one: (one.number, one.key))
 
 
-def times(connection: Connection, kind: Kind, wanted: Wanted, outcome: str) -> tuple[Mapping[str, int], Spread]:
+def times(connection: Connection, kind: Kind, wanted: RecordFilter, outcome: str) -> tuple[Mapping[str, int], Spread]:
     """How the records that `wanted` lets through ended, and what those that ended with `outcome` took."""
     where, given = _where(kind, wanted)
     rows = connection.exec_driver_sql(
@@ -225,7 +225,7 @@ def _portions(numbers: Iterable[int]) -> list[list[int]]:
     return [wanted[at : at + AT_ONCE] for at in range(0, len(wanted), AT_ONCE)]
 
 
-def _where(kind: Kind, wanted: Wanted) -> tuple[str, list[object]]:
+def _where(kind: Kind, wanted: RecordFilter) -> tuple[str, list[object]]:
     own = [_sentence(kind, kind.filters[name], asked) for name, asked in wanted.given.items()]
     machines = (
         ["r.machine IN (SELECT id FROM event_machine)"] if not wanted.equipment and _by_machine(kind, wanted) else []
@@ -244,7 +244,7 @@ def _where(kind: Kind, wanted: Wanted) -> tuple[str, list[object]]:
     )
 
 
-def _by_machine(kind: Kind, wanted: Wanted) -> bool:
+def _by_machine(kind: Kind, wanted: RecordFilter) -> bool:
     """Whether what is asked for has an index for each machine: a number, or a key that is chosen."""
     return any(
         (filter.how == "choice" and asked != ANY and filter.of == kind.key)

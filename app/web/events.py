@@ -15,7 +15,7 @@ from app.errors import Refused
 from app.historian import event_search as search
 from app.historian import events as history
 from app.historian.event_gaps import Gap, Place, gaps
-from app.historian.event_search import GONE, Wanted
+from app.historian.event_search import GONE, EventFilter
 from app.historian.event_sheet import EventExport, EventExportSettings, coded, with_ring, worded, words
 from app.historian.export import FORMATS
 from app.plant.definitions import Equipment, EquipmentType
@@ -174,7 +174,7 @@ def _typed(request: Request) -> dict[str, str]:
     return fields(request, NAMES, 80)
 
 
-def wanted_of(request: Request, typed: Mapping[str, str]) -> Wanted:
+def wanted_of(request: Request, typed: Mapping[str, str]) -> EventFilter:
     """What the address asks for, as understood; `event` is a key or a code. Visitors without sign-in find nothing by names and reasons,
     which they do not read.
 
@@ -188,7 +188,7 @@ def wanted_of(request: Request, typed: Mapping[str, str]) -> Wanted:
     if codes is not None and not codes:
         raise Refused("access.form_field", 422, field="event")
     text = typed["q"]
-    return Wanted(
+    return EventFilter(
         typed["equipment"],
         begin,
         end,
@@ -235,7 +235,7 @@ def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
     }
 
 
-async def _list(request: Request, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
+async def _list(request: Request, typed: dict[str, str], wanted: EventFilter) -> dict[str, Any]:
     runtime = view_of(request).runtime(request)
     chosen = set_filters(typed)
 

@@ -16,7 +16,7 @@ from sqlalchemy import Connection
 from app.errors import Refused
 from app.historian import record_query as query
 from app.historian.record_export import kinds
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.plant.definitions import Interventions
 from app.plant.system import EVENTS, SYSTEM
 from app.records.record import OPEN
@@ -139,7 +139,7 @@ async def _reasons(request: Request, equipment: str, record: str) -> dict[int, s
         return {}
 
     def work(connection: Connection) -> dict[int, str]:
-        found = query.find(connection, kind, Wanted(equipment, outcome=OPEN), MOST_FORCES)
+        found = query.find(connection, kind, RecordFilter(equipment, outcome=OPEN), MOST_FORCES)
         asked = query.people(connection, [one.id for one in found])
         return {one.number: last.reason for one in found if (last := query.person(None, asked[one.id]))}
 

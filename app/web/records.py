@@ -18,7 +18,7 @@ from app.errors import Refused
 from app.historian import record_query as query
 from app.historian.export import FORMATS
 from app.historian.record_export import RecordExport, RecordExportSettings, keeping, kinds, names, words
-from app.historian.record_query import ANY, Wanted
+from app.historian.record_query import ANY, RecordFilter
 from app.plant.record_kinds import OPEN_CHOICE, former_addresses
 from app.plant.types import EQUIPMENT
 from app.records.kind import Filter, Kind
@@ -234,7 +234,7 @@ async def _check_equipment(request: Request, kind: Kind, id: str) -> None:
     """
     runtime = view_of(request).runtime(request)
     if id and not (runtime.plant and id in runtime.plant.equipment):
-        known = await read(runtime, lambda connection: query.find(connection, kind, Wanted(equipment=id), 1))
+        known = await read(runtime, lambda connection: query.find(connection, kind, RecordFilter(equipment=id), 1))
         if not known:
             raise HTTPException(404)
 
@@ -246,7 +246,7 @@ def _typed(request: Request, kind: Kind) -> dict[str, str]:
     return fields(request, (*NAMES, *kind.filters), LONGEST)
 
 
-def wanted_of(request: Request, kind: Kind, typed: dict[str, str]) -> Wanted:
+def wanted_of(request: Request, kind: Kind, typed: dict[str, str]) -> RecordFilter:
     """What the address asks for, as understood.
 
     Raises:
@@ -262,7 +262,7 @@ def wanted_of(request: Request, kind: Kind, typed: dict[str, str]) -> Wanted:
     }
     before = place(typed["before"])
     begin, end = span(request, typed)
-    return Wanted(typed["equipment"], begin, end, typed["outcome"], given, before)
+    return RecordFilter(typed["equipment"], begin, end, typed["outcome"], given, before)
 
 
 def _asked(one: Filter, text: str) -> float | str | None:
@@ -354,7 +354,7 @@ def _control(draw: RecordWords, one: Filter, typed: str, keys: dict[str, str]) -
     }
 
 
-async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: Wanted) -> dict[str, Any]:
+async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: RecordFilter) -> dict[str, Any]:
     """The list, or the times of parts, as the address asks."""
     draw, runtime = RecordWords(request, kind), view_of(request).runtime(request)
     machines = [item.id for item in keeping(runtime.plant, kind.name)]
@@ -373,7 +373,7 @@ async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: Wan
             found = []
             for id in ids:
                 only = replace(whole, equipment=id)
-                newest = query.find(connection, kind, Wanted(equipment=id), 1)
+                newest = query.find(connection, kind, RecordFilter(equipment=id), 1)
                 known = query.definitions(connection, [one.definition for one in newest])
                 parts = query.part_times(connection, kind, only)
                 found.append(

@@ -12,7 +12,7 @@ from app.db import Database
 from app.historian import record_query
 from app.historian.events import Delivery, Events
 from app.historian.events import store as store_events
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.historian.records import RecordFold
 from app.plant.definitions import Equipment, EquipmentType
 from app.plant.events import Ring
@@ -69,7 +69,7 @@ class Said:
 
 def ask(history: Database, kind: Any, limit: int = 1000, **wanted: Any) -> list[Told]:
     """Records, newest first."""
-    found = history.run(lambda connection: record_query.find(connection, kind, Wanted(**wanted), limit))
+    found = history.run(lambda connection: record_query.find(connection, kind, RecordFilter(**wanted), limit))
     return [Told(one) for one in found]
 
 
@@ -107,7 +107,7 @@ def everything(history: Database, *kinds: Any) -> list[Any]:
     def look(connection: Connection) -> list[Any]:
         made: list[Any] = []
         for kind in kinds:
-            found = record_query.find(connection, kind, Wanted(), 10**6)
+            found = record_query.find(connection, kind, RecordFilter(), 10**6)
             taken = record_query.parts(connection, [one.id for one in found])
             told = record_query.events(connection, [one.id for one in found])
             made += [

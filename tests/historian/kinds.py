@@ -7,7 +7,7 @@ from sqlalchemy import Connection
 
 from app.db import Database
 from app.historian import record_query
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.historian.records import RecordFold
 from app.plant import types
 from app.plant.definitions import Alarm, Equipment
@@ -47,4 +47,4 @@ def tell(history: Database, equipment: str, portions: Iterable[Portion]) -> None
 
 
 def ask(history: Database, kind: Any, limit: int = 1000, **wanted: Any) -> list[Record]:
-    return history.run(lambda connection: record_query.find(connection, kind, Wanted(**wanted), limit))
+    return history.run(lambda connection: record_query.find(connection, kind, RecordFilter(**wanted), limit))

@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 
 from app.db import Database
 from app.historian import event_search as search
-from app.historian.event_search import Wanted
+from app.historian.event_search import EventFilter
 from app.historian.events import Delivery, EndedCommand, attribute, store
 from app.records.event import Event
 from tests.historian.rings import BEGIN, SECOND, Ring
@@ -31,34 +31,34 @@ def told(history: Database) -> list[Event]:
                     attribute(connection, EndedCommand(id, (request,), person, reason, BEGIN, ring.time), ())
 
     history.run(work)
-    everything = history.run(lambda connection: search.find(connection, Wanted(), 10_000))
+    everything = history.run(lambda connection: search.find(connection, EventFilter(), 10_000))
     assert len(everything) == 600
     return everything
 
 
 CASES = [
-    Wanted(),
-    Wanted("p2"),
-    Wanted("nobody"),
-    Wanted(begin=BEGIN + 300 * SECOND, end=BEGIN + 900 * SECOND),
-    Wanted("p1", begin=BEGIN + 300 * SECOND),
-    Wanted(codes={"p1": [3, 4], "p3": [7]}),
-    Wanted("p2", codes={"p1": [3]}),
-    Wanted(text="FELL"),
-    Wanted(text="čačić"),
-    Wanted(text="što je"),
-    Wanted(text="nothing like it"),
-    Wanted(text="ana", worded={"p2": [1], "p3": []}),
-    Wanted(text="%"),
-    Wanted(code=4),
-    Wanted("p2", code=4, codes={"p2": [3]}),
-    Wanted(code=4, codes={"p2": [3, 4]}),
-    Wanted(text="ana", people=False),
-    Wanted(text="ana", worded={"p2": [1], "p3": []}, people=False),
+    EventFilter(),
+    EventFilter("p2"),
+    EventFilter("nobody"),
+    EventFilter(begin=BEGIN + 300 * SECOND, end=BEGIN + 900 * SECOND),
+    EventFilter("p1", begin=BEGIN + 300 * SECOND),
+    EventFilter(codes={"p1": [3, 4], "p3": [7]}),
+    EventFilter("p2", codes={"p1": [3]}),
+    EventFilter(text="FELL"),
+    EventFilter(text="čačić"),
+    EventFilter(text="što je"),
+    EventFilter(text="nothing like it"),
+    EventFilter(text="ana", worded={"p2": [1], "p3": []}),
+    EventFilter(text="%"),
+    EventFilter(code=4),
+    EventFilter("p2", code=4, codes={"p2": [3]}),
+    EventFilter(code=4, codes={"p2": [3, 4]}),
+    EventFilter(text="ana", people=False),
+    EventFilter(text="ana", worded={"p2": [1], "p3": []}, people=False),
 ]
 
 
-def lets_through(wanted: Wanted, one: Event) -> bool:
+def lets_through(wanted: EventFilter, one: Event) -> bool:
     text = wanted.text.casefold()
     return (
         wanted.equipment in ("", one.equipment)
@@ -75,7 +75,7 @@ def lets_through(wanted: Wanted, one: Event) -> bool:
 
 
 @pytest.mark.parametrize("wanted", CASES, ids=range(len(CASES)))
-def test_filters_and_pages_are_those_of_brute_force(history: Database, told: list[Event], wanted: Wanted) -> None:
+def test_filters_and_pages_are_those_of_brute_force(history: Database, told: list[Event], wanted: EventFilter) -> None:
     expected = sorted(
         (one for one in told if lets_through(wanted, one)), key=lambda one: (one.time, one.id), reverse=True
     )

@@ -15,7 +15,7 @@ from sqlalchemy import Connection
 from app.db import Database
 from app.historian import record_export, record_query
 from app.historian.record_export import RecordExport, RecordExportSettings
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.historian.records import RecordFold
 from app.plant.definitions import Plant
 from app.plant.events import Ring
@@ -73,7 +73,7 @@ def tell(connection: Connection, plant: Plant) -> None:
 def exported(connection: Connection, plant: Plant, kind: str, equipment: str, locale: str) -> bytes:
     texts, of = Texts.read(plant), record_export.kinds(plant)[kind]
     asked = RecordExportSettings(
-        Wanted(equipment),
+        RecordFilter(equipment),
         ZoneInfo("Europe/Zagreb"),
         locale,
         kind=of,
@@ -131,7 +131,7 @@ def test_forces_have_their_permissive_and_person(stages: dict[str, Database], pl
     kind = record_export.kinds(plant)["force"]
 
     def look(connection: Connection) -> None:
-        found = record_query.find(connection, kind, Wanted("seq1"), 100)
+        found = record_query.find(connection, kind, RecordFilter("seq1"), 100)
         asked = record_query.people(connection, [one.id for one in found])
         assert {one.outcome for one in found} <= set(kind.outcomes)
         assert all(str(one.fields["permissive"]).endswith(".pressure_ok") for one in found)

@@ -11,7 +11,7 @@ from sqlalchemy.event import listen
 
 from app.db import Database
 from app.historian import record_query
-from app.historian.record_query import ANY, Wanted
+from app.historian.record_query import ANY, RecordFilter
 from app.records.record import Record
 from tests.historian import stories
 from tests.historian.kinds import FORCE, PASSAGE, RUN, ask, tell
@@ -52,7 +52,7 @@ def test_filters_and_pages_are_those_of_brute_force(history: Database, kind: Any
     }  # fmt: skip
     for _ in range(150):
         given = {name: source.choice(choices[name]) for name in kind.filters if source.random() < 0.3}
-        wanted = Wanted(
+        wanted = RecordFilter(
             equipment=source.choice(["", "c1", "seq2", "c9"]),
             begin=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
             end=source.choice([None, BEGIN + source.randrange(0, 400) * SECOND]),
@@ -78,7 +78,7 @@ def test_filters_and_pages_are_those_of_brute_force(history: Database, kind: Any
         check_times(history, kind, wanted, fitting)
 
 
-def check_times(history: Database, kind: Any, wanted: Wanted, fitting: Sequence[Record]) -> None:
+def check_times(history: Database, kind: Any, wanted: RecordFilter, fitting: Sequence[Record]) -> None:
     parts = history.run(lambda c: record_query.parts(c, [one.id for one in fitting]))
     taken: dict[str, list[float]] = {}
     for one in fitting:  # the newest first
@@ -124,7 +124,7 @@ def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
 def test_a_page_is_read_by_an_index_and_sorts_nothing(
     history: Database, kind: Any, wanted: dict[str, Any], index: str
 ) -> None:
-    where, given = record_query._where(kind, Wanted(**wanted))
+    where, given = record_query._where(kind, RecordFilter(**wanted))
 
     def plan(connection: Connection) -> str:
         rows = connection.exec_driver_sql(
@@ -153,7 +153,7 @@ def test_what_few_have_is_found_by_an_index(history: Database, kind: Any, wanted
 
     def plan(connection: Connection) -> str:
         listen(connection, "before_cursor_execute", lambda *given: asked.append((given[2], given[3])))
-        record_query.find(connection, kind, Wanted(**wanted), 50)
+        record_query.find(connection, kind, RecordFilter(**wanted), 50)
         statement, given = asked[0]
         return " ".join(str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", given))
 

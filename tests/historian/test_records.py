@@ -11,7 +11,7 @@ from sqlalchemy.event import listen
 
 from app.db import Database
 from app.historian import record_query, records, store
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.historian.records import RecordFold
 from app.plant.events import begins_again, position_of
 from app.plant.kept import kept
@@ -29,7 +29,7 @@ def whole(history: Database, kind: Any) -> list[tuple[Any, ...]]:
     """All records of a kind with parts and events, in the order in which they began to be kept."""
 
     def look(connection: Connection) -> list[tuple[Any, ...]]:
-        found = sorted(record_query.find(connection, kind, Wanted(), 10**6), key=lambda one: one.id)
+        found = sorted(record_query.find(connection, kind, RecordFilter(), 10**6), key=lambda one: one.id)
         parts = record_query.parts(connection, [one.id for one in found])
         told = record_query.events(connection, [one.id for one in found])
         return [

@@ -9,7 +9,7 @@ from app.db import Database
 from app.errors import StorageError
 from app.historian import record_query, store
 from app.historian.events import EndedCommand, oldest
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.plant.kept import kept as kept_as
 from app.records.record import Part
 from tests.historian import books
@@ -416,7 +416,7 @@ async def test_a_definition_that_changes_does_not_change_what_happened(
     assert known[old.definition].value(2, 3) == "pressure"
     assert known["none"].part(1) == {}
     assert known[old.definition].key(2, 3) == "lift.pressure_ok"
-    times = history.run(lambda c: record_query.part_times(c, RUN, Wanted()))
+    times = history.run(lambda c: record_query.part_times(c, RUN, RecordFilter()))
     assert sorted((one.key, one.spread.count) for one in times) == [("drive", 1), ("lower", 1), ("turn", 1)]
 
 

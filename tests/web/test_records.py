@@ -12,7 +12,7 @@ from app.errors import StorageError
 from app.historian import record_query
 from app.historian.export import verify_export
 from app.historian.record_export import kinds
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.historian.records import RecordFold
 from app.records.record import Record
 from app.settings import Settings
@@ -81,7 +81,7 @@ def found(staff: Staff, kind: str, **wanted: Any) -> list[Record]:
     runtime = runtime_of(staff.client)
     of = kinds(runtime.plant)[kind]
     rows: list[Record] = staff.wait(
-        runtime.history.read, lambda connection: record_query.find(connection, of, Wanted(**wanted), 10_000)
+        runtime.history.read, lambda connection: record_query.find(connection, of, RecordFilter(**wanted), 10_000)
     )
     return rows
 

@@ -11,7 +11,7 @@ from app.access.audit.search import Filter
 from app.errors import StorageError
 from app.historian import record_query
 from app.historian.export import verify_export
-from app.historian.record_query import Wanted
+from app.historian.record_query import RecordFilter
 from app.records.record import Part, Record
 from app.running.page_tags import page_tags
 from app.settings import Settings
@@ -49,7 +49,7 @@ def ids(page: str) -> list[int]:
 
 
 def found(staff: Staff, **wanted: Any) -> list[Record]:
-    given = Wanted(**{"equipment": "seq1", **wanted})
+    given = RecordFilter(**{"equipment": "seq1", **wanted})
     rows: list[Record] = staff.wait(
         runtime_of(staff.client).history.read, lambda connection: record_query.find(connection, RUN, given, 1000)
     )

@@ -10,7 +10,7 @@ from app.db import Database
 from app.historian import record_query as query
 from app.historian.events import Delivery, store
 from app.historian.record_export import RecordExport, RecordExportSettings
-from app.historian.record_query import ANY, Wanted
+from app.historian.record_query import ANY, RecordFilter
 from app.historian.records import RecordFold
 from app.historian.store import DAY
 from app.plant import types
@@ -105,20 +105,20 @@ async def measure() -> list[Row]:
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return timed(lambda: query.find(connection, KIND, RecordFilter(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
-            newest = query.find(connection, KIND, Wanted(), 1)[0]
+            newest = query.find(connection, KIND, RecordFilter(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="c7")
             rare, alarms = page(outcome="lost"), page(given={"alarm": ANY, "correction": 3.0})
-            count = timed(lambda: query.count(connection, KIND, Wanted(given={"alarm": ANY}), PASSAGES + 1), 5)
+            count = timed(lambda: query.count(connection, KIND, RecordFilter(given={"alarm": ANY}), PASSAGES + 1), 5)
             bare_page = timed(
                 lambda: connection.exec_driver_sql(f"SELECT * FROM record ORDER BY id DESC LIMIT {PAGE + 1}").all()
             )
             bare_scan = timed(
                 lambda: connection.exec_driver_sql("SELECT count(*) FROM record WHERE alarms <> ''").scalar_one(), 5
             )
-            export = RecordExport(RecordExportSettings(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND))
+            export = RecordExport(RecordExportSettings(RecordFilter(), ZoneInfo("Europe/Zagreb"), kind=KIND))
             began = time.perf_counter()
             while not export.done:
                 export.read(connection)

@@ -9,7 +9,7 @@ from app.db import Database
 from app.historian import record_query as query
 from app.historian.events import Delivery, store
 from app.historian.record_export import RecordExport, RecordExportSettings
-from app.historian.record_query import ANY, Wanted
+from app.historian.record_query import ANY, RecordFilter
 from app.historian.records import RecordFold
 from app.historian.store import DAY
 from app.plant import types
@@ -88,15 +88,15 @@ async def measure() -> list[Row]:
         with database.engine.connect() as connection:
 
             def page(**wanted: object) -> float:
-                return timed(lambda: query.find(connection, KIND, Wanted(**wanted), PAGE + 1))  # type: ignore[arg-type]
+                return timed(lambda: query.find(connection, KIND, RecordFilter(**wanted), PAGE + 1))  # type: ignore[arg-type]
 
-            newest = query.find(connection, KIND, Wanted(), 1)[0]
+            newest = query.find(connection, KIND, RecordFilter(), 1)[0]
             deep = (BEGIN + DAY // 2, newest.id // 2)
             first, middle, machine = page(), page(before=deep), page(equipment="seq3")
             rare = page(given={"first_out": "s3.pressure_ok"})
             both = page(equipment="seq2", given={"first_out": "s3.pressure_ok"}, outcome="aborted")
             forced, choices = page(given={"forced": ANY}), timed(lambda: query.choices(connection, KIND, "seq2"))
-            one = Wanted("seq1")
+            one = RecordFilter("seq1")
             times = timed(
                 lambda: (query.part_times(connection, KIND, one), query.times(connection, KIND, one, "done")), 5
             )
@@ -114,7 +114,7 @@ async def measure() -> list[Row]:
                 5,
             )
             export = RecordExport(
-                RecordExportSettings(Wanted(), ZoneInfo("Europe/Zagreb"), kind=KIND, names=[""] * STEPS)
+                RecordExportSettings(RecordFilter(), ZoneInfo("Europe/Zagreb"), kind=KIND, names=[""] * STEPS)
             )
             began = time.perf_counter()
             while not export.done:
