@@ -82,7 +82,7 @@ def test_every_line_fault_reaches_the_line_and_is_mended(staff: Staff, mode: int
     assert answer.status_code == 303, told(staff)[0]
     words = staff.wait(link_of(staff.client).raw_read, 2, training.REG_LINE_FAULT, 4)
     assert words == [mode, 700, int(given["argument"]), 0]
-    assert "until it is mended" in staff.client.get("/instructor/m2/active").text
+    assert "until it is removed" in staff.client.get("/instructor/m2/active").text
     assert staff.post("/instructor/m2/line", {"mode": "0"}).status_code == 303
     assert register(staff, 2, training.REG_LINE_FAULT) == 0
 
