@@ -22,8 +22,8 @@ REPLACED_LIFE = 4.0
 """How long a nonce is good after a newer one of its session was issued [s]."""
 MEMORY = 86_400.0
 """How long identities are remembered [s]."""
-MOST = 10_000
-"""Most identities remembered."""
+MOST = 2_000
+"""Most identities remembered, each with its result. A press that comes again comes within minutes, and needs a fresh nonce."""
 RATE, BURST = 5.0, 10.0
 """Commands of one person per second, and at once (security.md section 7)."""
 

@@ -1,11 +1,12 @@
 """Late, twice, too often."""
 
 import asyncio
+from functools import partial
 
 import pytest
 
 from app.clock import ManualClock
-from app.commands.nonce import Nonces, Once, Rate
+from app.commands.nonce import MOST, Nonces, Once, Rate
 from app.errors import Refused
 
 
@@ -71,6 +72,21 @@ async def test_identities_are_forgotten_after_a_day_and_questions_at_once() -> N
     clock.advance(86_401)
     with pytest.raises(Refused):
         await once.run("x", "ana", refuse, keep=lambda refusal: False)
+
+
+async def test_of_very_many_identities_the_newest_are_remembered() -> None:
+    once: Once[int] = Once(ManualClock())
+    done: list[int] = []
+
+    async def work(number: int) -> int:
+        done.append(number)
+        return number
+
+    for number in range(MOST + 100):
+        await once.run(f"id-{number}", "ana", partial(work, number), keep=lambda refusal: True)
+    assert len(once._entries) <= MOST + 1
+    assert await once.run(f"id-{MOST}", "ana", partial(work, -1), keep=lambda refusal: True) == MOST
+    assert not once.known("id-0") and -1 not in done
 
 
 async def test_the_work_goes_on_when_the_caller_goes_away() -> None:
