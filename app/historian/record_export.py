@@ -15,7 +15,7 @@ from app.plant.kept import Definition
 from app.plant.record_kinds import header
 from app.plant.texts import Texts
 from app.records.event import Event
-from app.records.kind import Column, Kind, Repeat, Type
+from app.records.kind import Column, RecordKind, Repeat, Type
 from app.records.record import Part, Record, Value
 
 PEOPLE = ("person", "reason")
@@ -32,7 +32,7 @@ class RecordExportSettings(ListExportSettings):
     """Which records somebody wants to take home, and how."""
 
     wanted: RecordFilter
-    kind: Kind = field(default_factory=lambda: Kind("", frozenset()))
+    kind: RecordKind = field(default_factory=lambda: RecordKind("", frozenset()))
     names: Sequence[str] = ()
     """What the columns that come again are of, in their order: so many there are."""
     label: Label = _english
@@ -172,12 +172,12 @@ def keeping(plant: Plant | None, kind: str) -> list[Equipment]:
     return [item for item in plant.equipment.values() if kind in item.type.records] if plant else []
 
 
-def kinds(plant: Plant | None) -> Mapping[str, Kind]:
+def kinds(plant: Plant | None) -> Mapping[str, RecordKind]:
     """The kinds of all machines of the plant, by name."""
     return plant.records if plant else {}
 
 
-def names(plant: Plant | None, kind: Kind, equipment: str, label: Label) -> list[str]:
+def names(plant: Plant | None, kind: RecordKind, equipment: str, label: Label) -> list[str]:
     """What the columns that come again are of: the machine's parts by name; of all machines (empty) only as many as the most have."""
     repeat, machines = kind.repeat, [item for item in keeping(plant, kind.name) if equipment in ("", item.id)]
     if repeat is None:
@@ -191,7 +191,7 @@ def names(plant: Plant | None, kind: Kind, equipment: str, label: Label) -> list
     return [""] * max((len(one.steps) for one in running), default=repeat.usual)
 
 
-def words(texts: Texts, plant: Plant | None, kind: Kind, locale: str) -> dict[str, Any]:
+def words(texts: Texts, plant: Plant | None, kind: RecordKind, locale: str) -> dict[str, Any]:
     """What an export says in a language; for programs (`machine`) there are keys."""
     machines = keeping(plant, kind.name)
     if locale == "machine" or not machines:

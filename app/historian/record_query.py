@@ -12,7 +12,7 @@ from app.historian.records import RECORD, from_row
 from app.historian.records import parts as parts_of
 from app.plant.kept import Definition
 from app.records.event import Event, unpacked
-from app.records.kind import Field, Filter, Kind
+from app.records.kind import Field, Filter, RecordKind
 from app.records.record import Part, Record
 
 ANY = "any"
@@ -69,7 +69,7 @@ class PartTimes:
     spread: Spread
 
 
-def find(connection: Connection, kind: Kind, wanted: RecordFilter, limit: int) -> list[Record]:
+def find(connection: Connection, kind: RecordKind, wanted: RecordFilter, limit: int) -> list[Record]:
     """The newest `limit` records that `wanted` lets through, newest first, without their parts."""
     where, given = _where(kind, wanted)
     # few have a number or a key: they are found and sorted, rather than all read in their order until enough of them were met
@@ -80,12 +80,12 @@ def find(connection: Connection, kind: Kind, wanted: RecordFilter, limit: int) -
     return [from_row(row[:-1], row[-1]) for row in rows]
 
 
-def count(connection: Connection, kind: Kind, wanted: RecordFilter, most: int) -> int:
+def count(connection: Connection, kind: RecordKind, wanted: RecordFilter, most: int) -> int:
     """How many records `wanted` lets through, counted up to `most`."""
     return counted(connection, "record r", *_where(kind, wanted), most)
 
 
-def get(connection: Connection, kind: Kind, number: int) -> Record | None:
+def get(connection: Connection, kind: RecordKind, number: int) -> Record | None:
     """The record `number`, with its parts."""
     row = connection.exec_driver_sql(
         f"SELECT {COLUMNS}, m.name FROM {ROWS} WHERE r.id = ? AND r.kind = ?", (number, kind.name)
@@ -145,7 +145,7 @@ def person(field: Field | None, asked: Sequence[Asked]) -> Asked | None:
     return next((one for one in reversed(asked) if meant is None or one.code in meant), None)
 
 
-def overlapping(connection: Connection, kind: Kind, record: Record) -> list[Record]:
+def overlapping(connection: Connection, kind: RecordKind, record: Record) -> list[Record]:
     """Records of `kind` of the same machine that were under way at any time of `record`, in their order."""
     rows = connection.exec_driver_sql(
         f"SELECT {COLUMNS}, m.name FROM {ROWS} WHERE r.machine = (SELECT machine FROM record WHERE id = ?) AND r.kind = ? "
@@ -165,7 +165,7 @@ def definitions(connection: Connection, ids: Iterable[str]) -> dict[str, Definit
     return {id: found.get(id) or Definition() for id in wanted}
 
 
-def choices(connection: Connection, kind: Kind, equipment: str) -> list[Record]:
+def choices(connection: Connection, kind: RecordKind, equipment: str) -> list[Record]:
     """For each `key` that a machine's records of a kind ever had, the newest of them: what one can choose from."""
     machine = connection.exec_driver_sql("SELECT id FROM event_machine WHERE name = ?", (equipment,)).scalar()
     of = (machine, kind.name)
@@ -179,7 +179,7 @@ def choices(connection: Connection, kind: Kind, equipment: str) -> list[Record]:
     return [record for record in found if record is not None]
 
 
-def part_times(connection: Connection, kind: Kind, wanted: RecordFilter) -> list[PartTimes]:
+def part_times(connection: Connection, kind: RecordKind, wanted: RecordFilter) -> list[PartTimes]:
     """Times of the parts that were done in the records that `wanted` lets through, in their order."""
     where, given = _where(kind, wanted)
     source = f"(SELECT r.id, r.begun FROM record r {where}) r CROSS JOIN record_part p ON p.record = r.id AND p.state = 'done'"
@@ -200,7 +200,9 @@ def part_times(connection: Connection, kind: Kind, wanted: RecordFilter) -> list
     return sorted(found, key=lambda one: (one.number, one.key))
 
 
-def times(connection: Connection, kind: Kind, wanted: RecordFilter, outcome: str) -> tuple[Mapping[str, int], Spread]:
+def times(
+    connection: Connection, kind: RecordKind, wanted: RecordFilter, outcome: str
+) -> tuple[Mapping[str, int], Spread]:
     """How the records that `wanted` lets through ended, and what those that ended with `outcome` took."""
     where, given = _where(kind, wanted)
     rows = connection.exec_driver_sql(
@@ -225,7 +227,7 @@ def _portions(numbers: Iterable[int]) -> list[list[int]]:
     return [wanted[at : at + AT_ONCE] for at in range(0, len(wanted), AT_ONCE)]
 
 
-def _where(kind: Kind, wanted: RecordFilter) -> tuple[str, list[object]]:
+def _where(kind: RecordKind, wanted: RecordFilter) -> tuple[str, list[object]]:
     own = [_sentence(kind, kind.filters[name], asked) for name, asked in wanted.given.items()]
     machines = (
         ["r.machine IN (SELECT id FROM event_machine)"] if not wanted.equipment and _by_machine(kind, wanted) else []
@@ -244,7 +246,7 @@ def _where(kind: Kind, wanted: RecordFilter) -> tuple[str, list[object]]:
     )
 
 
-def _by_machine(kind: Kind, wanted: RecordFilter) -> bool:
+def _by_machine(kind: RecordKind, wanted: RecordFilter) -> bool:
     """Whether what is asked for has an index for each machine: a number, or a key that is chosen."""
     return any(
         (filter.how == "choice" and asked != ANY and filter.of == kind.key)
@@ -253,7 +255,7 @@ def _by_machine(kind: Kind, wanted: RecordFilter) -> bool:
     )
 
 
-def _sentence(kind: Kind, one: Filter, asked: float | str) -> tuple[str, Any]:
+def _sentence(kind: RecordKind, one: Filter, asked: float | str) -> tuple[str, Any]:
     column = _column(kind, one.of)
     match one.how:
         case "above":
@@ -267,7 +269,7 @@ def _sentence(kind: Kind, one: Filter, asked: float | str) -> tuple[str, Any]:
     return f"coalesce({column}, '') NOT IN ('', 0)", None
 
 
-def _column(kind: Kind, of: str) -> str:
+def _column(kind: RecordKind, of: str) -> str:
     if of in ("number", "seconds", "alarms"):
         return f"r.{of}"
     if of in (kind.key, kind.value):

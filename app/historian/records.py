@@ -16,7 +16,7 @@ from app.plant.kept import Kept, kept
 from app.records import fold
 from app.records.event import Event
 from app.records.fold import Machine
-from app.records.kind import Kind
+from app.records.kind import RecordKind
 from app.records.record import Part, Reading, Record
 from app.records.snapshot import Layout, decode
 
@@ -29,7 +29,7 @@ class Source:
     """A machine whose events make records."""
 
     machine: Machine
-    kinds: Mapping[str, Kind]
+    kinds: Mapping[str, RecordKind]
     events: Mapping[int, str]
     """Code → key."""
     layout: Layout
@@ -96,14 +96,14 @@ class Shelf:
         self._connection, self._equipment, self._machine, self._source = connection, equipment, number, source
         self._known: dict[int, Record] = {}
 
-    def latest(self, kind: Kind, number: int) -> Record | None:
+    def latest(self, kind: RecordKind, number: int) -> Record | None:
         row = self._connection.exec_driver_sql(
             f"SELECT {RECORD} FROM record WHERE machine = ? AND kind = ? AND number = ? ORDER BY id DESC LIMIT 1",
             (self._machine, kind.name, number),
         ).first()
         return None if row is None else self._read(kind, row)
 
-    def open(self, kind: Kind) -> list[Record]:
+    def open(self, kind: RecordKind) -> list[Record]:
         rows = self._connection.exec_driver_sql(
             f"SELECT {RECORD} FROM record WHERE machine = ? AND kind = ? AND outcome = 'open' ORDER BY id",
             (self._machine, kind.name),
@@ -167,7 +167,7 @@ class Shelf:
             "INSERT OR IGNORE INTO record_event (record, event) VALUES (?, ?)", (record.id, event.id)
         )
 
-    def _read(self, kind: Kind, row: Sequence[Any]) -> Record:
+    def _read(self, kind: RecordKind, row: Sequence[Any]) -> Record:
         record = from_row(row, self._equipment)
         if kind.parts is not None:
             record.parts = parts(self._connection, [record.id])[record.id]
@@ -229,7 +229,7 @@ def parts(connection: Connection, numbers: Sequence[int]) -> dict[int, dict[int,
     return found
 
 
-def _said(kind: Kind, record: Record) -> tuple[object, ...]:
+def _said(kind: RecordKind, record: Record) -> tuple[object, ...]:
     """The columns that may change."""
     key, value = record.fields.get(kind.key), record.fields.get(kind.value)
     return (

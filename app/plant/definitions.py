@@ -11,7 +11,7 @@ from pathlib import Path
 
 from app.plant.sequence_definition import SequenceDefinition
 from app.profidrive.parameter_access.parameter import DriveParameter
-from app.records.kind import Kind as RecordKind
+from app.records.kind import RecordKind
 from app.records.snapshot import Layout
 from app.registers.register import Order as Order
 from app.registers.register import Register as Register

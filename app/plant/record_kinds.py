@@ -17,10 +17,10 @@ from app.records.kind import (
     Field,
     Filter,
     Hooks,
-    Kind,
     Order,
     Parts,
     Pause,
+    RecordKind,
     Repeat,
     Rule,
     Shown,
@@ -53,7 +53,7 @@ ALL = "all"
 
 def read_kinds(
     file: Table, folder: Path, package: str, events: Mapping[int, str], words: Sequence[str]
-) -> dict[str, Kind]:
+) -> dict[str, RecordKind]:
     """The kinds that `file` declares, in its order.
 
     `events`: codes of events.toml; `words`: names of what a snapshot says; `package`: where records.py is imported from.
@@ -69,7 +69,7 @@ def read_kinds(
     return found
 
 
-def text_keys(kinds: Mapping[str, Kind]) -> Iterator[str]:
+def text_keys(kinds: Mapping[str, RecordKind]) -> Iterator[str]:
     """Every text that these kinds ask for."""
     for kind in kinds.values():
         of = f"record.{kind.name}"
@@ -115,7 +115,7 @@ class _KindReader:
     def __init__(self, name: str, table: Table, codes: Mapping[str, int], words: Sequence[str], hooks: Hooks) -> None:
         self.name, self.table, self.codes, self.words, self.hooks = name, table, codes, words, hooks
 
-    def read(self) -> Kind:
+    def read(self) -> RecordKind:
         table = self.table
         if not codes_named(self.name):
             table.note("", self.name, "a name of small letters, digits and _")
@@ -127,7 +127,7 @@ class _KindReader:
         lasts = table.text("lasts", "")
         if lasts:
             self._of(table, "lasts", lasts)
-        kind = Kind(
+        kind = RecordKind(
             name=self.name,
             begin=self._events(table, "begin", required=True) or frozenset(),
             number=self._word(table, "number"),

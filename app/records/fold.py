@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from app.records.kind import Belongs, End, Field, Kind, Rule, Verb
+from app.records.kind import Belongs, End, Field, RecordKind, Rule, Verb
 from app.records.record import OPEN, UNKNOWN, Names, Part, Reading, Record, Unnamed, Value
 
 ACTIVE = "active"
@@ -18,7 +18,7 @@ ACTIVE = "active"
 class Machine:
     """What is known of a machine."""
 
-    kinds: Sequence[Kind] = ()
+    kinds: Sequence[RecordKind] = ()
     alarms: Collection[int] = frozenset()
     """Codes of its events that are alarms."""
     names: Names = field(default_factory=Unnamed)
@@ -27,11 +27,11 @@ class Machine:
 class Shelf(Protocol):
     """The records of one machine. What it hands out nobody changes; what is put back takes its place."""
 
-    def latest(self, kind: Kind, number: int) -> Record | None:
+    def latest(self, kind: RecordKind, number: int) -> Record | None:
         """The newest record of a number."""
         ...
 
-    def open(self, kind: Kind) -> Iterable[Record]:
+    def open(self, kind: RecordKind) -> Iterable[Record]:
         """Those under way, the oldest first."""
         ...
 
@@ -89,7 +89,7 @@ def begin_again(machine: Machine, shelf: Shelf, event: Reading) -> None:
             shelf.put(forgotten(record, event.time))
 
 
-def number_of(kind: Kind, event: Reading) -> int | None:
+def number_of(kind: RecordKind, event: Reading) -> int | None:
     """Which record of `kind` an event is about; None: about none."""
     if kind.only is not None and event.code not in kind.only:
         return None
@@ -101,7 +101,7 @@ def number_of(kind: Kind, event: Reading) -> int | None:
     return int(said) if said else None
 
 
-def belongs(kind: Kind, latest: Record | None, event: Reading) -> Belongs:
+def belongs(kind: RecordKind, latest: Record | None, event: Reading) -> Belongs:
     """Where an event belongs whose number `latest` has as the newest."""
     own = kind.hooks.belongs(latest, event) if kind.hooks.belongs else None
     if own is not None:
@@ -118,7 +118,7 @@ def belongs(kind: Kind, latest: Record | None, event: Reading) -> Belongs:
 
 
 def _place(
-    kind: Kind, machine: Machine, shelf: Shelf, event: Reading, number: int, *, second: bool = False
+    kind: RecordKind, machine: Machine, shelf: Shelf, event: Reading, number: int, *, second: bool = False
 ) -> Record | None:
     """Put an event into the record that it belongs to, a new one where it begins one; `second`: of what it says only an alarm is its."""
     queued = event.code in kind.oldest
@@ -142,7 +142,7 @@ def _place(
     return record
 
 
-def _new(kind: Kind, machine: Machine, shelf: Shelf, event: Reading, number: int, *, seen: bool) -> Record:
+def _new(kind: RecordKind, machine: Machine, shelf: Shelf, event: Reading, number: int, *, seen: bool) -> Record:
     record = Record(kind.name, number, event.boot, event.sequence, event.time, event.code if seen else 0)
     if kind.definition:
         record.definition = machine.names.id
@@ -156,7 +156,7 @@ def _new(kind: Kind, machine: Machine, shelf: Shelf, event: Reading, number: int
     return record
 
 
-def _count(kind: Kind, fields: Iterable[str], shelf: Shelf) -> None:
+def _count(kind: RecordKind, fields: Iterable[str], shelf: Shelf) -> None:
     for record in list(shelf.open(kind)):
         changed = record.copy()
         for name in fields:
@@ -168,14 +168,14 @@ def _stands(record: Record, time: int) -> bool:
     return record.ended is None or record.ended > time
 
 
-def _shared(kind: Kind, machine: Machine, shelf: Shelf, event: Reading, number: int) -> None:
+def _shared(kind: RecordKind, machine: Machine, shelf: Shelf, event: Reading, number: int) -> None:
     """An event that is about a second one, too, is part of that one's record."""
     second = event.words.get(kind.also) if kind.also and event.code in kind.shared else None
     if second and int(second) != number:
         _place(kind, machine, shelf, event, int(second), second=True)
 
 
-def _overtaken(kind: Kind, shelf: Shelf, event: Reading, record: Record) -> None:
+def _overtaken(kind: RecordKind, shelf: Shelf, event: Reading, record: Record) -> None:
     """Of those that came before one that leaves, and of which events were lost, the end was among these."""
     if kind.order is None or event.code not in kind.order.ended or record.entry not in kind.order.begun:
         return
@@ -187,7 +187,7 @@ def _overtaken(kind: Kind, shelf: Shelf, event: Reading, record: Record) -> None
 # ---- one record ---------------------------------------------------------------------------------------------
 
 
-def fold(kind: Kind, former: Record, event: Reading, machine: Machine) -> Record:
+def fold(kind: RecordKind, former: Record, event: Reading, machine: Machine) -> Record:
     """What becomes of a record by an event that belongs to it."""
     record = _alarmed(kind, former, event, machine.alarms)
     if event.code in kind.reopen.get(record.outcome, ()):
@@ -208,7 +208,7 @@ def fold(kind: Kind, former: Record, event: Reading, machine: Machine) -> Record
     return record
 
 
-def _alarmed(kind: Kind, former: Record, event: Reading, alarms: Collection[int]) -> Record:
+def _alarmed(kind: RecordKind, former: Record, event: Reading, alarms: Collection[int]) -> Record:
     record = former.copy()
     if kind.alarms and event.code in alarms and event.code not in record.alarms:
         record.alarms = (*record.alarms, event.code)
@@ -223,7 +223,7 @@ def forgotten(former: Record, time: int) -> Record:
     return record
 
 
-def displaced(kind: Kind, former: Record, time: int) -> Record:
+def displaced(kind: RecordKind, former: Record, time: int) -> Record:
     """Another one of its number begins."""
     if kind.lasts and former.ended is not None:
         record = former.copy()
@@ -270,7 +270,7 @@ def _apply(record: Record, field: Field, rule: Rule, event: Reading) -> None:
             record.fields[field.name] = new if old is None else min(old, new)
 
 
-def _pause(kind: Kind, record: Record, event: Reading) -> None:
+def _pause(kind: RecordKind, record: Record, event: Reading) -> None:
     if kind.pause is None:
         return
     if event.code in kind.pause.end and record.pause is not None:
@@ -283,7 +283,7 @@ def _pause(kind: Kind, record: Record, event: Reading) -> None:
         record.pause = event.time
 
 
-def _parts(kind: Kind, record: Record, event: Reading, names: Names) -> None:
+def _parts(kind: RecordKind, record: Record, event: Reading, names: Names) -> None:
     if kind.parts is None:
         return
     number = event.source
@@ -302,7 +302,7 @@ def _leave_parts(record: Record, state: str, *, but: int | None = None) -> None:
             part.state = state
 
 
-def _end(kind: Kind, record: Record, event: Reading) -> End | None:
+def _end(kind: RecordKind, record: Record, event: Reading) -> End | None:
     """How an event ends a record; None: it does not."""
     return next((end for end in kind.ends if record.outcome in end.after and end.when.fits(event)), None)
 

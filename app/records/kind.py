@@ -215,7 +215,7 @@ asked for."""
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class RecordKind:
     """A kind of record."""
 
     name: str

@@ -9,7 +9,7 @@ from app.historian.record_query import Asked, person
 from app.plant.definitions import Equipment
 from app.plant.kept import Definition
 from app.plant.record_kinds import COMMON
-from app.records.kind import Kind, Type
+from app.records.kind import RecordKind, Type
 from app.records.record import Part, Record
 from app.web import format as fmt
 from app.web.guard import shown_name, shown_words
@@ -27,7 +27,7 @@ AT_RIGHT = ("duration", "seconds", "number", "missed")
 class RecordWords:
     """Records of one kind in the language of a request."""
 
-    def __init__(self, request: Request, kind: Kind) -> None:
+    def __init__(self, request: Request, kind: RecordKind) -> None:
         self.view, self.request, self.kind = view_of(request), request, kind
         self.runtime = self.view.runtime(request)
         self.lang, self.zone = language_of(request), zone_of(request)

@@ -21,7 +21,7 @@ from app.historian.record_export import RecordExport, RecordExportSettings, keep
 from app.historian.record_query import ANY, RecordFilter
 from app.plant.record_kinds import OPEN_CHOICE, former_addresses
 from app.plant.types import EQUIPMENT
-from app.records.kind import Filter, Kind
+from app.records.kind import Filter, RecordKind
 from app.web import record_detail, record_rows, record_times
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
@@ -205,7 +205,7 @@ for _address, _kind in former_addresses(EQUIPMENT).items():
     _moved(_address, _kind)
 
 
-def kind_of(request: Request, name: str) -> Kind:
+def kind_of(request: Request, name: str) -> RecordKind:
     """The kind of this name.
 
     Raises:
@@ -217,7 +217,7 @@ def kind_of(request: Request, name: str) -> Kind:
     return found
 
 
-def _template(request: Request, kind: Kind) -> str:
+def _template(request: Request, kind: RecordKind) -> str:
     """The detail of a kind that brings its own, else that of all."""
     for item in keeping(view_of(request).runtime(request).plant, kind.name):
         own = f"screens/{item.type.name}/record_{kind.name}.html"
@@ -226,7 +226,7 @@ def _template(request: Request, kind: Kind) -> str:
     return "fragments/record_detail.html"
 
 
-async def _check_equipment(request: Request, kind: Kind, id: str) -> None:
+async def _check_equipment(request: Request, kind: RecordKind, id: str) -> None:
     """Refuse to export of a machine that is neither in the plant nor in the history.
 
     Raises:
@@ -242,11 +242,11 @@ async def _check_equipment(request: Request, kind: Kind, id: str) -> None:
 # ---- the filter -------------------------------------------------------------------------------------------
 
 
-def _typed(request: Request, kind: Kind) -> dict[str, str]:
+def _typed(request: Request, kind: RecordKind) -> dict[str, str]:
     return fields(request, (*NAMES, *kind.filters), LONGEST)
 
 
-def wanted_of(request: Request, kind: Kind, typed: dict[str, str]) -> RecordFilter:
+def wanted_of(request: Request, kind: RecordKind, typed: dict[str, str]) -> RecordFilter:
     """What the address asks for, as understood.
 
     Raises:
@@ -286,11 +286,11 @@ def _whole(text: str, field: str) -> int:
     return int(text)
 
 
-def _url(kind: Kind, chosen: dict[str, str], path: str = "") -> str:
+def _url(kind: RecordKind, chosen: dict[str, str], path: str = "") -> str:
     return f"/records/{kind.name}{path}" + (f"?{urlencode(chosen)}" if chosen else "")
 
 
-async def _tools(request: Request, kind: Kind, typed: dict[str, str]) -> dict[str, Any]:
+async def _tools(request: Request, kind: RecordKind, typed: dict[str, str]) -> dict[str, Any]:
     draw, view = RecordWords(request, kind), view_of(request)
     runtime, lang, person = draw.runtime, draw.lang, request.state.person
     machines = keeping(runtime.plant, kind.name)
@@ -354,7 +354,7 @@ def _control(draw: RecordWords, one: Filter, typed: str, keys: dict[str, str]) -
     }
 
 
-async def _main(request: Request, kind: Kind, typed: dict[str, str], wanted: RecordFilter) -> dict[str, Any]:
+async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wanted: RecordFilter) -> dict[str, Any]:
     """The list, or the times of parts, as the address asks."""
     draw, runtime = RecordWords(request, kind), view_of(request).runtime(request)
     machines = [item.id for item in keeping(runtime.plant, kind.name)]

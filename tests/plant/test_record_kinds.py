@@ -11,7 +11,7 @@ from app.plant.loader import read_plant
 from app.plant.problems import Problem
 from app.plant.record_kinds import read_kinds
 from app.plant.tables import Source
-from app.records.kind import Kind
+from app.records.kind import RecordKind
 
 EVENTS = {1: "begun", 2: "filled", 3: "ended"}
 WORDS = ["number", "size"]
@@ -32,7 +32,7 @@ size_mm = "size"
 """
 
 
-def read(folder: Path, text: str) -> tuple[dict[str, Kind], list[Problem]]:
+def read(folder: Path, text: str) -> tuple[dict[str, RecordKind], list[Problem]]:
     (folder / "records.toml").write_text(text, "utf-8")
     source = Source(folder / "records.toml", "type/records.toml")
     return read_kinds(source.table(), folder, "app.equipment", EVENTS, WORDS), source.problems

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from app.plant.definitions import EquipmentType
-from app.records.kind import Kind
+from app.records.kind import RecordKind
 from app.records.record import Reading, Record
 from app.records.snapshot import decode
 from tests.historian.rings import Event
@@ -33,10 +33,10 @@ class MemoryShelf:
     events: dict[int, list[Reading]] = field(default_factory=dict)
     """Record → its events."""
 
-    def latest(self, kind: Kind, number: int) -> Record | None:
+    def latest(self, kind: RecordKind, number: int) -> Record | None:
         return next((one for one in reversed(self.records) if (one.kind, one.number) == (kind.name, number)), None)
 
-    def open(self, kind: Kind) -> Iterable[Record]:
+    def open(self, kind: RecordKind) -> Iterable[Record]:
         return [one for one in self.records if one.kind == kind.name and one.open]
 
     def lasting(self, kind: str, time: int) -> int:

@@ -5,7 +5,7 @@ import pytest
 from app.plant import types
 from app.records import fold
 from app.records.fold import Machine
-from app.records.kind import Belongs, End, Field, Kind, Order, Parts, Rule, Verb, When
+from app.records.kind import Belongs, End, Field, Order, Parts, RecordKind, Rule, Verb, When
 from app.records.record import OPEN, UNKNOWN, Reading, Record
 from tests.historian import stories
 from tests.historian.rings import Ring
@@ -22,24 +22,24 @@ def event(code: int, time: float = 0.0, value: float | None = None, *, source: i
     return Reading(1, 1, round(time * SECOND), code, str(code), source, value, {"number": number})
 
 
-def kind(**given: object) -> Kind:
+def kind(**given: object) -> RecordKind:
     usual = {
         "name": "thing",
         "begin": frozenset({A}),
         "number": "number",
         "ends": (End("gone", When(frozenset({C}))),),
     }
-    return Kind(**(usual | given))  # type: ignore[arg-type]
+    return RecordKind(**(usual | given))  # type: ignore[arg-type]
 
 
-def told(kind: Kind, *events: Reading) -> list[Record]:
+def told(kind: RecordKind, *events: Reading) -> list[Record]:
     shelf = MemoryShelf()
     for one in events:
         fold.take(Machine((kind,), {B}), shelf, one)
     return shelf.records
 
 
-def rule(verb: Verb, of: str = "", **given: object) -> Kind:
+def rule(verb: Verb, of: str = "", **given: object) -> RecordKind:
     field = Field("it", rules=(Rule(verb, When(frozenset({B})), of, **given),))  # type: ignore[arg-type]
     return kind(fields={"it": field})
 
@@ -210,7 +210,9 @@ def test_a_function_of_the_kind_has_the_last_word() -> None:
         return Belongs.NOWHERE if event.source == 3 else None
 
     made = kind()
-    own = Kind(**{name: getattr(made, name) for name in Kind.__slots__} | {"hooks": type(made.hooks)(belongs=belongs)})
+    own = RecordKind(
+        **{name: getattr(made, name) for name in RecordKind.__slots__} | {"hooks": type(made.hooks)(belongs=belongs)}
+    )
     assert told(own, event(A, source=3)) == []
     assert len(told(own, event(A, source=2))) == 1
 

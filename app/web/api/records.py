@@ -20,7 +20,7 @@ from app.plant.kept import Definition
 from app.plant.record_kinds import former_addresses
 from app.plant.types import EQUIPMENT
 from app.records.event import Event
-from app.records.kind import Kind, Type
+from app.records.kind import RecordKind, Type
 from app.records.record import Record
 from app.web.event_list import in_order
 from app.web.guard import allow, shown_name, shown_words
@@ -213,7 +213,7 @@ for _address, _kind in former_addresses(EQUIPMENT).items():
     _moved(_address, _kind)
 
 
-def former_parameters(kind: Kind, given: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+def former_parameters(kind: RecordKind, given: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """Parameters as they were before there were records → as they are: steps are parts, or, of what has none, all events, and came
     unasked; what is only asked for is said with 1."""
     steps = "parts" if kind.parts else "events"
@@ -232,7 +232,7 @@ def former_parameters(kind: Kind, given: Sequence[tuple[str, str]]) -> list[tupl
 def _record(
     request: Request,
     runtime: "Runtime",
-    kind: Kind,
+    kind: RecordKind,
     one: Record,
     definition: Definition,
     people: dict[str, str],
@@ -276,7 +276,7 @@ def _record(
     )
 
 
-def _overlapping(request: Request, connection: Connection, kind: Kind, one: Record) -> list[OverlapOut]:
+def _overlapping(request: Request, connection: Connection, kind: RecordKind, one: Record) -> list[OverlapOut]:
     found = query.overlapping(connection, kind, one)
     asked = query.people(connection, [each.id for each in found])
     known = query.definitions(connection, [each.definition for each in found])
