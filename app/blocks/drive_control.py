@@ -31,7 +31,7 @@ class State(Enum):
     """Brake command taken, feedback still open."""
 
 
-class Alarm(Enum):
+class DriveAlarm(Enum):
     """Stands until it is acknowledged and its cause is gone, in whichever order."""
 
     COMMUNICATION = "communication"
@@ -66,7 +66,7 @@ class Missing(Enum):
     """A brake is open that nobody opened."""
 
 
-class Inputs(NamedTuple):
+class DriveInputs(NamedTuple):
     """Of one scan."""
 
     status: int | None
@@ -158,14 +158,14 @@ class DriveControl:
     reverse_by_bit: bool = False
     """As the original: a set-point without sign, and the inversion bit."""
     state: State = State.BLOCKED
-    alarms: set[Alarm] = field(default_factory=set)
+    alarms: set[DriveAlarm] = field(default_factory=set)
     elapsed: float = 0.0
     """In this state [s]."""
     armed: bool = False
     """`run` was seen dropped since the last interruption."""
     missing: tuple[Missing, ...] = ()
     """Permissives that keep a start back."""
-    acknowledged: set[Alarm] = field(default_factory=set)
+    acknowledged: set[DriveAlarm] = field(default_factory=set)
     """Alarms that somebody has seen and whose cause is still there."""
     _no_motion: float = 0.0
     _emergency: bool = False
@@ -173,7 +173,7 @@ class DriveControl:
     _seen: bool = True
     """An acknowledgement that is there at the first scan is not new."""
 
-    def step(self, inputs: Inputs, dt: float) -> Outputs:
+    def step(self, inputs: DriveInputs, dt: float) -> Outputs:
         """One scan of `dt` [s].
 
         Raises:
@@ -205,7 +205,7 @@ class DriveControl:
         self.state = State.BLOCKED
         return Outputs(ENABLES, 0, 0.0, False, self.state, False)
 
-    def _missing(self, inputs: Inputs) -> Sequence[Missing]:
+    def _missing(self, inputs: DriveInputs) -> Sequence[Missing]:
         status = inputs.status
         word = status or 0
         rows = (
@@ -223,7 +223,7 @@ class DriveControl:
         )
         return [name for name, there in rows if not there]
 
-    def _watch(self, inputs: Inputs) -> None:
+    def _watch(self, inputs: DriveInputs) -> None:
         """What interrupts at any time."""
         torque = inputs.status is not None and bool(inputs.status & Status.OPERATION_ENABLED)
         fault = inputs.status is not None and bool(inputs.status & Status.FAULT)
@@ -231,9 +231,9 @@ class DriveControl:
             self._emergency = False
             return
         if inputs.status is None:
-            self._fail(Alarm.COMMUNICATION)
+            self._fail(DriveAlarm.COMMUNICATION)
         elif fault or (not torque and self.state is not State.MAGNETISING):
-            self._fail(None if self._emergency and not fault else Alarm.DRIVE_TRIPPED)
+            self._fail(None if self._emergency and not fault else DriveAlarm.DRIVE_TRIPPED)
         elif not inputs.emergency_ok:
             self.armed = False
             if self.state in BRAKES_WANTED:
@@ -241,9 +241,9 @@ class DriveControl:
             elif self.state is not State.CLOSING:
                 self.state = State.BLOCKED
         elif self.state in (State.RUNNING, State.STOPPING) and not all(inputs.brakes_open):
-            self._fail(Alarm.BRAKE_FEEDBACK_LOST, State.CLOSING)
+            self._fail(DriveAlarm.BRAKE_FEEDBACK_LOST, State.CLOSING)
 
-    def _sequence(self, inputs: Inputs, dt: float) -> None:
+    def _sequence(self, inputs: DriveInputs, dt: float) -> None:
         times, wanted = self.times, inputs.run and self.armed
         torque = bool((inputs.status or 0) & Status.OPERATION_ENABLED)
         stands = abs(inputs.speed) <= self.zero_speed
@@ -263,7 +263,7 @@ class DriveControl:
                 elif torque:
                     self.state = State.PRESET
                 elif self.elapsed >= times.magnetising:
-                    self._fail(Alarm.MAGNETISING_TIMEOUT)
+                    self._fail(DriveAlarm.MAGNETISING_TIMEOUT)
             case State.PRESET:
                 if not self._may_go_on(inputs) or any(inputs.brakes_open):
                     self.armed, self.state = False, State.BLOCKED
@@ -277,7 +277,7 @@ class DriveControl:
                 elif all(inputs.brakes_open):
                     self.state, self._no_motion = State.RUNNING, 0.0
                 elif self.elapsed >= times.brake_open:
-                    self._fail(Alarm.BRAKE_OPEN_TIMEOUT, State.CLOSING)
+                    self._fail(DriveAlarm.BRAKE_OPEN_TIMEOUT, State.CLOSING)
             case State.RUNNING:
                 asked = abs(inputs.reference) > self.zero_speed
                 self._no_motion = self._no_motion + dt if asked and stands else 0.0
@@ -285,14 +285,14 @@ class DriveControl:
                     self.armed = self.armed and not inputs.run
                     self.state = State.STOPPING
                 elif self._no_motion >= times.start:
-                    self._fail(Alarm.START_TIMEOUT, State.CLOSING)
+                    self._fail(DriveAlarm.START_TIMEOUT, State.CLOSING)
             case State.STOPPING:
                 if stands:
                     self.state = State.CLOSING
                 elif wanted and self._may_go_on(inputs):
                     self.state, self._no_motion = State.RUNNING, 0.0
                 elif self.elapsed >= times.stop:
-                    self._fail(Alarm.STOP_TIMEOUT, State.CLOSING)
+                    self._fail(DriveAlarm.STOP_TIMEOUT, State.CLOSING)
             case State.QUICK_STOP:
                 if stands or self.elapsed >= times.quick_stop:
                     self.state = State.CLOSING
@@ -301,30 +301,30 @@ class DriveControl:
                     goes_on = self._may_go_on(inputs) and not self._emergency
                     self.state = State.PRESET if goes_on else State.BLOCKED
                 elif self.elapsed >= times.brake_close:
-                    self.alarms.add(Alarm.BRAKE_CLOSE_TIMEOUT)
+                    self.alarms.add(DriveAlarm.BRAKE_CLOSE_TIMEOUT)
 
-    def _may_go_on(self, inputs: Inputs) -> bool:
+    def _may_go_on(self, inputs: DriveInputs) -> bool:
         """What has to hold during the whole sequence."""
         return inputs.emergency_ok and inputs.run_permissive and inputs.temperature_ok and not self.alarms
 
-    def _fail(self, alarm: Alarm | None, then: State = State.BLOCKED) -> None:
+    def _fail(self, alarm: DriveAlarm | None, then: State = State.BLOCKED) -> None:
         if alarm is not None:
             self.alarms.add(alarm)
             self.acknowledged.discard(alarm)
         self.armed, self.state = False, then
 
-    def _causes(self, inputs: Inputs) -> set[Alarm]:
+    def _causes(self, inputs: DriveInputs) -> set[DriveAlarm]:
         """Alarms whose cause is there now."""
         stays = set()
         if inputs.status is None:
-            stays.add(Alarm.COMMUNICATION)
+            stays.add(DriveAlarm.COMMUNICATION)
         if inputs.status is None or inputs.status & Status.FAULT:
-            stays.add(Alarm.DRIVE_TRIPPED)
+            stays.add(DriveAlarm.DRIVE_TRIPPED)
         if self.state not in BRAKES_WANTED and any(inputs.brakes_open):
-            stays.add(Alarm.BRAKE_CLOSE_TIMEOUT)
+            stays.add(DriveAlarm.BRAKE_CLOSE_TIMEOUT)
         return stays
 
-    def _outputs(self, inputs: Inputs) -> Outputs:
+    def _outputs(self, inputs: DriveInputs) -> Outputs:
         control = int(ENABLES)
         if self.state in ENERGISED and inputs.status is not None:
             control |= Control.ON

@@ -14,7 +14,7 @@ class End(IntEnum):
     HIGH = 1
 
 
-class Alarm(Enum):
+class LimitAlarm(Enum):
     """Of one end."""
 
     STOP_HIT = "stop_hit"
@@ -50,7 +50,7 @@ class Allowed(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class SwitchPlaces:
     """Where the switches are [mm].
 
     Raises:
@@ -97,8 +97,8 @@ class LimitSwitches:
     lowest speed without a position are ours.
     """
 
-    places: Places
-    alarms: dict[End, set[Alarm]] = field(default_factory=lambda: {End.LOW: set(), End.HIGH: set()})
+    places: SwitchPlaces
+    alarms: dict[End, set[LimitAlarm]] = field(default_factory=lambda: {End.LOW: set(), End.HIGH: set()})
     """That stand, unacknowledged."""
     _seen: bool = True
     """An acknowledgement that is there at the first scan is not new."""
@@ -117,29 +117,29 @@ class LimitSwitches:
             self.alarms[end] |= now
             speeds[end] = self._speed(end, hit, position)
         failed = self.alarms[End.LOW] | self.alarms[End.HIGH]
-        return Allowed(speeds[End.LOW], speeds[End.HIGH], failed <= {Alarm.STOP_HIT})
+        return Allowed(speeds[End.LOW], speeds[End.HIGH], failed <= {LimitAlarm.STOP_HIT})
 
     @property
-    def standing(self) -> Sequence[tuple[End, Alarm]]:
+    def standing(self) -> Sequence[tuple[End, LimitAlarm]]:
         """All alarms, in order."""
-        return [(end, alarm) for end in End for alarm in Alarm if alarm in self.alarms[end]]
+        return [(end, alarm) for end in End for alarm in LimitAlarm if alarm in self.alarms[end]]
 
-    def _alarms(self, end: End, hit: Switches, position: float | None) -> Sequence[Alarm]:
+    def _alarms(self, end: End, hit: Switches, position: float | None) -> Sequence[LimitAlarm]:
         """What is wrong at an end now."""
         slow, stop, tolerance = -inf, -inf, self.places.tolerance
-        found = [Alarm.STOP_HIT] if hit.stop else []
+        found = [LimitAlarm.STOP_HIT] if hit.stop else []
         if position is not None:
             slow, stop = self.places.beyond(end, position)
             if (hit.slow and slow < -tolerance) or (hit.stop and stop < -tolerance):
-                found.append(Alarm.SWITCH_STUCK)
+                found.append(LimitAlarm.SWITCH_STUCK)
         if not hit.slow and (slow > tolerance or (hit.stop and stop >= -tolerance)):
-            found.append(Alarm.SLOW_FAILED)
+            found.append(LimitAlarm.SLOW_FAILED)
         if not hit.stop and stop > tolerance:
-            found.append(Alarm.STOP_FAILED)
+            found.append(LimitAlarm.STOP_FAILED)
         return found
 
     def _speed(self, end: End, hit: Switches, position: float | None) -> float:
-        if hit.stop or self.alarms[end] - {Alarm.SWITCH_STUCK}:
+        if hit.stop or self.alarms[end] - {LimitAlarm.SWITCH_STUCK}:
             return 0.0
         if hit.slow or position is None or self.alarms[end]:
             return self.places.slow_speed

@@ -9,10 +9,9 @@ import pytest
 from app.blocks.arc_positioner import following
 from app.blocks.arc_positioner.circle import Point
 from app.blocks.arc_positioner.following import TRAVELS, ArcFollower, AxisLimits
-from app.blocks.drive_control import DriveControl, State, Times
-from app.blocks.drive_control import Inputs as DriveInputs
+from app.blocks.drive_control import DriveControl, DriveInputs, State, Times
 from app.blocks.joystick import Joystick, Lever
-from app.blocks.limit_switches import LimitSwitches, Places, Switches
+from app.blocks.limit_switches import LimitSwitches, Switches, SwitchPlaces
 from app.blocks.positioner import positioner
 from app.blocks.positioner.positioner import Positioner
 from app.blocks.sway_shaper import Shaping, SwayShaper
@@ -33,7 +32,7 @@ def test_positioner(seed: int) -> None:
     block = Positioner(
         660.4, 110.0, 165.0, random.choice((0.0, 50.0)), random.choice((0.0, 200.0)), lag=random.random() / 2
     )
-    at = positioner.Inputs(False, 0.0, 0.0, 0.0, 100.0)
+    at = positioner.MoveInputs(False, 0.0, 0.0, 0.0, 100.0)
     for _ in times:
         if random.random() < 0.1:
             name = random.choice(at._fields)
@@ -44,7 +43,7 @@ def test_positioner(seed: int) -> None:
         out = block.step(at, DT)
         assert abs(out.speed) <= min(660.4, abs(at.set_speed)) and 0 <= out.percent <= 100
         assert (out.forward, out.reverse) == (out.speed > 0, out.speed < 0)
-        assert not out.speed or (at.start and out.phase in (positioner.Phase.TRAVEL, positioner.Phase.SLOW))
+        assert not out.speed or (at.start and out.phase in (positioner.MovePhase.TRAVEL, positioner.MovePhase.SLOW))
         assert not (out.speed > 0 and at.stop_max) and not (out.speed < 0 and at.stop_min)
 
 
@@ -52,7 +51,7 @@ def test_positioner(seed: int) -> None:
 def test_arc_follower(seed: int) -> None:
     random, times = scans(seed)
     block = ArcFollower(AxisLimits(660.4, 110.0, 220.0, 0.1, 0.3), AxisLimits(132.08, 44.0, 88.0, 0.1, 0.08))
-    at = following.Inputs(False, Point(3000.0, 0.0), 0.0, 90.0, 3000.0, 100.0)
+    at = following.ArcInputs(False, Point(3000.0, 0.0), 0.0, 90.0, 3000.0, 100.0)
     new: Mapping[str, object] = {}
     for n in times:
         if random.random() < 0.06 or n < 3:
@@ -81,7 +80,7 @@ def test_arc_follower(seed: int) -> None:
         moves = out.speed != (0.0, 0.0)
         assert not moves or (out.phase in TRAVELS and out.run)
         assert not moves or (all(at.brakes_open) and not at.stop_switch)
-        assert (out.fault is not following.Fault.NONE) == (out.phase is following.Phase.FAULT)
+        assert (out.fault is not following.Fault.NONE) == (out.phase is following.ArcPhase.FAULT)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -123,7 +122,7 @@ def test_drive_control(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_limit_switches_joystick_and_shaper(seed: int) -> None:
     random, times = scans(seed)
-    limits = LimitSwitches(Places(0.0, 1000.0, 9000.0, 10000.0, 100.0, 20.0))
+    limits = LimitSwitches(SwitchPlaces(0.0, 1000.0, 9000.0, 10000.0, 100.0, 20.0))
     stick = Joystick({"hoist": (20.0, 50.0, 100.0, 132.0), "trolley": (80.0, 200.0, 400.0, 660.0)})
     shaper = SwayShaper(30000.0, DT)
     for n in times:

@@ -5,8 +5,17 @@ from collections.abc import Callable
 
 import pytest
 
-from app.blocks.drive_control import Alarm, DriveControl, Inputs, Missing, Outputs, State, Times, original_inhibited
-from app.blocks.limit_switches import Places
+from app.blocks.drive_control import (
+    DriveAlarm,
+    DriveControl,
+    DriveInputs,
+    Missing,
+    Outputs,
+    State,
+    Times,
+    original_inhibited,
+)
+from app.blocks.limit_switches import SwitchPlaces
 from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Reaction
 from app.profidrive.words import ENABLES, RUN, Control, Status
@@ -15,7 +24,7 @@ from app.sim.crane.driven import DrivenAxis
 from app.sim.crane.figures import HOIST
 
 DT = 0.01
-PLACES = Places(300, 1300, 33080, 34080, 500, 20.32)
+PLACES = SwitchPlaces(300, 1300, 33080, 34080, 500, 20.32)
 
 
 class Hoist:
@@ -36,7 +45,7 @@ class Hoist:
         return out
 
     @property
-    def alarms(self) -> set[Alarm]:
+    def alarms(self) -> set[DriveAlarm]:
         return self.driven.control.alarms
 
     def well(self) -> bool:
@@ -104,14 +113,14 @@ def heal(hoist: Hoist) -> None:
         (fail("emergency"), set(), 1.5),
         (fail("no_permissive"), set(), 2.0),
         (fail("hot"), set(), 2.0),
-        (fail("no_communication"), {Alarm.COMMUNICATION}, 0.02),
-        (trip, {Alarm.DRIVE_TRIPPED}, 0.03),
-        (close, {Alarm.BRAKE_FEEDBACK_LOST}, 0.02),
+        (fail("no_communication"), {DriveAlarm.COMMUNICATION}, 0.02),
+        (trip, {DriveAlarm.DRIVE_TRIPPED}, 0.03),
+        (close, {DriveAlarm.BRAKE_FEEDBACK_LOST}, 0.02),
     ],
     ids=["emergency", "permissive", "temperature", "communication", "trip", "brake"],
 )
 def test_what_interrupts_a_movement_closes_the_brakes_and_wants_a_new_request(
-    fault: Callable[[Hoist], None], alarms: set[Alarm], closes: float
+    fault: Callable[[Hoist], None], alarms: set[DriveAlarm], closes: float
 ) -> None:
     hoist = Hoist()
     hoist.run(4.0, 50.8)
@@ -121,7 +130,7 @@ def test_what_interrupts_a_movement_closes_the_brakes_and_wants_a_new_request(
     after = hoist.outs[begin:]
     assert next(n for n, out in enumerate(after) if not out.open_brakes) * DT <= closes
     assert not any(out.setpoint for out in after[2:]) and not hoist.driven.axis.speed
-    assert hoist.alarms - {Alarm.DRIVE_TRIPPED} == alarms - {Alarm.DRIVE_TRIPPED}
+    assert hoist.alarms - {DriveAlarm.DRIVE_TRIPPED} == alarms - {DriveAlarm.DRIVE_TRIPPED}
     heal(hoist)
     begin = len(hoist.outs)
     hoist.run(3.0, 50.8, acknowledge=True)
@@ -132,15 +141,15 @@ def test_what_interrupts_a_movement_closes_the_brakes_and_wants_a_new_request(
 
 
 TIMEOUTS = [
-    ("magnetising", Alarm.MAGNETISING_TIMEOUT, Times().magnetising),
-    ("brake stays closed", Alarm.BRAKE_OPEN_TIMEOUT, 4.0),
-    ("no motion", Alarm.START_TIMEOUT, Times().start),
+    ("magnetising", DriveAlarm.MAGNETISING_TIMEOUT, Times().magnetising),
+    ("brake stays closed", DriveAlarm.BRAKE_OPEN_TIMEOUT, 4.0),
+    ("no motion", DriveAlarm.START_TIMEOUT, Times().start),
 ]
 
 
 @pytest.mark.parametrize(("what", "alarm", "after"), TIMEOUTS, ids=[row[0] for row in TIMEOUTS])
 def test_every_timeout_of_the_start_has_its_alarm_and_blocks_until_acknowledged(
-    what: str, alarm: Alarm, after: float
+    what: str, alarm: DriveAlarm, after: float
 ) -> None:
     hoist, wait = Hoist(), {"magnetising": State.MAGNETISING, "no motion": State.RUNNING}.get(what, State.OPENING)
     if what == "magnetising":
@@ -175,7 +184,7 @@ def test_a_brake_that_does_not_close_is_held_by_the_drive() -> None:
     hoist.driven.axis.stuck = True
     hoist.run(60.0)
     out = hoist.outs[-1]
-    assert hoist.alarms == {Alarm.BRAKE_CLOSE_TIMEOUT} and out.state is State.CLOSING
+    assert hoist.alarms == {DriveAlarm.BRAKE_CLOSE_TIMEOUT} and out.state is State.CLOSING
     assert out.running and out.control == RUN and not out.setpoint and not out.open_brakes
     hoist.run(0.5, acknowledge=True)
     assert hoist.alarms, "its cause is there"
@@ -190,7 +199,7 @@ def test_a_stop_that_takes_too_long_closes_the_brake_on_the_moving_axis() -> Non
     hoist.driven.control.times = Times(stop=0.5)
     hoist.run(6.0, 132.08)
     hoist.run(0.6)
-    assert hoist.alarms == {Alarm.STOP_TIMEOUT} and not hoist.outs[-1].open_brakes
+    assert hoist.alarms == {DriveAlarm.STOP_TIMEOUT} and not hoist.outs[-1].open_brakes
 
 
 def test_one_acknowledgement_resets_the_drive_and_the_alarm() -> None:
@@ -200,7 +209,7 @@ def test_one_acknowledgement_resets_the_drive_and_the_alarm() -> None:
     hoist.run(1.0)
     heal(hoist)
     hoist.run(0.5)
-    assert hoist.alarms == {Alarm.DRIVE_TRIPPED} and hoist.driven.drive.status & Status.FAULT
+    assert hoist.alarms == {DriveAlarm.DRIVE_TRIPPED} and hoist.driven.drive.status & Status.FAULT
     assert hoist.run(DT, acknowledge=True).control & Control.ACKNOWLEDGE
     hoist.run(0.1, acknowledge=True)
     assert not hoist.alarms and not hoist.driven.drive.status & Status.FAULT
@@ -226,7 +235,7 @@ GOOD = int(Status.READY_TO_SWITCH_ON | Status.NO_COAST_STOP | Status.NO_QUICK_ST
 )
 def test_every_permissive_keeps_a_start_back_and_is_named(change: dict, missing: Missing) -> None:  # type: ignore[type-arg]
     control = DriveControl(Scaling(132.08))
-    good = Inputs(GOOD, 0.0, (False, False), False, 50.0)
+    good = DriveInputs(GOOD, 0.0, (False, False), False, 50.0)
     bad = good._replace(**change)
     for run in (False, True, True, True):
         out = control.step(bad._replace(run=run), DT)
@@ -238,10 +247,10 @@ def test_every_permissive_keeps_a_start_back_and_is_named(change: dict, missing:
     assert control.step(good._replace(run=True), DT).state is State.MAGNETISING
 
 
-def running(**fields: bool) -> tuple[DriveControl, Inputs]:
+def running(**fields: bool) -> tuple[DriveControl, DriveInputs]:
     control = DriveControl(Scaling(132.08), **fields)  # type: ignore[arg-type]
     control.state, control.armed = State.RUNNING, True
-    return control, Inputs(GOOD | Status.OPERATION_ENABLED, 30.0, (True, True), True, 66.04)
+    return control, DriveInputs(GOOD | Status.OPERATION_ENABLED, 30.0, (True, True), True, 66.04)
 
 
 @pytest.mark.parametrize(

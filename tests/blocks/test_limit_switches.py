@@ -5,9 +5,9 @@ from itertools import product
 
 import pytest
 
-from app.blocks.limit_switches import Alarm, Allowed, End, LimitSwitches, Places, Switches
+from app.blocks.limit_switches import Allowed, End, LimitAlarm, LimitSwitches, Switches, SwitchPlaces
 
-PLACES = Places(0.0, 1000.0, 9000.0, 10000.0, 100.0, 20.0)
+PLACES = SwitchPlaces(0.0, 1000.0, 9000.0, 10000.0, 100.0, 20.0)
 OFF = Switches()
 FREE = Allowed(math.inf, math.inf, True)
 
@@ -29,27 +29,27 @@ CASES = [
     (OFF, 5000.0, math.inf, set()),
     (OFF, 9000.0, math.inf, set()),
     (OFF, 9100.0, math.inf, set()),
-    (OFF, 9100.1, 0.0, {Alarm.SLOW_FAILED}),
+    (OFF, 9100.1, 0.0, {LimitAlarm.SLOW_FAILED}),
     (Switches(slow=True), 9000.0, 20.0, set()),
     (Switches(slow=True), 10100.0, 20.0, set()),
-    (Switches(slow=True), 10100.1, 0.0, {Alarm.STOP_FAILED}),
-    (OFF, 10100.1, 0.0, {Alarm.SLOW_FAILED, Alarm.STOP_FAILED}),
-    (Switches(slow=True, stop=True), 10000.0, 0.0, {Alarm.STOP_HIT}),
-    (Switches(slow=False, stop=True), 10000.0, 0.0, {Alarm.STOP_HIT, Alarm.SLOW_FAILED}),
+    (Switches(slow=True), 10100.1, 0.0, {LimitAlarm.STOP_FAILED}),
+    (OFF, 10100.1, 0.0, {LimitAlarm.SLOW_FAILED, LimitAlarm.STOP_FAILED}),
+    (Switches(slow=True, stop=True), 10000.0, 0.0, {LimitAlarm.STOP_HIT}),
+    (Switches(slow=False, stop=True), 10000.0, 0.0, {LimitAlarm.STOP_HIT, LimitAlarm.SLOW_FAILED}),
     (Switches(slow=True), 8900.0, 20.0, set()),
-    (Switches(slow=True), 8899.0, 20.0, {Alarm.SWITCH_STUCK}),
-    (Switches(stop=True), 5000.0, 0.0, {Alarm.STOP_HIT, Alarm.SWITCH_STUCK}),
+    (Switches(slow=True), 8899.0, 20.0, {LimitAlarm.SWITCH_STUCK}),
+    (Switches(stop=True), 5000.0, 0.0, {LimitAlarm.STOP_HIT, LimitAlarm.SWITCH_STUCK}),
     (OFF, None, 20.0, set()),
     (OFF, math.nan, 20.0, set()),
     (Switches(slow=True), None, 20.0, set()),
-    (Switches(slow=True, stop=True), None, 0.0, {Alarm.STOP_HIT}),
+    (Switches(slow=True, stop=True), None, 0.0, {LimitAlarm.STOP_HIT}),
 ]
 
 
 @pytest.mark.parametrize("end", End)
 @pytest.mark.parametrize(("hit", "position", "speed", "alarms"), CASES)
 def test_what_is_allowed_towards_an_end_and_never_less_away_from_it(
-    end: End, hit: Switches, position: float | None, speed: float, alarms: set[Alarm]
+    end: End, hit: Switches, position: float | None, speed: float, alarms: set[LimitAlarm]
 ) -> None:
     block = LimitSwitches(PLACES)
     toward, away = towards(end, at(block, end, hit, position))
@@ -69,7 +69,9 @@ def test_an_alarm_is_acknowledged_only_after_moving_away(end: End, hit: Switches
         at(block, end, hit, position, acknowledge=True)
         assert block.alarms[end] == standing, "still there"
     toward, away = towards(end, at(block, end, OFF, 5000.0))
-    assert toward == (20.0 if standing == {Alarm.SWITCH_STUCK} else 0.0) and away == math.inf, "away, not acknowledged"
+    assert toward == (20.0 if standing == {LimitAlarm.SWITCH_STUCK} else 0.0) and away == math.inf, (
+        "away, not acknowledged"
+    )
     assert at(block, end, OFF, 5000.0, acknowledge=True) == FREE
     assert not block.standing
 
@@ -106,4 +108,4 @@ def test_both_ends_are_watched_at_once(low: Switches, high: Switches) -> None:
 )
 def test_places_must_rise_and_be_numbers(bad: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected"):
-        Places(*bad)
+        SwitchPlaces(*bad)

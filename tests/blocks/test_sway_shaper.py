@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.blocks.positioner.positioner import Inputs, Phase, Positioner
+from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
 from app.blocks.ramp import Ramp
 from app.blocks.sway_shaper import Shaping, SwayShaper, period
 from app.sim.crane.axis import Axis, AxisData
@@ -140,13 +140,13 @@ def test_positioning_through_the_shaper_arrives_and_hangs_still(shaping: Shaping
     block = Positioner(
         data.max_speed, data.acceleration, data.deceleration, 50.0, 200.0, lag=data.lag + 0.02, shaper_delay=delay
     )
-    far, seconds, phase = 0.0, 0.0, Phase.OFF
-    while phase not in (Phase.DONE, Phase.MISSED):
-        out = block.step(Inputs(True, trip.axis.measured, gap, trip.axis.speed, 660.4, held=trip.held), DT)
+    far, seconds, phase = 0.0, 0.0, MovePhase.OFF
+    while phase not in (MovePhase.DONE, MovePhase.MISSED):
+        out = block.step(MoveInputs(True, trip.axis.measured, gap, trip.axis.speed, 660.4, held=trip.held), DT)
         trip.step(out.speed)
         far, seconds, phase = max(far, abs(trip.axis.position)), seconds + DT, out.phase
         assert seconds < 120
-    assert phase is Phase.DONE and abs(trip.axis.position - gap) < 5.0 + data.resolution
+    assert phase is MovePhase.DONE and abs(trip.axis.position - gap) < 5.0 + data.resolution
     assert far <= abs(gap) + 2.0
     left = trip.load.amplitude(length)
     assert left <= 12.0 or shaping is Shaping.OFF

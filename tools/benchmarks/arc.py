@@ -9,7 +9,7 @@ from itertools import product
 
 from app.blocks.arc_positioner import following
 from app.blocks.arc_positioner.circle import Point
-from app.blocks.limit_switches import Places, Switches
+from app.blocks.limit_switches import Switches, SwitchPlaces
 from app.profidrive.words import Status
 from app.sim.crane.driven import DrivenAxis
 from app.sim.crane.lift import HOIST_DATA, Case, Lift
@@ -38,7 +38,7 @@ async def measure() -> list[Row]:
                 case = Case(speed, radius, start, end, lag=(lag, lag))
                 seen.append((case, Lift(case).run(), Lift(case, original=True).run()))
         case, worst, beside = max(seen, key=lambda one: one[1].worst)
-        met = all(o.phase is following.Phase.DONE and o.worst <= TARGET and o.worst <= b.worst for _, o, b in seen)
+        met = all(o.phase is following.ArcPhase.DONE and o.worst <= TARGET and o.worst <= b.worst for _, o, b in seen)
         rows.append(
             Row(
                 f"circular lift {speed:g} mm/s, radius {radius / 1000:g} m: path error",
@@ -57,14 +57,14 @@ async def measure() -> list[Row]:
 
 def _scan(scans: int = 5_000) -> Row:
     """CPU time of the blocks, the mechanics left out."""
-    axes = [DrivenAxis(HOIST_DATA, Places(300, 1300, 33080, 34080, 500, 20.32), 15000.0) for _ in range(3)]
+    axes = [DrivenAxis(HOIST_DATA, SwitchPlaces(300, 1300, 33080, 34080, 500, 20.32), 15000.0) for _ in range(3)]
     for axis in axes:
         for n in range(400):
             axis.step(50.0 if n > 50 else 0.0, 0.01)
     lift = Lift(Case(50.0, 6000.0))
     for _ in range(400):
         lift.step()
-    at = following.Inputs(True, lift.measured, 0.0, 90.0, 6000.0, 50.0)
+    at = following.ArcInputs(True, lift.measured, 0.0, 90.0, 6000.0, 50.0)
     seen = [axis.seen._replace(status=(axis.seen.status or 0) | Status.OPERATION_ENABLED) for axis in axes]
     began = time.process_time()
     for _ in range(scans):

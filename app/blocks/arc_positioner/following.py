@@ -19,7 +19,7 @@ LEAST_RATE = 0.1
 """Of the planned speed, where slowing down for a path error ends; beyond comes the stop."""
 
 
-class Phase(Enum):
+class ArcPhase(Enum):
     """What a circular move does."""
 
     OFF = "off"
@@ -35,7 +35,7 @@ class Phase(Enum):
     """Stands, with a reason; a new start begins where it stands."""
 
 
-TRAVELS = frozenset({Phase.MOVING, Phase.HELD, Phase.STOPPING})
+TRAVELS = frozenset({ArcPhase.MOVING, ArcPhase.HELD, ArcPhase.STOPPING})
 
 
 class Fault(Enum):
@@ -81,7 +81,7 @@ class AxisLimits:
                 raise ValueError(f"{name} is {value}, a finite number of at least 0 expected")
 
 
-class Inputs(NamedTuple):
+class ArcInputs(NamedTuple):
     """Of one scan."""
 
     start: bool
@@ -126,7 +126,7 @@ class Outputs(NamedTuple):
     """Distance from where the load should be by now [mm]."""
     radial_error: float
     """[mm], outwards positive."""
-    phase: Phase
+    phase: ArcPhase
     fault: Fault
 
 
@@ -166,7 +166,7 @@ class ArcFollower:
     """Done within this of the end [mm]."""
     join: float = 100.0
     """Farthest from the circle that a move may begin [mm]."""
-    phase: Phase = Phase.OFF
+    phase: ArcPhase = ArcPhase.OFF
     fault: Fault = Fault.NONE
     circle: Circle | None = None
     time: float = 0.0
@@ -194,7 +194,7 @@ class ArcFollower:
         if not self.slow_error < self.stop_error:
             raise ValueError(f"slow_error is {self.slow_error}, a number below stop_error {self.stop_error} expected")
 
-    def step(self, inputs: Inputs, dt: float) -> Outputs:
+    def step(self, inputs: ArcInputs, dt: float) -> Outputs:
         """One scan of `dt` [s].
 
         Raises:
@@ -204,13 +204,13 @@ class ArcFollower:
         _check(inputs)
         started, self._started = inputs.start and not self._started, inputs.start
         taken, self._taken = inputs.take_zero and not self._taken, inputs.take_zero
-        if taken and self.phase in (Phase.OFF, Phase.DONE, Phase.FAULT):
+        if taken and self.phase in (ArcPhase.OFF, ArcPhase.DONE, ArcPhase.FAULT):
             self.circle = Circle.through(inputs.position, inputs.start_angle, inputs.radius)
             self._angle = inputs.start_angle
-        if not inputs.start and self.phase in (Phase.MOVING, Phase.HELD):
-            self.phase, self._strayed = Phase.STOPPING, False
-        elif not inputs.start and self.phase is not Phase.STOPPING:
-            self.phase, self.fault = Phase.OFF, Fault.NONE
+        if not inputs.start and self.phase in (ArcPhase.MOVING, ArcPhase.HELD):
+            self.phase, self._strayed = ArcPhase.STOPPING, False
+        elif not inputs.start and self.phase is not ArcPhase.STOPPING:
+            self.phase, self.fault = ArcPhase.OFF, Fault.NONE
         if started and self.phase not in TRAVELS:
             self._plan(inputs)
         error, speed = self._follow(inputs, dt), Point(0.0, 0.0)
@@ -223,7 +223,7 @@ class ArcFollower:
         return Outputs(
             speed,
             Point(abs(speed.x) / self.x.max_speed * 100, abs(speed.y) / self.y.max_speed * 100),
-            self.phase is Phase.BRAKES or self.phase in TRAVELS,
+            self.phase is ArcPhase.BRAKES or self.phase in TRAVELS,
             self._angle,
             error,
             self.circle.radial_error(inputs.position) if self.circle else nan,
@@ -233,9 +233,9 @@ class ArcFollower:
 
     def safe(self) -> Outputs:
         """Stand still: an input is bad. A new start is wanted afterwards."""
-        self.phase, self._started = Phase.OFF, True
+        self.phase, self._started = ArcPhase.OFF, True
         still = Point(0.0, 0.0)
-        return Outputs(still, still, False, self._angle, nan, nan, Phase.OFF, self.fault)
+        return Outputs(still, still, False, self._angle, nan, nan, ArcPhase.OFF, self.fault)
 
     def lay(self, circle: Circle, near: float) -> None:
         """Take a circle that is known from elsewhere, the load about `near` [°]; not while moving."""
@@ -256,11 +256,11 @@ class ArcFollower:
             cbrt(PATH / 4 * min(self.x.jerk, self.y.jerk) * radius**2),
         )
 
-    def _plan(self, inputs: Inputs) -> None:
+    def _plan(self, inputs: ArcInputs) -> None:
         """A path from where the load is to the end angle."""
         self.fault = Fault.NONE
         if self.circle is None or self.circle.radius != inputs.radius:
-            self.phase, self.fault = Phase.FAULT, Fault.NO_CIRCLE
+            self.phase, self.fault = ArcPhase.FAULT, Fault.NO_CIRCLE
             return
         self._begin = self.circle.angle(inputs.position, self._angle)
         sweep = inputs.end_angle - self._begin
@@ -268,7 +268,7 @@ class ArcFollower:
         if abs(self._offset) < self.tolerance:
             self._offset = 0.0
         if not abs(self._offset) <= min(self.join, radians(abs(sweep)) * inputs.radius / JOIN):
-            self.phase, self.fault = Phase.FAULT, Fault.OFF_THE_PATH
+            self.phase, self.fault = ArcPhase.FAULT, Fault.OFF_THE_PATH
             return
         self._way = copysign(1.0, sweep)
         speed = self.path_speed(inputs.radius, inputs.set_speed)
@@ -280,54 +280,54 @@ class ArcFollower:
         self._profile = MotionProfile(radians(abs(sweep)) * inputs.radius, speed, tangential, PATH / 2 * jerk)
         self._rate = SRamp(OVERRIDE * acceleration / speed, OVERRIDE * jerk / speed, speed=1.0)
         self.time = 0.0
-        self.phase = Phase.BRAKES
+        self.phase = ArcPhase.BRAKES
 
-    def _follow(self, inputs: Inputs, dt: float) -> float:
+    def _follow(self, inputs: ArcInputs, dt: float) -> float:
         """Advance on the path; gives the path error [mm]."""
-        if self.phase is Phase.BRAKES and all(inputs.brakes_open) and not inputs.stop_switch and not inputs.hold:
-            self.phase = Phase.MOVING
+        if self.phase is ArcPhase.BRAKES and all(inputs.brakes_open) and not inputs.stop_switch and not inputs.hold:
+            self.phase = ArcPhase.MOVING
         elif self.phase in TRAVELS:
             self._supervise(inputs, _distance(self._reference(0.0)[0], inputs.position))
             if self.phase in TRAVELS:
                 self._advance(inputs, dt)
-        elif self.phase is Phase.BRAKES and inputs.stop_switch:
-            self.phase, self.fault = Phase.FAULT, Fault.STOP_SWITCH
-        if self.phase is Phase.BRAKES or self.phase in TRAVELS:
+        elif self.phase is ArcPhase.BRAKES and inputs.stop_switch:
+            self.phase, self.fault = ArcPhase.FAULT, Fault.STOP_SWITCH
+        if self.phase is ArcPhase.BRAKES or self.phase in TRAVELS:
             return _distance(self._reference(0.0)[0], inputs.position)
         return nan
 
-    def _advance(self, inputs: Inputs, dt: float) -> None:
+    def _advance(self, inputs: ArcInputs, dt: float) -> None:
         """Take the rate at which the time of the path runs; told that it has arrived, stand."""
         error = _distance(self._reference(0.0)[0], inputs.position)
         weaker, rate = min(self.x.acceleration, self.y.acceleration), self._rate
         slowing = -min(0.0, self._profile.at(self.time).acceleration) * rate.speed**2
-        share = OVERRIDE if self.phase is Phase.MOVING else max(OVERRIDE, STOP - slowing / weaker)
+        share = OVERRIDE if self.phase is ArcPhase.MOVING else max(OVERRIDE, STOP - slowing / weaker)
         rate.acceleration_limit = share * weaker / self._profile.speed
         rate.step(min(self._wanted_rate(error), self._zone_rate(inputs)), dt)
-        if self.phase is Phase.MOVING and self.time >= self._profile.duration and error < self.tolerance:
-            self.phase = Phase.DONE
+        if self.phase is ArcPhase.MOVING and self.time >= self._profile.duration and error < self.tolerance:
+            self.phase = ArcPhase.DONE
 
-    def _supervise(self, inputs: Inputs, error: float) -> None:
+    def _supervise(self, inputs: ArcInputs, error: float) -> None:
         """What ends the move."""
         if inputs.stop_switch:
-            self.phase, self.fault = Phase.FAULT, Fault.STOP_SWITCH
+            self.phase, self.fault = ArcPhase.FAULT, Fault.STOP_SWITCH
         elif not all(inputs.brakes_open):
-            self.phase, self.fault = Phase.FAULT, Fault.BRAKE_LOST
+            self.phase, self.fault = ArcPhase.FAULT, Fault.BRAKE_LOST
         elif error >= 2 * self.stop_error:
-            self.phase, self.fault = Phase.FAULT, Fault.PATH_ERROR
-        elif self.phase is Phase.STOPPING and self._rate.speed <= 0 and self._rate.acceleration == 0:
-            self.phase, self.fault = (Phase.FAULT, Fault.PATH_ERROR) if self._strayed else (Phase.OFF, Fault.NONE)
+            self.phase, self.fault = ArcPhase.FAULT, Fault.PATH_ERROR
+        elif self.phase is ArcPhase.STOPPING and self._rate.speed <= 0 and self._rate.acceleration == 0:
+            self.phase, self.fault = (ArcPhase.FAULT, Fault.PATH_ERROR) if self._strayed else (ArcPhase.OFF, Fault.NONE)
         elif error >= self.stop_error:
-            self.phase, self._strayed = Phase.STOPPING, True
-        elif self.phase is not Phase.STOPPING:
-            self.phase = Phase.HELD if inputs.hold else Phase.MOVING
+            self.phase, self._strayed = ArcPhase.STOPPING, True
+        elif self.phase is not ArcPhase.STOPPING:
+            self.phase = ArcPhase.HELD if inputs.hold else ArcPhase.MOVING
 
     def _wanted_rate(self, error: float) -> float:
-        if self.phase is not Phase.MOVING:
+        if self.phase is not ArcPhase.MOVING:
             return 0.0
         return min(1.0, max(LEAST_RATE, (self.stop_error - error) / (self.stop_error - self.slow_error)))
 
-    def _zone_rate(self, inputs: Inputs) -> float:
+    def _zone_rate(self, inputs: ArcInputs) -> float:
         """Rate at which the load is no faster than it may be in the slow zone when it gets there."""
         low, high = inputs.slow_zone
         if not low < high:
@@ -363,7 +363,7 @@ class ArcFollower:
         left = 1 - part**3 * (10 - 15 * part + 6 * part**2)
         return self._offset * left, -self._offset * 30 * part**2 * (1 - part) ** 2 / length
 
-    def _command(self, inputs: Inputs, dt: float) -> Point:
+    def _command(self, inputs: ArcInputs, dt: float) -> Point:
         (x, y), _ = self._reference(0.0)
         feed_x = self._reference(self.x.lag + dt / 2)[1].x
         feed_y = (self._reference(self.y.lag + dt / 2)[1].y + inputs.rope_rate) / (1 + inputs.rope_strain)
@@ -376,7 +376,7 @@ class ArcFollower:
         return _within(feed + _within(correction, self.correction), axis.max_speed)
 
 
-def _check(inputs: Inputs) -> None:
+def _check(inputs: ArcInputs) -> None:
     numbers = {
         "position x": inputs.position.x,
         "position y": inputs.position.y,

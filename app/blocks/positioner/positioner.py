@@ -8,7 +8,7 @@ from typing import NamedTuple
 from app.blocks.ramp import approach
 
 
-class Phase(Enum):
+class MovePhase(Enum):
     """What a positioning does."""
 
     OFF = "off"
@@ -22,7 +22,7 @@ class Phase(Enum):
     """Stands elsewhere: a stop switch, or too many attempts."""
 
 
-class Inputs(NamedTuple):
+class MoveInputs(NamedTuple):
     """Of one scan."""
 
     start: bool
@@ -57,7 +57,7 @@ class Outputs(NamedTuple):
     """Where the slow-down of the present speed begins [mm]."""
     stop_position: float
     """Where the stop of the present speed begins [mm]."""
-    phase: Phase
+    phase: MovePhase
 
 
 @dataclass(slots=True)
@@ -96,7 +96,7 @@ class Positioner:
     tolerance: float = 5.0
     """Done within this of the target [mm]."""
     attempts: int = 3
-    phase: Phase = Phase.OFF
+    phase: MovePhase = MovePhase.OFF
     target: float = nan
     """[mm]"""
     way: int = 0
@@ -115,7 +115,7 @@ class Positioner:
             if not (isfinite(value) and value >= 0):
                 raise ValueError(f"{name} is {value}, a finite number of at least 0 expected")
 
-    def step(self, inputs: Inputs, dt: float) -> Outputs:
+    def step(self, inputs: MoveInputs, dt: float) -> Outputs:
         """One scan of `dt` [s].
 
         Raises:
@@ -126,7 +126,7 @@ class Positioner:
                 raise ValueError(f"{name} is {getattr(inputs, name)}, a finite number expected")
         if not inputs.start:
             return self.safe()
-        if self.phase is Phase.OFF:
+        if self.phase is MovePhase.OFF:
             self.target, self.attempt = inputs.target, 0
             self._begin(inputs)
         speed = min(abs(inputs.set_speed), self.max_speed)
@@ -137,18 +137,18 @@ class Positioner:
         area = max(0.0, going**2 - slow**2) / (2 * self.deceleration) if slow else 0.0
         stop = going**2 / (2 * self.deceleration)
         delay = self.lag * max(measured, going) + going * dt + held
-        if self.phase is Phase.TRAVEL:
+        if self.phase is MovePhase.TRAVEL:
             early = max(0.0, delay - slow * (self.lag + dt + self.shaper_delay))
             if slow and (left <= self.slow_distance + area + early or self._ahead(inputs.slow_min, inputs.slow_max)):
-                self.phase = Phase.SLOW
-        if self.phase in (Phase.TRAVEL, Phase.SLOW):
+                self.phase = MovePhase.SLOW
+        if self.phase in (MovePhase.TRAVEL, MovePhase.SLOW):
             if self._ahead(inputs.stop_min, inputs.stop_max):
-                self.phase, self.attempt = Phase.STOP, self.attempts
+                self.phase, self.attempt = MovePhase.STOP, self.attempts
             elif left <= stop + delay:
-                self.phase = Phase.STOP
-        elif self.phase is Phase.STOP and self._stands(measured, held):
+                self.phase = MovePhase.STOP
+        elif self.phase is MovePhase.STOP and self._stands(measured, held):
             self._settle(inputs)
-        command = {Phase.TRAVEL: speed, Phase.SLOW: slow}.get(self.phase, 0.0)
+        command = {MovePhase.TRAVEL: speed, MovePhase.SLOW: slow}.get(self.phase, 0.0)
         self.ramp = approach(self.ramp, command, self.acceleration * dt, self.deceleration * dt)
         travels = command > 0
         return Outputs(
@@ -163,28 +163,28 @@ class Positioner:
 
     def safe(self) -> Outputs:
         """Stand still and forget the positioning: not started, or an input is bad."""
-        self.phase, self.way, self.ramp = Phase.OFF, 0, 0.0
-        return Outputs(0.0, 0.0, False, False, nan, nan, Phase.OFF)
+        self.phase, self.way, self.ramp = MovePhase.OFF, 0, 0.0
+        return Outputs(0.0, 0.0, False, False, nan, nan, MovePhase.OFF)
 
-    def _begin(self, inputs: Inputs) -> None:
+    def _begin(self, inputs: MoveInputs) -> None:
         """Take the direction; an axis that is there already is done."""
         gap = self.target - inputs.position
         self.way = 1 if gap >= 0 else -1
         self.ramp = self.way * inputs.speed
         there = abs(gap) < self.tolerance and self._stands(self.ramp, inputs.held)
-        self.phase = Phase.DONE if there else Phase.TRAVEL
+        self.phase = MovePhase.DONE if there else MovePhase.TRAVEL
 
-    def _settle(self, inputs: Inputs) -> None:
+    def _settle(self, inputs: MoveInputs) -> None:
         """Standstill: there, once more, or missed."""
         if abs(self.target - inputs.position) < self.tolerance:
-            self.phase = Phase.DONE
+            self.phase = MovePhase.DONE
         elif self.attempt + 1 >= self.attempts:
-            self.phase = Phase.MISSED
+            self.phase = MovePhase.MISSED
         else:
             self.attempt += 1
             self._begin(inputs)
-            if self.slow_speed and self.slow_distance and self.phase is Phase.TRAVEL:
-                self.phase = Phase.SLOW
+            if self.slow_speed and self.slow_distance and self.phase is MovePhase.TRAVEL:
+                self.phase = MovePhase.SLOW
 
     def _going(self, measured: float) -> float:
         """Speed from which the ramp would brake: the block's own picture of it, or the measured one when that says more.
@@ -193,7 +193,7 @@ class Positioner:
         """
         if self.shaper_delay:
             return self.ramp
-        if self.phase is Phase.SLOW or self.phase is Phase.STOP:
+        if self.phase is MovePhase.SLOW or self.phase is MovePhase.STOP:
             return max(self.ramp, measured - self.deceleration * self.lag)
         return max(self.ramp, measured)
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from app.blocks.drive_control import DriveControl, Inputs, Outputs, Times
-from app.blocks.limit_switches import Allowed, LimitSwitches, Places, Switches
+from app.blocks.drive_control import DriveControl, DriveInputs, Outputs, Times
+from app.blocks.limit_switches import Allowed, LimitSwitches, Switches, SwitchPlaces
 from app.profidrive.scaling import Scaling
 from app.sim.crane.axis import Axis, AxisData
 from app.sim.sinamics.axis_drive import VirtualDrive
@@ -31,7 +31,7 @@ class DrivenAxis:
     """A crane axis with everything that moves and stops it; `step` is one scan of the PLC."""
 
     data: AxisData
-    places: Places
+    places: SwitchPlaces
     position: float
     """Where it begins [mm]."""
     times: Times = field(default_factory=Times)
@@ -42,7 +42,7 @@ class DrivenAxis:
     limits: LimitSwitches = field(init=False)
     out: Outputs = field(init=False)
     allowed: Allowed = field(init=False)
-    seen: Inputs = field(init=False)
+    seen: DriveInputs = field(init=False)
     """What the drive control saw in the last scan."""
 
     def __post_init__(self) -> None:
@@ -65,7 +65,7 @@ class DrivenAxis:
         )
         self.allowed = self.limits.step(low, high, None if faults.encoder else axis.measured, acknowledge=acknowledge)
         wanted = self.allowed.limit(speed)
-        self.seen = Inputs(
+        self.seen = DriveInputs(
             None if faults.no_communication else self.drive.status,
             axis.speed,
             (axis.is_open if faults.feedback is None else faults.feedback,),

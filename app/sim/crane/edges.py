@@ -1,8 +1,7 @@
 """What the crane's PLC tells of its crane: everything that has changed since the last scan, as events."""
 
-from app.blocks.drive_control import Alarm
-from app.blocks.limit_switches import Alarm as LimitAlarm
-from app.blocks.limit_switches import End
+from app.blocks.drive_control import DriveAlarm
+from app.blocks.limit_switches import End, LimitAlarm
 from app.sim.crane.plc_axis import HOT
 from app.sim.crane.register_map import DRIVE_EVENTS, CraneEvent
 from app.sim.crane.state import CraneView
@@ -30,7 +29,7 @@ class Edges:
         self._crane = crane
         self._facts: tuple[bool, ...] = ()
         self._load: tuple[bool, int] = (False, 0)
-        self._alarms: dict[int, frozenset[Alarm]] = {}
+        self._alarms: dict[int, frozenset[DriveAlarm]] = {}
         self._hot: dict[int, bool] = {}
         self._limits: dict[str, frozenset[tuple[End, LimitAlarm]]] = {}
         self._encoders: dict[str, bool] = {}
@@ -79,9 +78,9 @@ class Edges:
                         crane.event(*what, axis.position)
                 self._limits[axis.name] = now_standing
 
-    def _look_at_motor(self, number: int, alarms: set[Alarm], hot: bool) -> None:
+    def _look_at_motor(self, number: int, alarms: set[DriveAlarm], hot: bool) -> None:
         if alarms != self._alarms[number]:
-            for alarm in Alarm:
+            for alarm in DriveAlarm:
                 if alarm in alarms and alarm not in self._alarms[number]:
                     self._crane.event(DRIVE_EVENTS[alarm], number)
             self._alarms[number] = frozenset(alarms)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Inputs, Phase
+from app.blocks.arc_positioner.following import ArcFollower, ArcInputs, ArcPhase, AxisLimits, Fault
 from app.blocks.arc_positioner.original import OriginalArc
 from app.blocks.rope import stretch
 from app.sim.crane.axis import Axis, AxisData
@@ -62,7 +62,7 @@ class Result:
     end: float
     """Distance from the true end point [mm]."""
     seconds: float
-    phase: Phase
+    phase: ArcPhase
     fault: Fault
     top: Point
     """Greatest speeds [mm/s]."""
@@ -100,7 +100,7 @@ class Lift:
         self.formulas = OriginalArc(Point(TROLLEY_DATA.max_speed, HOIST_DATA.max_speed), times)
         self.circle = Circle.through(self.true, case.start, case.radius)
         """The true one."""
-        self.result = Result(0.0, 0.0, 0.0, Phase.OFF, Fault.NONE, Point(0.0, 0.0), Point(0.0, 0.0), 0.0)
+        self.result = Result(0.0, 0.0, 0.0, ArcPhase.OFF, Fault.NONE, Point(0.0, 0.0), Point(0.0, 0.0), 0.0)
         self.path_error = 0.0
         self.command = Point(0.0, 0.0)
         self.start, self.hold = True, False
@@ -155,7 +155,7 @@ class Lift:
     def _follow(self, first: bool) -> tuple[Point, bool, bool]:
         case = self.case
         out = self.follower.step(
-            Inputs(
+            ArcInputs(
                 self.start and not first,
                 self.measured,
                 case.start,
@@ -170,14 +170,14 @@ class Lift:
             self.dt,
         )
         self.result.phase, self.result.fault, self.path_error = out.phase, out.fault, out.path_error
-        return out.speed, out.run, out.phase in (Phase.DONE, Phase.FAULT)
+        return out.speed, out.run, out.phase in (ArcPhase.DONE, ArcPhase.FAULT)
 
     def _formulas(self, first: bool) -> tuple[Point, bool, bool]:
         case = self.case
         speeds = Point(self.trolley.speed, self.hoist.speed)
         out = self.formulas.step(not first, first, self.measured, speeds, case.start, case.end, case.radius, case.speed)
         finished = self.formulas.stopped == (True, True)
-        self.result.phase = Phase.DONE if finished else Phase.MOVING
+        self.result.phase = ArcPhase.DONE if finished else ArcPhase.MOVING
         # near its end it may creep on for ever
         self._slow = self._slow + 1 if max(map(abs, out.speed)) < CREEP else 0
         return out.speed, True, finished or self._slow * self.dt > 3

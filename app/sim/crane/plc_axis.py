@@ -4,11 +4,9 @@ from collections.abc import Mapping, Sequence
 from math import floor, inf, nan
 from typing import NamedTuple
 
-from app.blocks.drive_control import DriveControl, State, Times
-from app.blocks.drive_control import Inputs as DriveInputs
+from app.blocks.drive_control import DriveControl, DriveInputs, State, Times
 from app.blocks.drive_selection import DriveSelection, Selection
-from app.blocks.limit_switches import Allowed, LimitSwitches, Switches
-from app.blocks.limit_switches import Places as SwitchPlaces
+from app.blocks.limit_switches import Allowed, LimitSwitches, Switches, SwitchPlaces
 from app.blocks.motor_hours import FanRunOn, RunningHours
 from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Reaction

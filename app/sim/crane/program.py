@@ -16,9 +16,9 @@ from collections.abc import Callable, Mapping
 from math import nan
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.arc_positioner.following import Phase
+from app.blocks.arc_positioner.following import ArcPhase
 from app.blocks.joystick import Joystick, Lever
-from app.blocks.positioner.positioner import Phase as MovePhase
+from app.blocks.positioner.positioner import MovePhase
 from app.registers import plc_map
 from app.registers.plc_map import Request
 from app.sim import training
@@ -155,7 +155,7 @@ class VirtualCrane(CommandedCrane):
         done = travel.circle_to(angles, bool(self.path_mode), self._dt)
         if done:
             self.event(CraneEvent.PATH_DONE, self.cycle.step, travel.worst)
-        elif travel.phase is Phase.FAULT:
+        elif travel.phase is ArcPhase.FAULT:
             self.event(CraneEvent.PATH_FAULT, signals.FAULT_WORDS[travel.fault], travel.worst)
             self.sequence.suspend(Suspension.PATH)
         return done

@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from types import MappingProxyType
 
-from app.blocks.drive_control import Alarm, Missing
+from app.blocks.drive_control import DriveAlarm, Missing
 from app.profidrive.words import Control, Status
 from app.sim.crane.configuration import AXES, PLACES, SETTINGS
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace
@@ -106,16 +106,16 @@ class CraneEvent(IntEnum):
     DRIVES_SELECTED, HOURS_RESET, PATH_SELECTED = 50, 51, 52
 
 
-DRIVE_EVENTS: Mapping[Alarm, CraneEvent] = MappingProxyType(
+DRIVE_EVENTS: Mapping[DriveAlarm, CraneEvent] = MappingProxyType(
     {
-        Alarm.COMMUNICATION: CraneEvent.DRIVE_COMMUNICATION,
-        Alarm.DRIVE_TRIPPED: CraneEvent.DRIVE_TRIPPED,
-        Alarm.MAGNETISING_TIMEOUT: CraneEvent.MAGNETISING_TIMEOUT,
-        Alarm.BRAKE_OPEN_TIMEOUT: CraneEvent.BRAKE_OPEN_TIMEOUT,
-        Alarm.BRAKE_FEEDBACK_LOST: CraneEvent.BRAKE_FEEDBACK_LOST,
-        Alarm.BRAKE_CLOSE_TIMEOUT: CraneEvent.BRAKE_CLOSE_TIMEOUT,
-        Alarm.START_TIMEOUT: CraneEvent.START_TIMEOUT,
-        Alarm.STOP_TIMEOUT: CraneEvent.STOP_TIMEOUT,
+        DriveAlarm.COMMUNICATION: CraneEvent.DRIVE_COMMUNICATION,
+        DriveAlarm.DRIVE_TRIPPED: CraneEvent.DRIVE_TRIPPED,
+        DriveAlarm.MAGNETISING_TIMEOUT: CraneEvent.MAGNETISING_TIMEOUT,
+        DriveAlarm.BRAKE_OPEN_TIMEOUT: CraneEvent.BRAKE_OPEN_TIMEOUT,
+        DriveAlarm.BRAKE_FEEDBACK_LOST: CraneEvent.BRAKE_FEEDBACK_LOST,
+        DriveAlarm.BRAKE_CLOSE_TIMEOUT: CraneEvent.BRAKE_CLOSE_TIMEOUT,
+        DriveAlarm.START_TIMEOUT: CraneEvent.START_TIMEOUT,
+        DriveAlarm.STOP_TIMEOUT: CraneEvent.STOP_TIMEOUT,
     }
 )
 """Alarm of a drive's control → the event that tells it."""
@@ -329,7 +329,7 @@ DRIVE_REALS: Sequence[str] = (
 """f32 from +6 on: rpm, rpm, %, %, °C, h, h that the last reset took, s of the fan's run-on, s of the preset."""
 DRIVE_COUNT = ("starts", 24)
 """u32 and its offset."""
-DRIVE_ALARMS: Sequence[str] = tuple(alarm.value for alarm in Alarm)
+DRIVE_ALARMS: Sequence[str] = tuple(alarm.value for alarm in DriveAlarm)
 """Bits of `<drive>_alarms`; points `<drive>_alarm_<bit>`."""
 DRIVE_PERMISSIVES: Sequence[str] = (*(missing.value for missing in Missing), "selected")
 """Bits of `<drive>_permissives`; points `<drive>_permit_<bit>`."""

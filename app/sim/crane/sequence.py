@@ -17,7 +17,7 @@ from math import nan
 from typing import NamedTuple, Protocol
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.positioner.positioner import Phase as MovePhase
+from app.blocks.positioner.positioner import MovePhase
 from app.sim.crane.register_map import CraneEvent, Step, StepState, Suspension
 
 BELOW = 200.0

@@ -6,10 +6,9 @@ from math import nan
 from struct import Struct
 from types import MappingProxyType
 
-from app.blocks.arc_positioner.following import Fault, Phase
-from app.blocks.drive_control import Alarm, Missing, State
-from app.blocks.limit_switches import Alarm as LimitAlarm
-from app.blocks.limit_switches import End
+from app.blocks.arc_positioner.following import ArcPhase, Fault
+from app.blocks.drive_control import DriveAlarm, Missing, State
+from app.blocks.limit_switches import End, LimitAlarm
 from app.sim.crane.configuration import PLACES, STANDS, Places
 from app.sim.crane.plc_axis import FAULT_CODE, HOT, Motor, PlcAxis
 from app.sim.crane.register_map import (
@@ -30,9 +29,9 @@ _CONFIGURATION = Struct(f">H{len(PLACES)}f")
 _AXIS = Struct(">5H4x7f")
 _DRIVE = Struct(">6H9fI")
 _STATES: Mapping[State, int] = MappingProxyType({state: DriveState[state.name] for state in State})
-_PHASES: Mapping[Phase, int] = MappingProxyType({phase: PathPhase[phase.name] for phase in Phase})
+_PHASES: Mapping[ArcPhase, int] = MappingProxyType({phase: PathPhase[phase.name] for phase in ArcPhase})
 FAULT_WORDS: Mapping[Fault, int] = MappingProxyType({fault: PathFault[fault.name] for fault in Fault})
-_ALARMS: Sequence[Alarm] = tuple(Alarm)
+_ALARMS: Sequence[DriveAlarm] = tuple(DriveAlarm)
 _MISSING: Sequence[Missing] = tuple(Missing)
 _FAILED = frozenset({LimitAlarm.SLOW_FAILED, LimitAlarm.STOP_FAILED})
 

@@ -4,12 +4,9 @@ from collections.abc import Mapping, Sequence
 from math import asin, degrees, isfinite, nan
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Phase
-from app.blocks.arc_positioner.following import Inputs as ArcInputs
+from app.blocks.arc_positioner.following import ArcFollower, ArcInputs, ArcPhase, AxisLimits, Fault
 from app.blocks.arc_positioner.original import OriginalArc
-from app.blocks.positioner.positioner import Inputs as MoveInputs
-from app.blocks.positioner.positioner import Phase as MovePhase
-from app.blocks.positioner.positioner import Positioner
+from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
 from app.blocks.ramp import Ramp
 from app.blocks.rope import stretch
 from app.blocks.sway_shaper import Shaped, Shaping, SwayShaper
@@ -144,7 +141,7 @@ class Travel:
         self.path_error = self.radial_error = nan
         self.worst = 0.0
         self.angle = self.goal = nan
-        self.phase, self.fault = Phase.OFF, Fault.NONE
+        self.phase, self.fault = ArcPhase.OFF, Fault.NONE
         self.circle: Circle | None = None
         self._creeping = 0.0
         self._moved: set[str] = set()
@@ -167,9 +164,9 @@ class Travel:
                 self._axes[name].target = nan
         if self._circled:
             return
-        if self.phase is Phase.FAULT:
+        if self.phase is ArcPhase.FAULT:
             self.follower.release()  # it is told until the next start, which counts
-        elif self.phase not in (Phase.OFF, Phase.DONE):
+        elif self.phase not in (ArcPhase.OFF, ArcPhase.DONE):
             self._drop(dt)
 
     def position(self, name: str, target: float, dt: float, *, fine: bool = False) -> MovePhase:
@@ -207,7 +204,7 @@ class Travel:
         self._original = self._formulas()
         self._original.circle = circle
         self.worst, self._creeping = 0.0, 0.0
-        self.phase, self.fault = Phase.OFF, Fault.NONE
+        self.phase, self.fault = ArcPhase.OFF, Fault.NONE
 
     def circle_to(self, angles: tuple[float, float], original: bool, dt: float) -> bool:
         """Move the load on the circle to the second angle [°]; whether it is there. `fault` says when it ended otherwise."""
@@ -218,7 +215,7 @@ class Travel:
             return self._by_formulas(angles, trolley, hoist, dt)
         out = self.follower.step(
             ArcInputs(
-                self.follower.phase is not Phase.STOPPING,
+                self.follower.phase is not ArcPhase.STOPPING,
                 self.load_at,
                 angles[0],
                 angles[1],
@@ -239,7 +236,7 @@ class Travel:
             self.worst = max(self.worst, out.path_error)
         if out.run:
             self._ask_both(out.speed)
-        return out.phase is Phase.DONE
+        return out.phase is ArcPhase.DONE
 
     @property
     def load_at(self) -> Point:
@@ -256,19 +253,19 @@ class Travel:
     @property
     def circles(self) -> bool:
         """A circular move is under way, or waits for its brakes."""
-        return self.phase in (Phase.BRAKES, Phase.MOVING, Phase.HELD, Phase.STOPPING)
+        return self.phase in (ArcPhase.BRAKES, ArcPhase.MOVING, ArcPhase.HELD, ArcPhase.STOPPING)
 
     @property
     def planned(self) -> Point:
         """Where the load should be [mm]; NaN without a circular move."""
-        if self.circle is None or self.phase not in (Phase.MOVING, Phase.HELD, Phase.STOPPING):
+        if self.circle is None or self.phase not in (ArcPhase.MOVING, ArcPhase.HELD, ArcPhase.STOPPING):
             return Point(nan, nan)
         return self.circle.at(self.angle)
 
     def _drop(self, dt: float) -> None:
         """A suspended move comes to a stop on its circle."""
         trolley, hoist = self._axes["trolley"], self._axes["hoist"]
-        if self.phase in (Phase.MOVING, Phase.HELD, Phase.STOPPING) and trolley.running and hoist.running:
+        if self.phase in (ArcPhase.MOVING, ArcPhase.HELD, ArcPhase.STOPPING) and trolley.running and hoist.running:
             out = self.follower.step(
                 ArcInputs(
                     False,
@@ -287,7 +284,7 @@ class Travel:
                 self._ask_both(out.speed)
                 return
         self.follower.release()
-        self.phase = Phase.OFF
+        self.phase = ArcPhase.OFF
 
     def _ask_both(self, speed: Point) -> None:
         self.asked["trolley"], self.asked["hoist"] = Asked(speed.x, True), Asked(speed.y, True)
@@ -299,14 +296,14 @@ class Travel:
         out = self._original.step(True, False, position, speeds, *angles, self._radius, self._speed)
         finished = self._original.stopped == (True, True)
         self._creeping = self._creeping + dt if max(map(abs, out.speed)) < CREEP else 0.0
-        self.phase = Phase.MOVING
+        self.phase = ArcPhase.MOVING
         self.angle = out.angle
         assert self.circle is not None
         self.radial_error = self.circle.radial_error(position)
         self.path_error = abs(self.radial_error)
         self.worst = max(self.worst, self.path_error)
         if finished or self._creeping > CREEPING:
-            self.phase = Phase.DONE
+            self.phase = ArcPhase.DONE
             return True
         self._ask_both(out.speed)
         return False

@@ -5,13 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.arc_positioner.following import ArcFollower, Fault, Inputs, Phase
+from app.blocks.arc_positioner.following import ArcFollower, ArcInputs, ArcPhase, Fault
 from tests.blocks.arc_positioner.stand import X, Y
 
 
 def test_no_circle_and_a_place_beside_it_are_refused_by_name() -> None:
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
-    at = Inputs(False, circle.at(0), 0, 90, 3000.0, 100.0)
+    at = ArcInputs(False, circle.at(0), 0, 90, 3000.0, 100.0)
     arc.step(at, 0.01)
     assert arc.step(at._replace(start=True), 0.01).fault is Fault.NO_CIRCLE
     arc.step(at, 0.01)
@@ -21,7 +21,7 @@ def test_no_circle_and_a_place_beside_it_are_refused_by_name() -> None:
     for beside, end in ((101.0, 90), (-101.0, 90), (60.0, 20)):
         place = Point(3000.0 + beside, 0.0)
         out = arc.step(at._replace(start=True, position=place, end_angle=end), 0.01)
-        assert (out.phase, out.fault, out.run) == (Phase.FAULT, Fault.OFF_THE_PATH, False)
+        assert (out.phase, out.fault, out.run) == (ArcPhase.FAULT, Fault.OFF_THE_PATH, False)
         arc.step(at, 0.01)
     assert arc.step(at._replace(start=True, position=Point(3060.0, 0.0)), 0.01).fault is Fault.NONE
 

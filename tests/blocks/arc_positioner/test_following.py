@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.blocks.arc_positioner.circle import Circle, Point
-from app.blocks.arc_positioner.following import ArcFollower, AxisLimits, Fault, Inputs, Outputs, Phase
+from app.blocks.arc_positioner.following import ArcFollower, ArcInputs, ArcPhase, AxisLimits, Fault, Outputs
 from app.sim.crane.lift import HOIST_DATA, TROLLEY_DATA, Case, Lift
 from tests.blocks.arc_positioner.stand import X, Y
 
@@ -29,7 +29,7 @@ TABLE = [
 
 def compare(case: Case) -> None:
     ours, original = Lift(case).run(), Lift(case, original=True).run()
-    assert (ours.phase, ours.fault) == (Phase.DONE, Fault.NONE)
+    assert (ours.phase, ours.fault) == (ArcPhase.DONE, Fault.NONE)
     assert ours.worst <= 2.0 and ours.end <= 2.0
     assert ours.worst <= original.worst
     assert ours.strain == 0.0
@@ -76,7 +76,7 @@ def anyhow(random: Random, longest: float) -> Case:
 )
 def test_any_start_angle_to_any_end_angle_in_both_directions(angles: tuple[float, float]) -> None:
     done = Lift(Case(SLOWER, 1000, *angles)).run()
-    assert done.phase is Phase.DONE and done.worst <= 2.0 and done.end <= 2.0
+    assert done.phase is ArcPhase.DONE and done.worst <= 2.0 and done.end <= 2.0
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_any_start_angle_to_any_end_angle_in_both_directions(angles: tuple[float
 )
 def test_what_is_not_quite_as_told_is_still_within_two_millimetres(case: Case) -> None:
     done = Lift(case).run()
-    assert done.phase is Phase.DONE and done.worst <= 2.0
+    assert done.phase is ArcPhase.DONE and done.worst <= 2.0
 
 
 def test_without_the_stretch_of_the_rope_a_long_lift_is_off_by_its_stretch() -> None:
@@ -123,7 +123,7 @@ def test_reference_is_on_the_circle_and_within_the_limits_of_both_axes(
 
 
 def begin(arc: ArcFollower, circle: Circle, start: float, end: float, speed: float = 100.0) -> Outputs:
-    at = Inputs(False, circle.at(start), start, end, circle.radius, speed)
+    at = ArcInputs(False, circle.at(start), start, end, circle.radius, speed)
     arc.step(at, 0.01)
     arc.step(at._replace(take_zero=True), 0.01)
     arc.step(at._replace(start=True), 0.01)
@@ -132,16 +132,18 @@ def begin(arc: ArcFollower, circle: Circle, start: float, end: float, speed: flo
 
 def test_waits_for_both_brakes_and_asks_for_the_drives_meanwhile() -> None:
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
-    at = Inputs(False, circle.at(0), 0, 90, 3000.0, 100.0, brakes_open=(False, False))
+    at = ArcInputs(False, circle.at(0), 0, 90, 3000.0, 100.0, brakes_open=(False, False))
     arc.step(at, 0.01)
     arc.step(at._replace(take_zero=True), 0.01)
     for brakes in ((False, False), (True, False), (False, True), (True, False)):
         for _ in range(50):
             out = arc.step(at._replace(start=True, brakes_open=brakes), 0.01)
-            assert (out.phase, out.speed, out.run) == (Phase.BRAKES, (0.0, 0.0), True)
+            assert (out.phase, out.speed, out.run) == (ArcPhase.BRAKES, (0.0, 0.0), True)
     for _ in range(100):
         out = arc.step(at._replace(start=True, brakes_open=(True, True)), 0.01)
-    assert out.phase is Phase.MOVING and out.speed.y > 0 and out.percent.y == pytest.approx(out.speed.y / 132.08 * 100)
+    assert (
+        out.phase is ArcPhase.MOVING and out.speed.y > 0 and out.percent.y == pytest.approx(out.speed.y / 132.08 * 100)
+    )
 
 
 @pytest.mark.parametrize(
@@ -155,19 +157,19 @@ def test_waits_for_both_brakes_and_asks_for_the_drives_meanwhile() -> None:
 )
 def test_what_ends_a_lift_takes_both_commands_at_once_and_wants_a_new_start(change: dict, fault: Fault) -> None:  # type: ignore[type-arg]
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
-    at = Inputs(True, circle.at(0), 0, 90, 3000.0, 100.0)
-    assert begin(arc, circle, 0, 90).phase is Phase.MOVING
+    at = ArcInputs(True, circle.at(0), 0, 90, 3000.0, 100.0)
+    assert begin(arc, circle, 0, 90).phase is ArcPhase.MOVING
     out = arc.step(at._replace(**change), 0.01)
-    assert (out.phase, out.fault, out.speed, out.run) == (Phase.FAULT, fault, (0.0, 0.0), False)
-    assert arc.step(at, 0.01).phase is Phase.FAULT, "as long as the start is held"
+    assert (out.phase, out.fault, out.speed, out.run) == (ArcPhase.FAULT, fault, (0.0, 0.0), False)
+    assert arc.step(at, 0.01).phase is ArcPhase.FAULT, "as long as the start is held"
     assert arc.step(at._replace(start=False), 0.01) == arc.step(at._replace(start=False), 0.01)
-    assert arc.step(at, 0.01).phase is Phase.MOVING
+    assert arc.step(at, 0.01).phase is ArcPhase.MOVING
 
 
 def test_a_start_that_was_there_before_does_not_start() -> None:
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
-    at = Inputs(True, circle.at(0), 0, 90, 3000.0, 100.0, take_zero=True)
-    assert {arc.step(at, 0.01).phase for _ in range(3)} == {Phase.OFF}
+    at = ArcInputs(True, circle.at(0), 0, 90, 3000.0, 100.0, take_zero=True)
+    assert {arc.step(at, 0.01).phase for _ in range(3)} == {ArcPhase.OFF}
     assert arc.circle is None
 
 
@@ -180,7 +182,7 @@ def test_hold_stands_on_the_path_and_goes_on() -> None:
         standing |= n < 2500 and n > 2400 and not lift.trolley.speed and not lift.hoist.speed
         if ended:
             break
-    assert standing and lift.result.phase is Phase.DONE and lift.result.worst <= 1.0
+    assert standing and lift.result.phase is ArcPhase.DONE and lift.result.worst <= 1.0
 
 
 def test_held_before_it_moves_it_waits_with_open_brakes() -> None:
@@ -189,9 +191,9 @@ def test_held_before_it_moves_it_waits_with_open_brakes() -> None:
     for _ in range(300):
         lift.step()
         assert lift.command == (0.0, 0.0)
-    assert lift.result.phase is Phase.BRAKES and lift.trolley.is_open and lift.hoist.is_open
+    assert lift.result.phase is ArcPhase.BRAKES and lift.trolley.is_open and lift.hoist.is_open
     lift.hold = False
-    assert lift.run().phase is Phase.DONE
+    assert lift.run().phase is ArcPhase.DONE
 
 
 def test_a_start_that_comes_back_while_it_stops_is_not_a_path_error_and_does_not_count() -> None:
@@ -199,11 +201,11 @@ def test_a_start_that_comes_back_while_it_stops_is_not_a_path_error_and_does_not
     for n in range(2500):
         lift.start = not 900 < n < 1000
         lift.step()
-    assert (lift.result.phase, lift.result.fault) == (Phase.OFF, Fault.NONE) and not lift.command.x
+    assert (lift.result.phase, lift.result.fault) == (ArcPhase.OFF, Fault.NONE) and not lift.command.x
     lift.start = False
     lift.step()
     lift.start = True
-    assert lift.run().phase is Phase.DONE
+    assert lift.run().phase is ArcPhase.DONE
 
 
 @pytest.mark.parametrize("how", ["start dropped", "commands lost"])
@@ -211,18 +213,18 @@ def test_a_lift_broken_off_goes_on_from_where_it_stands(how: str) -> None:
     lift = Lift(Case(SLOWER, 1500))
     for _ in range(900):
         lift.step()
-    assert lift.follower.phase is Phase.MOVING
+    assert lift.follower.phase is ArcPhase.MOVING
     if how == "commands lost":
         lift.follower.safe()
     lift.start = False
     for _ in range(900):
         lift.step()
-    assert max(abs(lift.trolley.speed), abs(lift.hoist.speed)) < 0.1 and lift.result.phase is Phase.OFF
+    assert max(abs(lift.trolley.speed), abs(lift.hoist.speed)) < 0.1 and lift.result.phase is ArcPhase.OFF
     off = abs(lift.circle.radial_error(lift.true))
     assert off < 2.0 if how == "start dropped" else off > 4.0, "along the path, or each axis by its own brake"
     lift.start = True
     done = lift.run()
-    assert done.phase is Phase.DONE and done.end <= 2.0
+    assert done.phase is ArcPhase.DONE and done.end <= 2.0
     assert abs(lift.circle.radial_error(lift.true)) <= 2.0
 
 
@@ -234,20 +236,20 @@ def test_a_jammed_axis_ends_in_an_alarm_with_both_axes_stopped(axis: int) -> Non
         lift.blocked[axis] = n > 1500
         if ended := lift.step():
             break
-    assert ended and (lift.result.phase, lift.result.fault) == (Phase.FAULT, Fault.PATH_ERROR)
+    assert ended and (lift.result.phase, lift.result.fault) == (ArcPhase.FAULT, Fault.PATH_ERROR)
     assert lift.result.worst < 40.0, "20 mm, and what the other axis needs until its brake has it"
 
 
 @pytest.mark.parametrize(
     ("gain", "slowed", "phase"),
-    [(0.999, False, Phase.DONE), (0.9, True, Phase.DONE), (0.0, True, Phase.FAULT)],
+    [(0.999, False, ArcPhase.DONE), (0.9, True, ArcPhase.DONE), (0.0, True, ArcPhase.FAULT)],
 )
-def test_path_error_slows_down_then_stops_then_alarms(gain: float, slowed: bool, phase: Phase) -> None:
+def test_path_error_slows_down_then_stops_then_alarms(gain: float, slowed: bool, phase: ArcPhase) -> None:
     lift = Lift(Case(SLOWER, 2000, 0, 60, gain=(1.0, gain)))
-    rates, seen = set(), list[Phase]()
+    rates, seen = set(), list[ArcPhase]()
     for _ in range(9000):
         ended = lift.step()
-        if lift.follower.phase is Phase.MOVING:
+        if lift.follower.phase is ArcPhase.MOVING:
             rates.add(round(lift.follower._rate.speed, 3))
         if not seen or seen[-1] is not lift.follower.phase:
             seen.append(lift.follower.phase)
@@ -255,20 +257,22 @@ def test_path_error_slows_down_then_stops_then_alarms(gain: float, slowed: bool,
             break
     assert lift.result.phase is phase
     assert (min(rates) < 0.99) is slowed
-    if phase is Phase.FAULT:
-        assert seen[-3:] == [Phase.MOVING, Phase.STOPPING, Phase.FAULT] and lift.result.fault is Fault.PATH_ERROR
+    if phase is ArcPhase.FAULT:
+        assert (
+            seen[-3:] == [ArcPhase.MOVING, ArcPhase.STOPPING, ArcPhase.FAULT] and lift.result.fault is Fault.PATH_ERROR
+        )
 
 
 @pytest.mark.parametrize("field", ["position", "start_angle", "end_angle", "radius", "set_speed", "rope_strain"])
 def test_inputs_must_be_finite_and_safe_is_still(field: str) -> None:
     arc, circle = ArcFollower(X, Y), Circle(0.0, 0.0, 3000.0)
     begin(arc, circle, 0, 90)
-    at = Inputs(True, circle.at(0), 0, 90, 3000.0, 100.0)
+    at = ArcInputs(True, circle.at(0), 0, 90, 3000.0, 100.0)
     bad = Point(math.nan, 0.0) if field == "position" else math.nan
     with pytest.raises(ValueError, match=field):
         arc.step(at._replace(**{field: bad}), 0.01)  # type: ignore[arg-type]
     assert arc.safe().speed == (0.0, 0.0)
-    assert arc.step(at, 0.01).phase is Phase.OFF, "a new start is wanted"
+    assert arc.step(at, 0.01).phase is ArcPhase.OFF, "a new start is wanted"
 
 
 @pytest.mark.parametrize("name", ["gain", "correction", "headroom", "slow_error", "stop_error", "tolerance", "join"])

@@ -3,7 +3,7 @@
 import pytest
 
 from app.blocks.positioner.original import OriginalPositioner
-from app.blocks.positioner.positioner import Inputs, Positioner
+from app.blocks.positioner.positioner import MoveInputs, Positioner
 from app.sim.crane.axis import Axis
 from tests.blocks.positioner.stand import IDEAL
 
@@ -30,5 +30,5 @@ def test_original_is_right_forward_looks_back_in_reverse_and_keeps_its_percentag
 def test_original_puts_the_slow_down_beyond_the_slow_travel_below_the_slow_speed() -> None:
     out = OriginalPositioner(660.4, 165.1, 50.0, 200.0).step(True, 0.0, 5000.0, 10.0, 660.4, 0.01)
     assert out.slow_down_position > 4800.0
-    fixed = Positioner(660.4, 110.0, 165.1, 50.0, 200.0).step(Inputs(True, 0.0, 5000.0, 10.0, 660.4), 0.01)
+    fixed = Positioner(660.4, 110.0, 165.1, 50.0, 200.0).step(MoveInputs(True, 0.0, 5000.0, 10.0, 660.4), 0.01)
     assert fixed.slow_down_position == 4800.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.blocks.positioner.positioner import Inputs, Phase, Positioner
+from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
 from app.sim.crane.axis import Axis, AxisData
 from tests.blocks.positioner.stand import HOIST_DATA, IDEAL, TROLLEY_DATA
 
@@ -20,7 +20,7 @@ class Run:
     error: float
     overshoot: float
     slow_at: float
-    phases: list[Phase]
+    phases: list[MovePhase]
     top: float
 
 
@@ -37,12 +37,12 @@ def run(
     axis = Axis(data, position=start, brake=1.0)
     block = Positioner(data.max_speed, data.acceleration, data.deceleration, *slow, lag=lag)
     way = 1 if target >= start else -1
-    seconds, overshoot, slow_at, top, phases = 0.0, -math.inf, math.nan, 0.0, [Phase.OFF]
-    while phases[-1] not in (Phase.DONE, Phase.MISSED):
-        out = block.step(Inputs(True, axis.measured, target, axis.speed, set_speed), dt)
+    seconds, overshoot, slow_at, top, phases = 0.0, -math.inf, math.nan, 0.0, [MovePhase.OFF]
+    while phases[-1] not in (MovePhase.DONE, MovePhase.MISSED):
+        out = block.step(MoveInputs(True, axis.measured, target, axis.speed, set_speed), dt)
         if out.phase is not phases[-1]:
             phases.append(out.phase)
-            if out.phase is Phase.SLOW and math.isnan(slow_at):
+            if out.phase is MovePhase.SLOW and math.isnan(slow_at):
                 slow_at = axis.position
         assert out.forward is (out.speed > 0) and out.reverse is (out.speed < 0)
         assert out.percent == pytest.approx(abs(out.speed) / data.max_speed * 100)
@@ -62,17 +62,17 @@ def test_curve_of_the_reference_in_both_directions(start: float, target: float, 
     assert way * (done.slow_at - start) == pytest.approx(3486.8, abs=660.4 * dt)
     assert done.seconds == pytest.approx(16.1, abs=0.1)
     assert done.error < 5.0 and done.overshoot <= 0.0
-    assert done.phases == [Phase.OFF, Phase.TRAVEL, Phase.SLOW, Phase.STOP, Phase.DONE]
+    assert done.phases == [MovePhase.OFF, MovePhase.TRAVEL, MovePhase.SLOW, MovePhase.STOP, MovePhase.DONE]
     assert done.top == pytest.approx(660.4)
 
 
 def test_positions_told_are_the_formulas() -> None:
     block = Positioner(660.4, 660.4 / 6, 660.4 / 4, 50.0, 200.0)
-    out = block.step(Inputs(True, 8000.0, 10000.0, 660.4, 660.4), 0.01)
+    out = block.step(MoveInputs(True, 8000.0, 10000.0, 660.4, 660.4), 0.01)
     assert out.slow_down_position == pytest.approx(8486.8, abs=0.05)
     assert out.stop_position == pytest.approx(10000 - 660.4**2 / (2 * 165.1), abs=0.05)
     block = Positioner(660.4, 660.4 / 6, 660.4 / 4, 50.0, 200.0)
-    out = block.step(Inputs(True, 8000.0, 5000.0, -660.4, 660.4), 0.01)
+    out = block.step(MoveInputs(True, 8000.0, 5000.0, -660.4, 660.4), 0.01)
     assert out.slow_down_position == pytest.approx(6513.2, abs=0.05)
 
 
@@ -95,7 +95,7 @@ def test_stops_within_tolerance_and_never_overshoots(
         acceleration=660.4 / times[0], deceleration=660.4 / times[1], lag=lag * part, dead_time=lag * (1 - part)
     )
     done = run(start, start + gap, data, lag=lag + spare + 0.01, set_speed=set_speed, slow=slow)
-    assert done.phases[-1] is Phase.DONE
+    assert done.phases[-1] is MovePhase.DONE
     assert done.error < 5.0 + data.resolution
     assert done.overshoot <= data.resolution or abs(gap) < 5.0
 
@@ -106,7 +106,7 @@ def test_hoist_likewise_with_and_without_slow_travel(gap: float, lag: float, set
     data = HOIST_DATA.with_(lag=lag)
     slow = (20.32, 60.0) if creep else (0.0, 0.0)
     done = run(15000.0, 15000.0 + gap, data, lag=lag + 0.01, set_speed=set_speed, slow=slow)
-    assert done.phases[-1] is Phase.DONE and done.error < 5.0 + data.resolution
+    assert done.phases[-1] is MovePhase.DONE and done.error < 5.0 + data.resolution
     assert done.overshoot <= data.resolution or abs(gap) < 5.0
 
 
@@ -122,7 +122,7 @@ def test_forward_and_back_mirror_each_other(gap: float, lag: float) -> None:
 
 def test_a_lag_that_was_not_told_is_made_up_for_by_coming_back() -> None:
     done = run(0.0, 5000.0, IDEAL.with_(lag=0.4), lag=0.05)
-    assert done.phases[-1] is Phase.DONE and done.error < 5.0 and done.overshoot > 5.0
+    assert done.phases[-1] is MovePhase.DONE and done.error < 5.0 and done.overshoot > 5.0
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -130,7 +130,7 @@ def test_switches_ahead_count_and_those_behind_do_not(way: int) -> None:
     slow, stop = ("slow_max", "stop_max") if way > 0 else ("slow_min", "stop_min")
     behind = ("slow_min", "stop_min") if way > 0 else ("slow_max", "stop_max")
     block = Positioner(660.4, 110.0, 165.0, 50.0, 200.0)
-    at = Inputs(True, 0.0, way * 5000.0, way * 100.0, 660.4)
+    at = MoveInputs(True, 0.0, way * 5000.0, way * 100.0, 660.4)
     assert block.step(at, 0.01).speed == way * 660.4
     for name in behind:
         assert block.step(at._replace(**{name: True}), 0.01).speed == way * 660.4
@@ -139,33 +139,35 @@ def test_switches_ahead_count_and_those_behind_do_not(way: int) -> None:
     assert block.step(at._replace(**{stop: True}), 0.01).speed == 0.0
     for _ in range(600):
         out = block.step(at._replace(speed=0.0), 0.01)
-    assert (out.phase, out.speed, out.percent, out.forward, out.reverse) == (Phase.MISSED, 0.0, 0.0, False, False)
-    assert block.step(at._replace(start=False), 0.01).phase is Phase.OFF
+    assert (out.phase, out.speed, out.percent, out.forward, out.reverse) == (MovePhase.MISSED, 0.0, 0.0, False, False)
+    assert block.step(at._replace(start=False), 0.01).phase is MovePhase.OFF
 
 
 def test_dropping_the_start_stops_and_a_new_one_takes_the_new_target() -> None:
     block = Positioner(660.4, 110.0, 165.0, 50.0, 200.0)
-    block.step(Inputs(True, 0.0, 5000.0, 0.0, 660.4), 0.01)
-    assert block.step(Inputs(True, 0.0, -5000.0, 0.0, 660.4), 0.01).speed == 660.4, "the target is taken at the start"
-    out = block.step(Inputs(False, 0.0, -5000.0, 0.0, 660.4), 0.01)
-    assert (out.speed, out.percent, out.forward, out.phase) == (0.0, 0.0, False, Phase.OFF)
-    assert block.step(Inputs(True, 0.0, -5000.0, 0.0, 660.4), 0.01).speed == -660.4
+    block.step(MoveInputs(True, 0.0, 5000.0, 0.0, 660.4), 0.01)
+    assert block.step(MoveInputs(True, 0.0, -5000.0, 0.0, 660.4), 0.01).speed == 660.4, (
+        "the target is taken at the start"
+    )
+    out = block.step(MoveInputs(False, 0.0, -5000.0, 0.0, 660.4), 0.01)
+    assert (out.speed, out.percent, out.forward, out.phase) == (0.0, 0.0, False, MovePhase.OFF)
+    assert block.step(MoveInputs(True, 0.0, -5000.0, 0.0, 660.4), 0.01).speed == -660.4
 
 
 def test_there_already_is_done_without_a_move() -> None:
     for gap in (0.0, 4.9, -4.9):
-        assert run(100.0, 100.0 + gap).phases == [Phase.OFF, Phase.DONE]
+        assert run(100.0, 100.0 + gap).phases == [MovePhase.OFF, MovePhase.DONE]
 
 
 @pytest.mark.parametrize("name", ["position", "target", "speed", "set_speed", "held"])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_inputs_must_be_finite_and_safe_is_still(name: str, bad: float) -> None:
     block = Positioner(660.4, 110.0, 165.0)
-    good = Inputs(True, 0.0, 5000.0, 0.0, 660.4)
+    good = MoveInputs(True, 0.0, 5000.0, 0.0, 660.4)
     block.step(good, 0.01)
     with pytest.raises(ValueError, match=name):
         block.step(good._replace(**{name: bad}), 0.01)  # type: ignore[arg-type]
-    assert block.safe().speed == 0.0 and block.phase is Phase.OFF
+    assert block.safe().speed == 0.0 and block.phase is MovePhase.OFF
 
 
 @pytest.mark.parametrize("name", ["max_speed", "acceleration", "deceleration", "tolerance", "lag", "slow_speed"])

@@ -5,7 +5,7 @@ from random import Random
 import pytest
 
 from app.blocks.drive_control import State, Times
-from app.blocks.limit_switches import Alarm, End, Places
+from app.blocks.limit_switches import End, LimitAlarm, SwitchPlaces
 from app.profidrive.state_machine import Reaction
 from app.profidrive.words import Status
 from app.sim.crane.axis import AxisData
@@ -15,7 +15,7 @@ from app.sim.crane.figures import HOIST
 DT = 0.02
 DATA = AxisData.of(HOIST).with_(acceleration=352.0, deceleration=352.0, brake_release=0.2, brake_close=0.1)
 """The hoist with ramps eight times as steep on a way of 400 mm, so that a run of seconds has many movements and gets to its ends."""
-PLACES = Places(0.0, 60.0, 340.0, 400.0, 15.0, 20.32)
+PLACES = SwitchPlaces(0.0, 60.0, 340.0, 400.0, 15.0, 20.32)
 TIMES = Times(preset_hold=1.0, brake_open=0.6, magnetising=1.2, start=0.6, stop=2.0, brake_close=0.5, quick_stop=0.8)
 CREEP = 9.0
 """Farthest beyond a stop switch from the slow speed: a trip there, 0.12 s of falling until the brake holds, and the brake's way [mm]."""
@@ -102,7 +102,7 @@ class Runs:
         assert beyond <= room or self.dropped, "passes the stop switch"
         if beyond > 0 and not self.faults.stop_dead and not axis.speed and not self.dropped:
             end = End.HIGH if axis.position > PLACES.high_stop else End.LOW
-            assert Alarm.STOP_HIT in driven.limits.alarms[end]
+            assert LimitAlarm.STOP_HIT in driven.limits.alarms[end]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -124,7 +124,7 @@ def test_thousands_of_runs_move_it_nowhere_it_must_not_be(seed: int) -> None:
 
 
 def test_moves_at_full_speed_into_the_limit_and_back() -> None:
-    driven = DrivenAxis(AxisData.of(HOIST), Places(300, 1300, 33080, 34080, 500, 20.32), 32500.0)
+    driven = DrivenAxis(AxisData.of(HOIST), SwitchPlaces(300, 1300, 33080, 34080, 500, 20.32), 32500.0)
     seen = []
     for _ in range(50):
         driven.step(0.0, 0.01)
@@ -134,7 +134,7 @@ def test_moves_at_full_speed_into_the_limit_and_back() -> None:
     assert max(speed for _, speed in seen) == pytest.approx(132.08, abs=0.1)
     assert max(speed for at, speed in seen if at > 33080 + 215) <= 20.4
     assert 34080 <= driven.axis.position < 34080 + 10 and not driven.axis.speed
-    assert driven.limits.standing == [(End.HIGH, Alarm.STOP_HIT)]
+    assert driven.limits.standing == [(End.HIGH, LimitAlarm.STOP_HIT)]
     for _ in range(50):
         driven.step(0.0, 0.01)
     for n in range(3000):
@@ -145,13 +145,13 @@ def test_moves_at_full_speed_into_the_limit_and_back() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "alarm", "where"),
-    [("slow_dead", Alarm.SLOW_FAILED, 33080 + 500 + 230), ("stop_dead", Alarm.STOP_FAILED, 34080 + 500 + 10)],
+    [("slow_dead", LimitAlarm.SLOW_FAILED, 33080 + 500 + 230), ("stop_dead", LimitAlarm.STOP_FAILED, 34080 + 500 + 10)],
 )
 def test_a_switch_that_does_not_answer_is_found_by_position_and_stops_the_axis(
-    fault: str, alarm: Alarm, where: float
+    fault: str, alarm: LimitAlarm, where: float
 ) -> None:
     driven = DrivenAxis(
-        AxisData.of(HOIST), Places(300, 1300, 33080, 34080, 500, 20.32), 32500.0, faults=Faults(**{fault: True})
+        AxisData.of(HOIST), SwitchPlaces(300, 1300, 33080, 34080, 500, 20.32), 32500.0, faults=Faults(**{fault: True})
     )
     for n in range(9000):
         driven.step(132.08 if n > 50 else 0.0, 0.01)
@@ -160,7 +160,7 @@ def test_a_switch_that_does_not_answer_is_found_by_position_and_stops_the_axis(
 
 
 def test_an_encoder_that_fails_leaves_the_lowest_speed() -> None:
-    driven = DrivenAxis(AxisData.of(HOIST), Places(300, 1300, 33080, 34080, 500, 20.32), 15000.0)
+    driven = DrivenAxis(AxisData.of(HOIST), SwitchPlaces(300, 1300, 33080, 34080, 500, 20.32), 15000.0)
     driven.faults.encoder = True
     for n in range(1500):
         driven.step(132.08 if n > 50 else 0.0, 0.01)

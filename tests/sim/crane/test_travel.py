@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.blocks.positioner.positioner import Phase
+from app.blocks.positioner.positioner import MovePhase
 from app.sim.crane import training
 from app.sim.crane.configuration import AXES, SETTINGS, Places
 from app.sim.crane.ladle import FULL, Load
@@ -37,7 +37,7 @@ class Trip:
         for _ in range(round(1 / DT)):
             self.step({})
 
-    def step(self, goes: dict[str, float], fault: int = 0, dt: float = DT) -> list[Phase]:
+    def step(self, goes: dict[str, float], fault: int = 0, dt: float = DT) -> list[MovePhase]:
         """One scan on the way to these positions."""
         before = {name: axis.speed for name, axis in self.axes.items()}
         self.travel.begin(self.load.hanging / FULL, dt)
@@ -56,8 +56,8 @@ class Trip:
     def go(self, goes: dict[str, float]) -> float:
         """To these positions; gives how long it took [s]."""
         began = self.seconds
-        while set(phases := self.step(goes)) != {Phase.DONE}:
-            assert Phase.MISSED not in phases and self.seconds - began < ENOUGH
+        while set(phases := self.step(goes)) != {MovePhase.DONE}:
+            assert MovePhase.MISSED not in phases and self.seconds - began < ENOUGH
         return self.seconds - began
 
     def sway(self, axis: str) -> float:
@@ -110,7 +110,7 @@ def test_what_stops_a_shaped_move_is_not_shaped_and_nothing_of_it_is_held(fault:
 @pytest.mark.parametrize("periods", [(0.02,), (0.05,), (0.01, 0.04, 0.04, 0.05, 0.03)])
 def test_scans_of_another_length_leave_the_load_as_still(periods: tuple[float, ...]) -> None:
     trip, scan = Trip(ZVD), 0
-    while trip.step({"trolley": 11000.0}, dt=periods[scan % len(periods)]) != [Phase.DONE]:
+    while trip.step({"trolley": 11000.0}, dt=periods[scan % len(periods)]) != [MovePhase.DONE]:
         scan += 1
         assert trip.seconds < ENOUGH
     assert trip.sway("trolley") < 6 and abs(trip.axes["trolley"].axis.position - 11000.0) < 5.5
@@ -118,7 +118,7 @@ def test_scans_of_another_length_leave_the_load_as_still(periods: tuple[float, .
 
 def test_an_axis_that_is_there_is_not_moved() -> None:
     trip = Trip(ZVD)
-    assert trip.step({"trolley": STAND_AT["trolley"] + 3.0}) == [Phase.DONE] and not trip.travel.asked
+    assert trip.step({"trolley": STAND_AT["trolley"] + 3.0}) == [MovePhase.DONE] and not trip.travel.asked
 
 
 @pytest.mark.parametrize("shaping", [OFF, ZVD])
