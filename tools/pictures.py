@@ -53,6 +53,7 @@ SCREENS = {
     "crane-trolley": "/equipment/cr1/page/trolley",
     "crane-drives": "/equipment/cr1/page/drives",
     "crane-sequence": "/equipment/cr1/page/sequence",
+    "crane-thesis": "/equipment/cr1/page/thesis?run=positioner",
     "crane-faceplate": "/equipment/cr1/faceplate",
     "crane-settings": "/equipment/cr1/parameters",
     "records-crane-cycle": "/records/crane_cycle?equipment=cr1",

@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
-from app.web import language
+from app.web import language, screens
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
 from app.web.operation import Operation
@@ -65,13 +65,13 @@ async def area(request: Request, key: str) -> HTMLResponse:
 @router.get("/equipment/{key}", dependencies=[allow("view")])
 async def equipment(request: Request, key: str) -> HTMLResponse:
     """The screen of one machine."""
-    return _screen(request, key, MAIN)
+    return await _screen(request, key, MAIN)
 
 
 @router.get("/equipment/{key}/page/{name}", dependencies=[allow("view")])
 async def equipment_page(request: Request, key: str, name: str) -> HTMLResponse:
     """A further page of one machine: `page_<name>.html` of its type."""
-    return _screen(request, key, name)
+    return await _screen(request, key, name)
 
 
 def pages_of(kind: EquipmentType) -> list[str]:
@@ -83,7 +83,7 @@ def pages_of(kind: EquipmentType) -> list[str]:
     return first + sorted(found, key=lambda name: (told.index(name) if name in told else len(told), name))
 
 
-def _screen(request: Request, key: str, name: str) -> HTMLResponse:
+async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
     plant, view = plant_of(request), view_of(request)
     machine = plant.equipment.get(key)
     pages = pages_of(machine.type) if machine else []
@@ -114,6 +114,7 @@ def _screen(request: Request, key: str, name: str) -> HTMLResponse:
         histories=_histories(request, machine),
         tables=tables_of(drawn),
         query=request.query_params,
+        worked=await screens.worked(machine.type.name, name, request.state.person, request.query_params),
         message=operation.story,
     )
 

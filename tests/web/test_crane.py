@@ -16,7 +16,7 @@ from tests.web.operating import Operator, runtime_of
 from tests.web.people import Staff
 
 DRIVES = ("hoist_1", "hoist_2", "trolley_1", "bridge_1")
-TABS = ("hoist", "trolley", "bridge", "drives", "sequence")
+TABS = ("hoist", "trolley", "bridge", "drives", "sequence", "thesis")
 PAGES = (
     "/",
     "/equipment/cr1",
@@ -24,6 +24,7 @@ PAGES = (
     "/equipment/cr1/parameters",
     "/records/crane_cycle?equipment=cr1&view=steps",
     *(f"/equipment/cr1/page/{name}" for name in TABS),
+    "/equipment/cr1/page/thesis?run=positioner",
     *(f"/equipment/cr1/part/drive?drive={drive}" for drive in DRIVES),
 )
 ASKS = ("start_cycle", "confirm_weight", "select_drives", "select_path", "reset_hours")

@@ -1,18 +1,21 @@
 """What an equipment type brings for its screens is found by name: pages, style sheets, scripts, a symbol."""
 
+import asyncio
 import re
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from fastapi.testclient import TestClient
 
 from app import bundled
 from app.plant import types
-from app.web import pages, view
+from app.web import pages, screens, view
 from app.web.assets import Assets
-from tests.web.people import Staff
+from tests.web.people import BOSS, Staff
 
 SECOND = (
     """{% extends "layouts/screen.html" %}{% block picture %}<p>second of {{ equipment.label }}</p>{% endblock %}"""
@@ -83,3 +86,24 @@ def test_the_demo_shows_every_type_with_what_it_brings(client: TestClient) -> No
         assert f'#{item.type.symbol}"' in client.get(f"/equipment/{item.id}/parameters").text or not item.type.setpoints
     overview = client.get("/").text
     assert overview.count("coil_car.tile.") == 1
+
+
+@pytest.mark.parametrize(("permission", "done"), [("configure", True), ("administer", False)])
+def test_the_work_of_a_page_is_for_those_who_may(
+    client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, permission: str, done: bool
+) -> None:
+    (tmp_path / "templates/screens/eura_e800/page_second.html").write_text(
+        """{% extends "layouts/screen.html" %}{% block picture %}<p>worked: {{ worked }}</p>{% endblock %}"""
+    )
+    work = SimpleNamespace(PAGES={"second": (permission, lambda asked: asked["what"])})
+    monkeypatch.setitem(screens._MODULES, "eura_e800", work)
+    found = client.get("/equipment/m1/page/second?what=42").text
+    assert ("worked: 42" in found) is done and ("worked: None" in found) is not done
+    assert client.get("/equipment/m1").status_code == 200, "a page without work"
+
+
+def test_the_work_of_a_page_is_done_beside_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    work = SimpleNamespace(PAGES={"second": ("configure", lambda asked: threading.get_ident())})
+    monkeypatch.setitem(screens._MODULES, "eura_e800", work)
+    found = asyncio.run(screens.worked("eura_e800", "second", BOSS, {}))
+    assert isinstance(found, int) and found != threading.get_ident()

@@ -8,14 +8,17 @@ Such a module may hold
 | `check_asked` | (machine, command, what is given): refuses a dialog for what is not there |
 | `row_name` | (machine, table, row): what a row of a table is called |
 | `in_words`, `TOGETHER` | (machine, arguments): what some of them mean together; which they are |
+| `PAGES` | page → (permission, work): work takes what the address asks and gives what the page gets as `worked`; pure, in a thread |
 """
 
+import asyncio
 from collections.abc import Collection, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
+from app.access.roles import Person
 from app.plant.definitions import Command
 from app.web.points import EquipmentView
 from app.web.tables import RowName, RowView
@@ -53,3 +56,14 @@ def row_name(machine: EquipmentView, table: str, row: RowView) -> RowName:
     name = getattr(_MODULES.get(machine.type), "row_name", None)
     found: RowName = name(machine, table, row) if name else RowName(f"#{row.id}", "", row.id)
     return found
+
+
+async def worked(kind: str, page: str, person: Person | None, asked: Mapping[str, str]) -> Any:
+    """What the work of a page of the type `kind` gives for what its address asks; None when it has none, or `person` may not.
+
+    The work runs in a thread, so that it holds up nobody.
+    """
+    permission, work = getattr(_MODULES.get(kind), "PAGES", {}).get(page, ("", None))
+    if work is None or person is None or not person.may(permission):
+        return None
+    return await asyncio.to_thread(work, asked)

@@ -1,0 +1,147 @@
+"""The tests that the thesis recorded, run anew: a fresh axis, its own blocks and numbers. No plant is touched.
+
+Source: thesis 002, reference/theses-facts.md section 2. The thesis prints what it ran; where its curves have no printed numbers, what is
+expected is computed from its nameplate figures (`figures.py`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import NamedTuple
+
+from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
+from app.sim.crane.axis import Axis, AxisData
+from app.sim.crane.figures import TROLLEY
+
+START, TARGET = 5000.0, 10000.0
+"""Of the trolley [mm]."""
+SLOW_SPEED, SLOW_DISTANCE = 50.0, 200.0
+"""[mm/s] over the last [mm]."""
+TOLERANCE = 5.0
+"""[mm]"""
+SCAN = 0.01
+"""[s]"""
+LONGEST = 60.0
+"""Of a positioning that does not end [s]."""
+EVERY = 5
+"""Scans from one point of a curve to the next."""
+
+PIECES = 40
+"""Of each part of the curve that is expected."""
+
+
+class Moment(NamedTuple):
+    """A point of a curve."""
+
+    time: float
+    """[s]"""
+    position: float
+    """[mm]"""
+    speed: float
+    """[mm/s]"""
+
+
+class Compared(NamedTuple):
+    """One number: what the thesis expects, and what came out."""
+
+    key: str
+    expected: float
+    ours: float
+    unit: str
+
+    @property
+    def difference(self) -> float:
+        """[unit]"""
+        return self.ours - self.expected
+
+
+EXPECTED = {
+    "top_speed": 660.4,
+    "accelerated": 6981.2,
+    "slow_down": 8486.8,
+    "seconds": 16.1,
+    "end": TARGET,
+    "overshoot": 0.0,
+}
+"""[mm/s, mm, mm, s, mm, mm]: greatest speed, where it is reached, where the slow-down begins, time, end position, beyond it."""
+UNITS = {"top_speed": "mm/s", "seconds": "s"}
+
+
+@dataclass(frozen=True, slots=True)
+class PositionerRun:
+    """The trolley from 5000 to 10 000 mm in the ideal simulation."""
+
+    ours: Sequence[Moment]
+    expected: Sequence[Moment]
+    numbers: Sequence[Compared]
+    phase: MovePhase
+    """In which it ended."""
+
+
+def run_positioner() -> PositionerRun:
+    """Our positioner on an axis without lag, brake time and encoder steps, as the thesis simulated it.
+
+    Raises:
+        TimeoutError: it has not ended in `LONGEST`.
+    """
+    data = AxisData.of(TROLLEY).with_(lag=0.0, brake_release=0.0, resolution=0.0)
+    axis = Axis(data, position=START, brake=1.0)
+    block = Positioner(
+        data.max_speed, data.acceleration, data.deceleration, SLOW_SPEED, SLOW_DISTANCE, tolerance=TOLERANCE
+    )
+    curve, scans, accelerated, slow_down, greatest = [Moment(0.0, START, 0.0)], 0, nan, nan, START
+    phase = MovePhase.OFF
+    while phase not in (MovePhase.DONE, MovePhase.MISSED):
+        out = block.step(MoveInputs(True, axis.measured, TARGET, axis.speed, data.max_speed), SCAN)
+        if out.phase is MovePhase.SLOW and phase is MovePhase.TRAVEL:
+            slow_down = axis.position
+        phase, before = out.phase, axis.speed
+        axis.step(out.speed, True, SCAN)
+        scans += 1
+        if before < data.max_speed <= axis.speed:
+            accelerated = axis.position
+        greatest = max(greatest, axis.position)
+        if scans % EVERY == 0 or phase in (MovePhase.DONE, MovePhase.MISSED):
+            curve.append(Moment(scans * SCAN, axis.position, axis.speed))
+        if scans * SCAN > LONGEST:
+            raise TimeoutError(
+                f"positioner stands at {axis.position:.1f} mm after {LONGEST:g} s, expected {TARGET:g} mm"
+            )
+    found = {
+        "top_speed": max(moment.speed for moment in curve),
+        "accelerated": accelerated,
+        "slow_down": slow_down,
+        "seconds": scans * SCAN,
+        "end": axis.position,
+        "overshoot": max(0.0, greatest - TARGET),
+    }
+    numbers = [Compared(key, EXPECTED[key], found[key], UNITS.get(key, "mm")) for key in EXPECTED]
+    return PositionerRun(curve, expected_positioning(), numbers, phase)
+
+
+def expected_positioning() -> list[Moment]:
+    """The curve that the thesis' figures give: ramp up, full speed, ramp to the slow speed, slow travel, stop."""
+    top = TROLLEY["max_speed"].value
+    up, down = top / TROLLEY["speed_up_time"].value, top / TROLLEY["slow_down_time"].value
+    stop = SLOW_SPEED**2 / (2 * down)
+    ramps = top**2 / (2 * up) + (top**2 - SLOW_SPEED**2) / (2 * down)
+    parts = (
+        (top / up, up),
+        ((TARGET - START - SLOW_DISTANCE - ramps) / top, 0.0),
+        ((top - SLOW_SPEED) / down, -down),
+        ((SLOW_DISTANCE - stop) / SLOW_SPEED, 0.0),
+        (SLOW_SPEED / down, -down),
+    )
+    curve = [Moment(0.0, START, 0.0)]
+    for seconds, acceleration in parts:
+        begin = curve[-1]
+        for n in range(1, PIECES + 1):
+            t = seconds * n / PIECES
+            curve.append(
+                Moment(
+                    begin.time + t,
+                    begin.position + begin.speed * t + acceleration * t**2 / 2,
+                    begin.speed + acceleration * t,
+                )
+            )
+    return curve

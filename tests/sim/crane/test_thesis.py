@@ -1,0 +1,33 @@
+"""The tests that the thesis recorded, run anew."""
+
+import pytest
+
+from app.blocks.positioner.positioner import MovePhase
+from app.sim.crane.thesis import EXPECTED, SCAN, expected_positioning, run_positioner
+
+
+def test_positioner_runs_as_the_thesis_expects() -> None:
+    run = run_positioner()
+    found = {one.key: one for one in run.numbers}
+    assert found.keys() == EXPECTED.keys()
+    scan = 660.4 * SCAN
+    assert found["top_speed"].ours == pytest.approx(660.4)
+    assert abs(found["accelerated"].difference) <= scan
+    assert abs(found["slow_down"].difference) <= scan
+    assert abs(found["seconds"].difference) <= 0.1
+    assert abs(found["end"].difference) < 5.0
+    assert found["overshoot"].ours == 0.0
+    assert run.phase is MovePhase.DONE
+    assert run.ours[0] == (0.0, 5000.0, 0.0) and run.ours[-1].position == found["end"].ours
+    assert all(a.time < b.time and a.position <= b.position for a, b in zip(run.ours, run.ours[1:], strict=False))
+
+
+def test_curve_of_the_figures_has_the_numbers_of_the_thesis() -> None:
+    curve = expected_positioning()
+    corners = [moment for moment in curve if moment.speed == pytest.approx(660.4)]
+    assert [corners[0].position, corners[-1].position] == pytest.approx(
+        [EXPECTED["accelerated"], EXPECTED["slow_down"]], abs=0.05
+    )
+    assert curve[-1] == pytest.approx((EXPECTED["seconds"], 10000.0, 0.0), abs=0.05)
+    positions = [moment.position for moment in curve]
+    assert positions == sorted(positions)
