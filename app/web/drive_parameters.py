@@ -153,7 +153,7 @@ def _begin(operation: Operation, machine: Machine, search: str, group: str) -> R
     async def work() -> None:
         try:
             if not machine.objects:
-                machine.objects = await _objects(mailbox)
+                machine.objects = await objects_of(mailbox)
             wanted = _wanted(operation, machine, search, group)
             reading.count = len(wanted)
             await _read(operation, machine, reading, wanted, mailbox)
@@ -166,7 +166,7 @@ def _begin(operation: Operation, machine: Machine, search: str, group: str) -> R
     return reading
 
 
-async def _objects(mailbox: MailboxUnit) -> tuple[int, ...]:
+async def objects_of(mailbox: MailboxUnit) -> tuple[int, ...]:
     """The drive objects; only the first one, which every drive has, where it does not tell.
 
     Raises:
@@ -236,8 +236,13 @@ def places(parameter: DriveParameter, objects: Sequence[int]) -> list[int]:
     """The drive objects in which a drive with `objects` has a parameter: that of the drive is the first one beside the Control Unit."""
     if not objects:
         return list(parameter.objects)
-    drive = next((one for one in objects if one != CONTROL_UNIT), CONTROL_UNIT)
+    drive = drive_among(objects)
     return list(dict.fromkeys(CONTROL_UNIT if one == CONTROL_UNIT else drive for one in parameter.objects))
+
+
+def drive_among(objects: Sequence[int]) -> int:
+    """The drive object of the drive itself: the first one beside the Control Unit, which is it where there is no other."""
+    return next((one for one in objects if one != CONTROL_UNIT), CONTROL_UNIT)
 
 
 def _wanted(operation: Operation, machine: Machine, search: str, group: str) -> list[tuple[int, DriveParameter]]:

@@ -13,7 +13,7 @@ from tests.browser.test_layout import BOTH
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/d2"
-PARTS = ("", "/page/words", "/faceplate", "/parameters", "/drive-parameters")
+PARTS = ("", "/page/words", "/faceplate", "/parameters", "/drive-parameters", "/fault-buffer")
 COMMANDS = ("forward", "reverse", "coast", "quick_stop", "reset", "stop")
 
 
@@ -142,7 +142,7 @@ def test_nothing_is_cut_and_no_command_is_missing_at_any_size(sit: Sit, server: 
             for size, (width, height) in SIZES.items():
                 lay_out(page, width, height, "panel-9" if size == "small" else "desk")
                 found += [f"{lang} {machine}{part} {size}: {one}" for one in page.evaluate(BOTH)]
-                if part.endswith("parameters"):
+                if part.endswith(("parameters", "buffer")):
                     continue
                 seen = {key: page.locator(f"[data-command='{machine}.{key}']:visible").count() for key in COMMANDS}
                 found += [f"{lang} {machine}{part} {size}: no {key}" for key, n in seen.items() if not n]
