@@ -130,6 +130,21 @@ def test_parameters_behind_the_mailbox_come_in_without_the_page_being_loaded_aga
     assert page.evaluate("window.stayed") is True and page.locator("tr[data-code]").count() > 5
 
 
+def test_the_fault_buffer_is_read_on_a_press_and_by_itself_when_a_fault_comes(sit: Sit) -> None:
+    page = sit(path="/equipment/d2/faceplate")
+    built(page, "d2")
+    page.locator("a[href$='/fault-buffer']").click()
+    page.locator("#fb button").click()
+    present = page.locator("#fb [data-situation=s0] [data-code]")
+    expect(page.locator("#fb [role=status]")).to_contain_text("Read at", timeout=20_000)
+    expect(present).to_have_count(0)
+    fault(page, "d2", 30005)
+    expect(present).to_have_attribute("data-code", "F30005", timeout=20_000)
+    expect(present).to_contain_text("Reduce the load, let it cool down.")
+    expect(page.locator("#fb .fb-old")).to_have_count(0, timeout=20_000)
+    fault(page, "d2", 0)
+
+
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_nothing_is_cut_and_no_command_is_missing_at_any_size(sit: Sit, server: PogonServer, lang: str) -> None:
     page = sit(lang=lang)
