@@ -84,10 +84,9 @@ def shown(text: str) -> dict[str, list[list[str]]]:
     found = {}
     for key, body in re.findall(r'<tbody data-situation="(\w+)">(.*?)</tbody>', text, re.S):
         rows = re.findall(r'<tr data-code="\w+">(.*?)</tr>', body, re.S)
-        cells = [
-            re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", re.sub(r'<span class="fb-n">.*?</span>', "", row)) for row in rows
-        ]
-        found[key] = [[re.sub(r"<[^>]+>", " ", cell).strip() for cell in row] for row in cells]
+        plain = [re.sub(r'<span class="fb-n">.*?</span>', "", row) for row in rows]
+        cells = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row, re.S) for row in plain]
+        found[key] = [[re.sub(r"<[^>]+>|\s+", " ", cell).strip() for cell in row] for row in cells]
     return found
 
 
