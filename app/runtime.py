@@ -88,7 +88,7 @@ class Runtime:
             self.tags,
             self.clock,
             values=lambda: system_values(self.supervisor, self.links.values(), self.sim, self.live, self.recorder),
-            told=self._tell_alarms,
+            published=self._tell_alarms,
             second=lambda: self.derived.pass_time(),
         )
         self._operated = Revisions(self.tags, self.clock, COMMANDS, block=1)

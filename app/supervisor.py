@@ -47,11 +47,6 @@ class Supervisor:
         for name in list(self.tasks):
             await self.end(name)
 
-    @property
-    def all_alive(self) -> bool:
-        """Whether every task runs now."""
-        return all(task.alive for task in self.tasks.values())
-
     async def _run(self, task: SupervisedTask, factory: Callable[[], Awaitable[None]]) -> None:
         pause = FIRST_PAUSE
         loop = asyncio.get_running_loop()

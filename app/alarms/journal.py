@@ -161,9 +161,9 @@ def write(
     records: Sequence[Record],
     states: Iterable[Stored],
     gone: Iterable[str],
-    marks: Mapping[str, RingPosition] = {},
+    positions: Mapping[str, RingPosition] = {},
 ) -> int:
-    """Append `records`, keep how the alarms stand and how far the events were taken (`marks`, by machine), in one transaction.
+    """Append `records`, keep how the alarms stand and how far the events were taken (`positions`, by machine), in one transaction.
 
     Number of the newest record, 0 for an empty journal.
     """
@@ -186,20 +186,20 @@ def write(
         connection.execute(delete(state_table).where(state_table.c.alarm == bindparam("name")), names)
     if kept:
         connection.execute(insert(state_table), kept)
-    if marks:
-        machines = [{"name": name} for name in marks]
+    if positions:
+        machines = [{"name": name} for name in positions]
         connection.execute(delete(event_mark_table).where(event_mark_table.c.equipment == bindparam("name")), machines)
         connection.execute(
             insert(event_mark_table),
             [
-                {"equipment": name, "boot": mark.boot, "sequence": mark.sequence, "time": mark.time}
-                for name, mark in marks.items()
+                {"equipment": name, "boot": position.boot, "sequence": position.sequence, "time": position.time}
+                for name, position in positions.items()
             ],
         )
     return seq
 
 
-def event_marks(connection: Connection) -> dict[str, RingPosition]:
+def ring_positions(connection: Connection) -> dict[str, RingPosition]:
     """Machine → its last event that the alarms have taken."""
     rows = connection.execute(select(event_mark_table))
     return {row.equipment: RingPosition(row.boot, row.sequence, row.time) for row in rows}

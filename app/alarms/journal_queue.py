@@ -1,7 +1,7 @@
 """What waits for the alarm journal: records, how the alarms stand, how far the events of every machine were taken.
 
 An alarm never waits for a disk: everything is in memory at once, and in the database as soon as that takes it, in the order in which it
-happened. Until then the queue says that it waits, and holds the marks of the events back that belong to it.
+happened. Until then the queue says that it waits, and holds the positions of the events back that belong to it.
 """
 
 import asyncio
@@ -48,8 +48,8 @@ class JournalQueue:
         self._key = key
         self._records: list[Record] = []
         self._dirty: dict[str, Watch | None] = {}
-        self._marks: dict[str, RingPosition] = {}
-        self._new_marks: dict[str, RingPosition] = {}
+        self._positions: dict[str, RingPosition] = {}
+        self._new_positions: dict[str, RingPosition] = {}
         self._safe: Mapping[str, RingPosition] = {}
         self._unmarked = 0
         self._marked_at = 0.0
@@ -65,11 +65,11 @@ class JournalQueue:
                 journal.stored(connection),
                 journal.newest_occurrence(connection),
                 journal.annunciations(connection, since),
-                journal.event_marks(connection),
+                journal.ring_positions(connection),
             )
 
-        states, newest, times, self._marks = await self._db.read(work)
-        self._safe = dict(self._marks)
+        states, newest, times, self._positions = await self._db.read(work)
+        self._safe = dict(self._positions)
         return states, newest, times
 
     # ---- what comes in --------------------------------------------------------------------------------
@@ -86,14 +86,14 @@ class JournalQueue:
         """The alarm `id` is no longer there."""
         self._dirty[id] = None
 
-    def reached(self, equipment: str, mark: RingPosition, events: int) -> None:
-        """The events of a machine were taken up to `mark`, `events` more than before."""
-        self._marks[equipment] = self._new_marks[equipment] = mark
+    def reached(self, equipment: str, position: RingPosition, events: int) -> None:
+        """The events of a machine were taken up to `position`, `events` more than before."""
+        self._positions[equipment] = self._new_positions[equipment] = position
         self._unmarked += events
 
-    def met(self, equipment: str, mark: RingPosition) -> None:
+    def met(self, equipment: str, position: RingPosition) -> None:
         """The ring of which the last event taken is was found again."""
-        self._marks[equipment] = mark
+        self._positions[equipment] = position
 
     # ---- how far it is --------------------------------------------------------------------------------
 
@@ -104,12 +104,12 @@ class JournalQueue:
 
     def last_event(self, equipment: str) -> RingPosition | None:
         """The last event of a machine that was taken; None = none ever was."""
-        return self._marks.get(equipment)
+        return self._positions.get(equipment)
 
     def stored_event(self, equipment: str) -> RingPosition | None:
         """The last event of a machine of which everything that follows is in the journal; None = none is."""
         waits = self.waiting or self._lock.locked()
-        return (self._safe if waits else self._marks).get(equipment)
+        return (self._safe if waits else self._positions).get(equipment)
 
     # ---- what goes out --------------------------------------------------------------------------------
 
@@ -122,7 +122,7 @@ class JournalQueue:
         while True:
             self._woken.clear()
             waited = self._clock.monotonic() - self._marked_at
-            marks_due = bool(self._new_marks) and (waited >= MARK_PERIOD or self._unmarked >= MARK_EVERY)
+            marks_due = bool(self._new_positions) and (waited >= MARK_PERIOD or self._unmarked >= MARK_EVERY)
             if marks_due:
                 self._marked_at = self._clock.monotonic()
             if self.waiting or marks_due:
@@ -144,21 +144,21 @@ class JournalQueue:
             StorageError: the database did not take it; it waits on.
         """
         async with self._lock:
-            records, dirty, marks = self._records, self._dirty, self._new_marks
-            if not records and not dirty and not marks:
+            records, dirty, positions = self._records, self._dirty, self._new_positions
+            if not records and not dirty and not positions:
                 return
-            self._records, self._dirty, self._new_marks, self._unmarked = [], {}, {}, 0
-            reached = dict(self._marks)
+            self._records, self._dirty, self._new_positions, self._unmarked = [], {}, {}, 0
+            reached = dict(self._positions)
             states = [stored(watch) for watch in dirty.values() if watch and watch.life != Life()]
             gone = [id for id, watch in dirty.items() if watch is None or watch.life == Life()]
             try:
                 await self._db.write(
-                    lambda connection: journal.write(connection, self._key, records, states, gone, marks)
+                    lambda connection: journal.write(connection, self._key, records, states, gone, positions)
                 )
             except StorageError as error:
                 self._records = records + self._records
                 self._dirty = dirty | self._dirty
-                self._new_marks = marks | self._new_marks
+                self._new_positions = positions | self._new_positions
                 if self.healthy:
                     log.error("alarm journal waits reason=%s", error)
                     self._turn(healthy=False)

@@ -50,26 +50,26 @@ class RingEvents:
         Events that were taken before change nothing, whatever delivers them again; `lost` are missing before the first of these.
         """
         wall = self._clock.micros()
-        mark = self._journal.last_event(equipment)
-        if mark is None:
+        position = self._journal.last_event(equipment)
+        if position is None:
             self._met.setdefault(equipment, wall)
-        elif events and is_new(events[0], mark) and not begins_again(events[0], mark):
-            lost = min(lost, (events[0].sequence - mark.sequence) % 2**32 - 1)
+        elif events and is_new(events[0], position) and not begins_again(events[0], position):
+            lost = min(lost, (events[0].sequence - position.sequence) % 2**32 - 1)
         since = self._met.get(equipment, 0) - LONG_AGO
-        if lost > 0 and (not events or is_new(events[0], mark)):
+        if lost > 0 and (not events or is_new(events[0], position)):
             self._lose(equipment, lost)
         taken = 0
         for event in events:
-            if not is_new(event, mark):
+            if not is_new(event, position):
                 continue
-            mark = position_of(event)
+            position = position_of(event)
             taken += 1
             if event.time >= since:
                 self._tell(equipment, event, wall)
-        if taken and mark is not None:
-            self._journal.reached(equipment, mark, taken)
-        elif events and mark is not None:
-            self._journal.met(equipment, replace(mark, ring=events[-1].ring))
+        if taken and position is not None:
+            self._journal.reached(equipment, position, taken)
+        elif events and position is not None:
+            self._journal.met(equipment, replace(position, ring=events[-1].ring))
 
     def _tell(self, equipment: str, event: RingEvent, wall: int) -> None:
         for watch in self._index.of_event(equipment, event.code):

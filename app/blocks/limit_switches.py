@@ -120,7 +120,7 @@ class LimitSwitches:
         return Allowed(speeds[End.LOW], speeds[End.HIGH], failed <= {LimitAlarm.STOP_HIT})
 
     @property
-    def standing(self) -> Sequence[tuple[End, LimitAlarm]]:
+    def active(self) -> Sequence[tuple[End, LimitAlarm]]:
         """All alarms, in order."""
         return [(end, alarm) for end in End for alarm in LimitAlarm if alarm in self.alarms[end]]
 

@@ -29,7 +29,11 @@ class AuditLines:
 
     async def sent(self, order: Order, progress: Progress) -> bool:
         """Have on the disk that `order` is being sent; False: it can be written nowhere."""
-        new = value_set.told(progress.changes, old=False) or told(progress.arguments) or progress.argument
+        new = (
+            value_set.values_text(progress.changes, old=False)
+            or arguments_text(progress.arguments)
+            or progress.argument
+        )
         params: dict[str, Any] = {"id": progress.id, "requested": progress.requested}
         params |= {"why": order.reason} if order.reason else {}
         params |= _what_was_sent(progress)
@@ -48,8 +52,8 @@ class AuditLines:
         """What became of `order`; of a refused one what was typed, of another what was sent."""
         arguments = order.arguments if refused else progress.arguments
         new = (
-            value_set.told(progress.changes, old=False)
-            or told(arguments)
+            value_set.values_text(progress.changes, old=False)
+            or arguments_text(arguments)
             or (order.argument if refused else progress.argument)
         )
         self.line(
@@ -103,7 +107,7 @@ def _what_was_sent(progress: Progress) -> dict[str, Any]:
     return params | ({"arguments": dict(progress.arguments)} if progress.arguments else {})
 
 
-def told(arguments: Mapping[str, str | float]) -> str:
+def arguments_text(arguments: Mapping[str, str | float]) -> str:
     """Arguments in one line: `product = 5, head = 100.5`."""
     written = (f"{name} = {value if isinstance(value, str) else f'{value:.10g}'}" for name, value in arguments.items())
     return ", ".join(written)[:LONGEST_LINE]

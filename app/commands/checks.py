@@ -184,10 +184,10 @@ class Checks:
             max(level for level, _ in found),
             tuple(dict.fromkeys(line for _, lines in found for line in lines)),
         )
-        confirm(order, prepared, level, why, None, value_set.told(changes, old=True), values)
+        confirm(order, prepared, level, why, None, value_set.values_text(changes, old=True), values)
         limit = expression.number(prepared.command.timeout, look) or DEFAULT_LIMIT
         telegrams = tuple((key, values[key]) for step in steps for key in step)
-        old = value_set.told(changes, old=True)
+        old = value_set.values_text(changes, old=True)
         return Task(telegrams, None, old, limit, level, values, changes=changes, steps=steps)
 
     @staticmethod

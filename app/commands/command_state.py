@@ -101,7 +101,7 @@ class CommandState:
             for key in [key for key, at in machine.pulses.items() if now - at >= PULSE_PAUSE]:
                 del machine.pulses[key]
                 machine.dirty = True
-            if machine.dirty and now - machine.told_at >= TELL:
+            if machine.dirty and now - machine.announced_at >= TELL:
                 self._tell(machine, now)
 
     def end(
@@ -153,11 +153,11 @@ class CommandState:
             return
         machine.dirty = True
         now = self.clock.monotonic()
-        if now - machine.told_at >= TELL:
+        if now - machine.announced_at >= TELL:
             self._tell(machine, now)
 
     def _tell(self, machine: Machine, now: float) -> None:
-        machine.dirty, machine.told_at = False, now
+        machine.dirty, machine.announced_at = False, now
         for callback in tuple(self.subscribers):
             try:
                 callback(machine.item.id)

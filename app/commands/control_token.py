@@ -98,10 +98,6 @@ class ControlToken:
         tenure = self._tenures.get(equipment)
         return tenure.request if tenure else None
 
-    def held_by(self, session: str) -> list[str]:
-        """Machines that this session holds."""
-        return [equipment for equipment, tenure in self._tenures.items() if tenure.holder.session == session]
-
     def holds(self, person: Person, equipment: str) -> bool:
         """Whether this very session holds the machine."""
         tenure = self._tenures.get(equipment)

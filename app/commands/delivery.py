@@ -106,7 +106,7 @@ class Delivery:
         except (LinkError, Refused, KeyError) as error:
             if isinstance(error, NoAnswer):
                 job.known_as(error.request)
-            return outcome_of(error, machine.item, told=bool(command.code))
+            return outcome_of(error, machine.item, as_code=bool(command.code))
         return None
 
     async def _wait(self, machine: Machine, job: Job, step: Write) -> Outcome | None:
@@ -172,8 +172,8 @@ class Delivery:
         return cast(MapWriter, self._writers[machine.item.link])
 
 
-def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: bool) -> Outcome:
-    """What an error of the link says about a command; `told`: it was a code, of which a link proves that it did not arrive."""
+def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, as_code: bool) -> Outcome:
+    """What an error of the link says about a command; `as_code`: it was a code, of which a link proves that it did not arrive."""
     match error:
         case DeviceException() if error.code in MAY_HAVE_ACTED:
             return ProgressState.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
@@ -189,7 +189,7 @@ def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, told: 
             return ProgressState.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case Rejected():
             return rejection(item.type, error.reason, error.detail, error.state)
-        case LinkError() if told and not isinstance(error, NoAnswer | BadAnswer):
+        case LinkError() if as_code and not isinstance(error, NoAnswer | BadAnswer):
             return ProgressState.FAILED, "why.not_arrived", {"cause": f"link.error.{error.kind}"}
         case LinkError():
             return ProgressState.UNKNOWN, "why.unknown", {"cause": f"link.error.{error.kind}"}

@@ -68,7 +68,7 @@ class Machine:
     handles: tuple[int, Mapping[str, int]] = (-1, MappingProxyType({}))
     """Revision of the tags, and the handles of the points in it."""
     dirty: bool = True
-    told_at: float = float("-inf")
+    announced_at: float = float("-inf")
     """When anybody was told last that something changed [s, monotonic]."""
 
     def __post_init__(self) -> None:

@@ -77,13 +77,13 @@ class SetFollowUp:
             progress,
             state=state,
             reason=reason,
-            params=standing_params(changes),
+            params=found_params(changes),
             changes=changes,
             ended=self._state.clock.micros(),
         )
         self._state.close(machine, found)
         self._state.audit_lines.line(
-            None, f"{equipment}.{value_set.KEY}", value_set.told(changes, old=True), value_set.told(changes, old=False),
+            None, f"{equipment}.{value_set.KEY}", value_set.values_text(changes, old=True), value_set.values_text(changes, old=False),
             found, by=found.person,
         )  # fmt: skip
 
@@ -108,14 +108,14 @@ def left_open(equipment: str, id: str, person: str, requested: int, changes: Seq
     """A set that was being written when the server was killed, as the audit trail has it."""
     return Progress(
         id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, ProgressState.UNCONFIRMED, requested,
-        reason=UNREAD, params={"cause": "why.set_killed", **standing_params(changes)},
-        old=value_set.told(changes, old=True), changes=tuple(changes),
+        reason=UNREAD, params={"cause": "why.set_killed", **found_params(changes)},
+        old=value_set.values_text(changes, old=True), changes=tuple(changes),
     )  # fmt: skip
 
 
-def standing_params(changes: Sequence[Change]) -> dict[str, object]:
+def found_params(changes: Sequence[Change]) -> dict[str, object]:
     """What fills a text about where each value stands."""
-    return {"values": value_set.standing(changes)}
+    return {"values": value_set.found_text(changes)}
 
 
 def _parts(machine: Machine | None, progress: Progress) -> dict[str, Prepared] | None:

@@ -24,7 +24,7 @@ from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, ProgressState, advance
 from app.commands.machine import Machine, SetJob
 from app.commands.orders import Order, Task
-from app.commands.set_follow_up import UNREAD, UNTOLD, SetFollowUp, read_now, standing_params, value_now
+from app.commands.set_follow_up import UNREAD, UNTOLD, SetFollowUp, found_params, read_now, value_now
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, NoAnswer, Refused
 from app.links.contract import LateAnswerDue
@@ -148,7 +148,7 @@ class Sets:
         except (LinkError, Refused, KeyError) as error:
             if isinstance(error, NoAnswer):
                 job.known_as(error.request)
-            outcome = outcome_of(error, machine.item, told=False)
+            outcome = outcome_of(error, machine.item, as_code=False)
             if outcome[0] is ProgressState.UNKNOWN:
                 job.unsettled |= values.keys()
             return outcome
@@ -255,7 +255,7 @@ class Sets:
             self._end(machine, job, ProgressState.FAILED, RESTORED, cause, changes)
         else:
             reason = UNREAD if Stands.UNKNOWN in stands else MIXED
-            self._end(machine, job, ProgressState.UNCONFIRMED, reason, {**cause, **standing_params(changes)}, changes)
+            self._end(machine, job, ProgressState.UNCONFIRMED, reason, {**cause, **found_params(changes)}, changes)
 
     def _end(
         self,

@@ -157,12 +157,12 @@ def is_value(part: Prepared, found: float, wanted: float) -> bool:
     return part.feedback.true({part.command.key: found}, argument=wanted) is True
 
 
-def told(changes: Sequence[Change], *, old: bool) -> str:
+def values_text(changes: Sequence[Change], *, old: bool) -> str:
     """Old or new values in one line: `F112 = 0.5, F111 = 50`."""
     return ", ".join(f"{change.code} = {change.old if old else change.new:.10g}" for change in changes)
 
 
-def standing(changes: Sequence[Change]) -> str:
+def found_text(changes: Sequence[Change]) -> str:
     """Which value stands where, without a language: `F112 = 0.5 (new), F111 = ? (unknown)`."""
     return ", ".join(
         f"{change.code} = {'?' if change.found is None else f'{change.found:.10g}'} ({change.stands})"
@@ -170,8 +170,8 @@ def standing(changes: Sequence[Change]) -> str:
     )
 
 
-def spelt(changes: Sequence[Change]) -> list[str]:
-    """As `standing`, in the parts that an alarm says in its reader's language: what begins with @ is the key of a text."""
+def found_texts(changes: Sequence[Change]) -> list[str]:
+    """As `found_text`, in the parts that an alarm says in its reader's language: what begins with @ is the key of a text."""
     parts: list[str] = []
     for change in changes:
         name = f"@{change.label}" if change.code == change.key else change.code

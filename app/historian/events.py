@@ -1,7 +1,7 @@
 """What machines tell with their event rings, kept in the history: every event of every ring, once.
 
-Nothing here is polled: order and times are those of the event ring. A mark per machine says up to which event of its ring is stored. It is
-written in the same transaction as the events, so that a ring delivered again after a crash changes nothing. What events mean is for the
+Nothing here is polled: order and times are those of the event ring. A position per machine says up to which event of its ring is stored. It
+is written in the same transaction as the events, so that a ring delivered again after a crash changes nothing. What events mean is for the
 folds, which are handed each new event in that transaction, too. Who caused an event is known by the id of the command that it carries.
 """
 
@@ -116,7 +116,7 @@ class Events:
         self._database = database
         self._clock = clock
         self._machines: frozenset[str] = frozenset()
-        self._marks: dict[str, RingPosition] = {}
+        self._positions: dict[str, RingPosition] = {}
         self._names: dict[str, str] = {}
         """Lasting id → name under which the rows of a machine are, as far as is known."""
         self._now: dict[str, str] = {}
@@ -135,10 +135,10 @@ class Events:
         """Read how far the events of each machine were stored; a history that cannot be read is told by the recorder."""
 
         def work(connection: Connection) -> tuple[dict[str, RingPosition], dict[str, str]]:
-            return marks(connection), renames.names(connection)
+            return ring_positions(connection), renames.names(connection)
 
         try:
-            self._marks, self._names = await self._database.read(work)
+            self._positions, self._names = await self._database.read(work)
         except StorageError as error:
             log.warning("marks of events not read reason=%s", error)
             return
@@ -156,7 +156,9 @@ class Events:
         moved = {before: after for before, after in former.items() if before != after}
         if moved:
             taken = set(moved.values()) - set(moved)
-            self._marks = {moved.get(name, name): mark for name, mark in self._marks.items() if name not in taken}
+            self._positions = {
+                moved.get(name, name): position for name, position in self._positions.items() if name not in taken
+            }
             self._waiting = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._waiting]
             self._commands = [replace(one, equipment=moved.get(one.equipment, one.equipment)) for one in self._commands]
         self._followed = self._followed and all(self._names.get(id) == name for id, name in now.items())
@@ -165,7 +167,7 @@ class Events:
 
     def last(self, equipment: str) -> RingPosition | None:
         """The last event of a machine that is stored; None = none ever was."""
-        return self._marks.get(equipment)
+        return self._positions.get(equipment)
 
     @property
     def waiting(self) -> int:
@@ -195,7 +197,7 @@ class Events:
         waiting = (
             position_of(one.events[-1]) for one in reversed(self._waiting) if one.equipment == equipment and one.events
         )
-        last = next(waiting, self._marks.get(equipment))
+        last = next(waiting, self._positions.get(equipment))
         if last is None or not events or not is_new(events[0], last) or begins_again(events[0], last):
             return 0
         return (events[0].sequence - last.sequence) % 2**32 - 1
@@ -229,11 +231,11 @@ class Events:
             raise StorageError("history.db: not written at the moment")
         waiting, commands, number = self._waiting[:], self._commands, self._taken
         now = self._clock.micros()
-        names, revision, before = self._now, self._revision, self._marks
+        names, revision, before = self._now, self._revision, self._positions
 
         def work(connection: Connection) -> tuple[dict[str, RingPosition], list[EndedCommand], set[str]]:
             touched = renames.follow(connection, names)
-            rings = {equipment: mark.ring for equipment, mark in before.items()}
+            rings = {equipment: position.ring for equipment, position in before.items()}
             for one in waiting:
                 if store(connection, one, self.folds, now, rings.get(one.equipment)):
                     touched.add(one.equipment)
@@ -245,7 +247,9 @@ class Events:
                     touched.add(command.equipment)
                 elif now - command.ended <= LATE:
                     rest.append(command)
-            found = {name: replace(mark, ring=rings.get(name)) for name, mark in marks(connection).items()}
+            found = {
+                name: replace(position, ring=rings.get(name)) for name, position in ring_positions(connection).items()
+            }
             return found, rest, touched
 
         try:
@@ -260,7 +264,7 @@ class Events:
         del self._waiting[: len(waiting)]
         if revision == self._revision:
             self._commands = [*rest, *(one for one in self._commands if one not in commands)]
-            self._marks, self._followed = found, True
+            self._positions, self._followed = found, True
         if self.failed:
             self.failed = False
             log.info("events are written again dropped=%d", self.dropped)
@@ -285,7 +289,7 @@ class Events:
 # ---- what is stored ---------------------------------------------------------------------------------------
 
 
-def marks(connection: Connection) -> dict[str, RingPosition]:
+def ring_positions(connection: Connection) -> dict[str, RingPosition]:
     """Machine → its last stored event."""
     rows = connection.exec_driver_sql("SELECT equipment, boot, sequence, time FROM event_mark").all()
     return {row[0]: RingPosition(row[1], row[2], row[3]) for row in rows}
@@ -314,15 +318,15 @@ def store(
     row = connection.exec_driver_sql(
         "SELECT boot, sequence, time FROM event_mark WHERE equipment = ?", (equipment,)
     ).first()
-    mark = known = None if row is None else RingPosition(row[0], row[1], row[2], ring)
+    position = known = None if row is None else RingPosition(row[0], row[1], row[2], ring)
     fresh: list[RingEvent] = []
     again: list[RingEvent] = []
     for event in delivery.events:
-        if is_new(event, mark):
-            if mark is not None and begins_again(event, mark):
+        if is_new(event, position):
+            if position is not None and begins_again(event, position):
                 again.append(event)
             fresh.append(event)
-            mark = position_of(event)
+            position = position_of(event)
     if delivery.events and not fresh:
         return False
     told = [fold for fold in folds if equipment in fold.machines]
@@ -332,7 +336,7 @@ def store(
         missing = min(missing, (fresh[0].sequence - known.sequence) % 2**32 - 1)
     number = machine(connection, equipment)
     if missing > 0:
-        _note_gap(connection, equipment, missing, fresh[0] if fresh else None, mark, now)
+        _note_gap(connection, equipment, missing, fresh[0] if fresh else None, position, now)
         for fold in told:
             fold.lose(connection, equipment, number, missing)
     for event in fresh:
@@ -341,11 +345,11 @@ def store(
             if event in again:
                 fold.begin_again(connection, equipment, number, kept)
             fold.put(connection, equipment, number, kept)
-    if fresh and mark is not None:
+    if fresh and position is not None:
         connection.exec_driver_sql(
             "INSERT INTO event_mark (equipment, boot, sequence, time) VALUES (?, ?, ?, ?) ON CONFLICT (equipment) DO UPDATE "
             "SET boot = excluded.boot, sequence = excluded.sequence, time = excluded.time",
-            (equipment, mark.boot, mark.sequence, mark.time),
+            (equipment, position.boot, position.sequence, position.time),
         )
     for fold in told:
         fold.done(connection, equipment)
@@ -434,12 +438,12 @@ def oldest(connection: Connection) -> int | None:
 
 
 def _note_gap(
-    connection: Connection, equipment: str, lost: int, first: RingEvent | None, mark: RingPosition | None, now: int
+    connection: Connection, equipment: str, lost: int, first: RingEvent | None, position: RingPosition | None, now: int
 ) -> None:
     boot, sequence, time = (
         (first.boot, first.sequence, first.time)
         if first is not None
-        else (mark.boot if mark else 0, mark.sequence if mark else 0, now)
+        else (position.boot if position else 0, position.sequence if position else 0, now)
     )
     connection.exec_driver_sql(
         "INSERT INTO event_gap (equipment, boot, sequence, time, count) VALUES (?, ?, ?, ?, ?) "

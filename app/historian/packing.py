@@ -76,7 +76,7 @@ class Packed:
             self.texts[before : before + within],
         )
 
-    def between(self, begin: int, end: int) -> "Packed":
+    def within(self, begin: int, end: int) -> "Packed":
         """The samples with begin <= time < end."""
         return self.part(self.place(begin), self.place(end))
 

@@ -125,7 +125,7 @@ def packed(connection: Connection, number: int, begin: int, end: int) -> Iterato
     """Those sealed samples of a point with begin <= time < end, block by block, in order."""
     for id, first, last, _ in _blocks(connection, number, begin, end):
         whole = _read(connection, id)
-        yield whole if begin <= first and last < end else whole.between(begin, end)
+        yield whole if begin <= first and last < end else whole.within(begin, end)
 
 
 def together(connection: Connection, number: int, begin: int, end: int) -> Packed:
@@ -165,7 +165,7 @@ def count(connection: Connection, number: int, begin: int, end: int) -> int:
     ).scalar_one()
     found = int(stored)
     for id, first, last, count in _blocks(connection, number, begin, end):
-        found += count if begin <= first and last < end else len(_read(connection, id).between(begin, end))
+        found += count if begin <= first and last < end else len(_read(connection, id).within(begin, end))
     return found
 
 
@@ -187,7 +187,7 @@ def cut(connection: Connection, number: int, before: int, at_once: int) -> tuple
         if removed >= at_once:
             return removed, first
         whole = _read(connection, id)
-        rest = [] if last < before else whole.between(before, last + 1).rows()
+        rest = [] if last < before else whole.within(before, last + 1).rows()
         connection.exec_driver_sql("DELETE FROM block WHERE id = ?", (id,))
         if rest:
             _put(connection, number, rest)

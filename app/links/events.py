@@ -173,17 +173,17 @@ class EventReader:
             except Exception:
                 log.exception("last event not known equipment=%s", self.equipment.id)
                 known = ()
-            marks = [mark for mark in known if mark is not None]
-            if any(self._ring.replaces(mark) for mark in marks):
+            positions = [position for position in known if position is not None]
+            if any(self._ring.replaces(position) for position in positions):
                 self._tell(
                     "event ring is another one link=%s unit=%d newest=%d last taken=%s",
                     head.newest,
-                    max(mark.sequence for mark in marks),
+                    max(position.sequence for position in positions),
                 )
                 return 0
-            if marks and len(marks) == len(known):
-                return reduce(earlier, marks).sequence
-            if marks:  # one of them has none: he is told all that is there, whatever another host has acknowledged
+            if positions and len(positions) == len(known):
+                return reduce(earlier, positions).sequence
+            if positions:  # one of them has none: he is told all that is there, whatever another host has acknowledged
                 return max(0, head.oldest - 1)
         if 0 < head.acknowledged <= head.newest:
             return head.acknowledged

@@ -17,18 +17,18 @@ SPANS = 8
 TRIALS = 8
 """How many registers more a unit that never answered is asked for, to tell its answers apart."""
 
-Mark = tuple[int, int, bytes]
+Pattern = tuple[int, int, bytes]
 """Unit, function, and what tells two answers apart: the byte count of a read, the echo of a write."""
 
 
-def mark_of_request(unit: int, request: Request) -> Mark:
+def pattern_of_request(unit: int, request: Request) -> Pattern:
     """How the answer to `request` will look."""
     if request.function in READS:
         return unit, request.function, bytes((2 * request.count,))
     return unit, request.function, build_answer(request)[1:]
 
 
-def mark_of_answer(unit: int, pdu: bytes) -> Mark:
+def pattern_of_answer(unit: int, pdu: bytes) -> Pattern:
     """How this answer looks."""
     return unit, pdu[0], pdu[1:2] if pdu[0] in READS else pdu[1:]
 
@@ -46,38 +46,38 @@ class LateAnswers:
     """Memory of one line. It outlives a reconnection: what the device was asked before, it may answer after."""
 
     def __init__(self) -> None:
-        self._marks: list[tuple[Mark, float, int]] = []
+        self._patterns: list[tuple[Pattern, float, int]] = []
         self._proven: dict[tuple[int, int], list[tuple[int, int]]] = {}
 
-    def unanswered(self, mark: Mark, now: float, address: int = -1, *, until: float = 0.0) -> None:
-        """The request whose answer looks like `mark` was given up at `now` [s]; `address` of a read, `until` when not `LATEST` from now."""
-        self._marks.append((mark, until or now + LATEST, address))
+    def unanswered(self, pattern: Pattern, now: float, address: int = -1, *, until: float = 0.0) -> None:
+        """A request whose answer looks like `pattern` was given up at `now` [s]: `address` of a read, `until` if not `LATEST` from now."""
+        self._patterns.append((pattern, until or now + LATEST, address))
 
-    def settle(self, mark: Mark, now: float) -> bool:
-        """An answer that looks like `mark` came: whether one was owed; the oldest is paid."""
-        return self.settled(mark, now) > 0
+    def settle(self, pattern: Pattern, now: float) -> bool:
+        """An answer that looks like `pattern` came: whether one was owed; the oldest is paid."""
+        return self.settled(pattern, now) > 0
 
-    def settled(self, mark: Mark, now: float) -> float:
+    def settled(self, pattern: Pattern, now: float) -> float:
         """`settle`, and until when that one was owed [s]; 0 = none was."""
-        for index, (owed, until, _) in enumerate(self._marks):
-            if owed == mark and until > now:
-                del self._marks[index]
+        for index, (due, until, _) in enumerate(self._patterns):
+            if due == pattern and until > now:
+                del self._patterns[index]
                 return until
         return 0.0
 
-    def expects(self, mark: Mark, now: float) -> bool:
-        """Whether an answer that looks like `mark` may still come."""
-        return any(owed == mark and until > now for owed, until, _ in self._marks)
+    def expects(self, pattern: Pattern, now: float) -> bool:
+        """Whether an answer that looks like `pattern` may still come."""
+        return any(due == pattern and until > now for due, until, _ in self._patterns)
 
     def only(self, unit: int, block: Block, now: float) -> bool:
         """Whether everything that an answer to `block` could be taken for is an earlier read of the same registers."""
-        mark = mark_of_request(unit, Request(block.function, block.address, block.count))
-        return all(address == block.address for owed, until, address in self._marks if owed == mark and until > now)
+        pattern = pattern_of_request(unit, Request(block.function, block.address, block.count))
+        return all(address == block.address for due, until, address in self._patterns if due == pattern and until > now)
 
     def owes(self, unit: int, function: int, now: float) -> bool:
         """Whether an answer of this unit and function may still come: a refusal could be meant for that one."""
-        self._marks = [entry for entry in self._marks if entry[1] > now]
-        return any(mark[:2] == (unit, function) for mark, _, _ in self._marks)
+        self._patterns = [entry for entry in self._patterns if entry[1] > now]
+        return any(pattern[:2] == (unit, function) for pattern, _, _ in self._patterns)
 
     def proven(self, unit: int, block: Block) -> None:
         """The unit has answered `block`."""
@@ -99,7 +99,9 @@ class LateAnswers:
         """
         if not self.owes(unit, block.function, now):
             return [Piece(block, 0, block.count)], 0.0
-        taken = {mark[2][0] // 2: until for mark, until, _ in self._marks if mark[:2] == (unit, block.function)}
+        taken = {
+            pattern[2][0] // 2: until for pattern, until, _ in self._patterns if pattern[:2] == (unit, block.function)
+        }
         if block.count not in taken:
             return [Piece(block, 0, block.count)], 0.0
         found = self._grown(unit, block, taken) or _cut(block, taken)

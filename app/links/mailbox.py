@@ -75,7 +75,7 @@ class Missed:
     """Whether the request was sent: then nobody knows what became of a change."""
 
 
-Told = Result | Missed
+Outcome = Result | Missed
 Progress = Callable[[int, int], None]
 """(parameters done, of all)."""
 
@@ -142,7 +142,7 @@ class MailboxUnit:
         addresses: Sequence[Address],
         formats: Sequence[Format | None] = (),
         progress: Progress | None = None,
-    ) -> list[Told]:
+    ) -> list[Outcome]:
         """What the drive says of each of `addresses`; `formats` where they are known: more then go into a request.
 
         To cancel it, cancel the task that waits for it. When the line fails, what was read before is kept, the rest is `Missed`.
@@ -157,7 +157,7 @@ class MailboxUnit:
 
     async def change(
         self, drive_object: int, changes: Sequence[tuple[Address, Values]], progress: Progress | None = None
-    ) -> list[Told]:
+    ) -> list[Outcome]:
         """Write `changes` in their order; what became of each. Written is what the drive took, not what was read back.
 
         Whoever calls it has asked the command gate.
@@ -181,12 +181,12 @@ class MailboxUnit:
         count: int,
         progress: Progress | None,
         formats: Sequence[Format | None],
-    ) -> list[Told]:
-        found: list[list[Told]] = [[] for _ in range(count)]
+    ) -> list[Outcome]:
+        found: list[list[Outcome]] = [[] for _ in range(count)]
         failure: LinkError | None = None
         stops = self._station.stops
         for parts in requests:
-            results: Sequence[Told]
+            results: Sequence[Outcome]
             if failure is None and parts[0].values is not None and stops != self._station.stops:
                 failure = Overtaken(f"unit {self._station.number}: parameters not sent, a Stop came first")
             if failure is not None:
@@ -327,7 +327,7 @@ def _bound(part: Part, formats: Sequence[Format | None]) -> int:
     return max(ERROR_BLOCK, block_length(size_of(format), part.address.elements))
 
 
-def _joined(pieces: Sequence[Told]) -> Told:
+def _joined(pieces: Sequence[Outcome]) -> Outcome:
     """What became of a parameter from its pieces: a piece of which nobody knows makes all of it unknown."""
     missed = [piece for piece in pieces if isinstance(piece, Missed)]
     if missed:

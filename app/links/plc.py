@@ -276,7 +276,7 @@ class PlcUnit:
         loop, pulse = asyncio.get_running_loop(), self._pulse
         pulse.begin(loop.time())
         pause, wrong = FIRST_LOOK, 0
-        while not (pulse.moved or pulse.standing):
+        while not (pulse.moved or pulse.halted):
             try:
                 await self._look_at_pulse()
             except (BadAnswer, DeviceException) as error:
@@ -286,8 +286,8 @@ class PlcUnit:
             if not pulse.moved:
                 await asyncio.sleep(pause)
                 pause = min(2 * pause, pulse.limit / 4)
-        self._station.halted = pulse.standing
-        if pulse.standing:
+        self._station.halted = pulse.halted
+        if pulse.halted:
             self._say_halted()
 
     async def _watch(self) -> None:
@@ -320,13 +320,13 @@ class PlcUnit:
 
     def _judge(self) -> None:
         station = self._station
-        if station.state is not LinkState.UP or self._pulse.standing == station.halted:
+        if station.state is not LinkState.UP or self._pulse.halted == station.halted:
             return
-        self._bus.halt(station, halted=self._pulse.standing)
+        self._bus.halt(station, halted=self._pulse.halted)
         self._say_halted()
 
     def _say_halted(self) -> None:
-        if self._pulse.standing:
+        if self._pulse.halted:
             log.warning("program stands still link=%s unit=%d", *self._where)
         else:
             log.info("program goes on link=%s unit=%d", *self._where)

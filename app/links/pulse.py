@@ -25,7 +25,7 @@ class Pulse:
     """The signs of life of one PLC."""
 
     def __init__(self) -> None:
-        self.standing = False
+        self.halted = False
         """Whether the program stands still."""
         self.scan = 0.0
         """Longest that one scan can take by what was seen [s]; 0 = not known."""
@@ -42,7 +42,7 @@ class Pulse:
     def begin(self, now: float) -> None:
         """The unit is there, again: what was seen before tells nothing, how long its scans take still holds."""
         self._told.clear()
-        self.standing, self.moved = False, False
+        self.halted, self.moved = False, False
         self._quiet, self._at, self._asked, self._anchor = 0.0, now, now, None
 
     @property
@@ -79,12 +79,12 @@ class Pulse:
         else:
             self._quiet += min(max(0.0, started - self._at), self.limit / 2)
             self._at = max(self._at, started)
-            self.standing = self.standing or self._quiet >= self.limit - 1e-6
+            self.halted = self.halted or self._quiet >= self.limit - 1e-6
 
     def _moves(self, now: float) -> None:
-        if self.standing:
+        if self.halted:
             self._anchor = None
-        self.standing, self.moved = False, True
+        self.halted, self.moved = False, True
         self._quiet, self._at = 0.0, max(self._at, now)
 
     def _measure(self, heartbeat: int, started: float, now: float) -> None:

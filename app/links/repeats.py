@@ -31,11 +31,11 @@ class Repeats:
         since = now - AGAIN - (len(pdu) + 3) * self._character
         return any((of, said) == (unit, pdu) and heard >= since for of, said, heard in self._former)
 
-    def doubtful(self, unit: int, pdu: bytes, now: float, *, soon: bool, owed: bool) -> bool:
+    def doubtful(self, unit: int, pdu: bytes, now: float, *, soon: bool, expected: bool) -> bool:
         """Whether an answer that would fit may be a former one; `soon`: sooner than this speed allows; `owed`: an earlier
         request may still be answered."""
         if not self.was_said(unit, pdu, now):
-            if soon and not owed:
+            if soon and not expected:
                 self._paced = False
             return False
         return self.doubles or (soon and self._paced)

@@ -23,7 +23,7 @@ import serial  # type: ignore[import-untyped]
 
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange, LateAnswerDue
-from app.links.late_answers import LateAnswers, Mark, Piece, mark_of_answer, mark_of_request
+from app.links.late_answers import LateAnswers, Pattern, Piece, pattern_of_answer, pattern_of_request
 from app.links.line_diagnosis import LineDiagnosis
 from app.links.repeats import Repeats
 from app.links.serial_port import close_port, open_port, reason_of
@@ -52,7 +52,7 @@ class _Telegram:
 
     unit: int
     request: Request
-    mark: Mark
+    pattern: Pattern
     answer: asyncio.Future[bytes]
     again: bool = False
     """`Block.again`."""
@@ -159,7 +159,7 @@ class RtuTransport:
             raise BadAnswer(f"unit {unit}: {error}") from error
         await self._wait_for_silence()
         loop = asyncio.get_running_loop()
-        telegram = _Telegram(unit, request, mark_of_request(unit, request), loop.create_future(), again)
+        telegram = _Telegram(unit, request, pattern_of_request(unit, request), loop.create_future(), again)
         self._telegram = telegram
         answered = False
         answer = len(build_answer(request, [0] * request.count)) + 3
@@ -186,7 +186,7 @@ class RtuTransport:
             elif not telegram.answer.cancelled():
                 telegram.answer.exception()  # nobody waits for it when the task was ended at that moment
             if not answered:
-                self._late_answers.unanswered(telegram.mark, loop.time(), request.address)
+                self._late_answers.unanswered(telegram.pattern, loop.time(), request.address)
 
     async def _wait_for_silence(self) -> None:
         """Until nothing has been heard for 3.5 characters, and for longer behind half a frame."""
@@ -236,7 +236,7 @@ class RtuTransport:
                 telegram.older
             )  # one answer came to two reads of the same registers: it stands, the other is still owed
             self.counts.late -= 1
-            self._late_answers.unanswered(telegram.mark, loop.time(), telegram.request.address, until=until)
+            self._late_answers.unanswered(telegram.pattern, loop.time(), telegram.request.address, until=until)
             telegram.answer.set_result(pdu)
         else:
             if telegram.held:
@@ -303,17 +303,17 @@ class RtuTransport:
                 )
             else:
                 telegram.answer.set_result(pdu)
-        elif mark_of_answer(unit, pdu) == telegram.mark:
+        elif pattern_of_answer(unit, pdu) == telegram.pattern:
             if self._is_doubtful(telegram, pdu, now):
                 telegram.held.append(pdu)
-            elif until := self._late_answers.settled(telegram.mark, now):
+            elif until := self._late_answers.settled(telegram.pattern, now):
                 self.counts.late += 1  # one answer for each telegram like this one: ours is the last
                 if telegram.again:
                     telegram.older = pdu, until
             else:
                 self._repeats.taken(unit, pdu, now, twice=bool(telegram.held))
                 telegram.answer.set_result(pdu)
-        elif self._late_answers.settle(mark_of_answer(unit, pdu), now):
+        elif self._late_answers.settle(pattern_of_answer(unit, pdu), now):
             self.counts.late += 1
         elif self._repeats.was_said(unit, pdu, now):
             self._repeats.doubles = True
@@ -322,17 +322,17 @@ class RtuTransport:
 
     def _is_doubtful(self, telegram: _Telegram, pdu: bytes, now: float) -> bool:
         """Whether an answer that would fit may be a former one, said again. One that comes twice now is not."""
-        if self._late_answers.expects(telegram.mark, now):
+        if self._late_answers.expects(telegram.pattern, now):
             return False
-        owed = self._late_answers.owes(telegram.unit, telegram.request.function, now)
-        doubtful = self._repeats.doubtful(telegram.unit, pdu, now, soon=now < telegram.earliest, owed=owed)
+        expected = self._late_answers.owes(telegram.unit, telegram.request.function, now)
+        doubtful = self._repeats.doubtful(telegram.unit, pdu, now, soon=now < telegram.earliest, expected=expected)
         return doubtful and pdu not in telegram.held
 
     def _late(self, unit: int, pdu: bytes) -> None:
         now = asyncio.get_running_loop().time()
         if pdu[0] & 0x80:
             return
-        if self._late_answers.settle(mark_of_answer(unit, pdu), now):
+        if self._late_answers.settle(pattern_of_answer(unit, pdu), now):
             self.counts.late += 1
         elif self._repeats.was_said(unit, pdu, now):
             self._repeats.doubles = True

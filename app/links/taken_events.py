@@ -29,7 +29,7 @@ class TakenEvents:
         self._waiting.clear()
         self.stored = sequence
 
-    def stored_up_to(self, mark: RingPosition | None) -> None:
-        """All up to `mark` are stored; None = nobody knows of any."""
-        while mark is not None and self._waiting and not is_new(self._waiting[0], mark):
+    def stored_up_to(self, position: RingPosition | None) -> None:
+        """All up to `position` are stored; None = nobody knows of any."""
+        while position is not None and self._waiting and not is_new(self._waiting[0], position):
             self.stored = self._waiting.popleft().sequence

@@ -21,11 +21,11 @@ class Ring:
     newest: int = 0
     """Sequence of its newest event then."""
 
-    def replaces(self, mark: "RingPosition") -> bool:
-        """Whether `mark` is of a ring that was before this one. Of a mark from a file only its numbers tell: they never go back."""
-        if mark.ring is not None and mark.ring.reader is self.reader:
-            return mark.ring.number < self.number
-        return _behind(self.newest, mark.sequence, HALF) or _behind(self.boots, mark.boot, HALF_OF_BOOTS)
+    def replaces(self, position: "RingPosition") -> bool:
+        """Whether `position` is of a ring that was before this one. Of a position from a file only its numbers tell: they never go back."""
+        if position.ring is not None and position.ring.reader is self.reader:
+            return position.ring.number < self.number
+        return _behind(self.newest, position.sequence, HALF) or _behind(self.boots, position.boot, HALF_OF_BOOTS)
 
 
 class RingEvent(Protocol):
@@ -82,14 +82,14 @@ def position_of(event: RingEvent) -> RingPosition:
     return RingPosition(event.boot, event.sequence, event.time, event.ring)
 
 
-def is_new(event: RingEvent, mark: RingPosition | None) -> bool:
-    """Whether `event` comes after `mark`; numbers wrap after 2³²−1."""
-    return mark is None or begins_again(event, mark) or _behind(mark.sequence, event.sequence, HALF)
+def is_new(event: RingEvent, position: RingPosition | None) -> bool:
+    """Whether `event` comes after `position`; numbers wrap after 2³²−1."""
+    return position is None or begins_again(event, position) or _behind(position.sequence, event.sequence, HALF)
 
 
-def begins_again(event: RingEvent, mark: RingPosition) -> bool:
-    """Whether `event` is of a ring that replaces the one of `mark`."""
-    return event.ring.replaces(mark)
+def begins_again(event: RingEvent, position: RingPosition) -> bool:
+    """Whether `event` is of a ring that replaces the one of `position`."""
+    return event.ring.replaces(position)
 
 
 def earlier(one: RingPosition, other: RingPosition) -> RingPosition:

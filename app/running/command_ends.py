@@ -16,7 +16,7 @@ from app.commands.open_sets import NEWEST as NEWEST_SETS
 from app.commands.open_sets import OBJECT, open_sets
 from app.commands.orders import AuditLine
 from app.commands.set_follow_up import FOUND_NEW, FOUND_OLD
-from app.commands.value_set import spelt
+from app.commands.value_set import found_texts
 from app.errors import StorageError
 from app.historian.events import EndedCommand, Events
 from app.plant.definitions import Plant
@@ -86,7 +86,7 @@ class CommandEnds:
         """Values that nobody chose together are an alarm, until all are found to be new or all former ones."""
         mixed = progress.state is ProgressState.UNCONFIRMED
         if mixed or progress.reason in (FOUND_NEW, FOUND_OLD):
-            params = {"values": spelt(progress.changes)} if mixed else None
+            params = {"values": found_texts(progress.changes)} if mixed else None
             self._alarms.system.report("set_mixed", progress.equipment, mixed, params=params)
 
 

@@ -13,7 +13,7 @@ SWEEP_PERIOD = 0.25
 
 
 class Sweep:
-    """Publishes what `values` gives, key → value, each the tag `sys.<key>`; then calls `told`, and `second` once a second."""
+    """Publishes what `values` gives, key → value, each the tag `sys.<key>`; then calls `published`, and `second` once a second."""
 
     def __init__(
         self,
@@ -21,12 +21,12 @@ class Sweep:
         clock: Clock,
         *,
         values: Callable[[], Mapping[str, Value]],
-        told: Callable[[], None],
+        published: Callable[[], None],
         second: Callable[[], None],
     ) -> None:
         self.loop_lag = 0.0
         """How late the loop was at the last sweep [s]."""
-        self.told = told
+        self.published = published
         self._tags = tags
         self._clock = clock
         self._values = values
@@ -53,4 +53,4 @@ class Sweep:
         changed = {handles[key]: value for key, value in values.items() if tags.value(handles[key]) != value}
         now = self._clock.micros()
         tags.publish(Batch(SYSTEM, 0, now, now, list(changed), list(changed.values())))
-        self.told()
+        self.published()

@@ -255,12 +255,12 @@ class Drawing:
             "news": engine.annunciations.count,
             "sound": counts["sound"],
             "revision": engine.list.revision,
-            "marks": marks(engine.list.active()) if may_view else {"of": {}, "area": {}, "part": {}, "point": {}},
+            "marks": symbols(engine.list.active()) if may_view else {"of": {}, "area": {}, "part": {}, "point": {}},
         }
 
     def summary(self) -> dict[str, object]:
         """Alarms by machine or area, the last three, the last 24 hours."""
-        standing = self.runtime.alarms.list.active()
+        active = self.runtime.alarms.list.active()
         plant = self.runtime.plant
         machines = list(plant.equipment.values()) if plant else []
         by_machine = len(machines) <= MOST_MACHINES
@@ -272,9 +272,9 @@ class Drawing:
                 label = self.texts.label(self.lang, plant.areas[item.area]) or key
             rows.setdefault(key, (label, dict.fromkeys(PRIORITIES, 0)))
         rows[SYSTEM] = (self._("alarm.system.name"), dict.fromkeys(PRIORITIES, 0))
-        for one in standing:
+        for one in active:
             rows[(one.equipment if by_machine else one.area) if one.equipment else SYSTEM][1][one.priority] += 1
-        newest = sorted(standing, key=lambda one: -one.first_true)[:3]
+        newest = sorted(active, key=lambda one: -one.first_true)[:3]
         told = self.runtime.alarms.annunciations.times
         return {
             "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
@@ -285,13 +285,13 @@ class Drawing:
         }
 
 
-def marks(standing: Iterable[ListedAlarm]) -> dict[str, dict[str, list[object]]]:
+def symbols(active: Iterable[ListedAlarm]) -> dict[str, dict[str, list[object]]]:
     """What is marked: machine, area, part and point → [priority, `data-state`] of its most important alarm.
 
     The part of a machine is the first word of the alarm's key: `cr1.hoist` of `hoist_encoder`.
     """
     found: dict[str, dict[str, list[object]]] = {"of": {}, "area": {}, "part": {}, "point": {}}
-    for one in sorted(standing, key=lambda one: (one.priority, not one.unacked)):
+    for one in sorted(active, key=lambda one: (one.priority, not one.unacked)):
         mark: list[object] = [one.priority, one.symbol]
         if one.equipment:
             found["of"].setdefault(one.equipment, mark)
@@ -324,7 +324,7 @@ def lasting(seconds: float) -> str:
 
 
 def marks_json(found: Mapping[str, object]) -> str:
-    """`marks` for an attribute."""
+    """`symbols` for an attribute."""
     return json.dumps(found, ensure_ascii=False, separators=(",", ":"))
 
 

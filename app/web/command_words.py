@@ -13,8 +13,8 @@ from app.web import format as fmt
 from app.web.points import EquipmentView
 from app.web.screens import in_words
 
-TOLD = 4
-"""So many values of a set are told in one line."""
+MOST_VALUES = 4
+"""So many values of a set are named in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +80,13 @@ class CommandWords:
             return ""
         params = dict(progress.params)
         if progress.changes:
-            params["values"] = self.standing(progress.changes)
+            params["values"] = self.found_text(progress.changes)
             cause = str(params.get("cause", ""))
             deeper = {**progress.params, "cause": params.get("deeper", "")}
             params["because"] = self.text(cause, deeper).rstrip(".") if cause else ""
         return self.text(progress.reason, params)
 
-    def standing(self, changes: Sequence[Change]) -> str:
+    def found_text(self, changes: Sequence[Change]) -> str:
         """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
         text = self.equipment.text
         return ", ".join(f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in changes)
@@ -113,11 +113,11 @@ class CommandWords:
         named = self.equipment.t(label) if label else ""
         return text if named in text else f"{named}: {text}"
 
-    def told(self, progress: Progress) -> str:
+    def arguments_text(self, progress: Progress) -> str:
         """The arguments of a command in words: Product 5, Head 100.5 mm; what some mean together, by its name."""
         if progress.changes:
-            told = [f"{self._named(one)} {self.held(replace(one, found=one.new))}" for one in progress.changes]
-            return ", ".join(told[:TOLD]) + (f" … ({len(told)})" if len(told) > TOLD else "")
+            said = [f"{self._named(one)} {self.held(replace(one, found=one.new))}" for one in progress.changes]
+            return ", ".join(said[:MOST_VALUES]) + (f" … ({len(said)})" if len(said) > MOST_VALUES else "")
         command = self.equipment.equipment.type.commands.get(progress.command)
         given = progress.arguments
         text, together = in_words(self.equipment, given)
@@ -153,7 +153,7 @@ class CommandWords:
             point = self.equipment.point(key) if self.equipment.has(key) else None
             argument = f" = {point.number(progress.argument)}\u00a0{point.unit}".rstrip() if point else ""
         elif progress.arguments:
-            argument = f" ({self.told(progress)})"
+            argument = f" ({self.arguments_text(progress)})"
         who = f" · {self.named(progress.person)}" if progress.person else ""
         what = f"{self.equipment.id.upper()} {self.equipment.t(progress.label)}{argument}"
         line = f"{what}: {' → '.join(steps)}{': ' + because if because else ''}{who}"

@@ -31,7 +31,7 @@ from app.web.view import View
 router = APIRouter()
 
 MOST_REGISTERS = 10_000
-"""That the forecast is asked for."""
+"""Most registers whose load on the bus is asked for."""
 DEFAULT_REGISTERS = 25
 GROUPS: Sequence[tuple[str, Sequence[str]]] = (
     ("communication.pace", ("polls", "scan_time", "bus_share", "connections")),
@@ -101,8 +101,8 @@ async def communication(request: Request) -> Response:
     chosen = request.query_params.get("link", "")
     runtime = view.runtime(request)
     details = {name: _details(request, link) for name, link in runtime.links.items()}
-    forecasts = {
-        name: _forecast(
+    bus_loads = {
+        name: _bus_load(
             request,
             link,
             _number(request.query_params.get("unit", "")) if name == chosen else min(link.stations, default=0),
@@ -119,7 +119,7 @@ async def communication(request: Request) -> Response:
         kind="communication",
         links=links,
         details=details,
-        forecasts=forecasts,
+        bus_loads=bus_loads,
         opened=opened,
         rows=rows,
     )
@@ -134,16 +134,16 @@ async def details(request: Request, name: str) -> Response:
 
 
 @router.get("/communication/{name}/forecast", dependencies=[allow("diagnose")])
-async def forecast_of(request: Request, name: str) -> Response:
+async def bus_load_of(request: Request, name: str) -> Response:
     """What `registers` more of `unit` would cost, as a fragment."""
     query = request.query_params
-    found = _forecast(
+    found = _bus_load(
         request,
         _link(request, name),
         _number(query.get("unit", "")),
         _number(query.get("registers", ""), DEFAULT_REGISTERS),
     )
-    return view_of(request).fragment(request, "fragments/communication_forecast.html", forecast=found)
+    return view_of(request).fragment(request, "fragments/communication_bus_load.html", bus_load=found)
 
 
 @router.get("/communication/{name}/{unit}/words", dependencies=[allow("diagnose")])
@@ -305,7 +305,7 @@ def _exception(request: Request, code: int) -> str:
     return f"{code:02d} {view_of(request).text(request, name)}"
 
 
-def _forecast(request: Request, link: RegisterLink, unit: int, registers: int) -> dict[str, Any]:
+def _bus_load(request: Request, link: RegisterLink, unit: int, registers: int) -> dict[str, Any]:
     """What more registers would cost; of the first unit when `unit` is none of the link's."""
     view, lang = view_of(request), language_of(request)
     reads = _reads(link)

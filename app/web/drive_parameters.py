@@ -17,7 +17,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app.errors import LinkError, Refused
-from app.links.mailbox import MailboxUnit, Missed, Told
+from app.links.mailbox import MailboxUnit, Missed, Outcome
 from app.profidrive.parameter_access.error_numbers import key_of
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Failed, Values
@@ -50,7 +50,7 @@ Place = tuple[int, str]
 class Found:
     """What the drive said, and when [µs UTC]."""
 
-    told: Told
+    outcome: Outcome
     time: int
 
 
@@ -277,15 +277,15 @@ def _rows(request: Request, operation: Operation, search: str, group: str) -> di
 def _row(operation: Operation, machine: Machine, object: int, parameter: DriveParameter) -> Row:
     drawn, found = operation.equipment, machine.found.get((object, parameter.code))
     value, more, problem = "", 0, ""
-    if found is not None and isinstance(found.told, Values):
-        values = [_number(one, drawn.lang) for one in found.told.values]
+    if found is not None and isinstance(found.outcome, Values):
+        values = [_number(one, drawn.lang) for one in found.outcome.values]
         value, more = " · ".join(values[:ELEMENTS_SHOWN]), max(0, len(values) - ELEMENTS_SHOWN)
-    elif found is not None and isinstance(found.told, Failed):
-        number = found.told.number
+    elif found is not None and isinstance(found.outcome, Failed):
+        number = found.outcome.number
         shown = "–" if number is None else fmt.hexadecimal(number, 2)
         problem = f"{shown} {drawn.text(key_of(number), number=shown)}"
-    elif found is not None and isinstance(found.told, Missed):
-        problem = drawn.text(f"link.error.{found.told.error.kind}")
+    elif found is not None and isinstance(found.outcome, Missed):
+        problem = drawn.text(f"link.error.{found.outcome.error.kind}")
     return Row(
         parameter,
         object,

@@ -201,7 +201,7 @@ async def table(request: Request) -> Response:
 
 
 @router.get("/trends/marks", dependencies=[allow("view")])
-async def marks(request: Request) -> Response:
+async def alarm_markers(request: Request) -> Response:
     """Alarms of the machines of `tags` that came between `from` and `to`, the newest 200: time, priority, text, machine."""
     runtime = _runtime(request)
     names, (begin, end) = _known(request, MOST_PENS), _range(request)

@@ -56,7 +56,7 @@ def test_what_is_allowed_towards_an_end_and_never_less_away_from_it(
     assert toward == speed
     assert away == (20.0 if position is None or math.isnan(position) else math.inf)
     assert block.alarms[end] == alarms and not block.alarms[End(-end)]
-    assert {alarm for _, alarm in block.standing} == alarms
+    assert {alarm for _, alarm in block.active} == alarms
 
 
 @pytest.mark.parametrize("end", End)
@@ -73,17 +73,17 @@ def test_an_alarm_is_acknowledged_only_after_moving_away(end: End, hit: Switches
         "away, not acknowledged"
     )
     assert at(block, end, OFF, 5000.0, acknowledge=True) == FREE
-    assert not block.standing
+    assert not block.active
 
 
 def test_an_acknowledgement_that_is_held_while_moving_away_does_not_count() -> None:
     block = LimitSwitches(PLACES)
     for position in (10000.0, 9500.0, 5000.0, 5000.0):
         at(block, End.HIGH, Switches(position > 9000, position >= 10000), position, acknowledge=True)
-    assert block.standing
+    assert block.active
     at(block, End.HIGH, OFF, 5000.0)
     at(block, End.HIGH, OFF, 5000.0, acknowledge=True)
-    assert not block.standing
+    assert not block.active
 
 
 def test_speed_is_cut_towards_the_end_only() -> None:

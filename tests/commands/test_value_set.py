@@ -81,8 +81,8 @@ def test_what_is_found_is_told_apart(found: float | None, stands: Stands) -> Non
     change = Change("f114", "F114", "point.f114", 5.0, 6.0, "s", 1)
     judged = value_set.judged(change, PARTS["f114"], found)
     assert (judged.stands, judged.found) == (stands, found)
-    assert value_set.standing([judged]) == f"F114 = {'?' if found is None else f'{found:g}'} ({stands})"
-    assert "".join(value_set.spelt([judged])).endswith(f"(@set.{stands})")
+    assert value_set.found_text([judged]) == f"F114 = {'?' if found is None else f'{found:g}'} ({stands})"
+    assert "".join(value_set.found_texts([judged])).endswith(f"(@set.{stands})")
 
 
 def test_a_set_needs_what_its_parts_need() -> None:

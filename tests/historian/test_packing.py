@@ -51,7 +51,7 @@ def test_samples_come_out_as_they_were(rows: list[Sample], data: st.DataObject) 
     assert columns(rows).rows() == rows
     assert [packed.number(at) for at in range(len(rows))] == [row[1] for row in rows]
     low, high = data.draw(st.integers(0, 2**62)), data.draw(st.integers(0, 2**62))
-    assert packed.between(low, high).rows() == [row for row in rows if low <= row[0] < high]
+    assert packed.within(low, high).rows() == [row for row in rows if low <= row[0] < high]
 
 
 @pytest.mark.parametrize(

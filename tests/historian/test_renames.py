@@ -10,7 +10,7 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import record_query, renames
-from app.historian.events import EndedCommand, marks
+from app.historian.events import EndedCommand, ring_positions
 from app.plant.definitions import Equipment
 from tests.historian import books
 from tests.historian.books import FORCE, PASSAGE, RUN, Records
@@ -54,7 +54,7 @@ async def test_passages_go_on_under_the_new_name(history: Database) -> None:
     assert book.last("line1") == before and book.last("c1") is None
     await book.take("line1", drained(ring, 3))
     assert products(history, "line1") == [1, 2, 3] and products(history, "c1") == [] and changed == ["line1"]
-    assert history.run(marks).keys() == {"line1"}
+    assert history.run(ring_positions).keys() == {"line1"}
     book = await opened(history, named(conveyor("c1", "c2"), c1="belt"))  # twice, and while the server was down
     assert book.last("belt") is not None
     last = drained(ring, 4)
@@ -103,7 +103,7 @@ async def test_two_that_change_names_keep_their_own(history: Database) -> None:
     await book.take("c1", drained(other, 11))
     await book.take("c2", drained(one, 3))
     assert (products(history, "c1"), products(history, "c2")) == ([8, 9, 10, 11], [1, 2, 3])
-    assert {name: mark.sequence for name, mark in history.run(marks).items()} == {
+    assert {name: mark.sequence for name, mark in history.run(ring_positions).items()} == {
         "c1": other.sequence,
         "c2": one.sequence,
     }
@@ -135,7 +135,7 @@ async def test_a_history_from_before_goes_on_where_both_names_have_rows(history:
 
     history.run(past)
     assert history.run(lambda connection: renames.follow(connection, {"c1": "line1"})) == {"line1"}
-    assert {name: mark.sequence for name, mark in history.run(marks).items()} == {"line1": 20}
+    assert {name: mark.sequence for name, mark in history.run(ring_positions).items()} == {"line1": 20}
     assert history.run(lambda connection: record_query.lost(connection, "line1", None, None)) == 3
     assert history.run(lambda connection: renames.follow(connection, {"c1": "line1"})) == set()
 

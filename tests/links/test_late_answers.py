@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.links.contract import Block
-from app.links.late_answers import LATEST, LateAnswers, mark_of_answer, mark_of_request
+from app.links.late_answers import LATEST, LateAnswers, pattern_of_answer, pattern_of_request
 from app.registers.pdu import Request, build_answer
 
 SIZES = st.lists(st.integers(1, 125), max_size=30)
@@ -20,7 +20,7 @@ def blocks(draw: st.DrawFn) -> Block:
 def owing(sizes: list[int], now: float) -> LateAnswers:
     late = LateAnswers()
     for size in sizes:
-        late.unanswered(mark_of_request(1, Request(3, 0, size)), now)
+        late.unanswered(pattern_of_request(1, Request(3, 0, size)), now)
     return late
 
 
@@ -58,14 +58,14 @@ def test_what_is_owed_is_forgotten_in_the_end_and_never_concerns_others(block: B
 
 def test_an_answer_that_comes_after_all_pays_for_one_request() -> None:
     late = owing([25, 25], 0.0)
-    mark = mark_of_answer(1, build_answer(Request(3, 0, 25), [0] * 25))
-    assert [late.settle(mark, 1.0) for _ in range(3)] == [True, True, False]
+    pattern = pattern_of_answer(1, build_answer(Request(3, 0, 25), [0] * 25))
+    assert [late.settle(pattern, 1.0) for _ in range(3)] == [True, True, False]
 
 
 def test_echoes_of_writes_differ_by_register_and_value() -> None:
     late = LateAnswers()
-    late.unanswered(mark_of_request(1, Request(6, write_address=0x2000, words=(3,))), 0.0)
-    other = mark_of_request(1, Request(6, write_address=0x2000, words=(1,)))
+    late.unanswered(pattern_of_request(1, Request(6, write_address=0x2000, words=(3,))), 0.0)
+    other = pattern_of_request(1, Request(6, write_address=0x2000, words=(1,)))
     assert not late.settle(other, 1.0)
     assert late.owes(1, 6, 1.0) and not late.owes(1, 3, 1.0)
 
@@ -80,11 +80,11 @@ def test_a_span_that_is_refused_later_is_not_grown_into_any_more() -> None:
 
 def test_only_an_earlier_read_of_the_same_registers_may_stand_for_a_newer_one() -> None:
     late, block = LateAnswers(), Block(0x100, 96)
-    mark = mark_of_request(1, Request(3, 0x100, 96))
-    late.unanswered(mark, 0.0, 0x100)
+    pattern = pattern_of_request(1, Request(3, 0x100, 96))
+    late.unanswered(pattern, 0.0, 0x100)
     assert late.only(1, block, 1.0) and not late.only(1, Block(0x200, 96), 1.0)
-    late.unanswered(mark, 2.0, 0x200)
+    late.unanswered(pattern, 2.0, 0x200)
     assert not late.only(1, block, 3.0)
-    assert late.settled(mark, 3.0) == LATEST and late.settled(mark, 3.0) == LATEST + 2.0
-    late.unanswered(mark, 5.0, 0x100, until=6.0)
-    assert late.settled(mark, 7.0) == 0.0
+    assert late.settled(pattern, 3.0) == LATEST and late.settled(pattern, 3.0) == LATEST + 2.0
+    late.unanswered(pattern, 5.0, 0x100, until=6.0)
+    assert late.settled(pattern, 7.0) == 0.0

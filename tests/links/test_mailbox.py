@@ -16,7 +16,7 @@ from app.errors import (
     Refused,
     TelegramError,
 )
-from app.links.mailbox import MailboxUnit, Missed, Told
+from app.links.mailbox import MailboxUnit, Missed, Outcome
 from app.links.schedule import PERMIT
 from app.plant.definitions import MailboxMap
 from app.profidrive.parameter_access.messages import Address, Failed, Result, Values, Written
@@ -47,7 +47,7 @@ def is_look(pdu: bytes) -> bool:
     return pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") == AT
 
 
-def missed(told: Sequence[Told], error: type[LinkError], *, sent: bool) -> bool:
+def missed(told: Sequence[Outcome], error: type[LinkError], *, sent: bool) -> bool:
     return all(isinstance(one, Missed) and type(one.error) is error and one.sent is sent for one in told)
 
 

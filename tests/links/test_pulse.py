@@ -65,8 +65,8 @@ def watch(program: Program, until: float, *, period: float = 0.1, answer: float 
             pulse.header(program.header(now + answer / 2), now, now + answer)
             now += answer
         now += 0.01
-        if pulse.standing != (told[-1][1] if told else False):
-            told.append((now, pulse.standing))
+        if pulse.halted != (told[-1][1] if told else False):
+            told.append((now, pulse.halted))
     return told
 
 
@@ -113,9 +113,9 @@ def test_time_in_which_nobody_looked_accuses_nobody() -> None:
         pulse.header(program.header(now), now, now)
     program.stops.append((0.3, 30.0))  # both were suspended
     pulse.header(program.header(30.0), 30.0, 30.0)
-    assert not pulse.standing
+    assert not pulse.halted
     pulse.header(program.header(30.1), 30.1, 30.1)
-    assert not pulse.standing and pulse.due > 30.1
+    assert not pulse.halted and pulse.due > 30.1
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -11,7 +11,9 @@ def test_only_what_changed_is_published_and_then_it_is_told() -> None:
     tags.configure([Tag(f"sys.{key}", key, "sys", 0.0) for key in ("loop_lag", "a", "b")])
     values, heard, told = {"a": 1, "b": 2}, list[Batch](), []
     tags.subscribe(heard.append)
-    sweep = Sweep(tags, ManualClock(), values=lambda: values, told=lambda: told.append(len(heard)), second=lambda: None)
+    sweep = Sweep(
+        tags, ManualClock(), values=lambda: values, published=lambda: told.append(len(heard)), second=lambda: None
+    )
     sweep.publish()
     values["b"] = 3
     sweep.publish()

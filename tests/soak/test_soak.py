@@ -220,7 +220,7 @@ async def test_a_shift_of_faults_kills_nothing_costs_no_memory_and_ends_in_the_t
     while wrong := await differing_or_silent(runtime):
         assert asyncio.get_running_loop().time() < until, wrong
         await asyncio.sleep(1)
-    assert runtime.supervisor.all_alive
+    assert all(task.alive for task in runtime.supervisor.tasks.values())
     assert runtime.access.audit.healthy and runtime.access.audit.intact
     assert not runtime.recorder.full and runtime.recorder.dropped == 0
 

@@ -16,8 +16,8 @@ from app.blocks.product_tracking.table import (
     ProductTable,
     Sensor,
     call_uncertain,
-    mark,
     note_passed,
+    set_state,
 )
 
 
@@ -126,7 +126,7 @@ def _find(table: ProductTable, product: Product, sensor: Sensor, by: float) -> N
     note_passed(product, sensor.n, way)
     sensor.held = Held(product, way, product.displacement, False)
     _place_at(table, product, sensor, by)
-    mark(product, UNCERTAIN)
+    set_state(product, UNCERTAIN)
 
 
 def _correct(table: ProductTable, product: Product, sensor: Sensor, by: float, code: Code, end: int) -> None:
@@ -141,11 +141,11 @@ def _correct(table: ProductTable, product: Product, sensor: Sensor, by: float, c
     table.tell(code, number, product.id, 0, by, product.head)
     if abs(by) > table.settings.alarm_tolerance:
         table.tell(Code.OUTSIDE_TOLERANCE, number, product.id, 0, by)
-        mark(product, OUTSIDE)
+        set_state(product, OUTSIDE)
     elif (
         code is Code.HEAD_AT_SENSOR or (product.settled if product.state is ENTERING else product.state) is not OUTSIDE
     ):
-        mark(product, TRACKED)
+        set_state(product, TRACKED)
 
 
 def _place_at(table: ProductTable, product: Product, sensor: Sensor, by: float) -> None:
@@ -250,7 +250,7 @@ def _trailing_edge(table: ProductTable, sensor: Sensor, held: Held) -> None:
         elif whole and held.sure and product.length_known:
             product.measured = True
         if not near:
-            mark(product, UNCERTAIN)
+            set_state(product, UNCERTAIN)
     elif not whole or measured < limits.shortest:
         return
     elif by * end < 0:
@@ -308,14 +308,14 @@ def _take_length(table: ProductTable, product: Product, sensor: Sensor, measured
     product.right, product.length, product.length_known, product.measured = right, measured, True, False
     product.corrected_at = n + 1
     note_passed(product, n, product.moving or 1, end)
-    mark(product, UNCERTAIN)
+    set_state(product, UNCERTAIN)
     separate(table, product)
 
 
 def _shorten(table: ProductTable, product: Product, n: int, length: float) -> None:
     """Its leading end is right; what was behind the measured length is not there."""
     table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, length - product.length, length)
-    mark(product, UNCERTAIN)
+    set_state(product, UNCERTAIN)
     if length >= product.length:
         return
     if (product.moving or 1) < 0:

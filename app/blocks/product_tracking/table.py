@@ -276,7 +276,7 @@ class ProductTable:
         return any(product is not None and product.state is state for product in self.slots)
 
 
-def mark(product: Product, state: ProductState) -> None:
+def set_state(product: Product, state: ProductState) -> None:
     """Its state, or the one after entering or unloading."""
     if product.state in (ENTERING, UNLOADING):
         product.settled = state
@@ -287,7 +287,7 @@ def mark(product: Product, state: ProductState) -> None:
 def call_uncertain(product: Product) -> None:
     """Its position is uncertain; a lost one stays lost."""
     if product.state is not LOST:
-        mark(product, UNCERTAIN)
+        set_state(product, UNCERTAIN)
 
 
 def note_passed(product: Product, n: int, way: int, end: int = 0) -> None:

@@ -74,10 +74,10 @@ class CarCommands:
             return Verdict()
         car.stopping = True
 
-        def standing() -> AnswerState:
+        def stopped() -> AnswerState:
             return AnswerState.RUNNING if car.moving else AnswerState.DONE
 
-        return Verdict(AnswerState.RUNNING, until=standing)
+        return Verdict(AnswerState.RUNNING, until=stopped)
 
     def _reset(self) -> Verdict:
         car, machine = self._car, self._car.machine

@@ -90,10 +90,10 @@ class LineCommands:
             return Verdict()
         line.stopping = True
 
-        def standing() -> AnswerState:
+        def stopped() -> AnswerState:
             return AnswerState.RUNNING if line.stopping else AnswerState.DONE
 
-        return Verdict(AnswerState.RUNNING, until=standing)
+        return Verdict(AnswerState.RUNNING, until=stopped)
 
     def _reset(self) -> Verdict:
         line = self._line

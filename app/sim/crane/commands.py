@@ -58,10 +58,10 @@ class CommandedCrane(CraneView):
         self.mode = Mode.OFF
         self.stopping = self.moving
 
-        def standing() -> AnswerState:
+        def stopped() -> AnswerState:
             return AnswerState.RUNNING if self.stopping else AnswerState.DONE
 
-        return Verdict(AnswerState.RUNNING, until=standing) if self.stopping else Verdict()
+        return Verdict(AnswerState.RUNNING, until=stopped) if self.stopping else Verdict()
 
     def _reset(self) -> Verdict:
         if self.emergency:

@@ -43,7 +43,7 @@ class Edges:
         self._safety = crane.safety_brake
         for axis in crane.axes.values():
             self._encoders[axis.name] = axis.encoder_ok
-            self._limits[axis.name] = frozenset(axis.limits.standing)
+            self._limits[axis.name] = frozenset(axis.limits.active)
             for motor in axis.motors:
                 self._alarms[motor.number] = frozenset(motor.control.alarms)
                 self._hot[motor.number] = motor.temperature >= HOT
@@ -69,14 +69,14 @@ class Edges:
             for motor in axis.motors:
                 self._look_at_motor(motor.number, motor.control.alarms, motor.temperature >= HOT)
             if any(axis.limits.alarms.values()) or self._limits[axis.name]:
-                now_standing = frozenset(axis.limits.standing)
-                told = set()
-                for end, alarm in axis.limits.standing:
+                active = frozenset(axis.limits.active)
+                said = set()
+                for end, alarm in axis.limits.active:
                     what = (_LIMITS[alarm], 2 * number - (end is End.LOW))
-                    if (end, alarm) not in self._limits[axis.name] and what not in told:
-                        told.add(what)
+                    if (end, alarm) not in self._limits[axis.name] and what not in said:
+                        said.add(what)
                         crane.event(*what, axis.position)
-                self._limits[axis.name] = now_standing
+                self._limits[axis.name] = active
 
     def _look_at_motor(self, number: int, alarms: set[DriveAlarm], hot: bool) -> None:
         if alarms != self._alarms[number]:

@@ -39,7 +39,7 @@ class Case:
     """First-order lag of trolley and hoist [s]."""
     dead_time: tuple[float, float] = (0.0, 0.0)
     """[s]"""
-    told_lag: tuple[float, float] | None = None
+    assumed_lag: tuple[float, float] | None = None
     """What the block was told; None = the true one."""
     release: tuple[float, float] = RELEASE
     """[s]"""
@@ -90,7 +90,7 @@ class Lift:
         self.trolley.position, self.hoist.position = 10000.0 + case.offset[0], 12000.0 + case.offset[1]
         self.rope = Rope(case.load, STRAIN, HOIST["max_position"].value + HOIST["rope_length_at_top"].value)
         self.rope.settle(self.hoist.position)
-        lag = case.told_lag or (case.lag[0] + case.dead_time[0], case.lag[1] + case.dead_time[1])
+        lag = case.assumed_lag or (case.lag[0] + case.dead_time[0], case.lag[1] + case.dead_time[1])
         x, y = (
             AxisLimits(d.max_speed, min(d.acceleration, d.deceleration), d.acceleration / JERK_TIME, at, d.resolution)
             for d, at in zip((TROLLEY_DATA, HOIST_DATA), lag, strict=True)

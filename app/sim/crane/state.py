@@ -127,7 +127,7 @@ class CraneView(VirtualPlc):
             "acknowledged": not self.held,
             "drives_ok": all(axis.drives_ok for axis in axes),
             "encoders_ok": all(axis.encoder_ok for axis in axes),
-            "limits_ok": not any(axis.limits.standing for axis in axes),
+            "limits_ok": not any(axis.limits.active for axis in axes),
             "scale_ok": self.scale_ok,
             "rope_ok": not (self.rope_overlap or self.slack_rope),
             "not_overloaded": not self.overload,

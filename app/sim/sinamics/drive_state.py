@@ -73,7 +73,7 @@ class DriveState:
     @property
     def faults(self) -> list[int]:
         """Numbers that stand."""
-        return self.buffer.standing
+        return self.buffer.active
 
     @property
     def alarms(self) -> list[int]:

@@ -45,8 +45,8 @@ class FaultBuffer:
         return [message.number for message in self.messages[0]]
 
     @property
-    def standing(self) -> list[int]:
-        """Faults that stand."""
+    def active(self) -> list[int]:
+        """Faults that are active."""
         return [number for number in self.present if number]
 
     @property

@@ -192,7 +192,7 @@ _SHOWN: Mapping[str, Callable[[Shown], float | Sequence[float]]] = MappingProxyT
         "r2123": _messages("alarms", lambda m: m.came),
         "r2124": _messages("alarms", lambda m: m.value),
         "r2125": _messages("alarms", lambda m: m.gone),
-        "r2131": lambda it: it.buffer.standing[-1] if it.buffer.standing else 0,
+        "r2131": lambda it: it.buffer.active[-1] if it.buffer.active else 0,
         "r2132": lambda it: it.alarms.present[-1].number if it.alarms.present else 0,
         "r2133": _messages("buffer", lambda m: m.value),
         "r2139": lambda it: it.status & (Status.FAULT | Status.ALARM),

@@ -50,7 +50,7 @@ async def alarms(request: Request) -> list[AlarmOut]:
     """All alarms that are not normal, the most important first."""
     runtime = runtime_of(request)
     view = Drawing(runtime, runtime.texts, language_of(request))
-    return [_alarm(request, view, standing) for standing in runtime.alarms.list.active()]
+    return [_alarm(request, view, one) for one in runtime.alarms.list.active()]
 
 
 @router.post("/alarms/acknowledge", dependencies=[allow("acknowledge")])

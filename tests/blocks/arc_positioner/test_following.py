@@ -82,7 +82,7 @@ def test_any_start_angle_to_any_end_angle_in_both_directions(angles: tuple[float
 @pytest.mark.parametrize(
     "case",
     [
-        Case(SLOWER, 1000, lag=(0.15, 0.07), told_lag=(0.1, 0.1)),
+        Case(SLOWER, 1000, lag=(0.15, 0.07), assumed_lag=(0.1, 0.1)),
         Case(SLOWER, 6000, gain=(1.005, 0.995)),
         Case(SLOWER, 6000, weighed=0.9),
     ],

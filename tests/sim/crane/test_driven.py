@@ -134,12 +134,12 @@ def test_moves_at_full_speed_into_the_limit_and_back() -> None:
     assert max(speed for _, speed in seen) == pytest.approx(132.08, abs=0.1)
     assert max(speed for at, speed in seen if at > 33080 + 215) <= 20.4
     assert 34080 <= driven.axis.position < 34080 + 10 and not driven.axis.speed
-    assert driven.limits.standing == [(End.HIGH, LimitAlarm.STOP_HIT)]
+    assert driven.limits.active == [(End.HIGH, LimitAlarm.STOP_HIT)]
     for _ in range(50):
         driven.step(0.0, 0.01)
     for n in range(3000):
         driven.step(-50.8, 0.01, acknowledge=n % 100 == 0)
-    assert driven.axis.position < 33000 and not driven.limits.standing
+    assert driven.axis.position < 33000 and not driven.limits.active
     assert driven.axis.strain == 0.0
 
 
@@ -155,7 +155,7 @@ def test_a_switch_that_does_not_answer_is_found_by_position_and_stops_the_axis(
     )
     for n in range(9000):
         driven.step(132.08 if n > 50 else 0.0, 0.01)
-    assert (End.HIGH, alarm) in driven.limits.standing and not driven.allowed.healthy
+    assert (End.HIGH, alarm) in driven.limits.active and not driven.allowed.healthy
     assert not driven.axis.speed and driven.axis.position < where
 
 

@@ -132,13 +132,13 @@ def test_an_axis_slows_down_stops_at_its_switch_and_is_acknowledged_after_moving
     stand.release()
     assert stand.ask(CraneCommand.RESET) is DONE
     stand.run(0.5)
-    assert moved.limits.standing, "not before moving away"
+    assert moved.limits.active, "not before moving away"
     stand.jog(axis, -way)
     stand.until(lambda: way * (stop - moved.axis.position) > 50, 30)
     stand.release()
     stand.ask(CraneCommand.RESET)
     stand.run(0.5)
-    assert not moved.limits.standing
+    assert not moved.limits.active
 
 
 @pytest.mark.parametrize("axis", AXES)
