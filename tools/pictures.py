@@ -54,6 +54,7 @@ SCREENS = {
     "crane-drives": "/equipment/cr1/page/drives",
     "crane-sequence": "/equipment/cr1/page/sequence",
     "crane-thesis": "/equipment/cr1/page/thesis?run=positioner",
+    "crane-thesis-arc": "/equipment/cr1/page/thesis?run=arc",
     "crane-faceplate": "/equipment/cr1/faceplate",
     "crane-settings": "/equipment/cr1/parameters",
     "records-crane-cycle": "/records/crane_cycle?equipment=cr1",

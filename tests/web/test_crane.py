@@ -24,7 +24,7 @@ PAGES = (
     "/equipment/cr1/parameters",
     "/records/crane_cycle?equipment=cr1&view=steps",
     *(f"/equipment/cr1/page/{name}" for name in TABS),
-    "/equipment/cr1/page/thesis?run=positioner",
+    *(f"/equipment/cr1/page/thesis?run={test}" for test in ("positioner", "arc")),
     *(f"/equipment/cr1/part/drive?drive={drive}" for drive in DRIVES),
 )
 ASKS = ("start_cycle", "confirm_weight", "select_drives", "select_path", "reset_hours")

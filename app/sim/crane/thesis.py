@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from math import nan
 from typing import NamedTuple
 
+from app.blocks.arc_positioner.following import ArcPhase
 from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
 from app.sim.crane.axis import Axis, AxisData
-from app.sim.crane.figures import TROLLEY
+from app.sim.crane.figures import HOIST, TROLLEY
+from app.sim.crane.lift import Case, Lift
 
 START, TARGET = 5000.0, 10000.0
 """Of the trolley [mm]."""
@@ -144,4 +146,52 @@ def expected_positioning() -> list[Moment]:
                     begin.speed + acceleration * t,
                 )
             )
+    return curve
+
+
+RADIUS, LIFT_SPEED = 3000.0, HOIST["max_speed"].value
+"""Of the circular lift [mm, mm/s]; the radius is not in the text of the thesis (assumed)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArcRun:
+    """The circular lift from 0° to 90°: by angle [°], how far beside the true circle the load was [mm], outwards positive."""
+
+    ideal: Sequence[tuple[float, float]]
+    """The original's formulas without lag, brake times and load, as the thesis simulated them."""
+    original: Sequence[tuple[float, float]]
+    """The original's formulas in the mechanics."""
+    ours: Sequence[tuple[float, float]]
+    """Our path following in the mechanics."""
+    numbers: Sequence[Compared]
+    """Greatest ways beside the circle; the thesis tells of its own run that the path is the circle."""
+    phase: ArcPhase
+    """In which ours ended."""
+
+
+def run_arc() -> ArcRun:
+    """The circular lift by all three.
+
+    Raises:
+        TimeoutError: one has not ended.
+    """
+    real = Case(LIFT_SPEED, RADIUS)
+    lifts = {
+        "ideal": Lift(Case(LIFT_SPEED, RADIUS, lag=(0.0, 0.0), release=(0.0, 0.0), load=0.0), original=True),
+        "original": Lift(real, original=True),
+        "ours": Lift(real),
+    }
+    curves = {name: _deviations(lift) for name, lift in lifts.items()}
+    numbers = [Compared(name, 0.0, lift.result.worst, "mm") for name, lift in lifts.items()]
+    return ArcRun(**curves, numbers=numbers, phase=lifts["ours"].result.phase)
+
+
+def _deviations(lift: Lift) -> list[tuple[float, float]]:
+    curve, scans, ended = list[tuple[float, float]](), 0, False
+    while not ended:
+        ended, scans = lift.step(), scans + 1
+        if ended or scans % (2 * EVERY) == 1:
+            curve.append((lift.circle.angle(lift.true, 45.0), lift.circle.radial_error(lift.true)))
+        if lift.result.seconds > 10 * LONGEST:
+            raise TimeoutError(f"circular lift at {curve[-1][0]:.1f}° after {10 * LONGEST:g} s, expected 90°")
     return curve

@@ -1,11 +1,11 @@
 """The tests of the thesis as its page draws them: curves in panels of one drawing, over the numbers of the thesis."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from starlette.exceptions import HTTPException
 
-from app.sim.crane.thesis import TARGET, TOLERANCE, PositionerRun, run_positioner
+from app.sim.crane.thesis import TARGET, TOLERANCE, ArcRun, PositionerRun, run_arc, run_positioner
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,22 @@ class PositionerDrawing:
         return next(one.expected for one in self.run.numbers if one.key == key)
 
 
-RUNS = {"positioner": lambda: PositionerDrawing(run_positioner())}
+@dataclass(frozen=True, slots=True)
+class ArcDrawing:
+    """A circular lift: way beside the true circle over the angle."""
+
+    run: ArcRun
+    beside = Panel(52, 4, 720, 316, (-1, 91), (-4, 10))
+
+    def curve(self, name: str) -> str:
+        """One of the curves of the run."""
+        return self.beside.path(getattr(self.run, name))
+
+
+RUNS: Mapping[str, Callable[[], PositionerDrawing | ArcDrawing]] = {
+    "positioner": lambda: PositionerDrawing(run_positioner()),
+    "arc": lambda: ArcDrawing(run_arc()),
+}
 """By what is asked for with `run`."""
 
 

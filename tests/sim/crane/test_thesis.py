@@ -2,8 +2,9 @@
 
 import pytest
 
+from app.blocks.arc_positioner.following import ArcPhase
 from app.blocks.positioner.positioner import MovePhase
-from app.sim.crane.thesis import EXPECTED, SCAN, expected_positioning, run_positioner
+from app.sim.crane.thesis import EXPECTED, SCAN, expected_positioning, run_arc, run_positioner
 
 
 def test_positioner_runs_as_the_thesis_expects() -> None:
@@ -31,3 +32,12 @@ def test_curve_of_the_figures_has_the_numbers_of_the_thesis() -> None:
     assert curve[-1] == pytest.approx((EXPECTED["seconds"], 10000.0, 0.0), abs=0.05)
     positions = [moment.position for moment in curve]
     assert positions == sorted(positions)
+
+
+def test_circular_lift_stays_on_the_circle_where_the_formulas_of_the_original_do_not() -> None:
+    run = run_arc()
+    found = {one.key: one.ours for one in run.numbers}
+    assert run.phase is ArcPhase.DONE and found["ours"] <= 2.0 < found["original"]
+    for name, curve in (("ideal", run.ideal), ("original", run.original), ("ours", run.ours)):
+        assert curve[0][0] == pytest.approx(0.0, abs=0.1) and curve[-1][0] == pytest.approx(90.0, abs=2.0)
+        assert max(abs(error) for _, error in curve) <= found[name]
