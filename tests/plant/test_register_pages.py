@@ -5,7 +5,7 @@ import re
 from app.plant import types
 from app.plant.plant_files.languages import LANGUAGES
 from app.registers import plc_map
-from app.sim.plc import plc
+from app.sim.plc import header
 from tools import registers
 
 
@@ -56,7 +56,7 @@ def test_every_word_of_an_image_is_said_to_be_something() -> None:
 def test_the_header_has_the_words_and_types_that_a_device_sends() -> None:
     sent = {"H": ("u16", 1), "I": ("u32", 2), "Q": ("u64", 4)}
     at, device = 0, {}
-    for count, code in re.findall(r"(\d*)([HIQ])", plc._HEADER.format):
+    for count, code in re.findall(r"(\d*)([HIQ])", header._HEADER.format):
         for _ in range(int(count or 1)):
             device[at] = sent[code][0]
             at += sent[code][1]
