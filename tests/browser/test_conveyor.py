@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import AXE, LANGUAGES, Sit, fault, instruct, serving, take
+from tests.browser.station import AXE, LANGUAGES, Sit, built, fault, instruct, serving, take
 from tests.conftest import PogonServer
 from tests.line_plant import plant
 
@@ -52,9 +52,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
 
 
 def run(page: Page) -> None:
-    """Have the line run by itself, whatever the last test left."""
+    """Have the line run by itself, from its beginning: whatever the last test left may hold it up."""
     take(page)
-    fault(page, "c1", 0)
+    built(page, "c1")
     if "Automatic" not in page.inner_text(".c-line h2"):
         page.click(".zone .stop")
         expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
