@@ -55,6 +55,7 @@ def run(page: Page) -> None:
     """Have the line run by itself, from its beginning: whatever the last test left may hold it up."""
     take(page)
     built(page, "c1")
+    page.wait_for_selector(".prods tr[data-product], .prod:not([display])", timeout=30_000, state="detached")
     if "Automatic" not in page.inner_text(".c-line h2"):
         page.click(".zone .stop")
         expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
