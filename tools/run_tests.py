@@ -98,7 +98,7 @@ def stages(jobs: int, browsers: int, waiting: int) -> list[list[Stage]]:
         Stage(
             "browser",
             "not soak and browser",
-            ("-n", str(browsers), "--dist", "loadfile", "--no-loadscope-reorder"),
+            ("-n", str(browsers), "--dist", "loadfile", "--no-loadscope-reorder", "--randomly-dont-reorganize"),
             "tests/browser",
             needs=(make, "-s", ".browser"),
         ),
