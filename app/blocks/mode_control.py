@@ -16,7 +16,9 @@ class Mode(IntEnum):
 class ModeInputs(NamedTuple):
     """Requests of one cycle."""
 
-    start_automatic: bool = False
+    select_automatic: bool = False
+    """Counts when it comes (edge)."""
+    start: bool = False
     """Counts when it comes (edge)."""
     select_manual: bool = False
     """Counts when it comes (edge)."""
@@ -32,7 +34,7 @@ class ModeOutputs(NamedTuple):
 
     mode: Mode
     automatic: bool
-    """Latched."""
+    """It runs by itself; latched by a start in mode automatic."""
     forward: bool
     """Manual movement, never together with `reverse` or `automatic`."""
     reverse: bool
@@ -40,41 +42,44 @@ class ModeOutputs(NamedTuple):
 
 @dataclass(slots=True)
 class ModeControl:
-    """Automatic is latched (SR), manual is hold-to-run in exactly one direction, stop wins.
+    """A mode is chosen and starts nothing; automatic then runs from a start on (SR), manual is hold-to-run in one direction, stop wins.
 
-    - Automatic starts with a new request, only without stop and without a manual direction held; it also leaves manual mode. Stop or the
-      selection of manual ends it; stop leads to off, out of manual it leads nowhere else.
+    - Automatic is chosen by a new request without a manual direction held. It runs from a new start on, only in mode automatic and without
+      stop. Stop or the selection of manual ends the run; stop changes no mode.
     - Manual moves only in mode manual, with exactly one direction held. Both directions, stop, automatic, or a change from one
       direction straight to the other end the movement, and it takes a new request: both released, then one held. So nothing that was
       held before can start a belt.
 
-    Source: thesis 003, modes (PTRK_BC_AutoMode); the new request after any interruption is ours (hmi-design section 12).
+    Source: thesis 003, modes (PTRK_BC_AutoMode), where choosing automatic starts it; the separate start and the new request after any
+    interruption are ours (hmi-design section 12).
     """
 
     mode: Mode = Mode.OFF
+    running: bool = False
+    """Automatic, started."""
     direction: int = 0
     """Manual movement: 1 forward, −1 reverse, 0 none."""
     ready: bool = False
     """Both directions were seen released, so a held one counts."""
-    start_before: bool = True
-    """A request that is already there at the first cycle is not new."""
-    select_before: bool = True
+    before: tuple[bool, bool, bool] = (True, True, True)
+    """Requests for automatic, start and manual; one that is already there at the first cycle is not new."""
 
     def step(self, inputs: ModeInputs) -> ModeOutputs:
         """One cycle."""
-        start = inputs.start_automatic and not self.start_before
-        select = inputs.select_manual and not self.select_before
-        self.start_before, self.select_before = inputs.start_automatic, inputs.select_manual
+        requests = inputs.select_automatic, inputs.start, inputs.select_manual
+        automatic, start, manual = (now and not before for now, before in zip(requests, self.before, strict=True))
+        self.before = requests
         held = inputs.forward or inputs.reverse
-        if inputs.stop:
-            if self.mode is Mode.AUTOMATIC:
-                self.mode = Mode.OFF
-        elif select:
+        if manual and not inputs.stop:
             self.mode = Mode.MANUAL
-        elif start and not held:
+        elif automatic and not inputs.stop and not held:
             self.mode = Mode.AUTOMATIC
+        if inputs.stop or self.mode is not Mode.AUTOMATIC:
+            self.running = False
+        elif start and not held:
+            self.running = True
         self.direction = self._direction(inputs, held)
-        return ModeOutputs(self.mode, self.mode is Mode.AUTOMATIC, self.direction > 0, self.direction < 0)
+        return ModeOutputs(self.mode, self.running, self.direction > 0, self.direction < 0)
 
     def _direction(self, inputs: ModeInputs, held: bool) -> int:
         wanted = inputs.forward - inputs.reverse

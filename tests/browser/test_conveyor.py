@@ -61,9 +61,22 @@ def run(page: Page) -> None:
         expect(page.locator("#message")).to_contain_text(re.compile("Stop: Accepted .* Done"), timeout=30_000)
         if page.locator("[data-command='c1.reset']").get_attribute("aria-disabled") is None:
             reset(page)
-        page.click(".c-op > [data-command='c1.start_automatic']")
-        page.locator("#overlay .danger").click()
+        start(page)
     expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=30_000)
+
+
+def start(page: Page) -> None:
+    """Choose automatic, which starts nothing, and start it."""
+    mode = page.locator(".c-mode button").first
+    if mode.get_attribute("aria-pressed") != "true":
+        expect(mode).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+        mode.click()
+        expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)
+        expect(page.locator(".c-line h2")).to_contain_text("Stopped")
+    button = page.locator(".c-op > [data-command='c1.start_automatic']")
+    expect(button).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+    button.click()
+    page.locator("#overlay .danger").click()
 
 
 def reset(page: Page) -> None:

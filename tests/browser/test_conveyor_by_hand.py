@@ -31,7 +31,6 @@ def manual(page: Page) -> None:
     if mode.get_attribute("aria-pressed") != "true":
         expect(mode).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
         mode.click()
-        page.locator("#overlay .danger").click()
     expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)
 
 
@@ -167,12 +166,12 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
     page.keyboard.press("Enter")
     answer(name, arg_head="320.5", reason="it lies further")
     expect(page.locator(".prods td").first).to_have_text("320.5", timeout=30_000)
-    start = page.locator(".c-op > [data-command='c1.start_automatic']")
-    if start.is_visible():
-        to(start)
-    else:
-        start = page.locator(".c-mode button").first
-        to(start)
+    mode, start = page.locator(".c-mode button").first, page.locator(".c-op > [data-command='c1.start_automatic']")
+    to(mode)
+    page.keyboard.press("Enter")
+    expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)
+    expect(start).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+    to(start)
     page.keyboard.press("Enter")
     answer(start)
     expect(page.locator(".c-line h2")).to_contain_text("Automatic", timeout=30_000)

@@ -133,6 +133,7 @@ def test_commands_have_the_codes_of_the_manual(line: EquipmentType) -> None:
         "edit_product": 6,
         "confirm_positions": 7,
         "insert_product": 8,
+        "select_automatic": 9,
     }
     assert {key: command.hold_bits for key, command in line.commands.items() if command.hold} == {
         "jog_forward": 1,
@@ -142,6 +143,12 @@ def test_commands_have_the_codes_of_the_manual(line: EquipmentType) -> None:
     }
     assert [argument.name for argument in line.commands["edit_product"].arguments] == ["product", "head", "length"]
     assert [argument.name for argument in line.commands["insert_product"].arguments] == ["head", "length"]
+
+
+def test_choosing_a_mode_moves_nothing_and_asks_nothing(line: EquipmentType) -> None:
+    for key in ("select_automatic", "select_manual"):
+        assert (line.commands[key].moves, line.commands[key].level) == (False, "C1"), key
+    assert line.commands["start_automatic"].level == "C2"
 
 
 def test_stop_asks_nothing_and_nothing_guards_it(line: EquipmentType) -> None:
@@ -181,7 +188,8 @@ def test_what_guards_all_belts_guards_one(line: EquipmentType) -> None:
 
 
 def test_a_line_at_rest_starts_and_a_moving_belt_in_manual_can_be_driven(line: EquipmentType) -> None:
-    assert guards(line, "start_automatic") == set()
+    assert guards(line, "start_automatic", mode=1) == set()
+    assert guards(line, "select_automatic") == set()
     assert guards(line, "jog_forward", mode=2) == set()
     assert guards(line, "jog_reverse", mode=2, moving=1, state=3) == set()
 
@@ -189,12 +197,15 @@ def test_a_line_at_rest_starts_and_a_moving_belt_in_manual_can_be_driven(line: E
 @pytest.mark.parametrize(
     ("command", "values", "unmet"),
     [
-        ("start_automatic", {"emergency_stop": 1}, {"emergency_stop"}),
-        ("start_automatic", {"jam_2": 1}, {"jam"}),
-        ("start_automatic", {"encoder_fault_3": 1}, {"encoders"}),
-        ("start_automatic", {"gap_stop": 1}, {"gap"}),
-        ("start_automatic", {"state": 6, "stop_active": 1}, {"acknowledged", "no_stop"}),
-        ("start_automatic", {"host_silent": 1}, {"host"}),
+        ("start_automatic", {"mode": 1, "emergency_stop": 1}, {"emergency_stop"}),
+        ("start_automatic", {"mode": 1, "jam_2": 1}, {"jam"}),
+        ("start_automatic", {"mode": 1, "encoder_fault_3": 1}, {"encoders"}),
+        ("start_automatic", {"mode": 1, "gap_stop": 1}, {"gap"}),
+        ("start_automatic", {"mode": 1, "state": 6, "stop_active": 1}, {"acknowledged", "no_stop"}),
+        ("start_automatic", {"mode": 1, "host_silent": 1}, {"host"}),
+        ("start_automatic", {}, {"automatic"}),
+        ("start_automatic", {"mode": 2}, {"automatic"}),
+        ("select_automatic", {"mode": 2, "moving": 1, "state": 3}, {"standstill"}),
         ("select_manual", {"moving": 1, "state": 1, "mode": 1, "automatic": 1}, {"standstill"}),
         ("jog_forward", {}, {"manual"}),
         ("edit_product", {"moving": 1}, {"standstill"}),
@@ -208,11 +219,11 @@ def test_what_stands_in_the_way_is_named(
 
 
 def test_a_full_memory_does_not_keep_the_line_from_unloading(line: EquipmentType) -> None:
-    assert guards(line, "start_automatic", products=20, buffer_full=1) == set()
+    assert guards(line, "start_automatic", mode=1, products=20, buffer_full=1) == set()
 
 
 def test_automatic_may_follow_manual(line: EquipmentType) -> None:
-    assert guards(line, "start_automatic", mode=2) == set()
+    assert guards(line, "select_automatic", mode=2) == set()
 
 
 def test_a_gap_stop_leaves_the_way_out_by_hand(line: EquipmentType) -> None:

@@ -15,6 +15,7 @@ from app.sim.plc import Verdict
 from app.sim.plc import rejected as no
 
 _ON_PRODUCTS = (ConveyorCommand.DELETE, ConveyorCommand.EDIT, ConveyorCommand.CONFIRM, ConveyorCommand.INSERT)
+_MODES = (ConveyorCommand.AUTOMATIC, ConveyorCommand.START, ConveyorCommand.MANUAL)
 _WHILE_STANDING = (ConveyorCommand.EDIT, ConveyorCommand.INSERT)
 
 
@@ -24,9 +25,9 @@ class LineCommands:
     def __init__(
         self, line: LineState, drives: BeltDrives, gap: GapStop, uncertain: UncertainProducts, *, start: bool
     ) -> None:
-        """Over the parts that it commands; `start`: automatic is asked for already."""
+        """Over the parts that it commands; `start`: automatic is chosen and started already."""
         self._line, self._drives, self._gap, self._uncertain = line, drives, gap, uncertain
-        self._start = start
+        self._automatic = self._start = start
         self._manual = False
 
     def execute(self, request: Request) -> Verdict:
@@ -36,16 +37,16 @@ class LineCommands:
             return self._stop()
         if code == ConveyorCommand.RESET:
             return self._reset()
-        if code in (ConveyorCommand.START, ConveyorCommand.MANUAL):
+        if code in _MODES:
             return self._change_mode(code)
         if code in _ON_PRODUCTS:
             return self._change_product(request)
         return no(ConveyorReason.UNKNOWN)
 
-    def modes_asked(self) -> tuple[bool, bool]:
-        """Whether automatic, and whether manual was asked for since the last call."""
-        asked = self._start, self._manual
-        self._start = self._manual = False
+    def modes_asked(self) -> tuple[bool, bool, bool]:
+        """Whether mode automatic, its start, and mode manual were asked for since the last call."""
+        asked = self._automatic, self._start, self._manual
+        self._automatic = self._start = self._manual = False
         return asked
 
     def _change_product(self, request: Request) -> Verdict:
@@ -86,7 +87,7 @@ class LineCommands:
     def _stop(self) -> Verdict:
         line = self._line
         line.event(ConveyorEvent.STOP)
-        if not line.moving and line.modes.mode is not Mode.AUTOMATIC:
+        if not line.moving and not line.modes.running:
             return Verdict()
         line.stopping = True
 
@@ -115,7 +116,9 @@ class LineCommands:
             return no(ConveyorReason.EMERGENCY_STOP)
         if line.faulty:
             return no(ConveyorReason.FAULT)
-        if code == ConveyorCommand.START and line.modes.mode is Mode.AUTOMATIC and not line.stopping:
+        if code == ConveyorCommand.START and line.modes.mode is not Mode.AUTOMATIC:
+            return no(ConveyorReason.NOT_AUTOMATIC)
+        if code != ConveyorCommand.MANUAL and line.modes.running and not line.stopping:
             return Verdict()
         if line.moving or line.stopping or line.hold:
             return no(ConveyorReason.MOVING)
@@ -123,8 +126,11 @@ class LineCommands:
             if line.host_silent:
                 return no(ConveyorReason.WRONG_STATE, line.state)
             self._start = True
+            line.causes(ConveyorEvent.STARTED)
+        elif code == ConveyorCommand.AUTOMATIC:
+            self._automatic = True
             line.causes(ConveyorEvent.AUTOMATIC)
         else:
             self._manual = True
-            line.causes(ConveyorEvent.AUTOMATIC_ENDED, ConveyorEvent.MANUAL)
+            line.causes(ConveyorEvent.ENDED, ConveyorEvent.MANUAL)
         return Verdict()

@@ -1,6 +1,5 @@
 """The three drives of the conveyor: which speed each belt is given, the ramp to it, and what their supervision finds."""
 
-from app.blocks.mode_control import Mode
 from app.sim.conveyor.belt import Finding
 from app.sim.conveyor.machine import BELTS
 from app.sim.conveyor.plausibility import make_belt_uncertain
@@ -41,7 +40,7 @@ class BeltDrives:
         line = self._line
         values, follow = line.settings, line.tracking
         stop = line.stop_active
-        automatic = line.modes.mode is Mode.AUTOMATIC and not stop
+        automatic = line.modes.running and not stop
         gap = follow.gap_stop
         manual = 0.0
         if line.direction:

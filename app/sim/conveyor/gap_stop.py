@@ -3,7 +3,6 @@
 from math import inf, nan
 
 from app.blocks import product_tracking as tracking
-from app.blocks.mode_control import Mode
 from app.blocks.s_ramp import SRamp
 from app.sim.conveyor.state import LineState
 
@@ -31,7 +30,7 @@ class GapStop:
             self._age = 0.0
             return
         self._age += line.dt
-        if line.modes.mode is Mode.AUTOMATIC:
+        if line.modes.running:
             if not self._may_start():
                 return
         elif line.direction:
@@ -43,7 +42,7 @@ class GapStop:
         line = self._line
         if line.tracking.gap_stop:
             self._age = inf
-            if line.modes.mode is not Mode.AUTOMATIC:
+            if not line.modes.running:
                 self._release()
 
     def _may_start(self) -> bool:

@@ -2,7 +2,6 @@
 
 from math import nan
 
-from app.blocks.mode_control import Mode
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import BELTS, SENSORS
 from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, ROW_IMAGE, STATUS_IMAGE
@@ -114,7 +113,7 @@ def row(plc: LineState, slot: int) -> bytes:
 
 def _facts(plc: LineState) -> int:
     return _bits(
-        plc.modes.mode is Mode.AUTOMATIC,
+        plc.modes.running,
         plc.moving,
         plc.stop_active,
         plc.pressed,

@@ -13,6 +13,7 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | faults | stay until reset, which tries again: a fault whose cause is still there comes back |
 | gap stop, automatic | released when the belts stood for the restart delay (reset: at once) and a start would not bring a pair too near |
 | gap stop, manual | released when nothing is held |
+| modes | choosing one starts nothing; a start counts in automatic only; stop ends the run and keeps the mode |
 | buffer full | in automatic belt 1 waits until a slot is free |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
 | length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
@@ -202,22 +203,20 @@ class VirtualConveyor(LineState):
             return
         self._silent = self.host_silent
         self.event(ConveyorEvent.HOST_SILENT if self._silent else ConveyorEvent.HOST_BACK)
-        if self._silent and self.modes.mode is Mode.AUTOMATIC:
+        if self._silent and self.modes.running:
             self.stopped_by(ConveyorEvent.HOST_SILENT)
             self.stopping = True
 
     def _choose_mode(self) -> None:
-        bits, (start, manual) = self.hold, self._commands.modes_asked()
-        inputs = ModeInputs(start, manual, self.stop_active, bool(bits & FORWARD), bool(bits & REVERSE))
-        before = self.modes.mode
-        out = self.modes.step(inputs)
+        bits, asked = self.hold, self._commands.modes_asked()
+        before, ran = self.modes.mode, self.modes.running
+        out = self.modes.step(ModeInputs(*asked, self.stop_active, bool(bits & FORWARD), bool(bits & REVERSE)))
+        if ran and not out.automatic:
+            self.event(ConveyorEvent.ENDED)
         if out.mode is not before:
-            if before is Mode.AUTOMATIC:
-                self.event(ConveyorEvent.AUTOMATIC_ENDED)
-            if out.mode is Mode.AUTOMATIC:
-                self.event(ConveyorEvent.AUTOMATIC)
-            elif out.mode is Mode.MANUAL:
-                self.event(ConveyorEvent.MANUAL)
+            self.event(ConveyorEvent.MANUAL if out.mode is Mode.MANUAL else ConveyorEvent.AUTOMATIC)
+        if out.automatic and not ran:
+            self.event(ConveyorEvent.STARTED)
         self.direction = out.forward - out.reverse
         self.moving = any(belt.moves(self.steps) for belt in self.belts)
         if self.stopping and not self.moving:

@@ -47,6 +47,7 @@ class ConveyorCommand(IntEnum):
     EDIT = 6
     CONFIRM = 7
     INSERT = 8
+    AUTOMATIC = 9
 
 
 class ConveyorReason(IntEnum):
@@ -56,6 +57,7 @@ class ConveyorReason(IntEnum):
     WRONG_STATE = REASON_WRONG_STATE
     EMERGENCY_STOP = 3
     FAULT = 4
+    NOT_AUTOMATIC = 6
     NO_SUCH_PRODUCT = 7
     OUTSIDE_LINE = 9
     LENGTH = 11
@@ -69,10 +71,13 @@ class ConveyorEvent(IntEnum):
     EMERGENCY_STOP, EMERGENCY_STOP_OFF = 22, 23
     JAM, JAM_OFF = 24, 25
     ENCODER, ENCODER_OK = 26, 27
-    AUTOMATIC, AUTOMATIC_ENDED = 30, 31
+    STARTED, ENDED = 30, 31
+    """Automatic."""
     MANUAL, STOP, POWER_UP = 32, 33, 34
     HOST_SILENT, HOST_BACK = 35, 36
     SETTINGS, RESET, SLIP = 38, 39, 40
+    AUTOMATIC = 41
+    """The mode is chosen."""
 
 
 class ConveyorState(IntEnum):

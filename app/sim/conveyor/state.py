@@ -1,7 +1,7 @@
 """What the conveyor's PLC knows of its line, as its images show it."""
 
 from app.blocks import product_tracking as tracking
-from app.blocks.mode_control import Mode, ModeControl
+from app.blocks.mode_control import ModeControl
 from app.blocks.product_tracking import ProductTracking, TrackingEvent
 from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.first_out import FirstOut, StopCause
@@ -48,7 +48,7 @@ class LineState(VirtualPlc):
             return ConveyorState.GAP
         if self.stopping:
             return ConveyorState.STOPPING
-        if self.modes.mode is Mode.AUTOMATIC:
+        if self.modes.running:
             return ConveyorState.AUTOMATIC if all(belt.target for belt in self.belts) else ConveyorState.WAITING
         if self.moving:
             return ConveyorState.MANUAL if self.direction else ConveyorState.STOPPING

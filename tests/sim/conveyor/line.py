@@ -201,6 +201,13 @@ class TestLine:
         answer = await self.order(code, *arguments)
         assert answer.state in (AnswerState.DONE, AnswerState.RUNNING), answer
 
+    async def start(self) -> Answer:
+        """Choose automatic and start it."""
+        await self.done(ConveyorCommand.AUTOMATIC)
+        answer = await self.order(ConveyorCommand.START)
+        assert answer.state is AnswerState.DONE, answer
+        return answer
+
     async def set(self, **values: float) -> Answer:
         """Stage the settings in effect with `values` changed, and commit them."""
         status = await self.status()
@@ -471,8 +478,7 @@ class Operator:
         await line.stand()
         await self.tidy()
         await line.done(ConveyorCommand.RESET)
-        answer = await line.order(ConveyorCommand.START)
-        assert answer.state is AnswerState.DONE, answer
+        await line.start()
 
     async def attend(self) -> None:
         """A lost product holds the end of the line until a person has looked: it is there (confirm) or not (delete)."""

@@ -2,7 +2,6 @@
 
 import pytest
 
-from app.registers.plc_map import AnswerState
 from app.sim import training
 from app.sim.conveyor.machine import Geometry
 from app.sim.conveyor.register_map import (
@@ -18,7 +17,7 @@ from tests.sim.conveyor.line import Witness
 
 async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
     on = line(settings={})
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(0.4)
     status = await on.status()
     assert 5 < status["speed_1"] < 20
@@ -69,7 +68,7 @@ async def test_manual_moves_only_while_it_is_held_in_one_direction() -> None:
     first, second, third = on.device.machine.speeds
     assert (first, third) == (0, 0) and second > 5
     on.go(1)
-    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
+    await on.start()
     assert await on.get("mode") == 1
     await on.hold(2, 0.3)
     assert on.device.machine.speeds[0] > 0, "automatic does not listen to it"

@@ -12,14 +12,33 @@ from tests.sim.conveyor.bench import line, put
 async def test_start_and_stop_are_answered_and_told_in_order() -> None:
     on = line()
     await on.fetch()
-    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
+    await on.start()
     on.go(1)
     stop = await on.order(ConveyorCommand.STOP)
     assert stop.state is AnswerState.RUNNING
     on.go(2)
     assert (await on.answer(stop.id)).state is AnswerState.DONE
-    assert await on.codes() == [(30, 0), (33, 0), (31, 0)]
+    assert await on.codes() == [(41, 0), (30, 0), (33, 0), (31, 0)]
     assert (await on.order(ConveyorCommand.STOP)).state is AnswerState.DONE, "always accepted, standing too"
+
+
+async def test_choosing_a_mode_moves_nothing() -> None:
+    on = line()
+    for mode, code in (("AUTOMATIC", 1), ("MANUAL", 2), ("AUTOMATIC", 1)):
+        assert (await on.order(ConveyorCommand[mode])).state is AnswerState.DONE
+        on.go(5)
+        status = await on.status()
+        assert (status["mode"], status["automatic"], status["moving"], status["state"]) == (code, 0, 0, 0)
+        assert not any(on.device.machine.speeds)
+    assert (await on.order(ConveyorCommand.START)).state is AnswerState.DONE
+    on.go(1)
+    assert all(on.device.machine.speeds)
+    assert (await on.order(ConveyorCommand.AUTOMATIC)).state is AnswerState.DONE, "it is that mode already"
+    await on.stand()
+    status = await on.status()
+    assert (status["mode"], status["automatic"]) == (1, 0), "Stop keeps the mode and ends the run"
+    on.go(5)
+    assert not any(on.device.machine.speeds)
 
 
 async def test_a_repeated_command_does_nothing_again() -> None:
@@ -40,6 +59,10 @@ async def test_commands_are_refused_with_their_reason() -> None:
         return answer.reason
 
     assert await reason(99) == 1
+    assert await reason(ConveyorCommand.START) == 6
+    await on.done(ConveyorCommand.MANUAL)
+    assert await reason(ConveyorCommand.START) == 6
+    await on.done(ConveyorCommand.AUTOMATIC)
     assert await reason(ConveyorCommand.START, expected=ConveyorState.AUTOMATIC) == 2
     assert await reason(ConveyorCommand.DELETE, 12345) == 7
     assert await reason(ConveyorCommand.CONFIRM, 12345) == 7
@@ -58,7 +81,7 @@ async def test_commands_are_refused_with_their_reason() -> None:
         await put(small, 100.0 + 60 * n)
     assert (await small.order(ConveyorCommand.INSERT, real(600.0), real(30.0))).reason == 10
     assert (await small.status())["buffer_full"] == 1
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(1)
     assert await reason(ConveyorCommand.MANUAL) == 12
     assert await reason(ConveyorCommand.EDIT, one, real(100.0), real(30.0)) == 12
@@ -68,7 +91,7 @@ async def test_commands_are_refused_with_their_reason() -> None:
     await on.train(training.REG_MACHINE_FAULT, 1)
     await on.done(ConveyorCommand.RESET)
     await on.until(lambda: not on.device.machine.speeds[1])
-    await on.done(ConveyorCommand.START)
+    await on.start()
     await on.until(lambda: on.device.state == ConveyorState.FAULT)
     assert await reason(ConveyorCommand.START) == 4
 

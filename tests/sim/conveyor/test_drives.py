@@ -13,7 +13,7 @@ from tests.sim.conveyor.bench import line, put
 
 async def test_it_stops_with_the_head_at_the_end_and_waits_for_the_dwell() -> None:
     on = line(settings={})
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: bool(on.device.tracking.brake), 60)
     assert (await on.status())["speed_source_3"] == Source.UNLOADING

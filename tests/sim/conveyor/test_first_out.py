@@ -5,7 +5,6 @@ import pytest
 from app.sim import training
 from app.sim.conveyor.first_out import FORGOTTEN, FirstOut, StopCause
 from app.sim.conveyor.register_map import (
-    ConveyorCommand,
     ConveyorState,
 )
 from tests.sim.conveyor.bench import QUICK, line, put
@@ -23,7 +22,7 @@ async def test_a_jam_while_the_gap_stops_the_line_is_what_stopped_it_when_the_ga
         on = line(settings={**QUICK, "unload_dwell": 3.0})
         for place in (655.0, 485.0, 425.0):
             await put(on, place)
-        await on.done(ConveyorCommand.START)
+        await on.start()
         return on
 
     on = await meeting()

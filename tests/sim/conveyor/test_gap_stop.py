@@ -16,7 +16,7 @@ async def test_the_gap_stop_names_the_pair_and_the_line_goes_on_by_itself() -> N
     await put(on, 655.0)
     front, rear = await put(on, 485.0), await put(on, 425.0)
     witness = Witness(on)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     stop = await on.until_event(20)
     assert (stop.snapshot[1], stop.snapshot[3]) == (rear, front)
     await on.until(lambda: not any(on.device.machine.speeds))

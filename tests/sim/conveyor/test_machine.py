@@ -72,7 +72,7 @@ async def test_a_stuck_sensor_is_suspected_and_the_line_recovers(sensor: int) ->
 
 async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
     on = line()
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: on.device.tracking.entered == 1 and on.true()[0].tail > 140)
     await on.train(own.REG_REMOVE, 1)
@@ -93,7 +93,7 @@ async def test_a_product_taken_away_is_lost_and_one_put_is_unexpected() -> None:
 async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unloads() -> None:
     on = line(settings={**QUICK, "unload_dwell": 2.0})
     first = await put(on, 640.0)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
     assert on.device.machine.place(443.0, 25.0)
     found = await on.until_event(12, 3)
@@ -112,7 +112,7 @@ async def test_one_put_across_two_belts_keeps_its_record_while_the_last_belt_unl
 
 async def test_an_empty_grip_of_the_unloader_is_told() -> None:
     on = line()
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.device.machine.place(40.0, 30.0)
     await on.until(lambda: bool(on.true()) and on.true()[0].tail > 570, 60)
     await on.train(own.REG_REMOVE, 1)
@@ -125,7 +125,7 @@ async def test_an_empty_grip_of_the_unloader_is_told() -> None:
 async def test_the_unloader_does_not_reach_the_next_one_when_the_one_it_was_told_to_take_is_gone() -> None:
     on = line(settings={**QUICK, "unload_dwell": 1.0})
     first, second = await put(on, 650.0, 20.0), await put(on, 630.0, 20.0)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     await on.until(lambda: on.device.tracking.brake and not on.device.machine.speeds[2])
     assert (await on.products())[first]["state"] == 6
     await on.train(own.REG_REMOVE, 1)

@@ -27,7 +27,7 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     assert (on.device.steps - before) / 100 == pytest.approx(0.51, abs=0.03)
     on.go(1)
     status = await on.status()
-    assert (status[f"jam_{belt}"], status[f"motor_{belt}"], status["mode"]) == (1, Motor.JAMMED, 0)
+    assert (status[f"jam_{belt}"], status[f"motor_{belt}"], status["automatic"]) == (1, Motor.JAMMED, 0)
     assert (status["first_out"], status["first_out_source"]) == (24, belt)
     assert on.device.machine.speeds == [0, 0, 0]
     told = await on.fetch()
@@ -35,13 +35,13 @@ async def test_a_jam_stops_the_line_and_is_over_after_reset_and_start(belt: int)
     assert (jam.source, jam.value) == (belt, 60)
     assert [event.code for event in told if event.time == jam.time] == [24, 31], "cause before consequence"
     await on.done(ConveyorCommand.RESET)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     await on.until(lambda: on.device.state == ConveyorState.FAULT, 3), "the cause is still there"
     await on.train(training.REG_MACHINE_FAULT, 0)
     on.go(1)
     await on.done(ConveyorCommand.RESET)
     assert (await on.status())["first_out"] == 0
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(10)
     assert (25, belt) in await on.codes()
     assert await on.get("state") in (ConveyorState.AUTOMATIC, ConveyorState.WAITING, ConveyorState.GAP)
@@ -75,7 +75,7 @@ async def test_a_jam_leaves_uncertain_what_lies_on_its_belt_and_another_one(belt
     await on.train(training.REG_MACHINE_FAULT, 0)
     await on.stand()
     await on.done(ConveyorCommand.RESET)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     in_doubt = {id for place in doubted for id in before[place]}
     for _ in range(300):
         in_doubt = {id for id, row in (await on.products()).items() if id in in_doubt and row["state"] == 3}
@@ -92,7 +92,7 @@ async def test_stops_in_between_do_not_hide_a_jam() -> None:
     while on.device.state != ConveyorState.FAULT:
         starts += 1
         assert starts < 8, "each start is shorter than the jam time, all of them together are not"
-        await on.done(ConveyorCommand.START)
+        await on.start()
         on.go(0.3)
         await on.stand()
     assert starts > 1
@@ -129,7 +129,7 @@ async def test_a_dead_encoder_is_no_jam_and_makes_positions_uncertain(belt: int)
 async def test_one_pulse_more_or_less_is_no_other_speed(speed: float) -> None:
     for geometry in (Geometry(), SIMULATION):
         on = line(geometry=geometry, settings={**QUICK, "automatic_speed": speed})
-        await on.done(ConveyorCommand.START)
+        await on.start()
         on.go(3.0)
         shown = []
         for _ in range(40):

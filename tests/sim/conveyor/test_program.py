@@ -26,7 +26,7 @@ from tests.sim.conveyor.line import MemoryPort, Port, TestLine, Witness, tcp_por
 async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> None:
     on = line(geometry=geometry, settings={})
     witness = Witness(on)
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.device.machine.place(40.0, 32.5)
     await on.until(lambda: on.device.tracking.entered == 1)
     (row,) = (await on.products()).values()
@@ -37,18 +37,19 @@ async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> Non
     events = await on.fetch()
     assert [(event.code, event.source) for event in events] == [
         (34, 0),
+        (41, 0),
         (30, 0),
         (1, 1),
         (2, 1),
         *((code, sensor) for sensor in (2, 3, 4) for code in (3, 4)),
         (5, 0),
     ]
-    assert events[3].value == pytest.approx(32.5, abs=0.6), "measured at S1"
+    assert events[4].value == pytest.approx(32.5, abs=0.6), "measured at S1"
     times = [event.time for event in events]
     assert times == sorted(times)
-    age = (events[-1].time - events[2].time) / 1e6
+    age = (events[-1].time - events[3].time) / 1e6
     assert events[-1].value == pytest.approx(age)
-    assert all(abs(event.value) < 1.5 for event in events[4:-1]), "corrections"
+    assert all(abs(event.value) < 1.5 for event in events[5:-1]), "corrections"
     assert await on.products() == {}
     assert (await on.status())["unloaded"] == 1
     assert witness.worst < 1.5
@@ -59,7 +60,7 @@ async def test_a_product_runs_from_entry_to_unloading(geometry: Geometry) -> Non
 
 async def test_settings_are_all_or_none_and_act_at_once() -> None:
     on = line()
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(1)
     await on.fetch()
     assert (await on.set(automatic_speed=101.0)).reason == 21
@@ -98,7 +99,7 @@ async def test_an_emergency_stop_cuts_the_drives_and_waits_for_a_reset() -> None
     assert (status["state"], status["emergency_stop"]) == (ConveyorState.EMERGENCY_STOP, 0)
     await on.done(ConveyorCommand.RESET)
     assert await on.get("state") == ConveyorState.STOPPED
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(10)
     assert (23, 0) in await on.codes()
     assert witness.worst < 2, "the belts coasted, the encoders counted"
@@ -110,7 +111,7 @@ async def test_a_silent_host_ends_automatic() -> None:
         await on.port.write(9, [beat + 1], 6)
         on.go(0.1)
         if beat == 5:
-            await on.done(ConveyorCommand.START)
+            await on.start()
     assert await on.get("automatic") == 1
     await on.fetch()
     await on.train(training.REG_MACHINE_FAULT, 60)
@@ -150,7 +151,7 @@ async def test_a_power_cycle_keeps_tracking() -> None:
     assert (power.code, power.value) == (34, 2)
     on.go(1)
     witness.worst_flagged = 0
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(8)
     await on.fetch()
     on.go(8)
@@ -171,7 +172,7 @@ async def test_the_same_seed_and_writes_repeat_a_run_to_the_bit() -> None:
             if second == 40:
                 await on.done(ConveyorCommand.STOP)
             if second == 45:
-                await on.done(ConveyorCommand.START)
+                await on.start()
             seen.append([await on.port.read(0x0100, 96), await on.port.read(0x0800, 124)])
             await on.fetch()
         return [seen, on.events]

@@ -18,12 +18,11 @@ from dataclasses import dataclass, field
 import pytest
 
 from app.blocks.product_tracking import Code, ProductState
-from app.registers.plc_map import AnswerState
 from app.sim import training
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
-from app.sim.conveyor.register_map import ConveyorCommand, ConveyorEvent, ConveyorState
+from app.sim.conveyor.register_map import ConveyorEvent, ConveyorState
 from tests.sim.conveyor.line import Life, Operator, TestLine, Witness, tcp_port
 
 QUICK = {
@@ -74,7 +73,7 @@ class Soak:
         self.witness = Witness(line)
         self.operator = Operator(line)
         self.counts = {code: 0 for code in (5, 11, 12)}
-        assert (await line.order(ConveyorCommand.START)).state is AnswerState.DONE
+        await line.start()
         faults = [*FAULTS, REMOVED, PUT]
         while line.device.machine.unloaded < self.goal:
             self.chance.shuffle(faults)

@@ -44,6 +44,8 @@ def test_in_manual_only_who_drives_it_makes_it_manual(moving: bool, direction: i
 def test_in_automatic_a_belt_that_waits_makes_it_wait() -> None:
     device = line().device
     device.modes.mode = Mode.AUTOMATIC
+    assert device.state == ConveyorState.STOPPED, "it is not started"
+    device.modes.running = True
     for belt in device.belts:
         belt.target = 40.0
     assert device.state == ConveyorState.AUTOMATIC

@@ -2,9 +2,6 @@
 
 from app.sim import training
 from app.sim.conveyor import training as own
-from app.sim.conveyor.register_map import (
-    ConveyorCommand,
-)
 from tests.sim.conveyor.bench import line, put, running
 
 
@@ -15,7 +12,7 @@ async def test_a_sensor_pressed_by_hand_moves_nothing_and_is_told_when_it_fits_n
     on.go(0.5)
     await on.train(own.REG_SENSORS, 0)
     assert (await on.products())[id]["head"] == 300
-    await on.done(ConveyorCommand.START)
+    await on.start()
     on.go(0.5)
     await on.fetch()
     await on.train(own.REG_SENSORS, 0b1000)
