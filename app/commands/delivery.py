@@ -30,7 +30,7 @@ from app.errors import (
     Withdrawn,
 )
 from app.links.schedule import PERMIT
-from app.plant.definitions import Equipment, EquipmentType, Scan, Write
+from app.plant.definitions import Command, Equipment, EquipmentType, Scan, Write
 from app.plant.expression import parse
 from app.registers.plc_map import Answer, AnswerState
 
@@ -106,7 +106,7 @@ class Delivery:
         except (LinkError, Refused, KeyError) as error:
             if isinstance(error, NoAnswer):
                 job.known_as(error.request)
-            return outcome_of(error, machine.item, as_code=bool(command.code))
+            return outcome_of(error, machine.item, as_code=bool(command.code), command=command)
         return None
 
     async def _wait(self, machine: Machine, job: Job, step: Write) -> Outcome | None:
@@ -172,11 +172,16 @@ class Delivery:
         return cast(MapWriter, self._writers[machine.item.link])
 
 
-def outcome_of(error: LinkError | Refused | KeyError, item: Equipment, *, as_code: bool) -> Outcome:
-    """What an error of the link says about a command; `as_code`: it was a code, of which a link proves that it did not arrive."""
+def outcome_of(
+    error: LinkError | Refused | KeyError, item: Equipment, *, as_code: bool, command: Command | None = None
+) -> Outcome:
+    """What an error of the link says about `command`; `as_code`: it was a code, of which a link proves that it did not arrive."""
     match error:
         case DeviceException() if error.code in MAY_HAVE_ACTED:
             return ProgressState.UNKNOWN, "why.unknown", {"cause": f"communication.exception.{error.code}"}
+        case DeviceException() if command and error.code in command.refused:
+            meant = {"code": error.code, "label": command.refused[error.code]}
+            return ProgressState.FAILED, "why.device_rejected", meant
         case DeviceException():
             return ProgressState.FAILED, "why.device_refused", {"code": error.code}
         case Overtaken():

@@ -187,10 +187,32 @@ def missing(
     reasons: list[RefusalReason] = []
     for condition in conditions:
         value = met(condition, look, argument, age)
-        if not value:
-            key = "why.condition" if value is False else "why.condition_unknown"
-            reasons.append(RefusalReason(key, {"condition": condition.key}, condition.label))
+        if value is None:
+            reasons.append(RefusalReason("why.condition_unknown", {"condition": condition.key}, condition.label))
+        elif not value:
+            params = {"condition": condition.key, **amounts(condition.values, look)}
+            reasons.append(RefusalReason("why.condition", params, condition.missing or condition.label))
     return reasons
+
+
+def amounts(values: Mapping[str, str], look: Look) -> dict[str, float | None]:
+    """The numbers that a text names, rounded as people say them: one decimal place below 100; None = not known."""
+    found: dict[str, float | None] = {}
+    for name, text in values.items():
+        value = expression.number(text, look)
+        found[name] = None if value is None else round(value, 1 if abs(value) < 100 else 0)
+    return found
+
+
+def effect(command: Command, look: Look) -> tuple[str, Mapping[str, float | None]]:
+    """What the command will do now: the key of its text and the numbers that this names; an empty key = nothing is known of it."""
+    for one in command.effects:
+        if one.when and expression.parse(one.when).true(look) is not True:
+            continue
+        numbers = amounts(one.values, look)
+        if None not in numbers.values():
+            return one.text, numbers
+    return "", {}
 
 
 def limits(prepared: Prepared, look: Look) -> tuple[float | None, float | None]:

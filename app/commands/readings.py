@@ -56,6 +56,11 @@ class Readings:
             self._judge(machine, condition, look, age)
         signature = (
             tuple(value for value, _ in machine.met.values()),
+            tuple(
+                tuple(interlocks.amounts(condition.values, look).items())
+                for condition in (*kind.permissives, *kind.interlocks)
+                if condition.values and machine.met[condition.key][0] is False
+            ),
             tuple((r.key, r.label) for r in interlocks.stale(machine.item, machine.link, machine.used, look, age)),
             tuple(interlocks.level(prepared, look)[0] for prepared in machine.commands.values()),
         )

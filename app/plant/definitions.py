@@ -103,6 +103,24 @@ class Condition:
     expression: str
     commands: Sequence[str] = ()
     """Commands it guards; empty = all that move."""
+    missing: str = ""
+    """Text key: what is wrong while it does not hold, and the way out; empty = only `label` is told."""
+    values: Mapping[str, str] = field(default_factory=dict)
+    """Numbers that this text names: name → expression over points."""
+    situational: bool = False
+    """It is not met in good running, too (standstill, a mode): it looks missing only at the command that it guards."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a command will do, as the question before it tells it."""
+
+    text: str
+    """Text key."""
+    when: str = ""
+    """Sentence: it is told only while that holds; empty = always."""
+    values: Mapping[str, str] = field(default_factory=dict)
+    """Numbers that the text names: name → expression over points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +189,10 @@ class Command:
     """Of a hold-to-run on such a machine: the request bits that are sent, with a rising counter, while the button is held."""
     needs_reason: bool = False
     """The person gives a reason, which goes into the audit trail."""
+    refused: Mapping[int, str] = field(default_factory=dict)
+    """Modbus exception with which the device refuses it → text key of what it means by that."""
+    effects: Sequence[Effect] = ()
+    """What it will do; the first one counts whose `when` holds and whose numbers are known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,9 +180,12 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield from [setpoint.warning] if setpoint.warning else []
     for command in kind.commands.values():
         yield command.label
+        yield from (effect.text for effect in command.effects)
+        yield from command.refused.values()
         yield from (argument.label for argument in command.arguments)
     for condition in (*kind.permissives, *kind.interlocks, *kind.checks):
         yield condition.label
+        yield from [condition.missing] if condition.missing else []
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from training_keys(kind.training)

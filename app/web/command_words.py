@@ -9,6 +9,7 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.commands.value_set import Change
 from app.errors import Refused
 from app.plant.definitions import Argument
+from app.plant.texts import fill
 from app.web import format as fmt
 from app.web.points import EquipmentView
 from app.web.screens import in_words
@@ -52,7 +53,7 @@ class CommandWords:
         guarding = ("why.condition", "why.condition_unknown")
         first = found[0]
         more = sum(reason.key in guarding for reason in found) - 1
-        if first.key in guarding and more > 0:
+        if first.key == "why.condition" and more > 0:
             return self.text("why.condition_more", {**first.params, "n": more}, first.label)
         return self.text(first.key, first.params, first.label)
 
@@ -71,8 +72,18 @@ class CommandWords:
         if isinstance(since := params.get("since"), int):
             result["since"] = self.time(since)
         wanted = label or params.get("label")
-        result["label"] = self.equipment.t(str(wanted)) if wanted else self.equipment.label
+        result["label"] = self.told(str(wanted), params) if wanted else self.equipment.label
         return result
+
+    def told(self, key: str, numbers: Mapping[str, object]) -> str:
+        """The text `key` of the type with the numbers that it names; – for one that is not known."""
+        lang = self.equipment.lang
+        written = {
+            name: fmt.number(value, fmt.shortest(value, 1), lang) if isinstance(value, int | float) else "–"
+            for name, value in numbers.items()
+            if value is None or isinstance(value, int | float)
+        }
+        return fill(self.equipment.t(key), {"name": self.equipment.label, **written})
 
     def because(self, progress: Progress) -> str:
         """Why a command came to another end than it should; empty when it did not."""
@@ -106,7 +117,7 @@ class CommandWords:
         missing = error.params.get("missing")
         more = len(missing) - 1 if isinstance(missing, list) else 0
         key = error.reason
-        if key in ("why.condition", "why.condition_unknown") and more > 0:
+        if key == "why.condition" and more > 0:
             return self.text("why.condition_more", {**error.params, "n": more})
         text = self.text(key, error.params)
         label = str(error.params.get("label", "")) if "argument" in error.params else ""

@@ -19,7 +19,6 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
 from app.plant import expression
 from app.plant.definitions import Command
-from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web.errors import answer as error_answer
 from app.web.guard import address_of, allow, fields, people_access, person_of
@@ -130,6 +129,7 @@ async def ask_for(request: Request, key: str, command: str) -> HTMLResponse:
         level=level,
         needs_reason=kind.needs_reason or level >= "C3",
         label=operation.equipment.t(kind.label),
+        effect=operation.effect(command),
         url=f"{operation.url}/command/{command}",
         arguments=arguments_of(operation, kind, dict(request.query_params)),
         given=request.query_params,
@@ -241,7 +241,7 @@ def arguments_of(operation: Operation, command: Command, given: Mapping[str, str
     )
     for argument in command.arguments:
         low, high = (
-            expression.number(bound, look_of(operation)) if bound else None for bound in (argument.low, argument.high)
+            expression.number(bound, operation.look) if bound else None for bound in (argument.low, argument.high)
         )
         value = given.get(argument.name, "")[:40]
         number = row.number(argument.name) if row and not value else None
@@ -261,17 +261,6 @@ def arguments_of(operation: Operation, command: Command, given: Mapping[str, str
             )
         )
     return found
-
-
-def look_of(operation: Operation) -> expression.Look:
-    """What an expression over points of the machine reads."""
-    tags, prefix = operation.runtime.tags, operation.id + "."
-
-    def look(key: str) -> expression.Reading:
-        handle = tags.handles.get(prefix + key)
-        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
-
-    return look
 
 
 async def _ask(request: Request, operation: Operation, key: str, *, value: bool = False) -> Response:
@@ -381,7 +370,7 @@ def _question(
     point_key = command.argument if command else key
     point = machine.point(point_key) if point_key and machine.has(point_key) else None
     why = params.get("why")
-    warning = params.get("warning")
+    warning, effect = params.get("warning"), operation.effect(key)
     old, new = params.get("old"), params.get("new")
     context = {
         "operation": operation,
@@ -392,7 +381,10 @@ def _question(
         "level": str(params.get("level", "C2")),
         "label": machine.t(str(params.get("label", ""))),
         "question": question.reason,
-        "why": [machine.text(str(line)) for line in why] if isinstance(why, tuple) else [],
+        "effect": effect,
+        "why": [machine.text(str(line)) for line in why if line != "ask.situation" or not effect]
+        if isinstance(why, tuple)
+        else [],
         "warning": machine.t(str(warning)) if warning else "",
         "needs_reason": bool(params.get("needs_reason")) or str(params.get("level", "")) >= "C3",
         "point": point,

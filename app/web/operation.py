@@ -12,10 +12,13 @@ from zoneinfo import ZoneInfo
 
 from starlette.requests import HTTPConnection
 
+from app.commands import interlocks
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, ProgressState
 from app.links.plc import PlcUnit
 from app.plant.definitions import Condition, Equipment
+from app.plant.expression import Reading
+from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web.command_words import CommandWords, Story
 from app.web.points import CommandView, EquipmentView, PointView
@@ -240,12 +243,20 @@ class Operation:
     @cached_property
     def permissives(self) -> list[ConditionLine]:
         """What must be true to start, missing ones first."""
-        return self._lines(line for line in self._permissives if not self._only_for_hold(line[0]))
+        return self._lines(
+            line for line in self._permissives if not self._only_for_hold(line[0]) and not line[0].situational
+        )
+
+    @cached_property
+    def situation(self) -> list[ConditionLine]:
+        """What single commands need of what the machine is doing; not to be met is normal, so each is named by what it asks for."""
+        found = (line for line in self._permissives if line[0].situational and not self._only_for_hold(line[0]))
+        return self._lines(found, normal=True)
 
     @cached_property
     def hold_permissives(self) -> list[ConditionLine]:
         """What must be true besides for hold-to-run, missing ones first."""
-        return self._lines(line for line in self._permissives if self._only_for_hold(line[0]))
+        return self._lines((line for line in self._permissives if self._only_for_hold(line[0])), normal=True)
 
     @property
     def _permissives(self) -> Sequence[tuple[Condition, bool | None, int]]:
@@ -265,14 +276,37 @@ class Operation:
         """How many permissives are met."""
         return sum(line.met is True for line in self.permissives)
 
-    def _lines(self, conditions: Iterable[tuple[Condition, bool | None, int]]) -> list[ConditionLine]:
+    def _lines(
+        self, conditions: Iterable[tuple[Condition, bool | None, int]], *, normal: bool = False
+    ) -> list[ConditionLine]:
         found = sorted(conditions, key=lambda line: line[1] is True)
         return [
             ConditionLine(
-                self.equipment.t(condition.label), met, self.words.time(since), met is not True and number == 0
+                self.equipment.t(condition.label) if normal else self._named(condition, met),
+                met,
+                self.words.time(since),
+                met is not True and number == 0,
             )
             for number, (condition, met, since) in enumerate(found)
         ]
+
+    def _named(self, condition: Condition, met: bool | None) -> str:
+        """A condition that holds by what holds, a missing one by what is wrong."""
+        if met is not False or not condition.missing:
+            return self.equipment.t(condition.label)
+        return self.words.told(condition.missing, interlocks.amounts(condition.values, self.look))
+
+    def look(self, key: str) -> Reading:
+        """Value and quality of a point of the machine, for an expression over its points."""
+        tags = self.runtime.tags
+        handle = tags.handles.get(f"{self.id}.{key}")
+        return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
+
+    def effect(self, key: str) -> str:
+        """What the command will do now, in words; empty when its type does not say."""
+        command = self.equipment.equipment.type.commands.get(key)
+        text, numbers = interlocks.effect(command, self.look) if command else ("", {})
+        return self.words.told(text, numbers) if text else ""
 
     @property
     def texts(self) -> dict[str, str]:

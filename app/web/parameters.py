@@ -22,7 +22,7 @@ from app.commands.value_set import MOST, Change, Stands
 from app.errors import LinkError, Refused
 from app.plant import expression
 from app.plant.definitions import Setpoint
-from app.web.commands import gate_of, look_of, number_or_none, operation_of, wants_fragment
+from app.web.commands import gate_of, number_or_none, operation_of, wants_fragment
 from app.web.guard import address_of, allow, field_list, fields, person_of
 from app.web.language import language_of
 from app.web.operation import Operation
@@ -120,7 +120,7 @@ def groups_of(operation: Operation) -> list[Group]:
 def _parameter(operation: Operation, key: str, setpoint: Setpoint) -> Parameter:
     machine, person = operation.equipment, operation.person
     point = machine.point(key)
-    look = look_of(operation)
+    look = operation.look
     marks = setpoint.certainty
     low, high = expression.number(setpoint.low, look), expression.number(setpoint.high, look)
     item_setpoints = machine.equipment.type.setpoints.keys()

@@ -111,6 +111,7 @@ const SYNCED = ["data-state", "aria-disabled", "aria-pressed", "title", "data-si
 function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;
   const focused = old.contains(document.activeElement) ? document.activeElement : null;
+  if (old.matches(".stop") && old.dataset.state !== fresh.dataset.state && ["requested", "accepted"].includes(fresh.dataset.state)) withdraw(machineOf(old));
   for (const name of SYNCED) {
     const value = fresh.getAttribute(name);
     if (value === old.getAttribute(name)) continue;
@@ -265,6 +266,7 @@ async function press(button, answer = {}) {
   const before = { state: button.dataset.state, line: line?.textContent };
   for (const one of same) { one.dataset.locked = ""; one.dataset.state = "requested"; }
   if (line && !button.kept) line.textContent = texts.sending;
+  if (stop) withdraw(machineOf(button));
   const fields = { id: identity(), ...answer };
   if (button.name) fields[button.name] = button.value; // an argument that the button itself stands for
   if (!stop) fields.nonce = await nonce();
@@ -417,6 +419,11 @@ function ask(element, near) {
     place.replaceChildren(element);
     element.querySelector("[data-first], button")?.focus();
   } else close = open(element, near);
+}
+
+/** A stop, whoever gave it, is the answer to every open question about the machine. */
+function withdraw(machine) {
+  for (const asked of document.querySelectorAll("[data-ask]")) if (machineOf(asked) === machine) asked.cancel?.();
 }
 
 async function confirm(form, submitter) {

@@ -26,7 +26,7 @@ async def test_every_command_in_every_state_for_every_person(status: int) -> Non
     for role, who in roles.items():
         for command in COMMANDS:
             stand = Stand()
-            stand.set_drive(status=status, frequency=30.0 if status in (1, 2) else 0.0)
+            stand.set_drive(status=status, frequency=30.0 if status in (1, 2) else 0.0, bus_voltage=310)
             if role in ("operator", "engineer"):
                 stand.gate.control.take(who, "m1")
             why = [reason.key for reason in stand.gate.why_not(who, "m1", command)]

@@ -158,7 +158,7 @@ async def test_a_drive_in_fault_does_not_start_and_is_reset_once_the_cause_is_go
     captured = len(hall.captured)
     with pytest.raises(Refused) as refused:
         await hall.ask("forward")
-    assert refused.value.params["label"] == "permissive.no_fault"
+    assert refused.value.params["label"] == "missing.permissive.no_fault"
     assert len(hall.captured) == captured
     progress = await hall.ask("reset")
     assert (progress.state, progress.params["code"]) == (ProgressState.FAILED, 4)

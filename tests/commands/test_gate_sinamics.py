@@ -202,7 +202,7 @@ async def test_a_fault_stops_it_and_is_acknowledged_by_an_edge_once_its_cause_is
         await it.until(lambda: it.value("zsw1_fault") == 1 and it.value("fault_1") == 30001)
         with pytest.raises(Refused) as refused:
             await it.ask("forward")
-        assert refused.value.params["label"] == "interlock.no_fault"
+        assert refused.value.params["label"] == "missing.interlock.no_fault"
         await it.done("reset", ProgressState.UNCONFIRMED)
         await it.cause(training.REG_MACHINE_FAULT, 0)
         await asyncio.sleep(5.1)
@@ -217,9 +217,9 @@ async def test_a_fault_stops_it_and_is_acknowledged_by_an_edge_once_its_cause_is
 @pytest.mark.parametrize(
     ("register", "label"),
     [
-        (own.REG_INTERLOCK, "permissive.run_interlock"),
-        (own.REG_EMERGENCY, "permissive.emergency_stop"),
-        (own.REG_LOCAL, "permissive.control_requested"),
+        (own.REG_INTERLOCK, "missing.permissive.run_interlock"),
+        (own.REG_EMERGENCY, "missing.permissive.emergency_stop"),
+        (own.REG_LOCAL, "missing.permissive.control_requested"),
     ],
 )
 async def test_a_start_is_refused_while_the_machine_forbids_it_and_says_why(register: int, label: str) -> None:

@@ -142,14 +142,14 @@ async def test_only_a_device_with_a_watchdog_of_its_own_may_be_held() -> None:
             assert moving(stand)
         else:
             refused = await refusal(Pressed(stand))
-            assert refused.params["label"] == "permissive.hold_watchdog"
+            assert refused.params["label"] == "missing.permissive.hold_watchdog"
 
 
 async def test_the_watchdog_is_read_anew_before_arming() -> None:
     stand = Stand()
     await stand.pass_time(60)
     stand.drive()["f905"] = 0.0
-    assert (await refusal(Pressed(stand))).params["label"] == "permissive.hold_watchdog"
+    assert (await refusal(Pressed(stand))).params["label"] == "missing.permissive.hold_watchdog"
 
 
 async def test_both_buttons_are_a_stop_and_the_other_direction_waits() -> None:

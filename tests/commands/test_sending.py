@@ -46,7 +46,10 @@ async def test_a_reset_that_the_drive_refuses_with_exception_04_failed() -> None
     stand.set_drive(status=9)
     stand.link.spoil = lambda *telegram: DeviceException(4)
     progress = await stand.ask(ANA, "reset")
-    assert (progress.state, progress.reason, progress.params["code"]) == (ProgressState.FAILED, "why.device_refused", 4)
+    assert (progress.state, progress.reason) == (ProgressState.FAILED, "why.device_rejected")
+    assert (progress.params["code"], progress.params["label"]) == (4, "reason.cause_present"), (
+        "in words, not as a number"
+    )
     stand.link.spoil = lambda *telegram: None
     assert (await refusal(stand, ANA, "reset")).reason == "why.too_soon"
     await stand.pass_time(3)

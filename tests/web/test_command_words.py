@@ -10,6 +10,7 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.errors import Refused
 from app.plant.loader import read_plant
 from app.plant.texts import Texts
+from app.web import format as fmt
 from app.web.command_words import CommandWords
 from app.web.points import EquipmentView
 from tests.conftest import ROOT
@@ -80,3 +81,23 @@ def test_a_refused_value_is_named_once() -> None:
     refused = Refused("why.not_a_number", 422, text="abc", argument="x", label="point.frequency_setpoint")
     said = words().refusal(refused)
     assert "abc" in said and not said.startswith("point.")
+
+
+KINDS = {item.type.name: item.id for item in PLANT.equipment.values()}
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_what_a_command_does_and_what_is_missing_are_sentences_in_every_language(kind: str, lang: str) -> None:
+    assert PLANT is not None
+    told, type = words(lang, KINDS[kind]), PLANT.types[kind]
+    sentences = [(one.text, one.values) for command in type.commands.values() for one in command.effects]
+    sentences += [(one.missing, one.values) for one in (*type.permissives, *type.interlocks)]
+    for key, values in sentences:
+        said = told.told(key, dict.fromkeys(values, 1234.5))
+        assert said and key not in said and "{" not in said and "[" not in said, (key, said)
+        assert not values or fmt.number(1234.5, 1, lang) in said, (key, said)
+        assert not values or "–" in told.told(key, dict.fromkeys(values)), key
+    for command in type.commands.values():
+        highest = max(command.level, command.level_when[1] if command.level_when else "")
+        assert highest < "C2" or (command.effects and not command.effects[-1].when), command.key

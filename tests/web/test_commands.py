@@ -239,12 +239,12 @@ def test_a_fault_says_what_is_missing_with_cause_and_remedy_and_is_reset(staff: 
     assert until(lambda: value(staff, "m1.status") == 4)
     refused = ana.press("/equipment/m1/command/forward")
     assert refused.status_code == 409
-    assert line_of(refused) == "Missing: No fault of the drive"
+    assert line_of(refused) == "The drive has a fault: remove its cause, then fault reset"
     face = words(ana.get("/equipment/m1/faceplate").text)
     assert "OC overcurrent" in face
     assert "Cause: Ramp too short" in face
     assert "Remedy: Check motor, cable and load." in face
-    assert "5 of 6" in face
+    assert "8 of 9" in face
     staff.wait(link.raw_write, 1, REG_MACHINE_FAULT, [0])
     staff.wait(asyncio.sleep, 0.5)  # the cause goes with the next step of the drive
     answer = ana.press("/equipment/m1/command/reset")
@@ -333,7 +333,7 @@ def test_a_setpoint_that_changed_meanwhile_is_not_overwritten(ana: Operator) -> 
 
 def test_m1_says_why_it_cannot_be_held_and_m2_gives_a_lease(staff: Staff, ana: Operator) -> None:
     ana.take("m1")
-    assert "Drive stops by itself within 2 s of silence (F905)" in words(
+    assert "Drive would run on after a lost connection: F905 must be above 0 and at most 2 s" in words(
         button(ana.get("/equipment/m1/commands"), "m1.jog_forward")
     )
     refused = ana.press("/equipment/m1/hold/jog_forward")

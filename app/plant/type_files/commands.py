@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from app.plant import expression
-from app.plant.definitions import Argument, Command, PlcMap, Type, Write
+from app.plant.definitions import Argument, Command, Effect, PlcMap, Type, Write
 from app.plant.tables import MISSING, Table
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import KEY, NAME_EXPECTED, ROLES
 from app.plant.type_files.options import Options
-from app.plant.type_files.sentences import Sentences
+from app.plant.type_files.sentences import Sentences, read_values
 
 LEVELS = ("C0", "C1", "C2", "C3", "C4")
 SPECIAL_VALUES = ("argument", "previous")
@@ -55,10 +55,31 @@ class CommandReader:
             arguments=arguments,
             hold_bits=hold_bits,
             needs_reason=table.flag("needs_reason"),
+            refused=dict(self._refused(table)),
+            effects=tuple(self._effects(table)),
         )
         self._check(table, command)
         table.done()
         return command
+
+    def _refused(self, table: Table) -> Iterator[tuple[int, str]]:
+        given = table.table("refused")
+        for code in table.raw("refused", {}):
+            text = given.text(code)
+            if not code.isdigit() or not 1 <= int(code) <= 255:
+                given.note(code, text, "a Modbus exception as key: 1 to 255")
+            else:
+                yield int(code), f"reason.{text}"
+        given.done()
+
+    def _effects(self, table: Table) -> Iterator[Effect]:
+        for row in table.rows("effects"):
+            when = row.text("when", "")
+            if when:
+                self.sentences.add(row, "when", when)
+            effect = Effect(f"effect.{row.text('text')}", when, read_values(row, self.sentences))
+            row.done()
+            yield effect
 
     def _timeout(self, table: Table) -> str:
         timeout = table.raw("timeout", 5)

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from app.plant.definitions import Condition
 from app.plant.tables import Table
-from app.plant.type_files.sentences import Sentences, names_in
+from app.plant.type_files.sentences import Sentences, names_in, read_values
 
 
 def read_guards(file: Table, sentences: Sentences) -> tuple[list[Condition], list[Condition]]:
@@ -43,6 +43,9 @@ def _condition(group: str, key: str, table: Table, sentences: Sentences) -> Cond
         label=table.text("label", f"{group}.{key}"),
         expression=table.text("expression"),
         commands=tuple(table.items("commands", [])),
+        missing="" if group == "check" else table.text("missing", f"missing.{group}.{key}"),
+        values=read_values(table, sentences),
+        situational=table.flag("situational"),
     )
     if condition.expression:
         sentences.add(table, "expression", condition.expression, argument=group != "check")

@@ -38,6 +38,16 @@ def check_expression(
         table.note(key, text, "no `argument` here: nobody enters one")
 
 
+def read_values(table: Table, sentences: Sentences) -> dict[str, str]:
+    """`values` of a row: the numbers that its text names, each an expression over points."""
+    given = table.table("values")
+    values = {name: given.text(name) for name in table.raw("values", {})}
+    for name, text in values.items():
+        sentences.add(given, name, text)
+    given.done()
+    return values
+
+
 def names_in(text: str) -> frozenset[str] | None:
     """What a sentence reads; None when it is none, which `check` tells."""
     try:
