@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, delete, insert, literal_column, select, update
+from sqlalchemy import Connection, bindparam, delete, insert, literal_column, select, update
 
 from app import chance
 from app.access.audit.audit import Audit
@@ -338,16 +338,18 @@ class Sessions:
 
 def _rows(connection: Connection, hashes: Collection[str]) -> dict[str, tuple[Any, frozenset[str]]]:
     """Session → its row with that of its person, and the roles."""
-    rows = connection.execute(_joined().where(session_table.c.id_hash.in_(hashes))).all()
+    rows = connection.execute(_OF_HASHES, {"hashes": list(hashes)}).all()
     return {row.id_hash: (row, roles_of(connection, row.id)) for row in rows}
 
 
-def _joined() -> Select[Any]:
-    return (
-        select(session_table, person_table, factor_table.c.since.label("factor_since"))
-        .join(person_table, session_table.c.person == person_table.c.id)
-        .outerjoin(factor_table, factor_table.c.person == person_table.c.id)
-    )
+_JOINED = (
+    select(session_table, person_table, factor_table.c.since.label("factor_since"))
+    .join(person_table, session_table.c.person == person_table.c.id)
+    .outerjoin(factor_table, factor_table.c.person == person_table.c.id)
+)
+_OF_HASHES = _JOINED.where(session_table.c.id_hash.in_(bindparam("hashes", expanding=True)))
+"""Made once, as every request asks for its session."""
+_ROLES_OF = select(role_table.c.role).where(role_table.c.person == bindparam("person_id"))
 
 
 def hash_of(sid: str) -> str:
@@ -365,8 +367,7 @@ def end_all(connection: Connection, person_id: int) -> list[str]:
 
 def roles_of(connection: Connection, person_id: int) -> frozenset[str]:
     """The roles of a person."""
-    query = select(role_table.c.role).where(role_table.c.person == person_id)
-    return frozenset(connection.execute(query).scalars())
+    return frozenset(connection.execute(_ROLES_OF, {"person_id": person_id}).scalars())
 
 
 def family(agent: str) -> str:

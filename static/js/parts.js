@@ -5,6 +5,7 @@ import { renewing } from "./fetched.js";
 
 const { commands } = window.pogon;
 const LIMIT = 5000; // [ms]
+const PRESS = 1000; // who holds a button longer than this clicks no more, and what is shown has to be true [ms]
 const parts = new Map(); // part → {of: what it was made of, renew}
 
 document.addEventListener("tags", ({ target, detail }) => {
@@ -25,7 +26,23 @@ function partOf(element) {
   return parts.get(element);
 }
 
+let pressed = null, holding = 0; // what the pointer went down on
+const waiting = new Map(); // part → what it will be drawn as when the pointer is up
+
+document.addEventListener("pointerdown", ({ target }) => { pressed = target; holding = setTimeout(released, PRESS); }, true);
+for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => setTimeout(released), true); // after the click that follows
+
+function released() {
+  clearTimeout(holding);
+  pressed = null;
+  const late = [...waiting];
+  waiting.clear();
+  for (const [element, html] of late) draw(element, html);
+}
+
+/** Show what the server drew; under a pointer that is down it waits, as a button that is replaced between press and release gets no click. */
 function draw(element, html) {
+  if (element.contains(pressed)) { waiting.set(element, html); return; }
   if (html.trim() === element.made) return;
   element.made = html.trim();
   const inside = element.contains(document.activeElement), { id, dataset: { row: focused } } = document.activeElement;

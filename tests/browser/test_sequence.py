@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests import coil_plant
 from tests.browser.station import (
@@ -170,6 +170,22 @@ def test_a_force_names_its_permissive_asks_for_the_password_and_ends_by_itself(s
     expect(other.locator(".fc")).to_contain_text("Nothing is forced", timeout=30_000)
     expect(page.locator(".f-force b")).to_have_text("0", timeout=30_000)
     expect(page.locator("[data-row-step='3'] .tickbox.f")).to_have_count(0)
+
+
+def test_a_list_that_is_drawn_anew_under_the_finger_loses_no_click(sit: Sit) -> None:
+    page = sit("ivo", path="/equipment/seq2")
+    held: list[Route] = []
+    page.route("**word?*step=3*", lambda route: held.append(route))
+    page.click("[data-row-step='3'] .q-perm")
+    page.locator("[data-all='1']").hover()
+    page.mouse.down()
+    with page.expect_response("**step=3*"):
+        held[0].continue_()
+    page.unroute_all()
+    expect(page.locator(".q-word h2")).not_to_contain_text("Permissives of step 3")  # not while the finger is there
+    page.mouse.up()
+    expect(page.locator("[data-all='1']")).to_have_attribute("aria-pressed", "true")
+    expect(page.locator(".q-word h2")).to_contain_text("Permissives of step 3")
 
 
 def test_operators_cannot_force(sit: Sit) -> None:
