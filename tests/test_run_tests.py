@@ -196,33 +196,43 @@ def test_what_spins_says_how_much_of_a_core_it_got(capfd: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    ("asked", "cores", "room", "lanes", "jobs"),
+    ("asked", "cores", "room", "groups", "jobs"),
     [
-        ([], 4, True, 3, (4, 5, 8)),
-        ([], 4, False, 1, (4, 4, 4)),
-        ([], 2, True, 1, (2, 3, 6)),
-        ([], 2, False, 1, (2, 2, 2)),
-        (["--together"], 2, False, 3, (2, 3, 6)),
-        (["--apart"], 4, True, 1, (4, 5, 8)),
-        (["--apart"], 4, False, 1, (4, 4, 4)),
-        (["--jobs", "1", "--browsers", "1"], 4, True, 3, (1, 1, 1)),
-        (["--browsers", "4"], 2, False, 1, (2, 4, 2)),
-        (["tests/links"], 4, True, 1, (4, 4, 4)),
-        (["--together", "tests/links"], 2, False, 3, (2, 3, 6)),
-        (["--", "-k", "tcp"], 4, True, 1, (4, 4, 4)),
+        ([], 4, True, [[1, 2, 1]], (4, 5, 8)),
+        ([], 4, False, [[4]], (4, 4, 4)),
+        ([], 2, True, [[2, 1], [1]], (2, 3, 6)),
+        ([], 1, True, [[4]], (1, 2, 3)),
+        ([], 2, False, [[4]], (2, 2, 2)),
+        (["--together"], 2, False, [[1, 2, 1]], (2, 3, 6)),
+        (["--apart"], 4, True, [[4]], (4, 5, 8)),
+        (["--apart"], 2, True, [[4]], (2, 3, 6)),
+        (["--apart"], 4, False, [[4]], (4, 4, 4)),
+        (["--jobs", "1", "--browsers", "1"], 4, True, [[1, 2, 1]], (1, 1, 1)),
+        (["--browsers", "4"], 2, False, [[4]], (2, 4, 2)),
+        (["tests/links"], 4, True, [[3]], (4, 4, 4)),
+        (["--together", "tests/links"], 2, False, [[1, 1, 1]], (2, 3, 6)),
+        (["--together", "tests/blocks"], 2, False, [[2]], (2, 3, 6)),
+        (["--", "-k", "tcp"], 4, True, [[4]], (4, 4, 4)),
     ],
 )
 def test_where_nothing_else_runs_stages_run_side_by_side(
-    monkeypatch: pytest.MonkeyPatch, asked: list[str], cores: int, room: bool, lanes: int, jobs: tuple[int, ...]
+    monkeypatch: pytest.MonkeyPatch,
+    asked: list[str],
+    cores: int,
+    room: bool,
+    groups: list[list[int]],
+    jobs: tuple[int, ...],
 ) -> None:
+    """How many stages each lane of each group has, and with how many processes."""
     seen: list[tuple[int, ...]] = []
+    beside_another: list[list[int]] = []
 
     def chosen(*processes: int) -> list[list[Stage]]:
         seen.append(processes)
         return stages(*processes)
 
     def beside(several: list[list[object]]) -> list[Result]:
-        assert len(several) == lanes
+        beside_another.append([*map(len, several)])
         return [Result("a", 1)]
 
     monkeypatch.setattr("tools.run_tests.os.sched_getaffinity", lambda _: set(range(cores)))
@@ -231,6 +241,7 @@ def test_where_nothing_else_runs_stages_run_side_by_side(
     monkeypatch.setattr("tools.run_tests.side_by_side", beside)
     assert main(asked) == 0
     assert seen == [jobs]
+    assert beside_another == groups
 
 
 def test_a_lane_alone_is_told_as_it_goes() -> None:

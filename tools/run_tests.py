@@ -2,9 +2,9 @@
 
     tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
 
-What lives in real time waits a lot: where nothing else runs it has more processes than there are cores. Where there are several cores,
-too, two lanes run side by side: it in front; behind, with less right to the processor, what lives in virtual time and does not mind.
-Else one stage is after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice.
+What lives in real time waits a lot: where nothing else runs it has more processes than there are cores, and behind it, with less right
+to the processor, runs what lives in virtual time and does not mind. Browsers compute: they run beside the others where there are several
+cores, after them where there are fewer. On a machine with something else to do one stage is after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice.
 What ran is kept in build/tests, as JUnit XML and, side by side, as it was told.
 """
 
@@ -131,8 +131,8 @@ def main(arguments: Sequence[str]) -> int:
         ]
         for lane in (stages(jobs, browsers, waiting) if not absent else ())
     ]
-    several = together and len([*filter(None, lanes)]) > 1
-    results = side_by_side([[_check], *lanes] if several else [[_check, *chain(*lanes)]])
+    apart = not together and (not room or options.together is False or cores < 2)
+    results = [*chain(*map(side_by_side, phases(lanes, together, apart)))]
     if absent:
         results[0].went_wrong(f"there is no {' '.join(absent)}")
     if not any(any(result.counts) for result in results):
@@ -142,12 +142,23 @@ def main(arguments: Sequence[str]) -> int:
     return 1 if any(result.failed for result in results) else 0
 
 
+def phases(
+    lanes: Sequence[Sequence[Callable[..., Result]]], together: bool, apart: bool
+) -> list[list[list[Callable[..., Result]]]]:
+    """What runs side by side, one such group after the other: the check, the lane in front and the one behind."""
+    filled = [[*lane] for lane in lanes if lane]
+    if len(filled) < 2 or apart:
+        return [[[_check, *chain(*filled)]]]
+    front, behind = filled
+    return [[[_check], front, behind]] if together else [[[_check, *behind], front[:1]], [front[1:]]]
+
+
 WAITING = 3
 """Tests in real time for each core that nobody else wants: all of them together compute for half a minute, and wait for ten."""
 MOST_WAITING = 8
 """But no more than this, as they are a hundred, and each process has to read them all."""
 SEVERAL = 4
-"""Cores that several stages need: side by side on two, browsers wait for what computes, and all takes as long."""
+"""Cores that browsers beside something else need: on two they wait for what computes, and all takes as long."""
 
 
 def widths(cores: int, room: bool, jobs: int | None, browsers: int | None) -> tuple[int, int, int]:
