@@ -2,9 +2,11 @@
 
     tools/run_tests.py [--seed N] [--jobs N] [--browsers N] [--together | --apart] [T ...] [-- arguments for pytest]
 
-What lives in real time waits a lot: where nothing else runs it has more processes than there are cores, and behind it, with less right
-to the processor, runs what lives in virtual time and does not mind. Browsers compute: they run beside the others where there are several
-cores, after them where there are fewer. On a machine with something else to do one stage is after the other. A stage that ran nothing, or did not come to its end, counts as one failure. Nothing is tried twice.
+What lives in real time waits a lot: where nothing else runs it has more processes than there are cores, and behind
+it, with less right to the processor, runs what lives in virtual time and does not mind. Browsers compute: they run
+beside the others where there are several cores, after them where there are fewer. On a machine with something else
+to do one stage is after the other. A stage that ran nothing, or did not come to its end, counts as one failure.
+Nothing is tried twice.
 What ran is kept in build/tests, as JUnit XML and, side by side, as it was told.
 """
 
