@@ -24,6 +24,7 @@ from app.profidrive.parameter_access.messages import Address, Failed, Values
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web import format as fmt
 from app.web.commands import operation_of, wants_fragment
+from app.web.drive_mailbox import CONTROL_UNIT, drive_among, kept_of, mailbox_of, objects_of, problem_of, told_of
 from app.web.guard import allow, fields
 from app.web.operation import Operation
 from app.web.pages import view_of
@@ -36,11 +37,6 @@ ELEMENTS_SHOWN = 8
 DECIMALS = 3
 CONFIRMED = frozenset("MTCX")
 """Marks that stand for a source."""
-
-CONTROL_UNIT = 1
-"""The drive object that every drive has."""
-OBJECT_COUNT, OBJECT_NUMBERS = 102, 101
-MOST_OBJECTS = 24
 
 Place = tuple[int, str]
 """Drive object, code."""
@@ -145,10 +141,7 @@ async def read(request: Request, key: str) -> Response:
 
 def _begin(operation: Operation, machine: Machine, search: str, group: str) -> Reading:
     reading = Reading(len(_wanted(operation, machine, search, group)))
-    link = operation.runtime.links.get(operation.equipment.link)
-    if link is None:
-        raise Refused("why.no_link", 503, link=operation.equipment.link)
-    mailbox = link.parameters(operation.id)
+    mailbox = mailbox_of(operation)
 
     async def work() -> None:
         try:
@@ -157,30 +150,11 @@ def _begin(operation: Operation, machine: Machine, search: str, group: str) -> R
             wanted = _wanted(operation, machine, search, group)
             reading.count = len(wanted)
             await _read(operation, machine, reading, wanted, mailbox)
-        except Refused as refusal:
-            reading.problem, reading.params = refusal.reason, refusal.params
-        except LinkError as error:
-            reading.problem, reading.params = "why.no_answer", {"cause": f"link.error.{error.kind}"}
+        except (LinkError, Refused) as error:
+            reading.problem, reading.params = problem_of(error)
 
     reading.task = asyncio.create_task(work(), name=f"drive parameters {operation.id}")
     return reading
-
-
-async def objects_of(mailbox: MailboxUnit) -> tuple[int, ...]:
-    """The drive objects; only the first one, which every drive has, where it does not tell.
-
-    Raises:
-        LinkError: it could not be asked.
-    """
-    wanted = [Address(OBJECT_COUNT), Address(OBJECT_NUMBERS, 0, MOST_OBJECTS)]
-    count, numbers = await mailbox.read(CONTROL_UNIT, wanted, [Format.UNSIGNED16] * 2)
-    for told in (count, numbers):
-        if isinstance(told, Missed):
-            raise told.error
-    if not isinstance(count, Values) or not isinstance(numbers, Values):
-        return (CONTROL_UNIT,)
-    known = (int(number) for number in numbers.values[: int(count.values[0])])
-    return tuple(number for number in known if number) or (CONTROL_UNIT,)
 
 
 async def _read(
@@ -210,8 +184,7 @@ async def _read(
 
 
 def _machine(app: FastAPI, operation: Operation) -> Machine:
-    found: dict[str, Machine] = app.state.__dict__.setdefault("drive_parameters", {})
-    return found.setdefault(operation.id, Machine())
+    return kept_of(app, operation, "drive_parameters", Machine)
 
 
 def _parameters(operation: Operation) -> Mapping[str, DriveParameter]:
@@ -238,11 +211,6 @@ def places(parameter: DriveParameter, objects: Sequence[int]) -> list[int]:
         return list(parameter.objects)
     drive = drive_among(objects)
     return list(dict.fromkeys(CONTROL_UNIT if one == CONTROL_UNIT else drive for one in parameter.objects))
-
-
-def drive_among(objects: Sequence[int]) -> int:
-    """The drive object of the drive itself: the first one beside the Control Unit, which is it where there is no other."""
-    return next((one for one in objects if one != CONTROL_UNIT), CONTROL_UNIT)
 
 
 def _wanted(operation: Operation, machine: Machine, search: str, group: str) -> list[tuple[int, DriveParameter]]:
@@ -285,7 +253,7 @@ def _row(operation: Operation, machine: Machine, object: int, parameter: DrivePa
         shown = "–" if number is None else fmt.hexadecimal(number, 2)
         problem = f"{shown} {drawn.text(key_of(number), number=shown)}"
     elif found is not None and isinstance(found.outcome, Missed):
-        problem = drawn.text(f"link.error.{found.outcome.error.kind}")
+        problem = operation.words.text(*told_of(found.outcome.error))
     return Row(
         parameter,
         object,

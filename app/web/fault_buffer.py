@@ -14,15 +14,15 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
-from app.errors import LinkError, MailboxRefused, PogonError, Refused
+from app.errors import LinkError, PogonError, Refused
 from app.links.mailbox import MailboxUnit, Missed
 from app.profidrive.fault_buffer import PLACES, Columns, Message, Moment, alarms, situations
-from app.profidrive.parameter_access.error_numbers import key_of, mailbox_key_of
+from app.profidrive.parameter_access.error_numbers import key_of
 from app.profidrive.parameter_access.messages import Address, Failed, Values
 from app.tags.batch import Value
 from app.web import format as fmt
 from app.web.commands import operation_of, wants_fragment
-from app.web.drive_parameters import CONTROL_UNIT, drive_among, objects_of
+from app.web.drive_mailbox import CONTROL_UNIT, drive_among, kept_of, mailbox_of, objects_of, told_of
 from app.web.guard import allow, fields
 from app.web.operation import Operation
 from app.web.pages import view_of
@@ -145,10 +145,7 @@ async def read(request: Request, key: str) -> Response:
 def _begin(operation: Operation, buffer: Buffer) -> None:
     if buffer.reading:
         return
-    link = operation.runtime.links.get(operation.equipment.link)
-    if link is None:
-        raise Refused("why.no_link", 503, link=operation.equipment.link)
-    mailbox = link.parameters(operation.id)
+    mailbox = mailbox_of(operation)
     buffer.tried = signs = _signs(operation)
 
     async def work() -> None:
@@ -156,15 +153,11 @@ def _begin(operation: Operation, buffer: Buffer) -> None:
         try:
             buffer.objects = buffer.objects or await objects_of(mailbox)
             buffer.snapshot = await _snapshot(operation, mailbox, drive_among(buffer.objects), signs)
-        except Refused as refusal:
-            problem = refusal.reason, refusal.params
         except Refusal as refusal:
             number = "–" if refusal.number is None else fmt.hexadecimal(refusal.number, 2)
             problem = key_of(refusal.number), {"number": number}
-        except MailboxRefused as refused:
-            problem = mailbox_key_of(refused.number), {"number": fmt.hexadecimal(refused.number)}
-        except LinkError as error:
-            problem = f"link.error.{error.kind}", {}
+        except (LinkError, Refused) as error:
+            problem = told_of(error)
         except Unsteady:
             problem = "fbuf.unsteady", {}
         buffer.problem = problem
@@ -219,8 +212,7 @@ def _buffer(app: FastAPI, operation: Operation) -> Buffer:
     """
     if NUMBERS not in operation.equipment.equipment.type.drive_parameters:
         raise HTTPException(404)
-    found: dict[str, Buffer] = app.state.__dict__.setdefault("fault_buffers", {})
-    return found.setdefault(operation.id, Buffer())
+    return kept_of(app, operation, "fault_buffers", Buffer)
 
 
 def _signs(operation: Operation) -> Signs:
