@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from app.access.roles import ROLE_PERMISSION, Rights
@@ -15,11 +16,12 @@ from app.commands.delivery import Delivery
 from app.commands.hold import HoldToRun
 from app.commands.interlocks import Prepared
 from app.commands.job import Job
-from app.commands.lifecycle import Progress, ProgressState
-from app.commands.machine import Machine
+from app.commands.lifecycle import Progress, ProgressState, advance
+from app.commands.machine import Machine, SetJob
 from app.commands.open_commands import OpenCommand
 from app.commands.orders import Audit, Foretell, Order, Writer
 from app.commands.readings import Readings
+from app.commands.value_set import Change
 from app.errors import Refused
 from app.plant.definitions import Equipment, Plant
 from app.tags.database import TagDatabase
@@ -120,6 +122,41 @@ class CommandState:
             machine.job = None
         self.audit_lines.command(job.order, job.progress)
         self.close(machine, job.progress)
+
+    def hindrance(self, machine: Machine, job: SetJob) -> tuple[str, Mapping[str, object]] | None:
+        """What keeps a set from going on (text key, what fills it): a Stop, a right, the token, a value or condition that is lost."""
+        if job.stop:
+            return job.stop, {}
+        if self.machines.get(machine.item.id) is not machine:
+            return "why.reloaded", {}
+        reasons = self.checks.reasons(job.order.person, machine, job.prepared, running=True)
+        if not reasons:
+            return None
+        first = reasons[0][0]
+        return first.key, {**first.params, "label": first.label} if first.label else first.params
+
+    def end_set(
+        self,
+        machine: Machine,
+        job: SetJob,
+        state: ProgressState,
+        reason: str,
+        params: Mapping[str, object],
+        changes: tuple[Change, ...] = (),
+    ) -> None:
+        """The set of `job` is over; `changes`: what was found of its values."""
+        ended = advance(job.progress, state, self.clock.micros(), end=True, reason=reason, params=params)
+        job.progress = replace(ended, changes=changes or ended.changes)
+        self.release_set(machine, job)
+        self.close(machine, job.progress)
+        self.audit_lines.command(job.order, job.progress)
+
+    def release_set(self, machine: Machine, job: SetJob) -> None:
+        """The machine takes other commands again, also when the plant was read anew meanwhile."""
+        for known in (machine, self.machines.get(machine.item.id, machine)):
+            if known.set is job:
+                known.set = None
+                self.changed(machine.item.id)
 
     def tell_open(self, one: OpenCommand) -> None:
         """A command of a former run is over, and nobody knows how."""

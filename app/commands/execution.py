@@ -1,7 +1,7 @@
 """How an order is carried out: once, however often its button was pressed; judged right before it is sent."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 from app.commands.admission import Admission
 from app.commands.command_state import CommandState
@@ -9,10 +9,13 @@ from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress
 from app.commands.machine import Machine
 from app.commands.nonce import Once
-from app.commands.orders import LONGEST_REASON, Order, Question
+from app.commands.orders import LONGEST_REASON, Order, Question, Task
 from app.commands.sending import Sending
 from app.commands.sets import Sets
 from app.errors import Refused
+
+Send = Callable[[Order, Machine, Prepared, Task], Awaitable[Progress]]
+"""Sends an order that was admitted."""
 
 
 class Execution:
@@ -22,8 +25,11 @@ class Execution:
         self._state, self._admission, self._sending, self._sets = state, admission, sending, sets
         self._once: Once[Progress] = Once(state.clock)
 
-    async def take(self, order: Order, choose: Callable[[Machine], Prepared | None]) -> Progress:
-        """Carry out `order`; `choose` finds what it asks for. A second one with the same id gets the first one's result.
+    async def take(
+        self, order: Order, choose: Callable[[Machine], Prepared | None], send: Send | None = None
+    ) -> Progress:
+        """Carry out `order`; `choose` finds what it asks for, `send` sends what is no telegram to registers. A second one with the same id
+        gets the first one's result.
 
         Raises:
             Question, Refused: as `Gate.ask`.
@@ -50,7 +56,7 @@ class Execution:
             return await self._once.run(
                 order.id,
                 owner,
-                lambda: self._carry_out(order, prepared),
+                lambda: self._carry_out(order, prepared, send),
                 keep=lambda refusal: not isinstance(refusal, Question),
             )
         except Refused as refusal:
@@ -58,7 +64,7 @@ class Execution:
                 self._admission.note_refusal(order, prepared, refusal)
             raise
 
-    async def _carry_out(self, order: Order, prepared: Prepared) -> Progress:
+    async def _carry_out(self, order: Order, prepared: Prepared, send: Send | None = None) -> Progress:
         try:
             if not prepared.command.stop:
                 self._admission.check_person(order, prepared)
@@ -67,6 +73,8 @@ class Execution:
             if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
                 return machine.job.progress  # the second click of a double click
             plan = self._state.checks.task(order, machine, prepared)
+            if send is not None:
+                return await send(order, machine, prepared, plan)
         except Question:
             raise
         except Refused as refusal:

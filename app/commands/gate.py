@@ -34,6 +34,7 @@ from app.commands.motion import HeldMotion
 from app.commands.open_commands import OpenCommand
 from app.commands.orders import Audit, Foretell, Order, Writer, foretell_nothing
 from app.commands.orders import Question as Question
+from app.commands.parameter_sets import ParameterSets
 from app.commands.sending import Sending
 from app.commands.set_follow_up import SetFollowUp
 from app.commands.sets import Sets
@@ -76,6 +77,8 @@ class Gate:
         self._follow_up = SetFollowUp(state)
         self._sets = Sets(state, self._follow_up)
         self._execution = Execution(state, self._admission, self._sending, self._sets)
+        self.parameters = ParameterSets(state, self._execution)
+        """Writes drive parameters that lie behind a mailbox."""
         self._motion = HeldMotion(state, self._admission, self._sending)
         self._following = Following(state, self._sending, self._motion)
         self.control = state.control

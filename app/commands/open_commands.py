@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from app.access.audit.line import Record
 from app.commands.lifecycle import Progress, ProgressState
+from app.commands.parameter_change import KEY, LABEL, SAVE, SAVE_LABEL
 from app.plant.definitions import Equipment
 
 SENT = "command.sent"
 SERVER_ENDED = "why.server_ended"
+LABELS = {KEY: LABEL, SAVE: SAVE_LABEL}
 NEWEST = 2000
 """So many lines of commands are looked at."""
 
@@ -51,7 +53,7 @@ def _open(line: Record, id: str, plant: Mapping[str, Equipment], now: int) -> Op
     item = plant.get(equipment)
     command = item.type.commands.get(key) if item is not None else None
     point = item.points.get(key) if item is not None else None
-    label = command.label if command is not None else point.label if point is not None else key
+    label = command.label if command is not None else point.label if point is not None else LABELS.get(key, key)
     asked = line.parameters.get("requested", "")
     progress = Progress(
         id, equipment, key, label, line.person, ProgressState.UNKNOWN, int(asked) if asked.isdecimal() else line.time,

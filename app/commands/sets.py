@@ -97,13 +97,13 @@ class Sets:
             await self._restore(machine, job)
             self._end_failed(machine, job, failure)
         finally:
-            self._release(machine, job)
+            self._state.release_set(machine, job)
 
     async def _write(self, machine: Machine, job: SetJob) -> Failure | None:
         """All new values, step by step; why it does not go on, None when they are all there."""
         values = job.plan.arguments
         for step in job.plan.steps:
-            failure = self._hindrance(machine, job)
+            failure = self._state.hindrance(machine, job)
             if failure is not None:
                 return failure
             job.touched.append(step)
@@ -120,18 +120,6 @@ class Sets:
                 return failure if broke is None else (broke[1], broke[2])
             job.unsettled.difference_update(step)  # seen in effect: nothing of it is still to come
         return await self._there(machine, job, list(values), values, self._state.clock.monotonic())
-
-    def _hindrance(self, machine: Machine, job: SetJob) -> Failure | None:
-        """What keeps the set from going on: a Stop, a right, the token, a value or condition that is lost."""
-        if job.stop:
-            return job.stop, {}
-        if self._state.machines.get(machine.item.id) is not machine:
-            return "why.reloaded", {}
-        reasons = self._state.checks.reasons(job.order.person, machine, job.prepared, running=True)
-        if not reasons:
-            return None
-        first = reasons[0][0]
-        return first.key, {**first.params, "label": first.label} if first.label else first.params
 
     async def _send(
         self, machine: Machine, job: SetJob, values: Mapping[str, float], until: float, *, new: bool
@@ -266,17 +254,6 @@ class Sets:
         params: Mapping[str, object],
         changes: tuple[Change, ...] = (),
     ) -> None:
-        ended = advance(job.progress, state, self._state.clock.micros(), end=True, reason=reason, params=params)
-        job.progress = replace(ended, changes=changes or ended.changes)
-        self._release(machine, job)
-        self._state.close(machine, job.progress)
-        self._state.audit_lines.command(job.order, job.progress)
+        self._state.end_set(machine, job, state, reason, params, changes)
         if reason in UNTOLD:
             self._follow_up.begin(job.progress)
-
-    def _release(self, machine: Machine, job: SetJob) -> None:
-        """The machine takes other commands again, also when the plant was read anew meanwhile."""
-        for known in (machine, self._state.machines.get(machine.item.id, machine)):
-            if known.set is job:
-                known.set = None
-                self._state.changed(machine.item.id)

@@ -48,6 +48,8 @@ class Change:
     found: float | None = None
     """What was read when the set was over; None = not yet, or not to be read."""
     stands: Stands = Stands.UNKNOWN
+    error: int | None = None
+    """Number of the error with which a drive refused its parameter; None = it did not."""
 
 
 def joined(parts: Sequence[Prepared]) -> Prepared:
@@ -171,13 +173,22 @@ def found_text(changes: Sequence[Change]) -> str:
 
 
 def found_texts(changes: Sequence[Change]) -> list[str]:
-    """As `found_text`, in the parts that an alarm says in its reader's language: what begins with @ is the key of a text."""
+    """As `found_text`, in the parts that an alarm says in its reader's language: what begins with @ is the key of a text. Of many values
+    those that are not the former ones, and of these the first ones, with how many there are."""
     parts: list[str] = []
-    for change in changes:
+    for change in named(changes):
         name = f"@{change.label}" if change.code == change.key else change.code
         value = "?" if change.found is None else f"{change.found:.{change.decimals}f} {change.unit}".rstrip()
         parts += [", "] * bool(parts) + [name, f" = {value} (", f"@set.{change.stands}", ")"]
-    return parts
+    left = len(changes) - len(named(changes))
+    return [*parts, f", + {left}"] if left else parts
+
+
+def named(changes: Sequence[Change]) -> Sequence[Change]:
+    """Those that a text names: all, or of more than `MOST` the first ones that are not the former values."""
+    if len(changes) <= MOST:
+        return changes
+    return [change for change in changes if change.stands is not Stands.OLD][:MOST]
 
 
 def _once(conditions: Iterable[Condition]) -> tuple[Condition, ...]:

@@ -259,7 +259,10 @@ class MailboxUnit:
         self._check_up()
         loop = asyncio.get_running_loop()
         if self._registers.open:
-            await self._registers.until_free(loop.time() + self.map.timeout)
+            try:
+                await self._registers.until_free(loop.time() + self.map.timeout)
+            except LinkError as error:
+                raise NoResult(error, False) from error
         sent, ended = False, loop.time() + self.map.timeout
         try:
             sent = await self._registers.write(encode_request(request))

@@ -3,8 +3,10 @@
     p1120 = { group = "ramp", type = "f32", unit = "s", low = 0, high = 650, default = 5, certainty = "M" }
     r0945 = { group = "messages", objects = [1, 2], type = "u16", count = 64, certainty = "M" }
 
-p is written and has `low`, `high` and `default`, r is only read. `when` = always, stopped or commissioning; `allowed` = the only values.
-Texts are `parameter.<code>` and `parameter.group.<group>`.
+p is written and has `low`, `high` and `default`, r is only read. `when` = always, stopped or commissioning; `allowed` = the only values;
+`options` = values that have a text; `kind` = binector or connector for what names a source (BICO), bits for a word of bits;
+`trigger = true` where writing makes the drive do something. Texts are `parameter.<code>`, `parameter.group.<group>` and, of an option,
+`parameter.option.<code>_<value>`.
 """
 
 import re
@@ -12,7 +14,7 @@ from collections.abc import Iterator, Mapping
 
 from app.plant.tables import Table
 from app.profidrive.parameter_access.formats import INTEGERS, LARGEST_FLOAT, LAYOUTS, Format
-from app.profidrive.parameter_access.parameter import DriveParameter, When
+from app.profidrive.parameter_access.parameter import DriveParameter, Kind, When
 
 TYPES: Mapping[str, Format] = {
     "i8": Format.INTEGER8,
@@ -47,6 +49,7 @@ def text_keys(parameters: Mapping[str, DriveParameter]) -> Iterator[str]:
     for code, parameter in parameters.items():
         yield f"parameter.{code}"
         yield f"parameter.group.{parameter.group}"
+        yield from parameter.options.values()
 
 
 def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
@@ -81,6 +84,17 @@ def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
         high=high,
         default=default,
         allowed=tuple(allowed),
+        options=_options(row, code, low, high) if writable else {},
+        kind=Kind(row.text("kind", Kind.NUMBER, choices=[str(one) for one in Kind])),
+        trigger=row.flag("trigger", False) if writable else False,
         when=When(row.text("when", When.ALWAYS, choices=[str(one) for one in When])),
         certainty=certainty,
     )
+
+
+def _options(row: Table, code: str, low: float, high: float) -> dict[int, str]:
+    values = row.items("options", ()) if row.has("options") else []
+    if any(not isinstance(value, int) or not low <= value <= high for value in values):
+        row.note("options", values, "whole numbers within low and high")
+        return {}
+    return {value: f"parameter.option.{code}_{value}" for value in values}

@@ -6,7 +6,7 @@ from zoneinfo import ZoneInfo
 
 from app.commands.interlocks import RefusalReason
 from app.commands.lifecycle import Progress, ProgressState
-from app.commands.value_set import Change
+from app.commands.value_set import Change, named
 from app.errors import Refused
 from app.plant.definitions import Argument
 from app.plant.texts import fill
@@ -71,6 +71,8 @@ class CommandWords:
         result = fmt.parameters(params, lang, text)
         if isinstance(since := params.get("since"), int):
             result["since"] = self.time(since)
+        if isinstance(cause := params.get("cause"), str) and cause and "because" not in params:
+            result["because"] = self.equipment.text(cause, **result)
         wanted = label or params.get("label")
         result["label"] = self.told(str(wanted), params) if wanted else self.equipment.label
         return result
@@ -100,7 +102,8 @@ class CommandWords:
     def found_text(self, changes: Sequence[Change]) -> str:
         """Which value of a set stands where, in words: F112 10,00 Hz (new), F114 5,0 s (former)."""
         text = self.equipment.text
-        return ", ".join(f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in changes)
+        said = [f"{self._named(one)} {self.held(one)} ({text(f'set.{one.stands}')})" for one in named(changes)]
+        return ", ".join(said) + (f" … ({len(changes)})" if len(said) < len(changes) else "")
 
     def _named(self, change: Change) -> str:
         return self.equipment.t(change.label) if change.code == change.key else change.code

@@ -16,6 +16,7 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from app.commands.parameter_change import SAVES, element_name
 from app.errors import LinkError, Refused
 from app.links.mailbox import MailboxUnit, Missed, Outcome
 from app.profidrive.parameter_access.error_numbers import key_of
@@ -25,6 +26,8 @@ from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web import format as fmt
 from app.web.commands import operation_of, wants_fragment
 from app.web.drive_mailbox import CONTROL_UNIT, drive_among, kept_of, mailbox_of, objects_of, problem_of, told_of
+from app.web.drive_values import permitted_text, value_text
+from app.web.drive_writing import drive_of, list_context
 from app.web.guard import allow, fields
 from app.web.operation import Operation
 from app.web.pages import view_of
@@ -34,7 +37,6 @@ router = APIRouter()
 LONGEST_SEARCH = 80
 ELEMENTS_SHOWN = 8
 """Of an array; how many more there are is told."""
-DECIMALS = 3
 CONFIRMED = frozenset("MTCX")
 """Marks that stand for a source."""
 
@@ -86,6 +88,8 @@ class Row:
     label: str
     unit: str
     permitted: str
+    elements: Sequence[tuple[str, str]]
+    """(element, how it is called) that may be written."""
     confirmed: bool
     value: str
     """As read; empty when it was not."""
@@ -111,7 +115,10 @@ async def page(request: Request, key: str) -> HTMLResponse:
         up=operation.url,
         message=operation.story,
         groups=_groups(operation),
-        **_rows(request, operation, request.query_params.get("q", ""), request.query_params.get("group", "")),
+        **(
+            list_context(request, operation)
+            | _rows(request, operation, request.query_params.get("q", ""), request.query_params.get("group", ""))
+        ),
     )
 
 
@@ -228,13 +235,14 @@ def _rows(request: Request, operation: Operation, search: str, group: str) -> di
     machine = _machine(request.app, operation)
     reading = machine.reading
     wanted = _wanted(operation, machine, search, group)
+    written = drive_of(request, operation).written
     problem = ""
     if reading is not None and reading.problem:
         problem = operation.words.text(reading.problem, reading.params)
     return {
         "operation": operation,
         "equipment": operation.equipment,
-        "rows": [_row(operation, machine, *one) for one in wanted],
+        "rows": [_row(operation, machine, written, *one) for one in wanted],
         "reading": reading if reading is not None and not reading.over else None,
         "problem": problem,
         "search": search[:LONGEST_SEARCH],
@@ -242,11 +250,15 @@ def _rows(request: Request, operation: Operation, search: str, group: str) -> di
     }
 
 
-def _row(operation: Operation, machine: Machine, object: int, parameter: DriveParameter) -> Row:
+def _row(
+    operation: Operation, machine: Machine, written: Mapping[Place, int], object: int, parameter: DriveParameter
+) -> Row:
     drawn, found = operation.equipment, machine.found.get((object, parameter.code))
+    if found is not None and found.time < written.get((object, parameter.code), 0):
+        found = None
     value, more, problem = "", 0, ""
     if found is not None and isinstance(found.outcome, Values):
-        values = [_number(one, drawn.lang) for one in found.outcome.values]
+        values = [value_text(operation, parameter, one) for one in found.outcome.values]
         value, more = " · ".join(values[:ELEMENTS_SHOWN]), max(0, len(values) - ELEMENTS_SHOWN)
     elif found is not None and isinstance(found.outcome, Failed):
         number = found.outcome.number
@@ -259,7 +271,8 @@ def _row(operation: Operation, machine: Machine, object: int, parameter: DrivePa
         object,
         drawn.t(f"parameter.{parameter.code}"),
         fmt.unit_symbol(parameter.unit, drawn.text) if parameter.unit else "",
-        f"{_number(parameter.low, drawn.lang)} … {_number(parameter.high, drawn.lang)}" if parameter.writable else "",
+        permitted_text(parameter, drawn.lang),
+        _keys(object, parameter),
         bool(CONFIRMED & set(parameter.certainty)),
         value,
         more,
@@ -268,5 +281,9 @@ def _row(operation: Operation, machine: Machine, object: int, parameter: DrivePa
     )
 
 
-def _number(value: float, lang: str) -> str:
-    return fmt.number(value, fmt.shortest(value, DECIMALS), lang)
+def _keys(object: int, parameter: DriveParameter) -> list[tuple[str, str]]:
+    """(element, how it is called) of what may be put into the list of new values."""
+    if not parameter.writable or parameter.code in SAVES:
+        return []
+    names = [element_name(parameter, index) for index in range(parameter.elements)]
+    return [(f"{object}:{name}", name) for name in names]

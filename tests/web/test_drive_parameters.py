@@ -144,6 +144,14 @@ def test_while_it_reads_it_says_how_far_it_is_and_can_be_cancelled(client: TestC
     assert "5 s" in rows_of(read(client, people, q="p1120"))["p1120", "2"].replace("\u00a0", " ")
 
 
+def test_a_page_that_is_open_gets_the_table_alone(client: TestClient, people: Staff) -> None:
+    answer = people.post(f"{PATH}/read", {"group": "ramp"}, **{"HX-Request": "true"})
+    assert answer.status_code == 200 and answer.text.lstrip().startswith("<div") and 'id="dp"' in answer.text
+    pass_time(5)
+    answer = client.get(f"{PATH}/rows?group=ramp", headers={"HX-Request": "true"})
+    assert answer.status_code == 200 and "not read" not in answer.text and ("p1120", "2") in rows_of(answer.text)
+
+
 def test_a_drive_that_does_not_answer_is_told(client: TestClient, people: Staff) -> None:
     device = client.app.state.runtime.sim.devices["d1"]  # type: ignore[attr-defined]
     assert "5 s" in rows_of(read(client, people, q="p1121"))["p1121", "2"].replace("\u00a0", " ")

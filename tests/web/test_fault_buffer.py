@@ -174,11 +174,11 @@ def test_it_is_read_again_by_itself_only_when_the_drive_tells_something(client: 
     cause(client, 30005)
     fragment(client)
     pass_time(20)
-    failed = client.app.state.fault_buffers["d1"].task  # type: ignore[attr-defined]
+    failed = client.app.state.fault_buffers["sinamics", "drives", 1].task  # type: ignore[attr-defined]
     assert "could not be read again" in old(fragment(client))
     pass_time(5)
     fragment(client)
-    assert client.app.state.fault_buffers["d1"].task is failed  # type: ignore[attr-defined]  # once, not for ever
+    assert client.app.state.fault_buffers["sinamics", "drives", 1].task is failed  # type: ignore[attr-defined]  # once, not for ever
 
 
 @pytest.mark.parametrize(
@@ -210,8 +210,8 @@ def test_a_late_mailbox_is_waited_for_and_a_second_press_adds_nothing(client: Te
     cause(client, 7452)
     cause(client, MailboxFault.LATE, REG_MAILBOX)
     assert "Reading" in read(client, people, 2)
-    task = client.app.state.fault_buffers["d1"].task  # type: ignore[attr-defined]
-    assert "Reading" in read(client, people, 2) and client.app.state.fault_buffers["d1"].task is task  # type: ignore[attr-defined]
+    task = client.app.state.fault_buffers["sinamics", "drives", 1].task  # type: ignore[attr-defined]
+    assert "Reading" in read(client, people, 2) and client.app.state.fault_buffers["sinamics", "drives", 1].task is task  # type: ignore[attr-defined]
     pass_time(40)
     text = fragment(client)
     assert [row[0] for row in shown(text)["s0"]] == ["F07452"] and not alert(text)

@@ -1,5 +1,6 @@
 """What is known of one parameter of a drive."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -14,6 +15,18 @@ class When(StrEnum):
     """Pulses off."""
     COMMISSIONING = "commissioning"
     """Pulses off, and p0010 is not 0."""
+
+
+class Kind(StrEnum):
+    """What its values mean."""
+
+    NUMBER = "number"
+    BINECTOR = "binector"
+    """Where a bit comes from (BICO): `r0722.0`."""
+    CONNECTOR = "connector"
+    """Where a value comes from (BICO): `r2050[1]`."""
+    BITS = "bits"
+    """A word of which every bit means something of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +52,11 @@ class DriveParameter:
     when: When = field(default=When.ALWAYS)
     certainty: str = "G"
     """M a manual's page, T a thesis, G unconfirmed: number and meaning, not ranges and defaults."""
+    options: Mapping[int, str] = field(default_factory=dict)
+    """Value → text key, of those that have a name; a drive may know others within the limits."""
+    kind: Kind = field(default=Kind.NUMBER)
+    trigger: bool = False
+    """Writing it makes the drive do something; then it reads 0 again."""
 
     @property
     def code(self) -> str:

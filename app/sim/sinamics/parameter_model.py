@@ -8,6 +8,8 @@ What no source tells:
 | scalar asked for with an index or as several elements | 0x04; an index that an array lacks: 0x03 with it |
 | type of a written value | that of the parameter, or byte, word and double word for unsigned ones of their size |
 | commissioning | p0010 other than 0; it does not keep the drive from being switched on |
+| interconnection (BICO) | kept without effect; one that names no parameter of the list: 0x83 |
+| p0340 | calculates nothing, and reads 0 again |
 | saving | takes 0.5 s, p0971 and p0977 read 1 meanwhile; both save everything |
 | values of different parameters | do not depend on each other |
 """
@@ -18,6 +20,7 @@ from app.profidrive.parameter_access.error_numbers import ErrorNumber
 from app.profidrive.parameter_access.formats import LAYOUTS, Format, rounded
 from app.profidrive.parameter_access.messages import Address, Attribute, Failed, Request, Result, Values, Written
 from app.profidrive.parameter_access.parameter import DriveParameter, When
+from app.profidrive.parameter_access.source import names_known
 
 SAVE_TIME = 0.5
 """[s]"""
@@ -140,6 +143,8 @@ class ParameterModel:
         wrong = _wrong_index(parameter, address) or _wrong_values(parameter, address, block)
         if wrong is not None:
             return wrong
+        if not all(names_known(parameter, value, self._by_number) for value in block.values):
+            return Failed(ErrorNumber.NO_INTERCONNECTION)
         if parameter.when is not When.ALWAYS and self._pulses():
             return Failed(ErrorNumber.CONTROLLER_ENABLED)
         if parameter.when is When.COMMISSIONING and not self.values(COMMISSIONING)[0]:
@@ -156,7 +161,7 @@ class ParameterModel:
             self._act(code)
         elif code in self._shared:
             self._shared[code] = block.values[0]
-        elif code != ACKNOWLEDGES:
+        elif not parameter.trigger:
             self._ram[code][address.subindex : address.subindex + address.elements] = block.values
         return Written()
 

@@ -8,6 +8,7 @@ import pytest
 from app.profidrive.parameter_access.formats import LAYOUTS, Format
 from app.profidrive.parameter_access.messages import Address, Attribute, Failed, Request, Values, Written
 from app.profidrive.parameter_access.parameter import DriveParameter, When
+from app.profidrive.parameter_access.source import is_source
 from app.profidrive.words import RUN
 from app.sim.sinamics.drive import VirtualSinamics
 from app.sim.sinamics.mailbox import MailboxFault, fitting
@@ -30,7 +31,12 @@ from tests.sim.sinamics.stand import command, step
 
 ACTS = {"p0952", "p0971", "p0977", "p3981", "p0969"}
 """Writing them does something, or they go on by themselves."""
-PLAIN = [one for code, one in PARAMETERS.items() if one.writable and code not in ACTS]
+PLAIN = [
+    one
+    for one in PARAMETERS.values()
+    if one.writable and not one.trigger and one.code not in ACTS and not is_source(one.kind)
+]
+SOURCES = [one for one in PARAMETERS.values() if is_source(one.kind)]
 
 
 def test_there_are_enough_and_every_one_is_whole() -> None:
@@ -99,6 +105,23 @@ def test_a_written_parameter_takes_its_limits_and_nothing_beyond(one: DriveParam
     assert error(write(drive, one.code, *(one.default,) * 2, subindex=last)) == (0x03 if one.count else 0x04)
     assert error(write(drive, one.code, one.default, subindex=one.elements)) == (0x03 if one.count else 0x04)
     assert values(drive, one.code, last) == before
+
+
+@pytest.mark.parametrize("one", SOURCES, ids=lambda one: one.code)
+def test_an_interconnection_names_a_parameter_that_there_is(one: DriveParameter) -> None:
+    drive = powered()
+    for value in (0, 1, 722 << 16 | 63 << 10 | 3):
+        assert write(drive, one.code, value, subindex=one.elements - 1) == Written()
+        assert values(drive, one.code, one.elements - 1) == (value,)
+    for value in (2, 9999 << 16 | 63 << 10, 0xFFFFFFFF):
+        assert error(write(drive, one.code, value, subindex=one.elements - 1)) == 0x83
+
+
+def test_what_only_starts_something_reads_0_again() -> None:
+    drive = powered()
+    for one in PARAMETERS.values():
+        if one.trigger and one.code not in ("p0952", "p0971", "p0977"):
+            assert write(drive, one.code, 1) == Written() and values(drive, one.code) == (0,)
 
 
 def write_raw(drive: VirtualSinamics, one: DriveParameter, value: float, subindex: int) -> object:

@@ -1,0 +1,419 @@
+"""Parameters of a drive behind its mailbox on their way: written in order, all read back, and all put back when one fails.
+
+    former values read → sent (on the disk) → request → request → … → all read back → confirmed
+                                                └ refused, not as written, a right or a condition lost, Stop, cancelled
+                                                    → former values written where others stand, and read back → failed
+
+It ends with all new values, with all former ones, or with a mixed state that names which value stands where and is an alarm. A request of
+which nobody knows is looked up by reading. Putting back asks for no right and waits at most `RESTORE_LIMIT` for a drive that is silent.
+Values that cannot be read then are read when the drive is back, and told again: nothing is written then.
+
+Nothing here is permanent until it is saved, which is a command of its own (`save`).
+"""
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Protocol, cast
+
+from app import chance
+from app.access.roles import Person
+from app.commands import interlocks, value_set
+from app.commands.command_state import CommandState
+from app.commands.delivery import outcome_of
+from app.commands.execution import Execution
+from app.commands.interlocks import Prepared
+from app.commands.lifecycle import Progress, ProgressState, advance
+from app.commands.machine import Machine, SetJob
+from app.commands.orders import Order, Task, Writer
+from app.commands.parameter_change import (
+    KEY,
+    LABEL,
+    MOST,
+    SAVE,
+    SAVE_LABEL,
+    SAVES,
+    ParameterChange,
+    requests,
+    saving_of,
+    wrong_value,
+)
+from app.commands.parameter_reading import PAUSE, ParameterReading, Stage, Work, why
+from app.commands.set_follow_up import FOUND_EVERY, FOUND_MIXED, FOUND_NEW, FOUND_OLD, UNREAD, found_params
+from app.commands.sets import MIXED, NO_AUDIT, RESTORE_LIMIT, RESTORED, Failure
+from app.commands.value_set import Change, Stands
+from app.errors import LinkError, Refused
+from app.links.mailbox import MailboxUnit, Missed, Outcome
+from app.links.schedule import PERMIT
+from app.plant.definitions import Command
+from app.plant.expression import parse
+from app.profidrive.parameter_access.messages import Failed, Values
+
+log = logging.getLogger(__name__)
+
+RESTORE_PASSES = 3
+"""So often former values are written that are not there then: one may be refused until another one is back."""
+SAVE_LIMIT, SAVE_LOOK = 60.0, 0.25
+"""Longest time for saving, and between two looks whether it is over [s]; how long a real drive takes is not known here."""
+NOT_SAVED = "why.par_not_saved"
+CANCELLED = "why.par_cancelled"
+
+
+class MailboxWriter(Writer, Protocol):
+    """What is needed of a link to drives with a mailbox."""
+
+    def parameters(self, equipment: str) -> MailboxUnit:
+        """The one queue to the mailbox of a drive.
+
+        Raises:
+            LinkError: it has none.
+        """
+        ...
+
+
+class ParameterSets:
+    """Writes and saves the parameters of all drives; at most one set is at work on each."""
+
+    def __init__(self, state: CommandState, execution: Execution) -> None:
+        self._state, self._execution = state, execution
+        self._reading = ParameterReading()
+
+    def stage(self, equipment: str) -> Stage | None:
+        """How far the set at work is; None when none is."""
+        return self._reading.stages.get(equipment)
+
+    async def change(
+        self,
+        person: Person | None,
+        equipment: str,
+        changes: Sequence[ParameterChange],
+        *,
+        id: str = "",
+        nonce: str = "",
+        confirmed: bool = False,
+        proven: bool = False,
+        reason: str = "",
+        address: str = "",
+        language: str = "en",
+    ) -> Progress:
+        """Write `changes` in their order: all or none. Returns when it is over, with what the drive holds of each; it goes on when the
+        caller goes away.
+
+        Raises:
+            Question: confirmation, reason or password are missing.
+            Refused: as `Gate.ask`; 409 `why.changed`, an element is another than it was seen at; 422, a value that is not permitted.
+        """
+        order = self._order(person, equipment, KEY, id, nonce, confirmed, proven, reason, address, language)
+        return await self._execution.take(order, _writing, partial(self._send_changes, changes))
+
+    async def save(
+        self,
+        person: Person | None,
+        equipment: str,
+        *,
+        id: str = "",
+        nonce: str = "",
+        confirmed: bool = False,
+        proven: bool = False,
+        reason: str = "",
+        address: str = "",
+        language: str = "en",
+    ) -> Progress:
+        """Have the drive copy its RAM to ROM, at standstill; returns when it says that it is done. Otherwise as `change`."""
+        order = self._order(person, equipment, SAVE, id, nonce, confirmed, proven, reason, address, language)
+        return await self._execution.take(order, _saving, self._send_save)
+
+    def cancel(self, equipment: str) -> bool:
+        """Write no further new value and put back what was changed; False when no set of parameters is at work."""
+        machine = self._state.machines.get(equipment)
+        if machine is None or machine.set is None or machine.set.order.key != KEY:
+            return False
+        machine.set.interrupt(CANCELLED)
+        return True
+
+    # details
+
+    def _order(
+        self, person: Person | None, equipment: str, key: str, id: str, nonce: str,
+        confirmed: bool, proven: bool, reason: str, address: str, language: str,
+    ) -> Order:  # fmt: skip
+        return Order(
+            person, equipment, key, None, id or chance.token_hex(16), nonce, None, confirmed, proven, reason, address,
+            language, self._state.clock.micros(),
+        )  # fmt: skip
+
+    def _job(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> SetJob:
+        """The machine is taken: nothing but a Stop is let beside it."""
+        assert order.person is not None
+        progress = Progress(
+            order.id, order.equipment, order.key, prepared.command.label, order.person.display, ProgressState.REQUESTED,
+            order.asked, limit=plan.limit,
+        )  # fmt: skip
+        job = SetJob(order, prepared, plan, progress)
+        if machine.job is not None:
+            new = {"label": progress.label, "display": progress.person}
+            self._state.end(machine, machine.job, ProgressState.SUPERSEDED, "why.superseded", new)
+        machine.set = job
+        self._state.changed(order.equipment)
+        return job
+
+    async def _send_changes(
+        self, changes: Sequence[ParameterChange], order: Order, machine: Machine, prepared: Prepared, plan: Task
+    ) -> Progress:
+        _check(changes)
+        work = Work(changes, self._mailbox(machine))
+        job = self._job(order, machine, prepared, plan)
+        return await self._done(machine, job, self._carry_out(machine, job, work))
+
+    async def _send_save(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
+        mailbox = self._mailbox(machine)
+        job = self._job(order, machine, prepared, plan)
+        return await self._done(machine, job, self._save(machine, job, mailbox))
+
+    async def _done(self, machine: Machine, job: SetJob, work: Coroutine[Any, Any, None]) -> Progress:
+        refusals: list[Refused] = []
+
+        async def carried_out() -> None:
+            try:
+                await work
+            except Refused as refusal:
+                refusals.append(refusal)
+            finally:
+                self._reading.stages.pop(machine.item.id, None)
+                self._state.release_set(machine, job)
+
+        await asyncio.shield(self._state.work(carried_out(), f"parameters {machine.item.id}"))
+        if refusals:
+            raise refusals[0]
+        if job.progress.reason == NO_AUDIT:
+            raise Refused(NO_AUDIT, 503)
+        return job.progress
+
+    def _mailbox(self, machine: Machine) -> MailboxUnit:
+        try:
+            return cast(MailboxWriter, self._state.writers[machine.item.link]).parameters(machine.item.id)
+        except LinkError as error:
+            raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
+
+    async def _carry_out(self, machine: Machine, job: SetJob, work: Work) -> None:
+        former = await self._reading.former(machine.item.id, work)
+        described = tuple(one.described(former[one.key]) for one in work.changes)
+        job.progress = replace(job.progress, changes=described, old=value_set.values_text(described, old=True))
+        if self._state.dry_run:
+            self._state.end_set(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
+            return
+        if not await self._state.audit_lines.sent(job.order, job.progress):
+            self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
+            return
+        failure = await self._write(machine, job, work)
+        if failure is None:
+            found = await self._reading.found(machine.item.id, work, described)
+            failure = ((job.stop, {}) if job.stop else None) or _differing(found)
+            if failure is None:
+                self._state.end_set(machine, job, ProgressState.CONFIRMED, "", {}, found)
+                return
+        log.warning("parameters not written equipment=%s reason=%s", machine.item.id, failure[0])
+        found = await self._restore(machine, job, work, described)
+        self._end_failed(machine, job, work, failure, found)
+
+    async def _write(self, machine: Machine, job: SetJob, work: Work) -> Failure | None:
+        """All new values, request by request; why it does not go on, None when the drive has taken all."""
+        stage = self._reading.begin(machine.item.id, "writing", len(work.changes))
+        for request in requests(work.changes):
+            failure = self._state.hindrance(machine, job)
+            if failure is not None:
+                return failure
+            told = await self._change(machine, job, work, request, [one.new for one in request])
+            if isinstance(told, tuple):
+                return told
+            if any(not isinstance(outcome, Missed) or outcome.sent for outcome in told):
+                work.sent.append(request)
+            for one, outcome in zip(request, told, strict=True):
+                if isinstance(outcome, Failed):
+                    work.errors[one.key] = outcome.number
+            bad = next((pair for pair in zip(request, told, strict=True) if isinstance(pair[1], Failed | Missed)), None)
+            if bad is not None:
+                return why(*bad)
+            stage.done += len(request)
+            if job.progress.state is ProgressState.REQUESTED:
+                job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
+                self._state.changed(machine.item.id)
+        return None
+
+    async def _change(
+        self, machine: Machine, job: SetJob, work: Work, request: Sequence[ParameterChange], values: Sequence[float],
+        *, new: bool = True,
+    ) -> "list[Outcome] | Failure":  # fmt: skip
+        """One request. New values go only while the person may, former ones always."""
+        pairs = [(one.address, one.block(value)) for one, value in zip(request, values, strict=True)]
+        before = PERMIT.set(partial(self._may_go_on, job) if new else None)
+        try:
+            return await work.mailbox.change(request[0].object, pairs)
+        except (LinkError, Refused) as error:
+            return outcome_of(error, machine.item, as_code=False)[1:]
+        finally:
+            PERMIT.reset(before)
+
+    def _may_go_on(self, job: SetJob) -> bool:
+        return not job.stop and self._state.may_go_on(job.order, job.prepared)
+
+    async def _restore(
+        self, machine: Machine, job: SetJob, work: Work, described: Sequence[Change]
+    ) -> tuple[Change, ...]:
+        """Write the former values of what is not the former one, the last request first, and read them back."""
+        until = self._state.clock.monotonic() + RESTORE_LIMIT
+        found = await self._reading.found(machine.item.id, work, described, failed=True)
+        passes = 0
+        while passes < RESTORE_PASSES and any(change.stands is not Stands.OLD for change in found):
+            if any(change.stands is Stands.UNKNOWN for change in found):  # nothing is sent into silence
+                if self._state.clock.monotonic() >= until:
+                    break
+                await asyncio.sleep(PAUSE)
+            else:
+                passes += 1
+                await self._put_back(machine, job, work, {change.key: change for change in found})
+            found = await self._reading.found(machine.item.id, work, described, failed=True)
+        return found
+
+    async def _put_back(self, machine: Machine, job: SetJob, work: Work, found: Mapping[str, Change]) -> None:
+        stage = self._reading.begin(
+            machine.item.id, "restoring", sum(change.stands is not Stands.OLD for change in found.values())
+        )
+        for request in reversed(work.sent):
+            wrong = [one for one in reversed(request) if found[one.key].stands is not Stands.OLD]
+            wrong = [one for one in wrong if not one.parameter.trigger]
+            if wrong:
+                await self._change(machine, job, work, wrong, [found[one.key].old for one in wrong], new=False)
+                stage.done += len(wrong)
+
+    def _end_failed(
+        self, machine: Machine, job: SetJob, work: Work, failure: Failure, found: tuple[Change, ...]
+    ) -> None:
+        cause: dict[str, object] = {**failure[1], "cause": failure[0]}
+        if "cause" in failure[1]:
+            cause["deeper"] = failure[1]["cause"]
+        if {change.stands for change in found} == {Stands.OLD}:
+            self._state.end_set(machine, job, ProgressState.FAILED, RESTORED, cause, found)
+            return
+        unread = any(change.stands is Stands.UNKNOWN for change in found)
+        reason = UNREAD if unread else MIXED
+        self._state.end_set(machine, job, ProgressState.UNCONFIRMED, reason, {**cause, **found_params(found)}, found)
+        if unread:
+            self._state.spawn(self._follow(machine.item.id, job.progress, work), f"parameters of {machine.item.id}")
+
+    async def _follow(self, equipment: str, progress: Progress, work: Work) -> None:
+        """Wait until what nobody knows can be read, and tell once what stands where. Nothing is written."""
+        while True:
+            await asyncio.sleep(FOUND_EVERY)
+            machine = self._state.machines.get(equipment)
+            if machine is None:
+                return  # another plant: there is nothing to look at
+            if machine.set is not None:
+                continue
+            try:
+                work.mailbox = self._mailbox(machine)
+            except (Refused, KeyError):
+                return
+            found = await self._reading.found(machine.item.id, work, progress.changes)
+            self._reading.stages.pop(equipment, None)
+            if not any(change.stands is Stands.UNKNOWN for change in found):
+                break
+        stands = {change.stands for change in found}
+        state, reason = ProgressState.UNCONFIRMED, FOUND_MIXED
+        if stands == {Stands.NEW}:
+            state, reason = ProgressState.CONFIRMED, FOUND_NEW
+        elif stands == {Stands.OLD}:
+            state, reason = ProgressState.FAILED, FOUND_OLD
+        told = replace(
+            progress,
+            state=state,
+            reason=reason,
+            params=found_params(found),
+            changes=found,
+            ended=self._state.clock.micros(),
+        )
+        self._state.close(machine, told)
+        old, new = (value_set.values_text(found, old=old) for old in (True, False))
+        self._state.audit_lines.line(None, f"{equipment}.{KEY}", old, new, told, by=told.person)
+
+    async def _save(self, machine: Machine, job: SetJob, mailbox: MailboxUnit) -> None:
+        parameter = saving_of(machine.item.type)
+        assert parameter is not None
+        object = parameter.objects[0]
+        job.progress = replace(job.progress, telegrams=((parameter.code, 1.0),))
+        if self._state.dry_run:
+            self._state.end_set(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
+            return
+        if not await self._state.audit_lines.sent(job.order, job.progress):
+            self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
+            return
+        self._reading.begin(machine.item.id, "saving", 0)
+        one = ParameterChange(object, parameter, 1.0)
+        work = Work([one], mailbox)
+        told = await self._change(machine, job, work, [one], [1.0])
+        if isinstance(told, tuple):
+            self._state.end_set(machine, job, ProgressState.FAILED, told[0], told[1])
+            return
+        if isinstance(told[0], Failed | Missed):
+            sent = isinstance(told[0], Missed) and told[0].sent
+            key, params = why(one, told[0])
+            state = ProgressState.UNCONFIRMED if sent else ProgressState.FAILED
+            self._state.end_set(machine, job, state, key, params)
+            return
+        job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
+        self._state.changed(machine.item.id)
+        until = self._state.clock.monotonic() + SAVE_LIMIT
+        while self._state.clock.monotonic() < until:
+            await asyncio.sleep(SAVE_LOOK)
+            outcome = (await self._reading.asked(mailbox, object, [one]))[0]
+            if isinstance(outcome, Values) and not outcome.values[0]:
+                self._state.end_set(machine, job, ProgressState.CONFIRMED, "", {})
+                return
+        self._state.end_set(machine, job, ProgressState.UNCONFIRMED, NOT_SAVED, {"seconds": SAVE_LIMIT})
+
+
+def _command(key: str, label: str) -> Command:
+    return Command(key, label, writes=(), feedback="", timeout="5", level="C4", role="engineer", moves=False)
+
+
+def _writing(machine: Machine) -> Prepared | None:
+    """What is asked for to write parameters; None for a machine that has none."""
+    return interlocks.prepare(machine.item, _command(KEY, LABEL)) if machine.item.type.drive_parameters else None
+
+
+def _check(changes: Sequence[ParameterChange]) -> None:
+    """Raises:
+    Refused: 422, a value that is not permitted, one element twice, none, or too many.
+    """
+    if not 0 < len(changes) <= MOST or len({one.key for one in changes}) < len(changes):
+        raise Refused("why.par_count", 422, n=len(changes), limit=MOST)
+    for one in changes:
+        wrong = ("why.par_save_apart", {}) if one.parameter.code in SAVES else wrong_value(one.parameter, one.new)
+        if wrong is not None:
+            raise Refused(wrong[0], 422, label=f"parameter.{one.parameter.code}", argument=one.key, **wrong[1])
+
+
+def _saving(machine: Machine) -> Prepared | None:
+    """Saving, at standstill; None for a machine that has nothing to be saved by."""
+    if saving_of(machine.item.type) is None:
+        return None
+    prepared = interlocks.prepare(machine.item, _command(SAVE, SAVE_LABEL))
+    stopped = interlocks.stopped(machine.item.type)
+    used = interlocks.sources(machine.item.points, parse(stopped.expression).names)
+    return replace(
+        prepared,
+        permissives=(*prepared.permissives, stopped),
+        used=tuple(dict.fromkeys((*prepared.used, *used))),
+    )
+
+
+def _differing(found: Sequence[Change]) -> Failure | None:
+    """The first element that does not hold its new value."""
+    wrong = next((change for change in found if change.stands is not Stands.NEW), None)
+    if wrong is None:
+        return None
+    if wrong.found is None:
+        return "why.set_not_read", {"label": wrong.label}
+    return "why.set_differs", {"label": wrong.label, "value": wrong.found, "unit": wrong.unit, "asked": wrong.new}
