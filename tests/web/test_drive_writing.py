@@ -213,6 +213,23 @@ def test_it_is_told_in_every_language(client: TestClient, people: Staff, languag
     assert not re.search(r"\[(?:[a-z]{2}\]|[a-z_]+(?:\.[a-z0-9_]+)+\])", words(text)), words(text)
 
 
+class _OneMore(list):  # type: ignore[type-arg]
+    """An element that takes every value as one more."""
+
+    def __setitem__(self, at: object, values: object) -> None:
+        super().__setitem__(at, [one + 1 for one in values])  # type: ignore
+
+
+def test_values_that_nobody_chose_are_an_alarm_that_names_them(client: TestClient, people: Staff) -> None:
+    ram = drive(client).model._ram
+    ram["p1058"] = _OneMore(ram["p1058"])
+    reviewed(people, {"1:p1120": "9", "1:p1058": "90"})
+    text = words(ordered(people, "write"))
+    assert "Mixed values: p1120 5.000 s (former), p1058 151.000 rpm (other)" in text and "Unsaved changes: 1" in text
+    page = words(client.get("/alarms").text)
+    assert "Values written in part: p1120 = 5.000 s (former), p1058 = 151.000 rpm (other)" in page
+
+
 def test_only_engineers_and_only_elements_that_there_are(client: TestClient, people: Staff) -> None:
     for wrong in ("1:r0020", "1:p9999", "1:p1120[0]", "1:p0757", "1:p0757[4]", "x", "300:p1120", "1:p1120 "):
         assert people.post(f"{PATH}/list", {"add": wrong}, **HX).status_code == 422, wrong
