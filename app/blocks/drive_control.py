@@ -132,6 +132,9 @@ BRAKES_WANTED = frozenset({State.OPENING, State.RUNNING, State.STOPPING, State.Q
 """States with the brake command on."""
 ENERGISED = frozenset({State.MAGNETISING, State.PRESET, *BRAKES_WANTED, State.CLOSING})
 """States with the preset: the drive is switched on."""
+PERMISSIVE_WORD = Status.NO_COAST_STOP | Status.NO_QUICK_STOP | Status.READY_TO_SWITCH_ON
+PERMISSIVE_BITS = PERMISSIVE_WORD | Status.FAULT | Status.SWITCHING_ON_INHIBITED
+"""Bits of ZSW1 that a start needs, and how they have to stand."""
 
 
 @dataclass(slots=True)
@@ -179,17 +182,18 @@ class DriveControl:
         Raises:
             ValueError: speed or reference is not finite; `safe` is what holds then.
         """
-        for name in ("speed", "reference"):
-            if not isfinite(getattr(inputs, name)):
-                raise ValueError(f"{name} is {getattr(inputs, name)}, a finite number expected")
+        if not (isfinite(inputs.speed) and isfinite(inputs.reference)):
+            name = "reference" if isfinite(inputs.speed) else "speed"
+            raise ValueError(f"{name} is {getattr(inputs, name)}, a finite number expected")
         if inputs.acknowledge and not self._seen:
             self.acknowledged |= self.alarms
         self._seen = inputs.acknowledge
-        self.alarms -= self.acknowledged - self._causes(inputs)
-        self.acknowledged &= self.alarms
+        if self.acknowledged:
+            self.alarms -= self.acknowledged - self._causes(inputs)
+            self.acknowledged &= self.alarms
         if not inputs.run:
             self.armed = True
-        self.missing = tuple(self._missing(inputs))
+        self.missing = () if self._permitted(inputs) else tuple(self._missing(inputs))
         self.elapsed += dt
         before = self.state
         self._watch(inputs)
@@ -204,6 +208,18 @@ class DriveControl:
         self._fail(None)
         self.state = State.BLOCKED
         return Outputs(ENABLES, 0, 0.0, False, self.state, False)
+
+    def _permitted(self, inputs: DriveInputs) -> bool:
+        """Nothing is missing: the usual case, found out without a list."""
+        return (
+            inputs.status is not None
+            and inputs.status & PERMISSIVE_BITS == PERMISSIVE_WORD
+            and inputs.temperature_ok
+            and inputs.emergency_ok
+            and inputs.run_permissive
+            and not self.alarms
+            and (self.state in BRAKES_WANTED or not any(inputs.brakes_open))
+        )
 
     def _missing(self, inputs: DriveInputs) -> Sequence[Missing]:
         status = inputs.status
@@ -333,10 +349,10 @@ class DriveControl:
         if inputs.acknowledge:
             control |= Control.ACKNOWLEDGE
         moves = self.state is State.RUNNING and all(inputs.brakes_open)
-        setpoint = self.scaling.raw(inputs.reference) if moves else 0
-        # beyond 100 % no axis is meant to go
-        setpoint = min(max(setpoint, -self.scaling.one), self.scaling.one)
-        reference = self.scaling.value(setpoint)
+        setpoint, reference = 0, 0.0
+        if moves:  # beyond 100 % no axis is meant to go
+            setpoint = min(max(self.scaling.raw(inputs.reference), -self.scaling.one), self.scaling.one)
+            reference = self.scaling.value(setpoint)
         if self.reverse_by_bit:
             control |= Control.INVERT if setpoint < 0 else 0
             setpoint = abs(setpoint)

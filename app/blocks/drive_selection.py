@@ -1,5 +1,6 @@
 """Which of two hoist drives works, and how two share the load."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
@@ -17,6 +18,15 @@ class Selection(Enum):
     BOTH = "both"
     BY_HOURS = "by_hours"
     """The one with fewer running hours."""
+
+
+ACTIVE: Mapping[Selection, Pair] = {
+    Selection.NONE: (False, False),
+    Selection.FIRST: (True, False),
+    Selection.SECOND: (False, True),
+    Selection.BOTH: (True, True),
+}
+"""Drives that work by a choice that does not depend on hours."""
 
 
 class Selected(NamedTuple):
@@ -76,13 +86,7 @@ class DriveSelection:
             self.chosen = selection
             if selection is Selection.BY_HOURS:
                 self._by_hours = self._younger(hours, available)
-        active = {
-            Selection.NONE: (False, False),
-            Selection.FIRST: (True, False),
-            Selection.SECOND: (False, True),
-            Selection.BOTH: (True, True),
-            Selection.BY_HOURS: (self._by_hours == 0, self._by_hours == 1),
-        }[self.chosen]
+        active = ACTIVE.get(self.chosen) or (self._by_hours == 0, self._by_hours == 1)
         permissive = any(active) and all(there or not used for there, used in zip(available, active, strict=True))
         trim = self.droop * (torques[0] - torques[1]) / 2 if active == (True, True) else 0.0
         limit = self.droop

@@ -49,6 +49,10 @@ class Allowed(NamedTuple):
         return min(max(speed, -self.low), self.high)
 
 
+FREE = Allowed(inf, inf, True)
+"""No limit."""
+
+
 @dataclass(frozen=True, slots=True)
 class SwitchPlaces:
     """Where the switches are [mm].
@@ -108,6 +112,8 @@ class LimitSwitches:
         acknowledge, self._seen = acknowledge and not self._seen, acknowledge
         if position is not None and not isfinite(position):
             position = None
+        if position is not None and self._undisturbed(low, high, position):
+            return FREE
         speeds = {}
         for end, hit in ((End.LOW, low), (End.HIGH, high)):
             now = set(self._alarms(end, hit, position))
@@ -118,6 +124,12 @@ class LimitSwitches:
             speeds[end] = self._speed(end, hit, position)
         failed = self.alarms[End.LOW] | self.alarms[End.HIGH]
         return Allowed(speeds[End.LOW], speeds[End.HIGH], failed <= {LimitAlarm.STOP_HIT})
+
+    def _undisturbed(self, low: Switches, high: Switches, position: float) -> bool:
+        """Between both slow-down switches, none of them hit, and no alarm: the usual case."""
+        hit = low.slow or low.stop or high.slow or high.stop
+        inside = self.places.low_slow <= position <= self.places.high_slow
+        return inside and not hit and not any(self.alarms.values())
 
     @property
     def active(self) -> Sequence[tuple[End, LimitAlarm]]:

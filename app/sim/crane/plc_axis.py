@@ -260,14 +260,9 @@ class PlcAxis:
         """Switches, encoder and brakes."""
         places, at = self._switch_places, self.axis.position
         first = 2 * (self.number - 1)
-        dead = [fault in (training.STOP_DEAD + first + n, training.SLOW_DEAD + first + n) for n in (0, 1)]
-        stop_dead = training.STOP_DEAD <= fault < training.STOP_DEAD + 6
-
-        def switches(n: int, slow: bool, stop: bool) -> Switches:
-            return Switches(slow and not (dead[n] and not stop_dead), stop and not (dead[n] and stop_dead))
-
-        self.low = switches(0, at <= places.low_slow, at <= places.low_stop)
-        self.high = switches(1, at >= places.high_slow, at >= places.high_stop)
+        slow_dead, stop_dead = fault - training.SLOW_DEAD - first, fault - training.STOP_DEAD - first
+        self.low = Switches(at <= places.low_slow and slow_dead != 0, at <= places.low_stop and stop_dead != 0)
+        self.high = Switches(at >= places.high_slow and slow_dead != 1, at >= places.high_stop and stop_dead != 1)
         self.encoder_ok = fault != training.ENCODER + self.number - 1
         if self.encoder_ok:
             self.position = floor(at / self._resolution) * self._factor

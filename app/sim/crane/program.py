@@ -57,6 +57,8 @@ CIRCLE, BUSY, IDLE = 2, 4, 5
 STARTS = {"stopped": Mode.OFF, "automatic": Mode.AUTOMATIC, "manual": Mode.MANUAL}
 """Mode that a crane may be switched on in for the first time."""
 STILL = Asked()
+RELEASED = dict.fromkeys(AXES, Lever(0, 1))
+"""Nobody holds a lever."""
 
 
 class VirtualCrane(CommandedCrane):
@@ -203,17 +205,10 @@ class VirtualCrane(CommandedCrane):
         safe = not self.emergency and not self.held
         up = self.scale_ok and not self.overload and not self.rope_overlap
         speeds = {name: axis.speed for name, axis in self.axes.items()}
+        travels = Surroundings(safe, True, True, self._acknowledge, self.fault, self.load.rope.load)
+        hoists = travels._replace(up_ok=up, down_ok=not self.slack_rope)
         for name, axis in self.axes.items():
-            hoist = name == "hoist"
-            around = Surroundings(
-                safe,
-                not hoist or up,
-                not hoist or not self.slack_rope,
-                self._acknowledge,
-                self.fault,
-                self.load.rope.load,
-            )
-            axis.step(asked.get(name, STILL), around, dt)
+            axis.step(asked.get(name, STILL), hoists if name == "hoist" else travels, dt)
         self._acknowledge = False
         if self._busy or any(asked) or any(self.load.swing.values()):
             at = {name: axis.axis.position for name, axis in self.axes.items()}
@@ -257,16 +252,24 @@ class VirtualCrane(CommandedCrane):
         bits = self.hold
         if bits and self.mode is Mode.AUTOMATIC:
             self.sequence.suspend(Suspension.JOG)
+        if not bits:
+            self._joystick.step(RELEASED, -1, self._dt, allowed=self._by_hand)
+            return {}
         levers = {
             name: Lever((bits >> 2 * n & 1) - (bits >> 2 * n + 1 & 1), self.speed_step) for n, name in enumerate(AXES)
         }
         both = any(bits >> 2 * n & 3 == 3 for n in range(len(AXES)))
-        by_hand = self.mode is Mode.MANUAL or (self.mode is Mode.AUTOMATIC and self.cycle.state is StepState.SUSPENDED)
-        allowed = by_hand and not (both or self.held or self.emergency or self.stopping)
-        moved = self._joystick.step(levers, self.steps if bits else -1, self._dt, allowed=allowed)
+        moved = self._joystick.step(levers, self.steps, self._dt, allowed=self._by_hand and not both)
         if not moved.axis or any(axis.moving for name, axis in self.axes.items() if name != moved.axis):
             return {}
         return {moved.axis: Asked(moved.speed, True)}
+
+    @property
+    def _by_hand(self) -> bool:
+        """Hold-to-run counts."""
+        suspended = self.mode is Mode.AUTOMATIC and self.cycle.state is StepState.SUSPENDED
+        stays = self.held or self.emergency or self.stopping
+        return (self.mode is Mode.MANUAL or suspended) and not stays
 
     # ---- settings, training, power
 

@@ -7,6 +7,14 @@ from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Inputs, Reaction, State, StateMachine
 from app.profidrive.words import Control, Status
 
+CALM = (
+    Status.LIMIT_NOT_REACHED
+    | Status.NO_MOTOR_OVERTEMPERATURE
+    | Status.NO_POWER_UNIT_OVERLOAD
+    | Status.SPEED_WITHIN_TOLERANCE
+)
+"""Bits of ZSW1 that this drive always tells."""
+
 
 class Driven(NamedTuple):
     """What the drive does to its motor."""
@@ -66,5 +74,4 @@ class VirtualDrive:
     @property
     def status(self) -> int:
         """ZSW1"""
-        calm = Status.LIMIT_NOT_REACHED | Status.NO_MOTOR_OVERTEMPERATURE | Status.NO_POWER_UNIT_OVERLOAD
-        return self.machine.status | calm | Status.SPEED_WITHIN_TOLERANCE
+        return self.machine.status | CALM
