@@ -65,6 +65,11 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
     def _count(self, connection: Connection, most: int) -> int:
         return query.count(connection, self.settings.kind, self.settings.wanted, most)
 
+    @property
+    def _most(self) -> int:
+        """Records that are read at once: a page, or only the newest ones where no more are wanted."""
+        return min(PAGE, self.settings.wanted.newest or PAGE)
+
     def _columns(self) -> Iterator[str]:
         headers, repeat = self.settings.headers, self.settings.kind.repeat
         yield from (headers.get(column.name, column.name) for column in self.settings.kind.csv)
@@ -74,7 +79,7 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
 
     def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Record]:
         kind = self.settings.kind
-        found = query.find(connection, kind, replace(self.settings.wanted, before=before), PAGE)
+        found = query.find(connection, kind, replace(self.settings.wanted, before=before), self._most)
         ids = [one.id for one in found]
         if self._with_people:
             self._people = query.people(connection, ids)

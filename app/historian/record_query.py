@@ -36,6 +36,8 @@ class RecordFilter:
     """Filter of the kind → what it asks for."""
     before: tuple[int, int] | None = None
     """Only what comes after this one in the list (begun, id): the next page."""
+    newest: int | None = None
+    """Only so many, the newest of them; lists and exports keep to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ def find(connection: Connection, kind: RecordKind, wanted: RecordFilter, limit: 
 
 def count(connection: Connection, kind: RecordKind, wanted: RecordFilter, most: int) -> int:
     """How many records `wanted` lets through, counted up to `most`."""
-    return counted(connection, "record r", *_where(kind, wanted), most)
+    return counted(connection, "record r", *_where(kind, wanted), min(most, wanted.newest or most))
 
 
 def get(connection: Connection, kind: RecordKind, number: int) -> Record | None:

@@ -22,7 +22,7 @@ from app.historian.record_query import ANY, RecordFilter
 from app.plant.record_kinds import OPEN_CHOICE, former_addresses
 from app.plant.types import EQUIPMENT
 from app.records.kind import Filter, RecordKind
-from app.web import record_detail, record_rows, record_times
+from app.web import record_detail, record_last, record_rows, record_times
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
 from app.web.history import Download, check_place, read
@@ -41,6 +41,8 @@ NAMES = ("equipment", "outcome", "since", "until", "view", "before")
 """What the address may say beside the filters of the kind."""
 TIMES = "steps"
 """`view`: times of parts in place of the list."""
+LAST = "last"
+"""`view`: the newest `record_last.COUNT` beside one another."""
 LONGEST = 120
 LARGEST = 1e7
 """Numbers of a filter are below."""
@@ -91,8 +93,8 @@ async def rows(request: Request, kind: str) -> Response:
     of = kind_of(request, kind)
     typed = _typed(request, of)
     wanted = wanted_of(request, of, typed)
-    template = "fragments/record_times.html" if typed["view"] == TIMES else "fragments/record_rows.html"
-    return view_of(request).fragment(request, template, **await _main(request, of, typed, wanted))
+    template = {TIMES: "record_times", LAST: "record_last"}.get(typed["view"], "record_rows")
+    return view_of(request).fragment(request, f"fragments/{template}.html", **await _main(request, of, typed, wanted))
 
 
 @router.get("/records/{kind}/detail/{number}", dependencies=[allow("view")])
@@ -252,7 +254,7 @@ def wanted_of(request: Request, kind: RecordKind, typed: dict[str, str]) -> Reco
     Raises:
         Refused: 422, a field is none of its choices or cannot be read, or the end is not after the beginning.
     """
-    for name, choices in (("outcome", kind.outcomes), ("view", (TIMES,) if kind.complete else ())):
+    for name, choices in (("outcome", kind.outcomes), ("view", (TIMES, LAST) if kind.complete else ())):
         if typed.get(name, "") not in ("", *choices):
             raise Refused("access.form_field", 422, field=name)
     given = {
@@ -262,7 +264,8 @@ def wanted_of(request: Request, kind: RecordKind, typed: dict[str, str]) -> Reco
     }
     before = place(typed["before"])
     begin, end = span(request, typed)
-    return RecordFilter(typed["equipment"], begin, end, typed["outcome"], given, before)
+    newest = record_last.COUNT if typed["view"] == LAST else None
+    return RecordFilter(typed["equipment"], begin, end, typed["outcome"], given, before, newest)
 
 
 def _asked(one: Filter, text: str) -> float | str | None:
@@ -304,6 +307,7 @@ async def _tools(request: Request, kind: RecordKind, typed: dict[str, str]) -> d
     keys = await read(runtime, work)
     chosen = set_filters(typed)
     listed = {name: value for name, value in chosen.items() if name != "view"}
+    exported = chosen if typed["view"] == LAST else listed
     kept = {name: typed[name] for name in ("equipment", "view") if typed[name]}
     may_export = person is not None and person.may("export")
     others = kinds(runtime.plant)
@@ -321,11 +325,16 @@ async def _tools(request: Request, kind: RecordKind, typed: dict[str, str]) -> d
         "all_url": _url(kind, kept),
         "views": [
             (_url(kind, listed), view.text(request, "records.list"), not typed["view"]),
-            (_url(kind, listed | {"view": TIMES}), view.text(request, "records.times"), bool(typed["view"])),
+            (_url(kind, listed | {"view": TIMES}), view.text(request, "records.times"), typed["view"] == TIMES),
+            (
+                _url(kind, listed | {"view": LAST}),
+                view.text(request, "records.last", n=record_last.COUNT),
+                typed["view"] == LAST,
+            ),
         ]
         if kind.complete
         else [],
-        "export_url": _url(kind, listed | {"locale": lang, "bom": "1"}, "/export.csv") if may_export else "",
+        "export_url": _url(kind, exported | {"locale": lang, "bom": "1"}, "/export.csv") if may_export else "",
         "changes": [
             (name, runtime.tags.value(runtime.tags.handle(name)) or 0)
             for item in shown
@@ -384,6 +393,16 @@ async def _main(request: Request, kind: RecordKind, typed: dict[str, str], wante
             return found
 
         return common | {"machines": await read(runtime, times)}
+
+    if typed["view"] == LAST:
+
+        def last(connection: Connection) -> dict[str, Any]:
+            found = query.find(connection, kind, whole, record_last.COUNT)
+            asked = query.people(connection, [one.id for one in found])
+            known = query.definitions(connection, [one.definition for one in found if one.definition])
+            return record_last.table(draw, found, known, asked, query.parts(connection, [one.id for one in found]))
+
+        return common | await read(runtime, last)
 
     def work(connection: Connection) -> dict[str, Any]:
         found = query.find(connection, kind, wanted, PAGE + 1)

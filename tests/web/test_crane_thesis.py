@@ -11,7 +11,7 @@ from app import bundled
 from app.access.roles import ROLES
 from app.plant.plant_files.languages import LANGUAGES
 from app.settings import Settings
-from app.web.screens.crane import RUNS
+from app.web.screens.crane import RUNS, PositionerDrawing
 from tests.virtual import house
 from tests.web.operating import runtime_of
 from tests.web.people import Staff
@@ -57,7 +57,8 @@ def test_an_engineer_runs_a_test_and_others_see_why_they_may_not(staff: Staff, r
         assert ("Only an engineer may run a test." in html) is (role != "engineer")
         assert "does not move" in html
     assert "k-expected" not in first
-    assert ("k-expected" in page) is (role == "engineer")
+    assert ("k-trace" in page) is (role == "engineer")
+    assert ("k-expected" in page) is (role == "engineer" and name != "sequence"), "nothing is expected of a sequence"
     assert plant_of(staff.client) == before
 
 
@@ -77,6 +78,29 @@ def test_numbers_of_the_positioner_stand_beside_those_of_the_thesis(staff: Staff
     assert cells[2][1] == "8486.9".replace(".", mark), "as the pure run measures it"
     curves = re.findall(r'class="(k-expected|m-livel k-trace)" d="(M[^"]+)"', html)
     assert len(curves) == 6 and all(path.count("L") > 3 for _, path in curves)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_sequence_has_our_figures_alone_and_says_so(staff: Staff, language: str) -> None:
+    staff.enter("one-engineer", "engineer")
+    html = drawn(staff, f"{PAGE}?run=sequence", language)
+    rows = re.findall(r"<tr><th scope=\"row\">(.*?)</th>(.*?)</tr>", html, re.DOTALL)
+    assert [name[:4] for name, _ in rows][:3] == ["S100", "S102", "S200"] and len(rows) == 15 + 4
+    assert all(cells.count("<td") == 1 for _, cells in rows), "no column of the thesis, no difference"
+    assert staff.client.app.state.runtime.texts.text(language, "crane.thesis.basis_sequence") in html  # type: ignore[attr-defined]
+    curves = re.findall(r'class="m-livel k-trace" d="(M[^"]+)"', html)
+    assert len(curves) == 3 and all(path.count("L") > 400 for path in curves)
+
+
+def test_a_run_is_done_once_for_all_who_ask(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    staff.enter("one-engineer", "engineer")
+    once = drawn(staff, f"{PAGE}?run=positioner")
+
+    def again() -> PositionerDrawing:
+        raise AssertionError("it is run again")
+
+    monkeypatch.setitem(RUNS, "positioner", again)  # type: ignore[arg-type]
+    assert drawn(staff, f"{PAGE}?run=positioner").count("k-trace") == once.count("k-trace") == 3
 
 
 @pytest.mark.parametrize("asked", ["none", "", "positioner%22", "../x"])

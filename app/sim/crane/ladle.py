@@ -58,6 +58,11 @@ class Load:
             return nan
         return max(self.hanging, limit + 10) if fault == training.OVERLOAD else self.hanging
 
+    def sway(self, hoist: float) -> float:
+        """How far the load swings to one side with the hoist at `hoist` [mm], in the direction in which it swings farther [mm]."""
+        length = self.rope.top - hoist
+        return max(pendulum.amplitude(length) for pendulum in self.swings.values())
+
     def step(self, position: dict[str, float], speed: dict[str, float], change: dict[str, float], dt: float) -> None:
         """`dt` [s]; positions [mm], speeds [mm/s] and how much the speeds changed in it."""
         self._hook(position)

@@ -174,6 +174,10 @@ class VirtualCrane(CommandedCrane):
         """What the scale says [t]."""
         return self.weight
 
+    def sway(self) -> float:
+        """How far the load swings now, of trolley and bridge the one that is farther [mm]."""
+        return self.load.sway(self.axes["hoist"].axis.position)
+
     # ---- one scan
 
     def _scan(self) -> None:

@@ -103,7 +103,7 @@ class CraneEvent(IntEnum):
     POWER_UP = 46
     HOST_SILENT, HOST_BACK = 47, 48
     SETTINGS = 49
-    DRIVES_SELECTED, HOURS_RESET, PATH_SELECTED = 50, 51, 52
+    DRIVES_SELECTED, HOURS_RESET, PATH_SELECTED, SWAY_LEFT = 50, 51, 52, 53
 
 
 DRIVE_EVENTS: Mapping[DriveAlarm, CraneEvent] = MappingProxyType(

@@ -83,6 +83,7 @@ class Crane(Protocol):
     def load_place(self) -> Point: ...
     def lay_circle(self, circle: Circle) -> None: ...
     def weighed(self) -> float: ...
+    def sway(self) -> float: ...
 
 
 @dataclass(slots=True)
@@ -171,6 +172,8 @@ class CraneSequence:
         cycle.in_step += dt if cycle.runs else 0.0
         if cycle.runs and self._done():
             self.crane.event(CraneEvent.STEP_ENDED, cycle.step, cycle.in_step)
+            if cycle.step is Step.TO_SET_DOWN:
+                self.crane.event(CraneEvent.SWAY_LEFT, cycle.step, self.crane.sway())
             after = ORDER.index(cycle.step) + 1
             if after < len(ORDER):
                 self._enter(ORDER[after])

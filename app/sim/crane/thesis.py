@@ -1,4 +1,4 @@
-"""The tests that the thesis recorded, run anew: a fresh axis, its own blocks and numbers. No plant is touched.
+"""The tests that the thesis recorded, run anew: fresh axes, or a fresh crane, with its own numbers. No plant is touched.
 
 Source: thesis 002, reference/theses-facts.md section 2. The thesis prints what it ran; where its curves have no printed numbers, what is
 expected is computed from its nameplate figures (`figures.py`).
@@ -14,6 +14,8 @@ from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
 from app.sim.crane.axis import Axis, AxisData
 from app.sim.crane.figures import HOIST, TROLLEY
 from app.sim.crane.lift import Case, Lift
+from app.sim.crane.program import VirtualCrane
+from app.sim.crane.register_map import Step, StepState
 
 START, TARGET = 5000.0, 10000.0
 """Of the trolley [mm]."""
@@ -195,3 +197,75 @@ def _deviations(lift: Lift) -> list[tuple[float, float]]:
         if lift.result.seconds > 10 * LONGEST:
             raise TimeoutError(f"circular lift at {curve[-1][0]:.1f}° after {10 * LONGEST:g} s, expected 90°")
     return curve
+
+
+LONGEST_CYCLE = 900.0
+"""Of a cycle that does not end [s]."""
+EACH = 50
+"""Scans from one point of the curves of a cycle to the next."""
+
+
+class Places(NamedTuple):
+    """Where the axes are at a time."""
+
+    time: float
+    """[s]"""
+    bridge: float
+    """[mm]"""
+    trolley: float
+    hoist: float
+
+
+class Phase(NamedTuple):
+    """A step of the sequence."""
+
+    step: int
+    begun: float
+    """[s]"""
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceRun:
+    """A cycle of the automatic sequence from stand 1 to stand 2; the source has its steps, but no times and no curve of it."""
+
+    curve: Sequence[Places]
+    steps: Sequence[Phase]
+    numbers: Sequence[Compared]
+    """Nothing is expected of any: NaN."""
+    done: bool
+
+
+def run_sequence() -> SequenceRun:
+    """The whole virtual crane from its settings as delivered, 210 t on stand 1; the scale is read and confirmed by the simulated foreman.
+
+    Raises:
+        TimeoutError: it has not ended in `LONGEST_CYCLE`.
+    """
+    crane = VirtualCrane(start="automatic", orders=True, pause=0.0)
+    curve, steps, worst, sway = list[Places](), list[Phase](), dict[Step, float](), 0.0
+    step, begun = Step.NONE, 0.0
+    while crane.cycle.state is not StepState.DONE:
+        crane.step()
+        now, cycle = crane.steps * crane.dt, crane.cycle
+        if crane.steps % EACH == 1 or not cycle.open:
+            curve.append(Places(now, *(crane.axes[axis].axis.position for axis in ("bridge", "trolley", "hoist"))))
+        if cycle.step is not step or cycle.state is StepState.DONE:
+            if step is Step.TO_SET_DOWN:
+                sway = crane.sway()
+            if step:
+                steps.append(Phase(int(step), begun, now - begun))
+            step, begun = cycle.step, now
+        if step in (Step.ARC_LIFT, Step.ARC_LOWERING):
+            worst[step] = max(worst.get(step, 0.0), crane.travel.worst)
+        if now > LONGEST_CYCLE:
+            raise TimeoutError(f"cycle in {step.name} after {LONGEST_CYCLE:g} s, expected it done")
+    found = (
+        *((str(one.step), one.seconds, "s") for one in steps if one.step >= Step.SAFE_HEIGHT),
+        ("cycle", crane.cycle.seconds, "s"),
+        ("lift", worst[Step.ARC_LIFT], "mm"),
+        ("lowering", worst[Step.ARC_LOWERING], "mm"),
+        ("sway", sway, "mm"),
+    )
+    numbers = [Compared(key, nan, value, unit) for key, value, unit in found]
+    return SequenceRun(curve, steps, numbers, crane.load.stand == crane.cycle.end)

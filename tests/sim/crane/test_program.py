@@ -304,6 +304,7 @@ def test_a_cycle_brings_the_ladle_from_stand_to_stand_and_tells_every_step_in_th
     crane = stand.crane
     beside = {Step.ARC_LIFT: [0.0], Step.ARC_LOWERING: [0.0]}
     seen: list[tuple[int, int, float]] = []
+    sway: list[float] = []
 
     def look() -> None:
         """How far the true load is beside the circle, and from where the plan has it by now; and what is told."""
@@ -311,6 +312,8 @@ def test_a_cycle_brings_the_ladle_from_stand_to_stand_and_tells_every_step_in_th
             hoist = crane.axes["hoist"].axis.position - crane.load.rope.stretch
             true = Point(crane.axes["trolley"].axis.position, hoist)
             beside[crane.cycle.step] += [abs(crane.travel.circle.radial_error(true)), crane.travel.worst]
+        if not sway and crane.cycle.step is Step.LOWER:
+            sway.append(crane.sway())
         if crane.newest != stand.talker.heard:
             seen.extend((event.code, event.source, event.value) for event in stand.talker.events())
 
@@ -334,6 +337,8 @@ def test_a_cycle_brings_the_ladle_from_stand_to_stand_and_tells_every_step_in_th
     assert list(ended) == entered and sum(ended.values()) == pytest.approx(crane.cycle.seconds, abs=1)
     paths = [(source, value) for code, source, value in seen if code == CraneEvent.PATH_DONE]
     assert [source for source, _ in paths] == [220, 420] and all(value <= 2 for _, value in paths)
+    left = [(source, value) for code, source, value in seen if code == CraneEvent.SWAY_LEFT]
+    assert left == [(302, pytest.approx(sway[0], abs=2))], "told once, where it was left"
     told = [(source, value) for code, source, value in seen if code == CraneEvent.WEIGHT_CONFIRMED]
     assert told == [(0, pytest.approx(210.4))]
 

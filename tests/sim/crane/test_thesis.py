@@ -1,10 +1,13 @@
 """The tests that the thesis recorded, run anew."""
 
+from itertools import pairwise
+
 import pytest
 
 from app.blocks.arc_positioner.following import ArcPhase
 from app.blocks.positioner.positioner import MovePhase
-from app.sim.crane.thesis import EXPECTED, SCAN, expected_positioning, run_arc, run_positioner
+from app.sim.crane.register_map import Step
+from app.sim.crane.thesis import EXPECTED, SCAN, expected_positioning, run_arc, run_positioner, run_sequence
 
 
 def test_positioner_runs_as_the_thesis_expects() -> None:
@@ -41,3 +44,19 @@ def test_circular_lift_stays_on_the_circle_where_the_formulas_of_the_original_do
     for name, curve in (("ideal", run.ideal), ("original", run.original), ("ours", run.ours)):
         assert curve[0][0] == pytest.approx(0.0, abs=0.1) and curve[-1][0] == pytest.approx(90.0, abs=2.0)
         assert max(abs(error) for _, error in curve) <= found[name]
+
+
+def test_a_sequence_brings_the_ladle_over_and_tells_every_step_as_it_was() -> None:
+    run = run_sequence()
+    assert run.done
+    assert [one.step for one in run.steps] == [int(step) for step in Step if step > Step.INIT], (
+        "INIT ends in the scan that begins it"
+    )
+    assert all(a.begun + a.seconds == pytest.approx(b.begun) for a, b in pairwise(run.steps))
+    found = {one.key: one for one in run.numbers}
+    assert all(one.expected != one.expected for one in run.numbers), "the source has no figures of it"
+    assert found["lift"].ours <= 2.0 and found["lowering"].ours <= 2.0
+    assert sum(one.seconds for one in run.steps) == pytest.approx(found["cycle"].ours, abs=0.1)
+    first, last = run.curve[0], run.curve[-1]
+    assert last.time == pytest.approx(run.steps[-1].begun + run.steps[-1].seconds)
+    assert (first.bridge, first.hoist) != (last.bridge, last.hoist) and max(one.hoist for one in run.curve) > 12_000
