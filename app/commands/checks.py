@@ -133,7 +133,7 @@ class Checks:
         old = look(prepared.point.key)[0] if prepared.point else None
         level, why = interlocks.level(prepared, look, argument)
         if not command.stop:
-            confirm(order, prepared, level, why, argument, old, arguments)
+            confirm(order, prepared, level, why, argument, old, arguments, interlocks.limits(prepared, look))
         limit = expression.number(command.timeout, look)
         previous = {key: float(value) for key, value in self._readings.previous(machine, prepared).items()}
         telegrams = interlocks.telegrams(machine.item, command.writes, argument, previous)

@@ -175,6 +175,9 @@ class CommandState:
         """Keep how a command or a set of `machine` ended, and tell whoever asked for ends."""
         machine = self.machines.get(machine.item.id, machine)
         machine.last = progress
+        changed = progress.state is ProgressState.CONFIRMED and progress.argument not in (None, progress.old)
+        if changed and isinstance(progress.old, int | float):
+            machine.former[progress.command] = float(progress.old)
         machine.history.append(progress)
         for callback in tuple(self.enders):
             try:

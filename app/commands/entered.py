@@ -1,6 +1,7 @@
 """What a person entered with an order: numbers as they are typed, limits, what was seen, and whether to ask back. Pure."""
 
 from collections.abc import Mapping
+from math import isfinite
 
 from app.commands import interlocks, value_set
 from app.commands.entry import parse_number
@@ -115,8 +116,9 @@ def confirm(
     argument: float | None,
     old: Value,
     arguments: Mapping[str, float],
+    span: tuple[float | None, float | None] = (None, None),
 ) -> None:
-    """Ask back when the level wants more than the person gave.
+    """Ask back when the level wants more than the person gave; `span` are the limits of the argument [EU].
 
     Raises:
         Question: what is missing, and everything that the dialog shows.
@@ -149,4 +151,10 @@ def confirm(
         warning=setpoint.warning if setpoint else "",
         needs_reason=needs_reason,
         arguments=arguments,
+        low=_known(span[0]),
+        high=_known(span[1]),
     )
+
+
+def _known(limit: float | None) -> float | None:
+    return limit if limit is not None and isfinite(limit) else None

@@ -230,6 +230,11 @@ class Gate:
         at_work = machine.job or machine.set
         return at_work.progress if at_work else machine.last
 
+    def former(self, equipment: str, key: str) -> float | None:
+        """What a setpoint was before its last change in this run of the server [EU]; None = it was not changed."""
+        machine = self._state.machines.get(equipment)
+        return machine.former.get(key) if machine else None
+
     def history(self, equipment: str) -> Sequence[Progress]:
         """The last commands, newest first, refused ones too."""
         machine = self._state.machines.get(equipment)

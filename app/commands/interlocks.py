@@ -303,6 +303,8 @@ def level(prepared: Prepared, look: Look, value: float | None = None) -> tuple[s
     point, setpoint = prepared.point, prepared.setpoint
     if point is None or value is None:
         return result, tuple(why)
+    if same(look(point.key)[0], value, point.decimals):
+        return min(result, "C1"), ()  # nothing changes, so there is nothing to ask
     if setpoint and setpoint.options:
         return result, tuple(why)
     band = setpoint.normal if setpoint and setpoint.normal else point.normal
@@ -313,6 +315,11 @@ def level(prepared: Prepared, look: Look, value: float | None = None) -> tuple[s
         result = max(result, "C2")
         why.append("ask.jump")
     return result, tuple(why)
+
+
+def same(old: Value, new: float, decimals: int) -> bool:
+    """Whether two values are one as they are written."""
+    return isinstance(old, int | float) and abs(old - new) < 0.5 * 10.0**-decimals
 
 
 def jumps(old: Value, new: float, span: tuple[float | None, float | None]) -> bool:

@@ -60,6 +60,8 @@ class Machine:
     restore: dict[str, float] = field(default_factory=dict)
     """Point → what it held before a hold-to-run wrote it."""
     restoring: bool = False
+    former: dict[str, float] = field(default_factory=dict)
+    """Command or setpoint → what its value was before the last change that was read back [EU]."""
     counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
     """Of the last request bits: no telegram repeats the one before, not even across a restart of the server."""
     signature: object = None
@@ -77,4 +79,5 @@ class Machine:
     def go_on_from(self, old: "Machine") -> None:
         """Take over what is at work on the machine and what was, when the plant is read anew."""
         self.job, self.set, self.last, self.history = old.job, old.set, old.last, old.history
+        self.former = old.former
         self.pulses, self.restore, self.restoring, self.counter = old.pulses, old.restore, old.restoring, old.counter

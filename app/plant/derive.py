@@ -66,6 +66,10 @@ class _State:
     day: str = ""
     last: Value = None
     """Input as last seen."""
+    heard: bool = False
+    """The input was good since the start."""
+    lost: int = 0
+    """Since when it is not, after it was [µs]; 0 = it is."""
     sent: tuple[Value, int] | None = None
     keys: Mapping[str, str] = field(default_factory=dict)
     """Key in the condition → name."""
@@ -213,9 +217,16 @@ class Derivation:
                 return round(state.value), _accumulated(quality, known=seen is not None)
             case "since":
                 value = readings[0][0]
-                if value is not None and not is_bad(quality) and value != state.last:
-                    # the first value after a start is when we learnt of it, unless it is the one that was kept
-                    state.value, state.last = float(now), value
+                if value is None or is_bad(quality):
+                    # a state that is not known is none since it broke off; the one before stays in mind
+                    state.lost = state.lost or (now if state.heard else 0)
+                    if state.lost:
+                        return state.lost, _accumulated(quality, known=False)
+                else:
+                    state.heard, state.lost = True, 0
+                    if value != state.last:
+                        # the first value after a start is when we learnt of it, unless it is the one that was kept
+                        state.value, state.last = float(now), value
                 if state.value is None:
                     return None, _at_least_bad(quality)
                 return int(state.value), _accumulated(quality, known=value is not None)

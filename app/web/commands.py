@@ -5,6 +5,7 @@ line for the operator with the whole column, so that every part that changed is 
 looks at the machine when its revision tag `sys.commands.<equipment>` changes. Stop needs neither script nor nonce: it is a form.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -390,6 +391,7 @@ def _question(
         "point": point,
         "old": old if isinstance(old, int | float) else None,
         "new": new if isinstance(new, int | float) else None,
+        "part": _part_of_range(params),
         "choices": [
             (value, operation.words.text("operate.number", {"value": value, "unit": params.get("unit", "")}))
             for value in (params.get("a"), params.get("b"))
@@ -399,3 +401,13 @@ def _question(
         "text": operation.words.refusal(question),
     }
     return view_of(request).fragment(request, "fragments/confirm.html", status=question.status, **context)
+
+
+def _part_of_range(params: Mapping[str, object]) -> float | None:
+    """How much of its range a value changes [%]: what a large change is told by; None when there is no range."""
+    old, new, low, high = (params.get(name) for name in ("old", "new", "low", "high"))
+    if not all(isinstance(one, int | float) and math.isfinite(one) for one in (old, new, low, high)):
+        return None
+    assert isinstance(old, int | float) and isinstance(new, int | float)
+    assert isinstance(low, int | float) and isinstance(high, int | float)
+    return 100 * (new - old) / (high - low) if high > low else None

@@ -210,6 +210,14 @@ class Operation:
             return ""  # whoever may stop may always try
         return self.words.explain_first(self.gate.why_not(self.person, self.id, key))
 
+    def former(self, button: Button) -> str:
+        """The value before the last change, as it is entered; empty when there is none, or it is the present one."""
+        value = self.gate.former(self.id, button.view.key) if self.gate else None
+        point = button.view.argument
+        if value is None or point is None or button.reason or interlocks.same(point.value, value, point.decimals):
+            return ""
+        return fmt.number(value, point.decimals, self.equipment.lang)
+
     @cached_property
     def story(self) -> Story | None:
         """The latest command as the message line tells it to everybody who looks at the machine."""

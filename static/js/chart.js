@@ -8,6 +8,7 @@ const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3], [12, 4], [4, 2], [14, 3, 2, 3,
 /** How far an extreme must stand out of the line to be drawn as line, not only as part of the band: pixels, and usual heights of the band. */
 const STANDS_OUT = [6, 2];
 const MARKER_EVERY = 170;
+const LASTS = 1e6, SCAN = 200e3; // a value unchanged for longer held; how long before its change it is known to have done so [µs]
 const SYMBOLS = {
   1: (c, x, y, r) => c.rect(x - r, y - r, 2 * r, 2 * r),
   2: (c, x, y, r) => { c.moveTo(x, y - r); c.lineTo(x + r, y + r); c.lineTo(x - r, y + r); c.closePath(); },
@@ -59,6 +60,9 @@ export class Chart {
     if (!pen) return;
     const before = pen.fresh.at(-1) ?? null, last = pen.series?.time?.at(-1) ?? 0;
     if (at <= last || (before && at < before[0])) return;
+    const series = pen.series, held = before ?? (last ? [last, series.last.at(-1), series.quality.at(-1)] : null);
+    // What did not change was not sent: it held until now, and no line leads from there to here.
+    if (!pen.stepped && held && held[1] !== null && value !== null && held[1] !== value && at - held[0] > LASTS) pen.fresh.push([at - SCAN, held[1], held[2]]);
     pen.fresh.push([at, value, level]);
     this.weave(pen);
   }

@@ -324,6 +324,14 @@ document.addEventListener("input", ({ target }) => {
   }, EDIT));
 });
 
+document.addEventListener("click", ({ target }) => {
+  const back = target.closest?.("[data-former]"), field = back?.closest("[data-setpoint]");
+  if (!field || offline()) return;
+  field.elements.argument.value = back.dataset.former; // as if typed: reviewed and read back as every value
+  field.dataset.dirty = "";
+  field.requestSubmit();
+});
+
 /** What was typed is over: the field shows what the machine has. */
 function clean(field) {
   clearTimeout(timers.get(field));

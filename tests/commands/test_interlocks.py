@@ -1,6 +1,10 @@
 """Why not: every reason by name, with how it stands and since when."""
 
+import pytest
+
 from app.commands.interlocks import amounts, effect
+from app.commands.lifecycle import ProgressState
+from app.commands.orders import Question
 from app.plant.definitions import Command, Effect
 from app.tags.quality import GOOD, NO_DATA
 from tests.commands.stand import ANA, VIT, Stand, refusal
@@ -50,3 +54,21 @@ async def test_a_reset_is_not_possible_before_the_heatsink_is_cool_and_says_so_w
     assert (found.key, found.label, found.params["temperature"]) == ("why.condition", "missing.permissive.cooled", 85)
     stand.set_drive(heatsink_temperature=79)
     assert stand.gate.why_not(ANA, "m1", "reset") == []
+
+
+async def test_a_value_that_changes_nothing_is_not_asked_about_and_the_former_one_is_remembered() -> None:
+    stand = Stand()
+    stand.gate.control.take(ANA, "m1")
+    assert stand.gate.former("m1", "set_frequency") is None
+    stand.set_drive(frequency_setpoint=10.0)  # outside the normal band
+    progress = await stand.ask(ANA, "set_frequency", argument="10", language="en")
+    assert progress.state is not ProgressState.REFUSED
+    await stand.pass_time(0.3)
+    assert stand.gate.former("m1", "set_frequency") is None, "it was not changed"
+    with pytest.raises(Question) as question:
+        await stand.ask(ANA, "set_frequency", argument="40", language="en")
+    assert (question.value.params["low"], question.value.params["high"]) == (0.5, 50.0), "what 20 % are of"
+    await stand.ask(ANA, "set_frequency", argument="40", language="en", confirmed=True)
+    await stand.pass_time(0.3)
+    assert stand.state() == "confirmed"
+    assert stand.gate.former("m1", "set_frequency") == 10.0

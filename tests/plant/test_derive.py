@@ -140,6 +140,17 @@ def test_a_state_knows_since_when(plant: Plant) -> None:
     assert "state_since" not in run(derivation, START + 9, status=1)
 
 
+def test_a_state_that_broke_off_is_unknown_since_the_break_and_known_again_as_before(plant: Plant) -> None:
+    derivation = Derivation(plant)
+    run(derivation, START, status=1)
+    assert run(derivation, START + 5, COMM_FAILURE, status=1)["state_since"] == (START + 5, STALE)
+    assert "state_since" not in run(derivation, START + 9, COMM_FAILURE, status=1), "the break is when it began"
+    assert derivation.retained()["m1.state_since"]["value"] == START
+    assert run(derivation, START + 20, status=1)["state_since"] == (START, GOOD)
+    run(derivation, START + 30, COMM_FAILURE, status=1)
+    assert run(derivation, START + 40, status=2)["state_since"] == (START + 40, GOOD)
+
+
 def test_counters_go_on_after_a_restart(plant: Plant) -> None:
     before = Derivation(plant)
     run(before, START, status=0, current=2.0)

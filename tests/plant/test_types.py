@@ -1,11 +1,13 @@
 """Equipment types as their folders: each is read without a mistake, a file that must be there is asked for, and texts are complete."""
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
 from app.plant import types
+from app.plant.definitions import Kind, Point, Type
 from app.plant.plant_files.languages import LANGUAGES
 
 
@@ -46,3 +48,33 @@ def test_a_folder_without_device_is_no_type(tmp_path: Path) -> None:
     assert types.names(tmp_path) == []
     (tmp_path / "thing" / "device.toml").write_text('label = "x"\n[device]\n')
     assert types.names(tmp_path) == ["thing"]
+
+
+DRAWN = 0.02
+"""Part of a drawn scale that a dead-band may hide."""
+
+
+def resolution(points: Mapping[str, Point], key: str) -> float:
+    """The smallest step of a value [EU]; 0 of what has none."""
+    point = points[key]
+    if point.derived is not None:
+        if point.derived.kind == "running_hours":
+            return 10.0 ** -max(1, point.decimals)
+        follows = point.derived.kind in ("signed", "min_today", "max_today")
+        return resolution(points, point.derived.of) if follows else 0.0
+    whole = point.register is not None and point.register.type is not Type.F32
+    return abs(point.register.scale) if point.register and whole else 0.0
+
+
+@pytest.mark.parametrize("name", types.names())
+def test_no_dead_band_makes_a_ramp_of_a_step(name: str) -> None:
+    """A band of one step to three swallows a step that is seen, and a line is drawn where none was; a wider one is for noise."""
+    data, problems = types.read_type(name, ["en"])
+    assert not problems
+    points = {key: one.point for key, one in data.points.items()}
+    for key, point in points.items():
+        band, step = point.dead_band, resolution(points, key)
+        assert point.kind is Kind.ANALOG or not band, f"{key}: a value that holds until the next has no dead-band"
+        assert not band or band < step or band >= 3 * step, (key, band, step)
+        if band >= step and isinstance(point.scale_low, int | float) and isinstance(point.scale_high, int | float):
+            assert band <= DRAWN * (point.scale_high - point.scale_low), (key, band, point.scale_low, point.scale_high)
