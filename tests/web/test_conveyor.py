@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from app.running.page_tags import page_tags
 from app.sim.conveyor import training as own
 from app.sim.machines import MACHINE_FAULTS
 from app.web.drawing import Scale
-from app.web.points import EquipmentView
+from app.web.points import EquipmentView, PointView
 from app.web.tables import TableView
 from tests.line_plant import plant
 from tests.web.conftest import _running
@@ -317,6 +318,26 @@ def test_a_jam_is_caused_stops_the_line_and_is_told_as_the_first_cause(crew: Sta
         assert "Belt 2 jams" in line.get("/instructor/c1/active").text
     finally:
         crew.post("/instructor/c1/fault", {"code": "0"})
+
+
+@pytest.mark.parametrize(
+    ("rear", "said"), [(12.0, "products 12 and 13 are too near"), (0.0, "two products are too near")]
+)
+def test_a_line_held_by_two_products_says_how_it_goes_on(
+    crew: Staff, line: TestClient, monkeypatch: pytest.MonkeyPatch, rear: float, said: str
+) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    assert "Held by gap supervision" not in words(line.get("/equipment/c2/part/first").text)
+    held, real = {"gap_stop": 1.0, "gap_rear": rear, "gap_front": 13.0}, EquipmentView.point
+
+    def point(machine: EquipmentView, key: str) -> PointView:
+        found = real(machine, key)
+        return replace(found, value=held[key], text=f"{held[key]:.0f}", state="good") if key in held else found
+
+    monkeypatch.setattr(EquipmentView, "point", point)
+    told = words(line.get("/equipment/c2/part/first").text)
+    assert said in told and "take one off and delete its record, then start" in told
 
 
 def test_a_sensor_pressed_by_hand_stays_pressed_until_it_is_pressed_again(crew: Staff, line: TestClient) -> None:
