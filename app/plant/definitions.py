@@ -88,6 +88,8 @@ class Point:
     """Value → text key, for enumerations and booleans."""
     certainty: str = ""
     """Marks of the reference sheet: M, T, C, X confirmed; G unconfirmed."""
+    reason: str = ""
+    """Why the plant file gives it other limits than its type."""
     table: str = ""
     """Table that it is a cell of; empty = none."""
     row: int = 0

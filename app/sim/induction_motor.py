@@ -15,6 +15,8 @@ from typing import Literal, NamedTuple
 Connection = Literal["delta", "star"]
 
 SQRT3 = sqrt(3.0)
+DELTA_VOLTAGE = 230.0
+"""Line voltage at which the sets below have their rated flux in delta [V]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,25 +67,26 @@ class MotorData:
         """[Hz]"""
         return 50.0 - self.rated_speed * self.pole_pairs / 60
 
-    def sized(self, rated_current: float) -> "MotorData":
-        """The same motor, bigger or smaller, drawing `rated_current` [A] in delta at 230 V with rated load.
+    def sized(self, rated_current: float, rated_voltage: float = DELTA_VOLTAGE) -> "MotorData":
+        """The same motor, bigger or smaller, drawing `rated_current` [A] in delta at `rated_voltage` [V] with rated load.
 
-        Impedances shrink and torque, power, losses and inertia grow by the same factor; slip, cos φ and efficiency stay.
+        Impedances go as voltage over current; torque, power, losses and inertia as their product; slip, cos φ and efficiency stay.
         """
-        k = rated_current / self.rated_current_delta
+        k, v = rated_current / self.rated_current_delta, rated_voltage / DELTA_VOLTAGE
+        z, p = v / k, v * k
         return replace(
             self,
-            rs=self.rs / k,
-            rr=self.rr / k,
-            ls=self.ls / k,
-            lr=self.lr / k,
-            lm=self.lm / k,
-            r_fe=self.r_fe / k,
-            inertia=self.inertia * k,
-            friction_power=self.friction_power * k,
-            rated_power=self.rated_power * k,
+            rs=self.rs * z,
+            rr=self.rr * z,
+            ls=self.ls * z,
+            lr=self.lr * z,
+            lm=self.lm * z,
+            r_fe=self.r_fe * z,
+            inertia=self.inertia * p,
+            friction_power=self.friction_power * p,
+            rated_power=self.rated_power * p,
             rated_current=self.rated_current * k,
-            rated_torque=self.rated_torque * k,
+            rated_torque=self.rated_torque * p,
         )
 
 

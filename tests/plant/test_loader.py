@@ -61,6 +61,38 @@ def test_history_survives_a_rename_of_a_machine_and_of_a_point(tmp_path: Path) -
     assert plant.points["m2.current"].equipment == "m2"
 
 
+LIMITS = DESIGN + "[equipment.m2.points.current]\n"
+
+
+def test_a_plant_moves_the_limits_of_a_value_and_says_why(tmp_path: Path) -> None:
+    point = loaded(tmp_path, LIMITS + 'high = 31\nreason = "A starter of another make beside it."\n').points[
+        "m2.current"
+    ]
+    assert (point.low, point.high, point.reason) == (0, 31, "A starter of another make beside it.")
+
+
+@pytest.mark.parametrize(
+    ("lines", "key", "expected"),
+    [
+        ("high = 31", "points.current.reason", "why `high` differs here"),
+        ('high = 31\nreason = " "', "points.current.reason", "why `high` differs here"),
+        ('reason = "no limits"', "points.current.reason", "neither `low` nor `high`"),
+        ('low = 5\nhigh = 4\nreason = "wrong"', "points.current.high", "low < high; they are 5 and 4"),
+        ('high = -1\nreason = "wrong"', "points.current.high", "low < high; they are 0 and -1"),
+        ('high = "31"\nreason = "a text"', "points.current.high", "a number"),
+    ],
+)
+def test_limits_without_sense_or_reason_are_refused(tmp_path: Path, lines: str, key: str, expected: str) -> None:
+    (problem,) = mistakes(tmp_path, LIMITS + lines + "\n")
+    assert problem.key == f"equipment.m2.{key}" and expected in problem.expected
+
+
+def test_limits_of_a_setpoint_are_those_of_its_device(tmp_path: Path) -> None:
+    text = DESIGN + '[equipment.m2.points.frequency_setpoint]\nhigh = 60\nreason = "quick"\n'
+    (problem,) = mistakes(tmp_path, text)
+    assert "those of its device" in problem.expected
+
+
 def test_one_history_cannot_have_two_heirs(tmp_path: Path) -> None:
     second = DESIGN[DESIGN.index("[equipment") :].replace("m2]", "m3]").replace("unit = 1", "unit = 2") + 'was = "m2"\n'
     (problem,) = mistakes(tmp_path, DESIGN + second)

@@ -149,7 +149,13 @@ class Machines:
                 expected = f"an id that no other equipment has or had; {owner} is of it"
                 table.note("was" if item.was else "", item.was or item.id, expected)
             fields = {field: value for field, value in given.items() if field != "was"}
-            yield replace(_bounded(point, item.options), name=name, id=lasting, equipment=item.id, **fields)
+            found = replace(_bounded(point, item.options), name=name, id=lasting, equipment=item.id, **fields)
+            blamed = next((field for field in ("high", "low") if field in given), "")
+            if blamed and found.low is not None and found.high is not None and found.low >= found.high:
+                table.note(
+                    f"points.{key}.{blamed}", given[blamed], f"low < high; they are {found.low:g} and {found.high:g}"
+                )
+            yield found
 
 
 def _repeated(one: Equipment, count: int) -> Iterator[tuple[int, Equipment]]:

@@ -6,7 +6,7 @@ from typing import Any
 from app.plant.plant_files.names import ID
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import options as definition_options
-from app.plant.tables import Plain, Table, one_of
+from app.plant.tables import NONE, Plain, Table, one_of
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import BY_DEFINITION
@@ -57,6 +57,7 @@ def _override(key: str, row: Table, data: TypeData, *, repeated: bool) -> Iterat
         if repeated:
             row.note("was", row.raw("was"), "no former name of one point where `repeat` makes many")
     yield from _scale(key, row, data)
+    yield from _limits(key, row, data)
     if row.has("dead_band"):
         yield "dead_band", float(row.number("dead_band", low=0))
     if row.has("decimals"):
@@ -69,8 +70,39 @@ def _override(key: str, row: Table, data: TypeData, *, repeated: bool) -> Iterat
                 yield "normal", (float(low), float(high))
             case band:
                 row.note("normal", band, "[low, high] with low <= high")
-    for name in ("was", "scale_low", "scale_high", "dead_band", "decimals", "history", "normal"):
+    for name in (
+        "was",
+        "scale_low",
+        "scale_high",
+        "low",
+        "high",
+        "dead_band",
+        "decimals",
+        "history",
+        "normal",
+        "reason",
+    ):
         row.raw(name)
+
+
+def _limits(key: str, row: Table, data: TypeData) -> Iterator[tuple[str, Any]]:
+    """Where a value begins to be doubtful on this machine, and why there: whoever reads the file later should know."""
+    before = len(row.source.problems)
+    given = {name: float(row.number(name)) for name in ("low", "high") if row.has(name)}
+    if not given:
+        if row.has("reason"):
+            row.note("reason", row.raw("reason"), "no reason where neither `low` nor `high` is given")
+        return
+    blamed = next(iter(given))
+    if key in data.type.setpoints:
+        row.note(blamed, given[blamed], "no limits of a setpoint: they are those of its device")
+    expected = f"why `{blamed}` differs here: a sentence"
+    reason = row.text("reason", "", expected=expected)
+    if not row.has("reason"):
+        row.note("reason", NONE, expected)
+    if len(row.source.problems) == before:
+        yield from given.items()
+        yield "reason", reason
 
 
 def _scale(key: str, row: Table, data: TypeData) -> Iterator[tuple[str, float]]:

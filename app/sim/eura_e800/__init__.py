@@ -20,6 +20,10 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     return VirtualE800(
         seed=seed,
         rated_current=number("rated_current", item.options.get("rated_current", 4.5)),
+        rated_voltage=number("rated_voltage", item.options.get("rated_voltage", 230.0)),
+        drive_current=number("drive_current", item.options["drive_current"])
+        if "drive_current" in item.options
+        else None,
         start="" if start == "stopped" else start,
         parameters=parameters,
     )

@@ -15,7 +15,7 @@ Written from the maker's map (reference/eura-e800.md), never from the equipment 
 | parameters while running | all are taken; the real drive may refuse some |
 | F900–F904 | take effect at the next power-up only (`communication`, `power_cycle`) |
 | start into a coasting motor | no speed search (flying start): a motor of the drive's full size trips OC, a smaller one is braked first |
-| trip levels, overload curves, capacity of the DC bus, no brake chopper, no stall prevention | usual values of the 230 V class |
+| trip levels, overload curves, capacity of the DC bus, no brake chopper, no stall prevention | usual values of 230 V, scaled to 400 V |
 | vector control (F106 = 0, 3) | V/f with slip and IR compensation; F106 = 6 and user points (F137 = 2) run as plain V/f |
 | speed while the motor coasts | 0: without encoder and output the drive sees none; `shaft_speed` is the truth |
 """
@@ -46,7 +46,7 @@ STANDBY, FORWARD, REVERSE = 0, 1, 2
 
 
 class VirtualE800:
-    """An E800 with a motor in delta at its 230 V output."""
+    """An E800 with a motor in delta at its output, of 230 V or another class."""
 
     type: str = "eura_e800"
     dt: float = DT
@@ -65,6 +65,8 @@ class VirtualE800:
         *,
         seed: int = 1,
         rated_current: float = 4.5,
+        rated_voltage: float = 230.0,
+        drive_current: float | None = None,
         parameters: Mapping[str, float] | None = None,
         start: str = "",
         motor: str = "A",
@@ -78,33 +80,27 @@ class VirtualE800:
     ) -> None:
         """A drive that has just been powered up, or has been running for long when `start` is `forward` or `reverse`.
 
-        `rated_current`: of the motor in delta at 230 V [A], which sizes it and becomes F803; `parameters`: values by code, kept
-        in EEPROM; `motor`: A legacy, B modern; `block_limit`, `parameter_limit`: most registers per read from 0x1000 and of
+        `rated_current`: of the motor in delta at `rated_voltage` [A, V], which size it and become F803 and F802;
+        `drive_current`: rated output of the drive [A], if not the motor's or 4.5 A; `parameters`: values by code, kept in
+        EEPROM; `motor`: A legacy, B modern; `block_limit`, `parameter_limit`: most registers per read from 0x1000 and of
         parameters; `multiple_writes`: whether function 16 is known; `load`, `quadratic_load`, `disturbance` [% of rated
         torque]; `inertia_ratio`: of the load to the rotor.
 
         Raises:
             ConfigurationError: one of them is unknown or out of range.
         """
-        if motor not in MOTOR_SETS:
-            raise ConfigurationError(f"motor {motor!r}: expected one of {', '.join(MOTOR_SETS)}")
-        if start not in ("", "forward", "reverse"):
-            raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
-        limits = PARAMETERS["F803"]
-        if not limits.low <= rated_current <= limits.high:
-            raise ConfigurationError(f"rated_current takes {limits.low} to {limits.high} A, not {rated_current}")
-        if not inertia_ratio >= 0:
-            raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
+        _check(motor, start, rated_current, rated_voltage, drive_current, inertia_ratio)
         self.block_limit = block_limit
         self.parameter_limit = parameter_limit
         self.multiple_writes = multiple_writes
         self._seed = seed
         self._start = start
         self._inertia_ratio = inertia_ratio
-        self.motor_data = MOTOR_SETS[motor].sized(rated_current)
-        self.drive_current = max(DRIVE_RATED_CURRENT, rated_current)
+        self.motor_data = MOTOR_SETS[motor].sized(rated_current, rated_voltage)
+        self._rated_voltage = rated_voltage
+        self.drive_current = drive_current or max(DRIVE_RATED_CURRENT, rated_current)
         """Rated output current of the drive [A]."""
-        self.memory = ParameterMemory(commissioned(self.motor_data, rated_current, parameters or {}))
+        self.memory = ParameterMemory(commissioned(self.motor_data, rated_current, rated_voltage, parameters or {}))
         self._training = TrainingRegisters(
             own.TYPE_CODE,
             FAULTS,
@@ -113,7 +109,7 @@ class VirtualE800:
                 own.REG_LOAD_QUADRATIC: _percent("quadratic_load", quadratic_load, own.REG_LOAD_QUADRATIC),
                 own.REG_DISTURBANCE: _percent("disturbance", disturbance, own.REG_DISTURBANCE),
                 own.REG_AMBIENT: 25,
-                own.REG_SUPPLY: 230,
+                own.REG_SUPPLY: round(rated_voltage),
             },
             limits=own.LIMITS,
         )
@@ -307,6 +303,7 @@ class VirtualE800:
             self._training,
             self.motor_data,
             self.drive_current,
+            self._rated_voltage,
             inertia=self._inertia_ratio * self.motor_data.inertia,
             seed=self._seed,
             ramp=self._ramp,
@@ -341,6 +338,30 @@ class VirtualE800:
             self.memory.value,
             self.outputs,
         )
+
+
+def _check(
+    motor: str,
+    start: str,
+    rated_current: float,
+    rated_voltage: float,
+    drive_current: float | None,
+    inertia_ratio: float,
+) -> None:
+    if motor not in MOTOR_SETS:
+        raise ConfigurationError(f"motor {motor!r}: expected one of {', '.join(MOTOR_SETS)}")
+    if start not in ("", "forward", "reverse"):
+        raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
+    limits = PARAMETERS["F803"]
+    if not limits.low <= rated_current <= limits.high:
+        raise ConfigurationError(f"rated_current takes {limits.low} to {limits.high} A, not {rated_current}")
+    limits = PARAMETERS["F802"]
+    if not max(1.0, limits.low) <= rated_voltage <= limits.high:
+        raise ConfigurationError(f"rated_voltage takes {limits.low:g} to {limits.high:g} V, not {rated_voltage:g}")
+    if drive_current is not None and not drive_current > 0:
+        raise ConfigurationError(f"drive_current takes more than 0 A, not {drive_current:g}")
+    if not inertia_ratio >= 0:
+        raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
 
 
 def _percent(name: str, value: float, address: int) -> int:

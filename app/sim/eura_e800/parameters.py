@@ -131,8 +131,10 @@ def limits(parameter: Parameter, values: Mapping[str, float]) -> tuple[float, fl
     return low, high
 
 
-def commissioned(motor: MotorData, rated_current: float, given: Mapping[str, float]) -> dict[str, float]:
-    """The parameters of a drive set up for `motor` of `rated_current` [A], with the values `given` by code.
+def commissioned(
+    motor: MotorData, rated_current: float, rated_voltage: float, given: Mapping[str, float]
+) -> dict[str, float]:
+    """The parameters of a drive set up for `motor` of `rated_current` [A] at `rated_voltage` [V], with the values `given` by code.
 
     Raises:
         ConfigurationError: an unknown code, or a value out of its range.
@@ -140,6 +142,7 @@ def commissioned(motor: MotorData, rated_current: float, given: Mapping[str, flo
     values = {code: parameter.default for code, parameter in PARAMETERS.items()} | dict(COMMISSIONED)
     values |= {
         "F801": min(max(round(motor.rated_power / 1000, 2), 0.2), 650.0),
+        "F802": round(rated_voltage),
         "F803": round(rated_current, 2),
         "F805": motor.rated_speed,
     }

@@ -11,7 +11,7 @@ from app.sim.eura_e800.inverter import LOWEST_OUTPUT, ROOT2, Inverter
 from app.sim.eura_e800.protection import OH_LEVEL, Measured, Protection
 from app.sim.eura_e800.ramp import Ramp
 from app.sim.eura_e800.training import REG_AMBIENT, REG_DISTURBANCE, REG_LOAD, REG_LOAD_QUADRATIC, REG_SUPPLY
-from app.sim.induction_motor import InductionMotor, MotorData, rated_point
+from app.sim.induction_motor import DELTA_VOLTAGE, InductionMotor, MotorData, rated_point
 from app.sim.load import Load
 from app.sim.training import TrainingRegisters
 
@@ -28,23 +28,25 @@ class PowerSection:
         training: TrainingRegisters,
         data: MotorData,
         drive_current: float,
+        rated_voltage: float,
         *,
         inertia: float,
         seed: int,
         ramp: Ramp,
         protection: Protection,
     ) -> None:
-        """At rest and cold. `drive_current`: rated output of the drive [A]; `inertia`: of the load [kg m²]."""
+        """At rest and cold. `drive_current`: rated output [A]; `rated_voltage`: of the motor [V]; `inertia`: of the load [kg m²]."""
         random = Random(seed)
         self._training = training
         self.drive_current = drive_current
-        self._rated_losses = rated_point(data, 230.0).losses
+        self._rated_losses = rated_point(data, rated_voltage).losses
         self._ramp, self._protection = ramp, protection
         self._load = Load(random)
         self.take_world()
         self.motor = InductionMotor(data, load_inertia=inertia)
         self.inverter = Inverter(self.motor)
-        self.bus = DcBus(random, drive_current / DRIVE_RATED_CURRENT, ROOT2 * training[REG_SUPPLY])
+        self._level = rated_voltage / DELTA_VOLTAGE
+        self.bus = DcBus(random, drive_current / DRIVE_RATED_CURRENT, self._level, ROOT2 * training[REG_SUPPLY])
         self.heat = Heat(0.0, 0.0)
 
     def take_world(self) -> None:
@@ -63,7 +65,12 @@ class PowerSection:
         heat = self.heat
         current = self.motor.point.current / self.drive_current
         return Measured(
-            current, self.bus.voltage, heat.heat_sink, heat.drive_overload, heat.motor_overload, self._ramp.on
+            current,
+            self.bus.voltage / self._level,
+            heat.heat_sink,
+            heat.drive_overload,
+            heat.motor_overload,
+            self._ramp.on,
         )
 
     def power_up(self) -> None:

@@ -22,7 +22,7 @@ class Measured:
     current: float
     """Output [1 = rated of the drive]."""
     bus_voltage: float
-    """[V DC]"""
+    """[V DC], as a drive of 230 V has it: one of 400 V has its levels as much higher."""
     heat_sink: float
     """[°C]"""
     drive_overload: float

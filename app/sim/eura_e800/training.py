@@ -27,6 +27,6 @@ LIMITS: Mapping[int, tuple[int, int]] = {
     REG_LOAD_QUADRATIC: (0, 500),
     REG_DISTURBANCE: (0, 100),
     REG_AMBIENT: (0, 60),
-    REG_SUPPLY: (0, 300),
+    REG_SUPPLY: (0, 500),
 }
 """Lowest and highest word per register."""

@@ -7,8 +7,8 @@ import pytest
 from tests.plant.design import changed, mistakes
 
 MISTAKES = [
-    ("rated_current = 2.5", "rated_current = 45", "equipment.m2.rated_current", "45", "from 0.1 to 4.5"),
-    ("rated_current = 2.5", "rated_current = nan", "equipment.m2.rated_current", "nan", "from 0.1 to 4.5"),
+    ("rated_current = 2.5", "rated_current = 85", "equipment.m2.rated_current", "85", "from 0.1 to 60"),
+    ("rated_current = 2.5", "rated_current = nan", "equipment.m2.rated_current", "nan", "from 0.1 to 60"),
     ("rated_current", "rated_curent", "equipment.m2.rated_curent", "2.5", "perhaps rated_current"),
     (
         "unit = 1",
