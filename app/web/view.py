@@ -61,12 +61,19 @@ message line), no extension but ours, which turns evaluation, `hx-on` and script
 PAGES: tuple[tuple[str, str], ...] = (
     ("nav.trends", "/trends"),
     ("nav.alarms", "/alarms"),
-    ("nav.communication", "/communication"),
 )
 """Tabs after the areas: text key, address. A page that does not exist has no tab."""
 
-GUARDED = {"/communication": "diagnose"}
-"""Pages that not everybody may see: who may not has no tab and no link to them."""
+ENGINEERING: tuple[tuple[str, str, str], ...] = (
+    ("nav.communication", "/communication", "diagnose"),
+    ("storage.title", "/storage", "diagnose"),
+    ("plant.title", "/plant", "configure"),
+    ("instructor.title", "/instructor", "instruct"),
+    ("audit.title", "/audit", "audit.own"),
+    ("access.users", "/users", "administer"),
+    ("access.tokens", "/tokens", "tokens"),
+)
+"""Pages under the tab of engineering: text key, address, permission. Who may see none of them has no such tab; it leads to the first."""
 
 COUNTS: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
     ("i-link", "frame.links", ("sys.links_up", "sys.links_total"), "f-comm"),
@@ -262,6 +269,11 @@ class View:
         area = given.get("area", "")
         path = request.url.path
         person: Person | None = getattr(request.state, "person", None)
+        engineering = [
+            Tab(text(key), url, _head(path) == url)
+            for key, url, needed in ENGINEERING
+            if person is not None and person.may(needed)
+        ]
         guest = text("access.role.operator")
         drawing = Drawing(runtime, texts, lang, lambda name: name if person is not None or not name else guest)
         alarms = drawing.banner(
@@ -271,7 +283,7 @@ class View:
         return {
             "kind": "frame",
             "chip": "",
-            "pages": [],
+            "pages": engineering if _at(path, engineering) else [],
             "up": "" if path == "/" else "/",
             "crumbs": self._crumbs(texts, plant, lang, path, area),
             "message": self._over(request, fmt.clock_time(now, zone)),
@@ -285,9 +297,10 @@ class View:
             "alarms": alarms,
             "summary": drawing.summary() if given.get("kind") == "overview" else None,
             "plant_label": texts.label(lang, plant.name) if plant else "Pogon",
-            "nav": [tab for tab in self._tabs(texts, plant, lang, path, area) if _may_go(request, tab.url)],
+            "nav": self._tabs(texts, plant, lang, path, area)
+            + _engineering_tab(text("nav.engineering"), path, engineering),
             "simulated": runtime.simulated,
-            "counts": self._counts(runtime, text, _may_go(request, "/communication")),
+            "counts": self._counts(runtime, text, any(tab.url == "/communication" for tab in engineering)),
             "timezone": zone.key,
             "now": now,
             "now_time": fmt.clock_time(now, zone),
@@ -308,7 +321,7 @@ class View:
         for key, machines in areas(plant).items():
             url = address_of_area(key, machines)
             tabs.append(Tab(area_label(texts, plant, lang, key), url, key == area, key))
-        tabs += [Tab(texts.text(lang, key), url, path.split("/")[1] == url.split("/")[1]) for key, url in PAGES]
+        tabs += [Tab(texts.text(lang, key), url, _head(path) == url) for key, url in PAGES]
         return tabs
 
     def _crumbs(self, texts: Texts, plant: Plant | None, lang: str, path: str, area: str) -> list[Tab]:
@@ -354,10 +367,18 @@ class View:
         ]
 
 
-def _may_go(request: HTTPConnection, url: str) -> bool:
-    """Whether whoever asks may open the page; nobody signed in may open one that is guarded."""
-    person = getattr(request.state, "person", None)
-    return url not in GUARDED or (person is not None and person.may(GUARDED[url]))
+def _head(path: str) -> str:
+    """`/instructor` of `/instructor/m1`."""
+    return "/" + path.split("/")[1]
+
+
+def _at(path: str, tabs: Sequence[Tab]) -> bool:
+    return _head(path) in {tab.url for tab in tabs}
+
+
+def _engineering_tab(label: str, path: str, pages: Sequence[Tab]) -> list[Tab]:
+    """The one tab of all engineering pages that somebody may see, or none."""
+    return [Tab(label, pages[0].url, _at(path, pages))] if pages else []
 
 
 def areas(plant: Plant | None) -> dict[str, list[Equipment]]:

@@ -66,7 +66,9 @@ def test_operators_see_it_viewers_and_guests_have_no_way_to_it(staff: Staff) -> 
     page(staff, status=403)
     staff.enter("ole", "operator")
     home = page(staff, "/")
-    assert len(re.findall(r'href="/communication"', home)) == 2, "its tab and the counter of the message line"
+    assert len(re.findall(r'href="/communication"', home)) == 3, (
+        "the tab of engineering, that of the menu, the counter of the message line"
+    )
     assert "Communication" in page(staff)
 
 
@@ -181,3 +183,23 @@ def test_the_forecast_of_more_registers_is_that_of_the_sheet(staff: Staff) -> No
 )
 def test_addresses_have_the_numbers_of_older_manuals_beside_them(address: int, table: str, written: str) -> None:
     assert reference(address, table) == written
+
+
+@pytest.mark.parametrize(
+    ("role", "pages"),
+    [
+        ("viewer", []),
+        ("operator", ["/communication", "/storage", "/audit"]),
+        ("engineer", ["/communication", "/storage", "/plant", "/instructor", "/audit", "/tokens"]),
+        ("admin", ["/communication", "/storage", "/audit", "/users", "/tokens"]),
+    ],
+)
+def test_pages_of_engineering_are_under_a_tab_of_their_own(staff: Staff, role: str, pages: list[str]) -> None:
+    """Each role has those that it may open, in the tab's row and nowhere else; who may open none has no such tab."""
+    staff.enter(f"one-{role}", role)
+    tabs = re.search(r'<nav class="tabs".*?</nav>', page(staff, "/"), re.S)
+    assert tabs and ("Engineering" in tabs[0]) == bool(pages) and "tabs-sub" not in tabs[0]
+    for address in pages:
+        row = re.search(r'<span class="tabs-sub.*?</span>', page(staff, address), re.S)
+        assert row and re.findall(r'href="([^"]+)"', row[0]) == pages
+        assert re.findall(r'href="([^"]+)" aria-current', row[0]) == [address]
