@@ -192,3 +192,14 @@ def test_a_keyboard_reaches_content_alarms_and_commands_first(page: Page, server
     assert targets == ["#content", "#alarms", "#commands"]
     page.keyboard.press("Enter")
     assert page.evaluate("document.activeElement.id") == "commands"
+
+
+def test_a_panel_without_tabs_has_a_menu_of_them(page: Page, server: PogonServer) -> None:
+    page.set_viewport_size({"width": 800, "height": 480})
+    page.goto(server.url)
+    expect(page.locator(".tabs")).to_be_hidden()
+    page.click(".places summary")
+    for link in page.locator(".places .menu a").all():
+        expect(link).to_be_in_viewport(ratio=1)
+    page.click(".places a[href='/alarms']")
+    expect(page).to_have_url(f"{server.url}/alarms")
