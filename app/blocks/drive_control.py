@@ -36,7 +36,7 @@ class DriveAlarm(Enum):
 
     COMMUNICATION = "communication"
     DRIVE_TRIPPED = "drive_tripped"
-    """Torque was lost outside a stop of ours."""
+    """Torque was lost outside a stop of ours, or a drive that stands faulted was to run for `Times.start`."""
     MAGNETISING_TIMEOUT = "magnetising_timeout"
     BRAKE_OPEN_TIMEOUT = "brake_open_timeout"
     BRAKE_FEEDBACK_LOST = "brake_feedback_lost"
@@ -171,6 +171,8 @@ class DriveControl:
     acknowledged: set[DriveAlarm] = field(default_factory=set)
     """Alarms that somebody has seen and whose cause is still there."""
     _no_motion: float = 0.0
+    _waited: float = 0.0
+    """`run` was asked so long of a drive that is silent or stands faulted [s]."""
     _emergency: bool = False
     """A quick stop has taken the sequence; the drive switches off after it, and that is no trip."""
     _seen: bool = True
@@ -197,6 +199,7 @@ class DriveControl:
         self.elapsed += dt
         before = self.state
         self._watch(inputs)
+        self._wait(inputs, dt)
         if self.state is before:
             self._sequence(inputs, dt)
         if self.state is not before:
@@ -258,6 +261,14 @@ class DriveControl:
                 self.state = State.BLOCKED
         elif self.state in (State.RUNNING, State.STOPPING) and not all(inputs.brakes_open):
             self._fail(DriveAlarm.BRAKE_FEEDBACK_LOST, State.CLOSING)
+
+    def _wait(self, inputs: DriveInputs, dt: float) -> None:
+        """Who waits for a drive that does not come by itself gets to know it."""
+        silent = inputs.status is None
+        unable = silent or bool((inputs.status or 0) & Status.FAULT)
+        self._waited = self._waited + dt if unable and inputs.run and self.state not in ENERGISED else 0.0
+        if self._waited >= self.times.start:
+            self._fail(DriveAlarm.COMMUNICATION if silent else DriveAlarm.DRIVE_TRIPPED)
 
     def _sequence(self, inputs: DriveInputs, dt: float) -> None:
         times, wanted = self.times, inputs.run and self.armed

@@ -288,3 +288,34 @@ def test_inputs_must_be_finite_and_safe_is_closed_and_off() -> None:
 
 def test_original_tells_inhibited_from_the_wrong_bit() -> None:
     assert original_inhibited(Status.NO_COAST_STOP) and not original_inhibited(Status.SWITCHING_ON_INHIBITED)
+
+
+@pytest.mark.parametrize(
+    ("change", "alarm"),
+    [
+        ({"status": None}, DriveAlarm.COMMUNICATION),
+        ({"status": GOOD | Status.FAULT}, DriveAlarm.DRIVE_TRIPPED),
+    ],
+)
+def test_who_waits_for_a_drive_that_does_not_come_gets_an_alarm(change: dict, alarm: DriveAlarm) -> None:  # type: ignore[type-arg]
+    """It may have tripped while it rested, when nobody watched it: a cycle would wait for it for ever."""
+    control = DriveControl(Scaling(132.08))
+    good = DriveInputs(GOOD, 0.0, (False, False), False, 50.0)
+    bad = good._replace(**change)
+
+    def go(inputs: DriveInputs, seconds: float) -> None:
+        for _ in range(round(seconds / DT)):
+            control.step(inputs, DT)
+
+    go(bad, 60)
+    assert not control.alarms, "nobody asked for it"
+    go(bad._replace(run=True), control.times.start - 0.1)
+    assert not control.alarms
+    go(bad._replace(run=True), 0.2)
+    assert control.alarms == {alarm}
+    go(bad._replace(acknowledge=True), 0.1)
+    assert control.alarms == {alarm}, "its cause is there"
+    go(good, 0.1)
+    assert not control.alarms
+    go(good._replace(run=True), 0.1)
+    assert control.state is State.MAGNETISING
