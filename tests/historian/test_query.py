@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import Connection
 
@@ -76,6 +76,7 @@ def test_every_column_has_the_true_extremes_ends_and_count_of_its_samples(
 
 @settings(max_examples=150, deadline=None)
 @given(questions())
+@example(([(BEGIN, 0.0, GOOD), (BEGIN + 1, None, NO_DATA)], BEGIN - 1, BEGIN + 1, 2, 0))
 def test_where_nothing_held_for_longer_than_a_column_the_line_is_broken(
     question: tuple[list[RawRow], int, int, int, int],
 ) -> None:
@@ -85,8 +86,9 @@ def test_where_nothing_held_for_longer_than_a_column_the_line_is_broken(
     for (t0, v0), (t1, v1) in pairwise(line):
         if v0 is None or v1 is None or t0 // got.step == t1 // got.step:
             continue
-        # the line runs from the column of t0 to that of t1: each column between must have held a value, at least at its beginning
-        for edge in range((t0 // got.step + 1) * got.step, t1 // got.step * got.step + 1, got.step):
+        # the line runs from the column of t0 to that of t1: each column between must have held a value, at least at its beginning; at the
+        # end of the range, which is no more of it, the line ends with what held until then
+        for edge in range((t0 // got.step + 1) * got.step, min(t1 // got.step * got.step + 1, end), got.step):
             assert held_at(rows, edge) is not None, (t0, edge, t1)
 
 
