@@ -13,6 +13,7 @@ from app.runtime import Runtime
 from app.settings import Settings
 from app.threads import Threads, threads
 from app.web import (
+    alarm_hiding,
     alarms,
     audit,
     commands,
@@ -87,6 +88,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     rooms = (
         pages,
         socket,
+        alarm_hiding,
         alarms,
         commands,
         parameters,

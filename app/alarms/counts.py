@@ -4,7 +4,7 @@ from app.alarms.alarm_list import AlarmList
 from app.alarms.annunciations import Annunciations
 from app.alarms.definitions import PREFIX, PRIORITIES
 from app.alarms.index import AlarmIndex
-from app.alarms.lifecycle import AUDIBLE
+from app.alarms.lifecycle import AUDIBLE, AlarmState
 from app.clock import Clock
 from app.plant.system import SYSTEM
 from app.tags import quality
@@ -44,6 +44,7 @@ class AlarmCounts:
         active = dict.fromkeys(PRIORITIES, 0)
         by = {item: dict.fromkeys(PRIORITIES, 0) for item in (*self._index.equipment, SYSTEM)}
         sound = 0
+        hidden = [one.state for one in self._list.hidden()]
         for one in self._list.active():
             active[one.priority] += 1
             unack[one.priority] += one.unacked
@@ -57,6 +58,10 @@ class AlarmCounts:
             "total": sum(active.values()),
             "unack": sum(unack.values()),
             "flood": int(self._annunciations.flood),
+            "hidden": len(hidden),
+            "shelved": hidden.count(AlarmState.SHELVED),
+            "suppressed": hidden.count(AlarmState.SUPPRESSED),
+            "oos": hidden.count(AlarmState.OUT_OF_SERVICE),
         }
         for priority in PRIORITIES:
             values[f"unack_{priority}"], values[f"active_{priority}"] = unack[priority], active[priority]

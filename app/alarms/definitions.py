@@ -16,11 +16,16 @@ COUNTS: Sequence[str] = (
     "total",
     "unack",
     "flood",
+    "hidden",
+    "shelved",
+    "suppressed",
+    "oos",
     *(f"unack_{priority}" for priority in PRIORITIES),
     *(f"active_{priority}" for priority in PRIORITIES),
 )
 """Points `sys.alarms.…` that every page has: number of the last change, of the newest annunciation, priority that sounds (0 = none), alarms
-in the list, those that wait for an acknowledgement, whether there is a flood, and by priority what waits and what is in the list."""
+in the list, those that wait for an acknowledgement, whether there is a flood, what is hidden and by which state, and by priority what waits
+and what is in the list."""
 
 
 def frame_names() -> list[str]:
@@ -87,6 +92,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "journal_waiting": SystemAlarm(2),
     "simulation_late": SystemAlarm(4, on_delay=30.0, off_delay=5.0, audible=False),
     "disk_low": SystemAlarm(2),
+    "service_review": SystemAlarm(4, audible=False),
 }
 """Key → alarm. `{task}`, `{link}`, `{file}`, `{loss}`, `{time}`, `{command}`, `{percent}`, `{count}`, `{account}` in the texts are
 parameters."""

@@ -17,6 +17,7 @@ from app.alarms.conditions import Reported
 from app.alarms.counts import AlarmCounts
 from app.alarms.definitions import SYSTEM_ALARMS
 from app.alarms.evaluation import Evaluation
+from app.alarms.hiding import Hiding
 from app.alarms.index import AlarmIndex
 from app.alarms.journal import Stored, journal_key
 from app.alarms.journal_queue import JournalQueue
@@ -64,6 +65,7 @@ class AlarmEngine:
         self._states = AlarmStates(clock, texts, self.journal, self.list, self.annunciations, self._occurrences)
         self.evaluation = Evaluation(self._index, self._states, self._occurrences, tags, clock, self._wake)
         self.system = SystemAlarms(self._index, self._states, self.evaluation)
+        self.hiding = Hiding(self._index, self._states, self.system, clock)
         self.ring = RingEvents(self._index, self._states, self.evaluation, self.system, self.journal, clock)
         self.journal.on_health = lambda healthy: self.system.report("journal_waiting", active=not healthy)
         self._tags = tags
@@ -215,6 +217,7 @@ class AlarmEngine:
         self._tags.wake()
         self.evaluation.tick()
         self._states.tick()
+        self.hiding.tick()
         if self.annunciations.judge():
             self.list.touch()
 

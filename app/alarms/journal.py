@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, Select, bindparam, delete, func, insert, select
+from sqlalchemy import ColumnElement, Connection, RowMapping, Select, bindparam, delete, func, insert, select
 
 from app.access.audit.chain import begin_now, chained, genesis, is_mac
 from app.access.audit.verification import Verdict
@@ -128,6 +128,8 @@ class Stored:
     value: float | None
     limit: float | None
     params: str
+    hiding: str = "{}"
+    """Who put it aside, why and until when (shelf.py), as JSON."""
 
     @property
     def life(self) -> Life:
@@ -221,10 +223,17 @@ def newest_occurrence(connection: Connection) -> int:
 def annunciations(connection: Connection, since: int, alarm: str = "") -> list[int]:
     """Times of everything that asked for attention since `since` [µs UTC], oldest first; of one alarm, or of all."""
     table = journal_table.c
-    query = select(table.time).where(table.time >= since, table.event == "RAISED", table.silent.is_(False))
+    query = select(table.time).where(table.time >= since, asks_attention())
     if alarm:
         query = query.where(table.alarm == alarm)
     return list(connection.execute(query.order_by(table.seq)).scalars())
+
+
+def asks_attention() -> ColumnElement[bool]:
+    """The records by which an alarm asked for attention: raised where everybody sees it, raised again, or active when it came back."""
+    table = journal_table.c
+    again = table.event.in_(("REALARM", "UNSHELVED", "OOS_OFF")) & (table.after == "B")
+    return ((table.event == "RAISED") & table.silent.is_(False)) | again
 
 
 def find(connection: Connection, wanted: Filter, limit: int = 100) -> list[Record]:

@@ -17,6 +17,9 @@ REDEFINED = (
 )  # fmt: skip
 """What the journal names when a definition is read anew, besides the priority."""
 
+ONE_SHOT = "one-shot"
+"""What the journal says ended a shelf that was there for one return to normal."""
+
 
 class AlarmStates:
     """The only one that changes the life of an alarm."""
@@ -67,6 +70,10 @@ class AlarmStates:
             watch.returned = at
         elif event in (AlarmEvent.REALARM, AlarmEvent.UNSHELVE, AlarmEvent.PUT_BACK) and not watch.life.acked:
             watch.acked_at, watch.acked_by = 0, ""
+        if not watch.life.shelved:
+            watch.shelf = None
+        if not watch.life.out_of_service:
+            watch.service = None
         if result.annunciates:
             self._annunciations.add()
         lang = self._texts.default
@@ -75,6 +82,8 @@ class AlarmStates:
         self._journal.add(record(watch, result, at, person, comment, detail, text, self._config))
         self.changed(watch)
         self.arm(watch)
+        if event is AlarmEvent.RETURN and watch.shelf is not None and watch.shelf.once:
+            self.apply(watch, AlarmEvent.UNSHELVE, detail=ONE_SHOT, at=at)
         return result
 
     def changed(self, watch: Watch) -> None:

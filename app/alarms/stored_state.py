@@ -4,6 +4,7 @@ import json
 
 from app.alarms.conditions import ByEvent, Delay, Reported
 from app.alarms.journal import Stored
+from app.alarms.shelf import packed, unpacked
 from app.alarms.watch import Watch
 from app.plant.definitions import Alarm
 from app.tags.quality import NO_DATA
@@ -35,6 +36,7 @@ def stored(watch: Watch) -> Stored:
         value=watch.value,
         limit=watch.limit,
         params=json.dumps(watch.params, ensure_ascii=False, sort_keys=True),
+        hiding=packed(watch.shelf, watch.service),
     )
 
 
@@ -45,6 +47,7 @@ def put_back(watch: Watch, one: Stored) -> None:
     watch.acked_at, watch.acked_by, watch.count = one.acked_at, one.acked_by, one.count
     watch.ordinal, watch.uncertain = one.ordinal, one.uncertain
     watch.value, watch.limit = one.value, one.limit
+    watch.shelf, watch.service = unpacked(one.hiding)
     watch.params = json.loads(one.params)
     watch.delay.restart(one.active)
     if isinstance(watch.condition, Reported):

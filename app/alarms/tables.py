@@ -29,6 +29,7 @@ state_table = Table(
     Column("value", Float),
     Column("limit", Float),
     Column("params", Text, nullable=False),
+    Column("hiding", Text, nullable=False, server_default="{}"),
 )
 """Every alarm that is not normal."""
 

@@ -11,6 +11,7 @@ from app.alarms.conditions import ByEvent, Condition, Delay
 from app.alarms.event_params import of_event
 from app.alarms.journal import Record
 from app.alarms.lifecycle import UNACKED, AlarmState, Life, Step, Traits
+from app.alarms.shelf import Service, Shelf
 from app.plant.definitions import Alarm
 from app.plant.events import RingEvent
 from app.plant.texts import Texts
@@ -66,6 +67,8 @@ class ListedAlarm:
     """Another one of the group came in the same scan: the order is not known."""
     rule: str
     """What suppresses it."""
+    shelf: Shelf | None
+    service: Service | None
     audible: bool
 
     @property
@@ -149,6 +152,10 @@ class Watch:
     """Of the snapshot words of its machine's events."""
     event: int = 0
     """Sequence of the device's event that raised it; 0 = none did."""
+    shelf: Shelf | None = None
+    """Who shelved it; None = nobody did."""
+    service: Service | None = None
+    """Who took it out of service; None = nobody did."""
     listed: ListedAlarm | None = None
 
     @property
@@ -194,6 +201,8 @@ def listed(watch: Watch, chattering: bool, rule: str) -> ListedAlarm:
         ordinal=watch.ordinal,
         uncertain=watch.uncertain,
         rule=rule,
+        shelf=watch.shelf,
+        service=watch.service,
         audible=alarm.audible,
     )
 
@@ -245,6 +254,7 @@ def record(
 def carry(before: Watch, after: Watch) -> None:
     """What lives on when a definition is read anew."""
     after.life, after.known, after.uncertain = before.life, before.known, before.uncertain
+    after.shelf, after.service = before.shelf, before.service
     after.occurrence, after.ordinal = before.occurrence, before.ordinal
     after.first_true, after.annunciated, after.returned = before.first_true, before.annunciated, before.returned
     after.acked_at, after.acked_by = before.acked_at, before.acked_by

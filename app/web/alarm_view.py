@@ -12,6 +12,7 @@ from app.alarms.engine import AlarmEngine
 from app.alarms.event_params import completed
 from app.alarms.journal import HOUR, Record
 from app.alarms.lifecycle import AlarmState
+from app.alarms.shelf import Service, Shelf
 from app.alarms.watch import SYMBOLS, ListedAlarm, spoken
 from app.clock import Clock
 from app.plant.definitions import Kind, Plant, Point
@@ -86,6 +87,12 @@ class Row:
     acked_by: str
     acked_at: str
     resettable: bool
+    aside: str
+    """Who put it aside, until when and why; empty = nobody did."""
+    shelved: bool
+    out: bool
+    """Out of service."""
+    review_due: bool
 
 
 class Drawing:
@@ -134,7 +141,33 @@ class Drawing:
             acked_by=self.shown_name(one.acked_by),
             acked_at=self.moment(one.acked_at) if one.acked_at else "",
             resettable=one.state is AlarmState.LATCHED,
+            aside=self.put_aside(one),
+            shelved=one.life.shelved,
+            out=one.life.out_of_service,
+            review_due=one.service is not None and one.service.review_due(self.now),
         )
+
+    def put_aside(self, one: ListedAlarm) -> str:
+        """Everything that hides it, the strongest first: out of service, suppressed, shelved; each with who, when and why."""
+        found = []
+        if one.service is not None:
+            permit = f" ({one.service.permit})" if one.service.permit else ""
+            found.append(self._("alarm.out_since", **self._told(one.service) | {"permit": permit}))
+        if one.life.suppressed:
+            found.append(self._("alarm.suppressed_by_communication"))
+        if one.shelf is not None:
+            key = "alarm.shelved_once" if one.shelf.once else "alarm.shelved_until"
+            found.append(self._(key, **self._told(one.shelf) | {"until": self._minute(one.shelf.until)}))
+        return " · ".join(found)
+
+    def _told(self, aside: Shelf | Service) -> dict[str, object]:
+        by = self.shown_name(aside.by)
+        return {"by": by, "reason": aside.reason if by == aside.by else "", "since": self._minute(aside.since)}
+
+    def _minute(self, micros: int) -> str:
+        today = fmt.date(micros, self.zone, self.lang) == fmt.date(self.now, self.zone, self.lang)
+        clock = fmt.clock_time(micros, self.zone, seconds=False, lang=self.lang)
+        return clock if today else f"{fmt.date(micros, self.zone, self.lang, year=False)} {clock}"
 
     def text(self, one: ListedAlarm, key: str = "") -> str:
         """Its text (or another one of its texts) with its parameters as this reader writes them."""

@@ -20,6 +20,7 @@ from app.alarms import journal
 from app.alarms.engine import AlarmEngine
 from app.alarms.journal import DAY, Filter, Record
 from app.alarms.lifecycle import Entry
+from app.alarms.shelf import OPERATORS, longest
 from app.alarms.watch import Answer, ListedAlarm
 from app.errors import Refused
 from app.plant.system import SYSTEM
@@ -37,7 +38,11 @@ PAGE = 500
 JOURNAL_PAGE = 100
 CSV_PAGE = 1000
 LONGEST_COMMENT = 200
-TABS = ("active", "unack", "journal")
+TABS = ("active", "unack", "hidden", "journal")
+SPANS = (15, 60, 240, 720)
+"""For how long somebody can shelve an alarm [min]."""
+REASONS = ("maintenance", "sensor", "nuisance", "test")
+"""Reasons that a list offers; text `alarm.reason.<key>`."""
 MOST_AT_ONCE = 500
 """Acknowledgements in one request: no more can be on a screen."""
 _UTC = ZoneInfo("UTC")
@@ -114,6 +119,8 @@ async def detail(request: Request, occurrence: int) -> Response:
         "fragments/alarm_detail.html",
         detail=await _detail(request, one),
         may_acknowledge=_may(request, "acknowledge"),
+        may_shelve=_may(request, "shelve"),
+        may_configure=_may(request, "configure"),
     )
 
 
@@ -156,6 +163,7 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "tabs": [
             ("active", text(request, "alarm.tab.active"), "total", counts["total"]),
             ("unack", text(request, "alarm.tab.unack"), "unack", counts["unack"]),
+            ("hidden", text(request, "alarm.tab.hidden"), "hidden", counts["hidden"]),
             ("journal", text(request, "alarm.tab.journal"), "", ""),
         ],
         "tab_url": {tab: "/alarms?" + urlencode({"tab": tab} | narrowed) for tab in TABS},
@@ -163,6 +171,8 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
         "export_url": f"/alarms.csv?{urlencode(asked)}" if _may(request, "export") else "",
         "may_acknowledge": _may(request, "acknowledge"),
+        "may_shelve": _may(request, "shelve"),
+        "may_configure": _may(request, "configure"),
     }  # fmt: skip
 
 
@@ -172,7 +182,8 @@ def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[Listed
     shown: list[tuple[ListedAlarm, Row]] = []
     hidden: list[ListedAlarm] = []
     words = wanted["q"].casefold().split()
-    for one in _engine(request).list.active():
+    standing = _engine(request).list
+    for one in standing.hidden() if wanted["tab"] == "hidden" else standing.active():
         if wanted["tab"] == "unack" and not one.unacked:
             continue
         fits = (not wanted["area"] or (one.area if one.equipment else SYSTEM) == wanted["area"]) and (
@@ -210,7 +221,6 @@ def _list(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "list_revision": engine.list.revision,
         "list_news": engine.annunciations.count,
         "list_now": _view(request).runtime(request).clock.micros(),
-        "suppressed": len(engine.list.hidden()),
     }
 
 
@@ -230,7 +240,8 @@ async def _detail(request: Request, one: ListedAlarm) -> dict[str, Any]:
         "cause": draw.optional(one, one.cause),
         "consequence": draw.optional(one, one.consequence),
         "steps": draw.steps(response),
-        "rule": one.rule,
+        "put_aside": draw.put_aside(one),
+        **_choices(request, one),
         "month": bars(times, draw.now, DAY, 30),
         "month_count": len(times),
         "first_day": fmt.date(draw.now - 29 * DAY, draw.zone, draw.lang, year=False),
@@ -244,6 +255,22 @@ async def _detail(request: Request, one: ListedAlarm) -> dict[str, Any]:
             if old.occurrence != one.occurrence
         ][:9],
     }
+
+
+def _choices(request: Request, one: ListedAlarm) -> dict[str, Any]:
+    """For how long, and why, whoever asks may shelve `one`; no spans where they may not."""
+    most = longest(one.alarm_class)
+    if one.priority not in OPERATORS and not _may(request, "configure"):
+        most = 0.0
+    return {
+        "spans": [(minutes, _span(request, minutes)) for minutes in SPANS if minutes * 60 <= most],
+        "reasons": [_view(request).text(request, f"alarm.reason.{key}") for key in REASONS],
+    }
+
+
+def _span(request: Request, minutes: int) -> str:
+    key, number = ("hours", minutes // 60) if minutes >= 60 else ("minutes", minutes)
+    return _view(request).text(request, f"alarm.shelve_{key}", n=number)
 
 
 # ---- acknowledging ----------------------------------------------------------------------------------------
@@ -274,7 +301,7 @@ async def acknowledge(request: Request) -> Response:
                 new=answer.occurrence,
                 comment=typed["comment"][:LONGEST_COMMENT],
             )
-    return _answered(
+    return answered(
         request,
         _told(request, answers),
         "done" if any(one.outcome == "done" for one in answers) else "info",
@@ -293,7 +320,7 @@ async def reset(request: Request) -> Response:
     await engine.reset(int(typed["occurrence"]), person)
     access = _view(request).runtime(request).access
     await access.audit.record("alarm.reset", person, object=one.id if one else "", new=typed["occurrence"])
-    return _answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"])
+    return answered(request, _view(request).text(request, "alarm.answer.reset"), "done", typed["next"])
 
 
 def _told(request: Request, answers: list[Answer]) -> str:
@@ -309,7 +336,8 @@ def _told(request: Request, answers: list[Answer]) -> str:
     return view.text(request, "alarm.answer.some", done=len(done), others=len(answers) - len(done))
 
 
-def _answered(request: Request, text: str, kind: str, next: str) -> Response:
+def answered(request: Request, text: str, kind: str, next: str) -> Response:
+    """The outcome: a line for the script, or back to where the form stood."""
     if request.headers.get("hx-request") == "true":
         return _view(request).fragment(request, "fragments/alarm_answer.html", text=text, kind=kind)
     return RedirectResponse(language.local_path(next or "/alarms"), 303)

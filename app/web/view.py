@@ -76,6 +76,7 @@ ENGINEERING: tuple[tuple[str, str, str], ...] = (
 """Pages under the tab of engineering: text key, address, permission. Who may see none of them has no such tab; it leads to the first."""
 
 COUNTS: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
+    ("i-shelve", "frame.hidden_alarms", ("sys.alarms.hidden",), "f-hidden"),
     ("i-link", "frame.links", ("sys.links_up", "sys.links_total"), "f-comm"),
 )
 """At the right of the message line: symbol, text key, tags, class."""
@@ -349,12 +350,13 @@ class View:
             "some": some > 0,
             "parts": [],
         }
+        places = {"f-hidden": "/alarms?tab=hidden"} | ({"f-comm": "/communication"} if diagnose else {})
         return ([forced] if forces else []) + [
             {
                 "symbol": symbol,
                 "label": text(key),
                 "class": look,
-                "url": "/communication" if diagnose and look == "f-comm" else "",
+                "url": places.get(look, ""),
                 "sum": "",
                 "some": False,
                 "parts": [

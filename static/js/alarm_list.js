@@ -139,6 +139,15 @@ async function acknowledge(occurrences) {
   refresh();
 }
 
+/** Shelve, take out of service, or bring back: what the form of the button `put` says. */
+async function putAside(put) {
+  const typed = [...new FormData(put.form, put)].filter(([name]) => name !== "csrf" && name !== "next");
+  if (!await post(put.form.getAttribute("action"), typed)) return;
+  drawnDetail = "";
+  open = "";
+  await refresh();
+}
+
 document.addEventListener("click", async (event) => {
   const target = event.target;
   const button = target.closest("[data-ack]"), row = target.closest("tr[data-row]");
@@ -154,6 +163,10 @@ document.addEventListener("click", async (event) => {
   } else if (target.closest("[data-reset]")) {
     event.preventDefault();
     if (await post("/alarms/reset", [["occurrence", target.closest("[data-reset]").value]])) refresh();
+  } else if (target.closest("[data-put]")) {
+    event.preventDefault();
+    const put = target.closest("[data-put]");
+    if (put.form.reportValidity()) await putAside(put);
   } else if (target.closest(".a-new")) {
     for (const one of rows()) tick(one, false);
     refresh();

@@ -1,0 +1,81 @@
+"""Who put an alarm aside, why and until when: shelves, service, and what the class of an alarm allows. Pure.
+
+Source: reference/alarms.md section 4. The limits are decisions of ours, not figures of the standard.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+DAY = 86_400.0
+"""[s]"""
+LONGEST = 12 * 3600.0
+"""An alarm is shelved no longer than this [s]."""
+CLASS_LONGEST: Mapping[str, float] = {
+    "comm": 4 * 3600.0,
+    "command": 0.0,
+    "crane-safety-related": 0.0,
+    "highly-managed": 0.0,
+}
+"""Class of alarms → longest shelving [s] where it is other than `LONGEST`; 0 = it is never shelved."""
+MOST_SHELVED = 20
+"""Shelved at once in one area."""
+OPERATORS = frozenset({3, 4})
+"""Priorities that an operator may shelve; the others ask for an engineer."""
+REVIEW = 7 * DAY
+"""An alarm that has been out of service for so long is to be looked at again [s]."""
+SHORTEST_REASON = 5
+"""Letters that a reason has at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shelf:
+    """An alarm that somebody put aside for a time."""
+
+    since: int
+    """[µs UTC]"""
+    until: int
+    by: str
+    reason: str
+    once: bool = False
+    """It also ends when the alarm returns to normal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """An alarm that somebody took out of service."""
+
+    since: int
+    """[µs UTC]"""
+    by: str
+    reason: str
+    permit: str = ""
+    """Number of the work permit; empty = none was given."""
+    reviewed: int = 0
+    """When an engineer last confirmed that it stays out [µs UTC]; 0 = never."""
+
+    def review_due(self, now: int) -> bool:
+        """Whether somebody is to look at it again at `now` [µs UTC]."""
+        return now - max(self.since, self.reviewed) >= REVIEW * 1e6
+
+
+def longest(alarm_class: str) -> float:
+    """How long an alarm of this class may be shelved at most [s]; 0 = not at all."""
+    return CLASS_LONGEST.get(alarm_class, LONGEST)
+
+
+def packed(shelf: Shelf | None, service: Service | None) -> str:
+    """Both as the database keeps them: a JSON object."""
+    found = {
+        name: asdict(one) for name, one in (("shelf", shelf), ("service", service)) if isinstance(one, Shelf | Service)
+    }
+    return json.dumps(found, ensure_ascii=False, sort_keys=True)
+
+
+def unpacked(text: str) -> tuple[Shelf | None, Service | None]:
+    """What `packed` made."""
+    found = json.loads(text)
+    return (
+        Shelf(**found["shelf"]) if "shelf" in found else None,
+        Service(**found["service"]) if "service" in found else None,
+    )
