@@ -133,3 +133,26 @@ def test_axe_finds_nothing(operator: Operator, path: str) -> None:
     )
     assert found == []
     assert not re.search("undefined|\\[alarm", page.inner_text("body"))
+
+
+def test_an_alarm_is_shelved_with_a_reason_and_comes_back_unacknowledged(operator: Operator) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.go("/alarms")
+    expect(page.locator("#alarm-detail h2")).to_have_text("Converter: overcurrent")
+    page.locator(".a-aside > summary").first.click()
+    page.fill("#a-more-shelve", "The fan is replaced on Friday")
+    page.locator("#alarm-detail [form=alarm-shelve][data-put]").click()
+    expect(page.locator("#alarms")).to_contain_text("No active alarms", timeout=30_000)
+    expect(page.locator("[data-tag='sys.alarms.hidden']").first).to_have_text("1", timeout=30_000)
+    operator.go("/alarms?tab=hidden")
+    row = page.locator("tr[data-row]")
+    expect(row).to_contain_text("The fan is replaced on Friday")
+    page.set_viewport_size({"width": 390, "height": 844})
+    button = row.locator("[form=alarm-unshelve]")
+    box = button.bounding_box()
+    assert box and box["x"] + box["width"] <= 390
+    button.click()
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent", timeout=30_000)
+    operator.go("/alarms")
+    expect(row).to_contain_text("Active, unacknowledged")
