@@ -11,6 +11,7 @@ import queue
 import re
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from logging.handlers import QueueHandler, QueueListener, SysLogHandler
 from typing import Any, Literal
@@ -64,7 +65,7 @@ def forward(syslog: str) -> Callable[[], None]:
     waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
     feeder = _Feeder(waiting)
     logging.getLogger().addHandler(feeder)
-    listener = QueueListener(waiting, sender)
+    listener = _Listener(waiting, sender)
     listener.start()
 
     def end() -> None:
@@ -166,6 +167,21 @@ class _Feeder(QueueHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:
         pass
+
+
+class _Listener(QueueListener):
+    """Can be ended also while its queue is full, as it is when nobody takes what is sent: the oldest record makes room."""
+
+    queue: queue.Queue[Any]
+
+    def enqueue_sentinel(self) -> None:
+        while True:
+            with suppress(queue.Full):
+                super().enqueue_sentinel()
+                return
+            with suppress(queue.Empty):
+                self.queue.get_nowait()
+                self.queue.task_done()
 
 
 def _moment(record: logging.LogRecord) -> str:

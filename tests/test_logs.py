@@ -3,10 +3,13 @@
 import io
 import json
 import logging
+import queue
 import re
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -170,6 +173,30 @@ def test_a_syslog_that_is_not_there_holds_up_nothing(started: Callable[..., io.S
     for number in range(logs.MOST_WAITING + 100):
         log.info("n=%d", number)
     assert out.getvalue().count("\n") == logs.MOST_WAITING + 100
+
+
+def test_what_sends_ends_although_its_queue_is_full() -> None:
+    sent: list[int] = []
+
+    class Slow(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            begun.set()
+            go_on.wait(30)
+            sent.append(record.levelno)
+
+    begun, go_on = threading.Event(), threading.Event()
+    waiting: queue.Queue[Any] = queue.Queue(2)
+    listener = logs._Listener(waiting, Slow())
+    listener.start()
+    waiting.put(logging.LogRecord("", 1, "", 0, "", (), None))
+    begun.wait(30)
+    for level in (2, 3):
+        waiting.put(logging.LogRecord("", level, "", 0, "", (), None))
+    listener.enqueue_sentinel()
+    go_on.set()
+    assert listener._thread
+    listener._thread.join(30)
+    assert sent == [1, 3], "the oldest that waited made room"
 
 
 @pytest.mark.parametrize("text", ["dev/log", "host", "host:", ":514", "host:70000", "host:x"])

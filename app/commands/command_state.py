@@ -146,7 +146,7 @@ class CommandState:
     ) -> None:
         """The set of `job` is over; `changes`: what was found of its values."""
         ended = advance(job.progress, state, self.clock.micros(), end=True, reason=reason, params=params)
-        job.progress = replace(ended, changes=changes or ended.changes)
+        job.went(replace(ended, changes=changes or ended.changes))
         self.release_set(machine, job)
         self.close(machine, job.progress)
         self.audit_lines.command(job.order, job.progress)

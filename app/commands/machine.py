@@ -18,7 +18,7 @@ HISTORY = 50
 
 @dataclass(slots=True)
 class SetJob:
-    """A set of setpoints at work; `sets.Sets` alone writes it, `interrupt` whoever has to."""
+    """A set of setpoints or parameters at work; its progress is written here alone, `interrupt` is for whoever has to."""
 
     order: Order
     prepared: Prepared
@@ -30,6 +30,10 @@ class SetJob:
     """Points whose last write may still take effect: what is read of them now proves nothing."""
     stop: str = ""
     """Why no further new value is written (a text key); empty while nothing keeps it from going on."""
+
+    def went(self, progress: Progress) -> None:
+        """What has become of it so far."""
+        self.progress = progress
 
     def known_as(self, request: int) -> None:
         """The device knows one of its steps by this id."""

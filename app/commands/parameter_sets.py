@@ -200,7 +200,7 @@ class ParameterSets:
     async def _carry_out(self, machine: Machine, job: SetJob, work: Work) -> None:
         former = await self._reading.former(machine.item.id, work)
         described = tuple(one.described(former[one.key]) for one in work.changes)
-        job.progress = replace(job.progress, changes=described, old=value_set.values_text(described, old=True))
+        job.went(replace(job.progress, changes=described, old=value_set.values_text(described, old=True)))
         if self._state.dry_run:
             self._state.end_set(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
             return
@@ -238,7 +238,7 @@ class ParameterSets:
                 return why(*bad)
             stage.done += len(request)
             if job.progress.state is ProgressState.REQUESTED:
-                job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
+                job.went(advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros()))
                 self._state.changed(machine.item.id)
         return None
 
@@ -342,7 +342,7 @@ class ParameterSets:
         parameter = saving_of(machine.item.type)
         assert parameter is not None
         object = parameter.objects[0]
-        job.progress = replace(job.progress, telegrams=((parameter.code, 1.0),))
+        job.went(replace(job.progress, telegrams=((parameter.code, 1.0),)))
         if self._state.dry_run:
             self._state.end_set(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
             return
@@ -362,7 +362,7 @@ class ParameterSets:
             state = ProgressState.UNCONFIRMED if sent else ProgressState.FAILED
             self._state.end_set(machine, job, state, key, params)
             return
-        job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
+        job.went(advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros()))
         self._state.changed(machine.item.id)
         until = self._state.clock.monotonic() + SAVE_LIMIT
         while self._state.clock.monotonic() < until:

@@ -113,7 +113,7 @@ class Sets:
                 job.touched.remove(step)
                 return broke[1], broke[2]
             if broke is None and job.progress.state is ProgressState.REQUESTED:
-                job.progress = advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros())
+                job.went(advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros()))
                 self._state.changed(machine.item.id)
             failure = await self._there(machine, job, step, values, since)
             if failure is not None:

@@ -264,7 +264,7 @@ def wanted_of(request: Request, kind: RecordKind, typed: dict[str, str]) -> Reco
     }
     before = place(typed["before"])
     begin, end = span(request, typed)
-    newest = record_last.COUNT if typed["view"] == LAST else None
+    newest = record_last.COUNT if typed.get("view") == LAST else None
     return RecordFilter(typed["equipment"], begin, end, typed["outcome"], given, before, newest)
 
 

@@ -30,7 +30,7 @@ def test_a_drive_has_no_such_map() -> None:
     data, problems = types.read_type("eura_e800", LANGUAGES)
     assert problems == []
     assert data.type.device.plc is None
-    assert not (data.type.tables or data.type.events or data.type.presets)
+    assert not (data.type.tables or data.type.events)
 
 
 def test_every_slot_of_a_table_is_a_row_of_points(tmp_path: Path) -> None:
