@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import http.client
 import json
 import random
 import sqlite3
@@ -60,7 +61,7 @@ class Program(threading.Thread):
         self.taken: list[str] = []
 
     def run(self) -> None:
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, http.client.HTTPException):  # the kill may cut an answer in two
             self.ask("/control/take")
             for number in range(10_000):
                 id = chance.token_hex(16)
