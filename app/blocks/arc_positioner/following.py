@@ -15,6 +15,8 @@ ZONE = 0.25
 """Of an axis' acceleration, with which the load slows down before the slow zone: less than `OVERRIDE`, for the jerk."""
 JOIN = 20.0
 """A load beside the circle is led onto it over this many times its offset."""
+SPARE = 1.0
+"""More than that, when it has to go back first [°]."""
 LEAST_RATE = 0.1
 """Of the planned speed, where slowing down for a path error ends; beyond comes the stop."""
 
@@ -245,6 +247,21 @@ class ArcFollower:
         """Stand still, because an axis does: the next start counts when it comes, and the circle stays."""
         self.safe()
         self._started = False
+
+    def first_leg(self, position: Point, angles: tuple[float, float]) -> float:
+        """Angle [°] to which a move between two `angles` [°] has to go first when it begins at `position` [mm]; usually that of its end.
+
+        A load that stands beside the circle too near the end is led onto the circle on the way back, and then moves forward.
+        """
+        circle, (start, end) = self.circle, angles
+        if circle is None:
+            return end
+        begin, offset = circle.angle(position, self._angle), abs(circle.radial_error(position))
+        joining, forward = degrees(JOIN * offset / circle.radius), copysign(1.0, end - start)
+        back = begin - forward * (joining + SPARE)
+        if offset < self.tolerance or offset > self.join or joining <= abs(end - begin) or (back - start) * forward < 0:
+            return end
+        return back
 
     def path_speed(self, radius: float, set_speed: float) -> float:
         """Speed along a path of `radius` [mm] at which neither axis is asked for too much [mm/s]."""

@@ -140,7 +140,7 @@ class Travel:
         self._original = self._formulas()
         self.path_error = self.radial_error = nan
         self.worst = 0.0
-        self.angle = self.goal = nan
+        self.angle = self.goal = self._leg = nan
         self.phase, self.fault = ArcPhase.OFF, Fault.NONE
         self.circle: Circle | None = None
         self._creeping = 0.0
@@ -213,12 +213,14 @@ class Travel:
         self.goal = angles[1]
         if original:
             return self._by_formulas(angles, trolley, hoist, dt)
+        if self.follower.phase in (ArcPhase.OFF, ArcPhase.FAULT):
+            self._leg = self.follower.first_leg(self.load_at, angles)
         out = self.follower.step(
             ArcInputs(
                 self.follower.phase is not ArcPhase.STOPPING,
                 self.load_at,
                 angles[0],
-                angles[1],
+                self._leg,
                 self._radius,
                 self._speed,
                 brakes_open=(trolley.running, hoist.running),
@@ -236,6 +238,10 @@ class Travel:
             self.worst = max(self.worst, out.path_error)
         if out.run:
             self._ask_both(out.speed)
+        if out.phase is ArcPhase.DONE and self._leg != angles[1]:  # it went back to the circle: now forward
+            self.follower.release()
+            self.phase = ArcPhase.BRAKES
+            return False
         return out.phase is ArcPhase.DONE
 
     @property

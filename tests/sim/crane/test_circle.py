@@ -1,5 +1,7 @@
 """The circular move of the crane through its drives and brakes, while the rope takes up its load or gives it back."""
 
+from math import isnan
+
 import pytest
 
 from app.blocks.arc_positioner.circle import Circle, Point
@@ -109,6 +111,26 @@ def test_after_a_path_fault_the_load_goes_on_from_where_it_stands() -> None:
     assert not any(axis.speed for axis in arc.axes.values())
     arc.run()
     assert abs(arc.travel.angle - LIFT[1]) < 0.1
+
+
+@pytest.mark.parametrize("angles", [LIFT, LOWERING])
+@pytest.mark.parametrize(("beside", "left"), [(-40.0, 0.5), (15.0, 4.0), (25.0, 30.0)])
+def test_a_load_that_stands_beside_the_end_of_the_circle_goes_back_to_it_first(
+    angles: tuple[float, float], beside: float, left: float
+) -> None:
+    arc = Arc(angles, 1000.0, 100.0, 210.0)
+    while abs(arc.travel.angle - angles[1]) > left + 5 or isnan(arc.travel.angle):
+        arc.step()
+    for _ in range(200):
+        arc.step(go=False)
+    arc.axes["hoist"].axis.position += beside  # by hand
+    arc.axes["trolley"].axis.position += beside
+    for _ in range(50):
+        arc.step(go=False)
+    arc.travel.worst = 0.0
+    arc.run()
+    assert abs(arc.travel.angle - angles[1]) < 0.1
+    assert arc.travel.worst <= MOST
 
 
 def test_a_scale_that_fails_or_leaps_moves_the_load_no_faster_than_a_rope_stretches() -> None:
