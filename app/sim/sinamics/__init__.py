@@ -2,7 +2,7 @@
 
 from app.plant.definitions import Equipment
 from app.sim.device import VirtualDevice
-from app.sim.options import number, table
+from app.sim.options import flag, number, table
 from app.sim.sinamics.drive import VirtualSinamics
 from app.sim.sinamics.messages import ALARMS
 from app.sim.sinamics.messages import FAULTS as TRIPS
@@ -14,11 +14,12 @@ FAULTS = (*TRIPS, *ALARMS)
 
 
 def build(item: Equipment, seed: int) -> VirtualDevice:
-    """A drive as the plant file describes it: its motor, and `simulation` = start, setpoint and parameters."""
+    """A drive as the plant file describes it: its motor, and `simulation` = start, setpoint, positioning and parameters."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", ""))
     setpoint = number("simulation.setpoint", simulation.pop("setpoint", 0.0))
     words = number("simulation.process_words", simulation.pop("process_words", 10))
+    positioning = flag("simulation.positioning", simulation.pop("positioning", False))
     parameters = {"p2000": number("rated_speed", item.options.get("rated_speed", 1500))}
     parameters |= {code: number(f"simulation.{code}", value) for code, value in simulation.items()}
     return VirtualSinamics(
@@ -29,4 +30,5 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         process_words=round(words),
         parameters=parameters,
         behind_mailbox=item.type.drive_parameters,
+        positioning=positioning,
     )

@@ -22,6 +22,7 @@ confirms:
 | current above p0640, blocked motor | the torque is limited, the ramp waits, bit 11 goes; 1 s at the limit near standstill: F07900 |
 | technology controller, digital and analog outputs | kept and read back, without effect |
 | a fault whose cause persists when it is acknowledged | moves to the history and is entered again |
+| without the basic positioner (`positioning`) | its parameters do not exist |
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,7 @@ from app.sim.induction_motor import MOTOR_SETS, SQRT3
 from app.sim.sinamics import messages
 from app.sim.sinamics import registers as map
 from app.sim.sinamics import training as own
+from app.sim.sinamics.adjustment import DEFAULTS, SCALE, Adjustment, Encoder
 from app.sim.sinamics.drive_state import DriveState
 from app.sim.sinamics.excitation import BRAKE_TIME, Excitation
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
@@ -50,8 +52,12 @@ from app.sim.sinamics.power import PowerUnit
 from app.sim.sinamics.ramp import RampGenerator
 from app.sim.sinamics.requests import Requests
 from app.sim.sinamics.shaft import RPM, Supply
+from app.sim.sinamics.shaft_encoder import ShaftEncoder
 from app.sim.training import LineFault, TrainingRegisters, is_training
 from app.sim.watchdog import Watchdog
+
+POSITIONING, POSITION = "positioning", "r2521"
+"""Group of the parameters of the basic positioner; its actual position, for the controller and for encoder 1."""
 
 
 class VirtualSinamics(DriveState):
@@ -74,12 +80,14 @@ class VirtualSinamics(DriveState):
         disturbance: float = 4.0,
         inertia_ratio: float = 9.0,
         behind_mailbox: Mapping[str, DriveParameter] | None = None,
+        positioning: bool = False,
     ) -> None:
         """A drive that was just powered up, or runs since long when `start` is `forward` or `reverse`.
 
         `rated_current`: of the motor [A], which sizes it; `setpoint`: [% of p2000] that it begins with; `process_words`: 2 of a G120,
         10 of an S120; `parameters`: as `DEFAULTS`; `load`, `quadratic_load`, `disturbance` [% of rated torque]; `inertia_ratio`: of
-        the load to the rotor; `behind_mailbox`: parameters that its mailbox knows.
+        the load to the rotor; `behind_mailbox`: parameters that its mailbox knows; `positioning`: it has the basic positioner, and an
+        absolute encoder on its shaft.
 
         Raises:
             ConfigurationError: one of them is unknown or out of range.
@@ -89,9 +97,11 @@ class VirtualSinamics(DriveState):
         self.rated_current = rated_current
         self.data = MOTOR_SETS["B"].sized(rated_current * SQRT3)
         self._seed, self._start, self._setpoint, self._inertia_ratio = seed, start, setpoint, inertia_ratio
-        self._behind_mailbox = behind_mailbox or {}
+        self._positioning = positioning
+        known = (behind_mailbox or {}).items()
+        self._behind_mailbox = {code: one for code, one in known if positioning or one.group != POSITIONING}
         self._objects = (1,) if process_words == map.G120_WORDS else (1, 2)
-        self._factory = commissioned(rated_current, parameters or {})
+        self._factory = commissioned(rated_current, parameters or {}) | DEFAULTS
         world = _world(load, quadratic_load, disturbance)
         self._training = TrainingRegisters(
             own.TYPE_CODE,
@@ -176,6 +186,8 @@ class VirtualSinamics(DriveState):
         for number in self._monitoring.step(self.power, self._watched(), self.dt):
             self.buffer.enter(number)
         self._alarm_buffer.step(self.alarms, self.buffer.now)
+        self._turning.step(self.speed, self.dt)
+        self._adjustment.step(self._encoder, self.dt)
         self.model.step(self.dt)
         self._mailbox.step(self.dt, self._training[own.REG_MAILBOX])
 
@@ -237,6 +249,12 @@ class VirtualSinamics(DriveState):
         """Below it the motor stands [rpm]."""
         return max(self._value["p1226"], 1.0)
 
+    @property
+    def _encoder(self) -> Encoder:
+        still = not self.machine.pulses and abs(self.speed) < self._standstill
+        healthy = messages.ENCODER not in (self._injected, *self.buffer.present)
+        return Encoder(self._turning.position(self._value[SCALE]), still, healthy)
+
     def _supply(self) -> Supply:
         return Supply(self.machine.pulses, self.ramp / RPM, self._excitation.flux, self._value["p0640"])
 
@@ -257,6 +275,7 @@ class VirtualSinamics(DriveState):
         """As constructed, the random sequence included."""
         self._training.reset()
         self._value = dict(self._factory)
+        self._turning, self._adjustment = ShaftEncoder(), Adjustment(self._value)
         self._output = [0] * 10
         self._output[1] = Scaling(100.0).raw(self._setpoint) & 0xFFFF
         self._pending.clear()
@@ -276,6 +295,7 @@ class VirtualSinamics(DriveState):
     def _power_up(self) -> None:
         """Off and on again: parameters as saved, the fault buffer as it was; motor and heat sink stay as warm as they are."""
         self.model.power_up()
+        self._adjustment.power_up()
         self._output = [0] * 10
         self._watchdog, self.machine, self._uptime = Watchdog(), StateMachine(), 0.0
         self._mailbox, self._alarm_buffer = Mailbox(self.model.serve), AlarmBuffer()
@@ -288,7 +308,7 @@ class VirtualSinamics(DriveState):
         return ParameterModel(
             self._behind_mailbox,
             self._value,
-            lambda code: shown(self._shown(), code),
+            self._live,
             pulses=lambda: self.machine.pulses,
             act=self._act,
             objects=self._objects,
@@ -299,6 +319,11 @@ class VirtualSinamics(DriveState):
                 "p0307": (motor.rated_power / 1000,),
             },
         )
+
+    def _live(self, code: str) -> Sequence[float] | None:
+        if code == POSITION:
+            return (self._adjustment.position(self._encoder),) * 2
+        return shown(self._shown(), code)
 
     def _act(self, code: str) -> None:
         """What writing a parameter has the drive do."""

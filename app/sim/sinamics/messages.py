@@ -38,11 +38,13 @@ FAULTS: Mapping[int, Fault] = MappingProxyType(
         30005: Fault("power unit: overload I²t", Reaction.OFF2),
         30011: Fault("line phase failure", Reaction.OFF2),
         30021: Fault("earth fault", Reaction.OFF2),
+        31111: Fault("encoder 1: absolute encoder, internal fault", Reaction.OFF2),
     }
 )
 """Number without the F → what the drive does."""
 TIMEOUT, MOTOR_HOT, BLOCKED, OVERSPEED = 1910, 7011, 7900, 7901
 OVERVOLTAGE, UNDERVOLTAGE, SINK_HOT, OVERLOAD = 30002, 30003, 30004, 30005
+ENCODER = 31111
 
 ALARMS: Mapping[int, str] = MappingProxyType(
     {

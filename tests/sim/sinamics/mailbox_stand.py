@@ -27,7 +27,8 @@ WINDOW = at(40601)
 
 
 def powered(**options: float) -> VirtualSinamics:
-    return VirtualSinamics(disturbance=0, behind_mailbox=PARAMETERS, **options)  # type: ignore[arg-type]
+    given = {"positioning": True, **options}
+    return VirtualSinamics(disturbance=0, behind_mailbox=PARAMETERS, **given)  # type: ignore[arg-type]
 
 
 def home(parameter: DriveParameter) -> int:

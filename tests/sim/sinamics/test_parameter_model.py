@@ -29,7 +29,7 @@ from tests.sim.sinamics.mailbox_stand import (
 )
 from tests.sim.sinamics.stand import command, step
 
-ACTS = {"p0952", "p0971", "p0977", "p3981", "p0969"}
+ACTS = {"p0952", "p0971", "p0977", "p3981", "p0969", "p2507", "p2506"}
 """Writing them does something, or they go on by themselves."""
 PLAIN = [
     one
