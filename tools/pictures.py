@@ -64,6 +64,7 @@ SCREENS = {
     "forces": "/forces",
     "faceplate": "/equipment/m1/faceplate",
     "parameters": "/equipment/m1/parameters",
+    "drive-parameters": "/equipment/m1/drive-parameters",
     "trends": "/trends",
     "alarms": "/alarms",
     "events": "/events",

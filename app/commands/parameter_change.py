@@ -1,14 +1,18 @@
 """Values of drive parameters that are to be written: which element of which drive object, and what reading it back must give. Pure.
 
-An element is `2:p1120`, of an array `1:p0757[3]`: drive object, code, index.
+An element is `2:p1120`, of an array `1:p0757[3]`: drive object, code, index. Where parameters are registers there are no drive objects:
+`0:F114`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from app.commands import value_set
 from app.commands.value_set import Change, Stands
+from app.errors import Refused
 from app.plant.definitions import EquipmentType
+from app.plant.expression import Look
 from app.profidrive.parameter_access.formats import LAYOUTS, Number, fits, rounded
 from app.profidrive.parameter_access.messages import (
     ADDRESS,
@@ -64,22 +68,22 @@ class ParameterChange:
         Raises:
             TelegramError: it does not fit the format.
         """
-        return Values(self.parameter.format, (self.in_format(value),))
+        return Values(self.parameter.format, (rounded(self.parameter.format, as_number(self.parameter, value)),))
 
-    def in_format(self, value: float) -> Number:
+    def in_format(self, value: float) -> float:
         """`value` as the drive can hold it.
 
         Raises:
             TelegramError: it cannot.
         """
-        return rounded(self.parameter.format, as_number(self.parameter, value))
+        return held(self.parameter, value)
 
     def described(self, old: float) -> Change:
         """The change as it is told, before it was made."""
-        decimals = 0 if LAYOUTS[self.parameter.format].code != "f" else 3
-        label = f"parameter.{self.parameter.code}"
-        new = float(self.in_format(self.new))
-        return Change(self.key, self.name, label, old, new, self.parameter.unit, decimals)
+        decimals = self.parameter.decimals if LAYOUTS[self.parameter.format].code != "f" else 3
+        return Change(
+            self.key, self.name, self.parameter.text_key, old, self.in_format(self.new), self.parameter.unit, decimals
+        )
 
     def judged(self, change: Change, found: float | None, *, failed: bool = False) -> Change:
         """`change` with what the drive holds, `found`; None = it could not be read. `failed`: a former value that is the new one, too,
@@ -101,9 +105,19 @@ def element_name(parameter: DriveParameter, index: int) -> str:
 
 
 def as_number(parameter: DriveParameter, value: float) -> Number:
-    """A whole number where the format is one."""
-    whole = LAYOUTS[parameter.format].code != "f" and math.isfinite(value) and value == int(value)
-    return int(value) if whole else value
+    """`value` [unit] as the drive counts it: a whole number where the format is one."""
+    steps = parameter.steps(value)
+    whole = LAYOUTS[parameter.format].code != "f" and math.isfinite(steps) and steps == int(steps)
+    return int(steps) if whole else steps
+
+
+def held(parameter: DriveParameter, value: float) -> float:
+    """`value` as the drive can hold it [unit].
+
+    Raises:
+        TelegramError: it cannot.
+    """
+    return parameter.in_unit(rounded(parameter.format, as_number(parameter, value)))
 
 
 def wrong_value(parameter: DriveParameter, value: float) -> tuple[str, dict[str, object]] | None:
@@ -112,15 +126,14 @@ def wrong_value(parameter: DriveParameter, value: float) -> tuple[str, dict[str,
     if not parameter.writable:
         return "profidrive.error.x01", {}
     if not fits(parameter.format, as_number(parameter, value)):
-        whole = LAYOUTS[parameter.format].code != "f" and math.isfinite(value) and value != int(value)
-        key = "why.decimals" if whole else "why.out_of_limits"
-        return key, {**unit, "decimals": 0, "min": parameter.low, "max": parameter.high}
+        steps = parameter.steps(value)
+        between = LAYOUTS[parameter.format].code != "f" and math.isfinite(steps) and steps != int(steps)
+        key = "why.decimals" if between else "why.out_of_limits"
+        return key, {**unit, "decimals": parameter.decimals, "min": parameter.low, "max": parameter.high}
     if parameter.allowed and value not in parameter.allowed:
         return "why.no_option", {**unit, "options": parameter.allowed}
-    held, low, high = (
-        rounded(parameter.format, as_number(parameter, one)) for one in (value, parameter.low, parameter.high)
-    )
-    if not low <= held <= high:
+    low, high = held(parameter, parameter.low), held(parameter, parameter.high)
+    if not low <= held(parameter, value) <= high:
         return "why.out_of_limits", {**unit, "min": parameter.low, "max": parameter.high}
     return None
 
@@ -139,6 +152,33 @@ def requests(changes: Sequence[ParameterChange]) -> Iterator[Sequence[ParameterC
         length += more
     if found:
         yield found
+
+
+def in_order(kind: EquipmentType, changes: Sequence[ParameterChange], look: Look) -> list[ParameterChange]:
+    """`changes` in an order in which the checks of the type hold after every one of them, otherwise as they were.
+
+    Raises:
+        Refused: 422 `why.check`, they do not hold with the new values; `why.set_order`, there is no such order.
+    """
+    values = {one.parameter.point: one.new for one in changes if one.parameter.point}
+    if (check := value_set.broken(kind, values, look)) is not None:
+        raise Refused("why.check", 422, label=check.label, check=check.key)
+    waiting, ordered, done = list(changes), list[ParameterChange](), dict[str, float]()
+    while waiting:
+        possible = (one for one in waiting if _holds(kind, one, done, look))
+        following = next(possible, None)
+        if following is None:
+            raise Refused("why.set_order", 422, label=waiting[0].parameter.text_key)
+        waiting.remove(following)
+        ordered.append(following)
+        if following.parameter.point:
+            done[following.parameter.point] = following.new
+    return ordered
+
+
+def _holds(kind: EquipmentType, one: ParameterChange, done: Mapping[str, float], look: Look) -> bool:
+    point = one.parameter.point
+    return not point or value_set.broken(kind, {point: one.new}, value_set.after(look, done)) is None
 
 
 def saving_of(kind: EquipmentType) -> DriveParameter | None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from app.commands.parameter_change import ParameterChange
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, MailboxRefused, Refused
-from app.links.mailbox import MailboxUnit, Missed, Outcome
-from app.profidrive.parameter_access.error_numbers import key_of, mailbox_key_of
+from app.links.mailbox import Missed, Outcome, ParameterAccess
+from app.profidrive.parameter_access.error_numbers import key_of, mailbox_key_of, shown
 from app.profidrive.parameter_access.messages import Failed, Values
 
 TRIES, PAUSE = 3, 0.25
@@ -30,7 +30,7 @@ class Work:
     """One set at work."""
 
     changes: Sequence[ParameterChange]
-    mailbox: MailboxUnit
+    mailbox: ParameterAccess
     sent: list[Sequence[ParameterChange]] = field(default_factory=list)
     """Requests that may have reached the drive."""
     errors: dict[str, int | None] = field(default_factory=dict)
@@ -56,11 +56,11 @@ class ParameterReading:
             if not isinstance(outcome, Values):
                 key, params = why(one, outcome)
                 raise Refused(key, 503 if isinstance(outcome, Missed) else 409, **params)
-            found[one.key] = value = float(outcome.values[0])
+            found[one.key] = value = one.parameter.in_unit(outcome.values[0])
             if one.seen is not None and value != one.seen:
-                label = f"parameter.{one.parameter.code}"
+                unit = one.parameter.unit
                 raise Refused(
-                    "why.changed", 409, label=label, current=value, expected=one.seen, unit=one.parameter.unit
+                    "why.changed", 409, label=one.parameter.text_key, current=value, expected=one.seen, unit=unit
                 )
         return found
 
@@ -77,7 +77,7 @@ class ParameterReading:
                 found.append(replace(change, found=change.old, stands=Stands.OLD))
                 continue
             outcome = values[one.key]
-            value = float(outcome.values[0]) if isinstance(outcome, Values) else None
+            value = one.parameter.in_unit(outcome.values[0]) if isinstance(outcome, Values) else None
             refused = one.key in work.errors
             judged = one.judged(change, value, failed=failed and (refused or not one.parameter.trigger))
             found.append(replace(judged, error=work.errors.get(one.key)))
@@ -102,7 +102,7 @@ class ParameterReading:
         return [told[one.key] for one in wanted]
 
     @staticmethod
-    async def asked(mailbox: MailboxUnit, object: int, group: Sequence[ParameterChange]) -> list[Outcome]:
+    async def asked(mailbox: ParameterAccess, object: int, group: Sequence[ParameterChange]) -> list[Outcome]:
         try:
             return await mailbox.read(object, [one.address for one in group], [one.parameter.format for one in group])
         except Refused:  # the plant was read anew, and its link may not write any more
@@ -115,10 +115,9 @@ class ParameterReading:
 
 def why(one: ParameterChange, outcome: Outcome) -> tuple[str, dict[str, object]]:
     """Why an element was not read or written, in the drive's own words where it has some."""
-    named: dict[str, object] = {"parameter": one.name, "label": f"parameter.{one.parameter.code}"}
+    named: dict[str, object] = {"parameter": one.name, "label": one.parameter.text_key}
     if isinstance(outcome, Failed):
-        number = "–" if outcome.number is None else f"0x{outcome.number:02X}"
-        return "why.par_refused", {**named, "cause": key_of(outcome.number), "number": number}
+        return "why.par_refused", {**named, "cause": key_of(outcome.number), "number": shown(outcome.number)}
     if isinstance(outcome, Missed) and isinstance(outcome.error, MailboxRefused):
         number = f"0x{outcome.error.number:04X}"
         return "why.par_refused", {**named, "cause": mailbox_key_of(outcome.error.number), "number": number}

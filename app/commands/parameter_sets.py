@@ -1,4 +1,4 @@
-"""Parameters of a drive behind its mailbox on their way: written in order, all read back, and all put back when one fails.
+"""Parameters of a drive on their way: written in order, all read back, and all put back when one fails.
 
     former values read → sent (on the disk) → request → request → … → all read back → confirmed
                                                 └ refused, not as written, a right or a condition lost, Stop, cancelled
@@ -36,6 +36,7 @@ from app.commands.parameter_change import (
     SAVE_LABEL,
     SAVES,
     ParameterChange,
+    in_order,
     requests,
     saving_of,
     wrong_value,
@@ -45,11 +46,12 @@ from app.commands.set_follow_up import FOUND_EVERY, FOUND_MIXED, FOUND_NEW, FOUN
 from app.commands.sets import MIXED, NO_AUDIT, RESTORE_LIMIT, RESTORED, Failure
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
-from app.links.mailbox import MailboxUnit, Missed, Outcome
+from app.links.mailbox import Missed, Outcome, ParameterAccess
 from app.links.schedule import PERMIT
 from app.plant.definitions import Command
 from app.plant.expression import parse
 from app.profidrive.parameter_access.messages import Failed, Values
+from app.profidrive.parameter_access.parameter import When
 
 log = logging.getLogger(__name__)
 
@@ -61,11 +63,11 @@ NOT_SAVED = "why.par_not_saved"
 CANCELLED = "why.par_cancelled"
 
 
-class MailboxWriter(Writer, Protocol):
-    """What is needed of a link to drives with a mailbox."""
+class ParameterWriter(Writer, Protocol):
+    """What is needed of a link to drives with parameters."""
 
-    def parameters(self, equipment: str) -> MailboxUnit:
-        """The one queue to the mailbox of a drive.
+    def parameters(self, equipment: str) -> ParameterAccess:
+        """The one queue to the parameters of a drive.
 
         Raises:
             LinkError: it has none.
@@ -106,7 +108,7 @@ class ParameterSets:
             Refused: as `Gate.ask`; 409 `why.changed`, an element is another than it was seen at; 422, a value that is not permitted.
         """
         order = self._order(person, equipment, KEY, id, nonce, confirmed, proven, reason, address, language)
-        return await self._execution.take(order, _writing, partial(self._send_changes, changes))
+        return await self._execution.take(order, partial(_writing, changes), partial(self._send_changes, changes))
 
     async def save(
         self,
@@ -163,8 +165,7 @@ class ParameterSets:
         self, changes: Sequence[ParameterChange], order: Order, machine: Machine, prepared: Prepared, plan: Task
     ) -> Progress:
         _check(changes)
-        work = Work(changes, self._mailbox(machine))
-        job = self._job(order, machine, prepared, plan)
+        work, job = Work(changes, self._mailbox(machine)), self._job(order, machine, prepared, plan)
         return await self._done(machine, job, self._carry_out(machine, job, work))
 
     async def _send_save(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
@@ -191,13 +192,15 @@ class ParameterSets:
             raise Refused(NO_AUDIT, 503)
         return job.progress
 
-    def _mailbox(self, machine: Machine) -> MailboxUnit:
+    def _mailbox(self, machine: Machine) -> ParameterAccess:
         try:
-            return cast(MailboxWriter, self._state.writers[machine.item.link]).parameters(machine.item.id)
+            return cast(ParameterWriter, self._state.writers[machine.item.link]).parameters(machine.item.id)
         except LinkError as error:
             raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
 
     async def _carry_out(self, machine: Machine, job: SetJob, work: Work) -> None:
+        await _read_related(self._state, machine, work.changes)
+        work.changes = in_order(machine.item.type, work.changes, self._state.readings.look(machine))
         former = await self._reading.former(machine.item.id, work)
         described = tuple(one.described(former[one.key]) for one in work.changes)
         job.went(replace(job.progress, changes=described, old=value_set.values_text(described, old=True)))
@@ -338,7 +341,7 @@ class ParameterSets:
         old, new = (value_set.values_text(found, old=old) for old in (True, False))
         self._state.audit_lines.line(None, f"{equipment}.{KEY}", old, new, told, by=told.person)
 
-    async def _save(self, machine: Machine, job: SetJob, mailbox: MailboxUnit) -> None:
+    async def _save(self, machine: Machine, job: SetJob, mailbox: ParameterAccess) -> None:
         parameter = saving_of(machine.item.type)
         assert parameter is not None
         object = parameter.objects[0]
@@ -378,9 +381,36 @@ def _command(key: str, label: str) -> Command:
     return Command(key, label, writes=(), feedback="", timeout="5", level="C4", role="engineer", moves=False)
 
 
-def _writing(machine: Machine) -> Prepared | None:
-    """What is asked for to write parameters; None for a machine that has none."""
-    return interlocks.prepare(machine.item, _command(KEY, LABEL)) if machine.item.type.drive_parameters else None
+def _writing(changes: Sequence[ParameterChange], machine: Machine) -> Prepared | None:
+    """What is asked for to write parameters; None for a machine that has none.
+
+    A drive behind a mailbox judges itself when a parameter may be changed. Of one whose parameters are registers nothing says so: what is
+    only for standstill, as everything of which nothing is known, waits for it here.
+    """
+    kind = machine.item.type
+    if not kind.drive_parameters:
+        return None
+    prepared = interlocks.prepare(machine.item, _command(KEY, LABEL))
+    guarded = kind.device.parameters is not None and any(one.parameter.when is not When.ALWAYS for one in changes)
+    return _at_standstill(machine, prepared) if guarded else prepared
+
+
+async def _read_related(state: CommandState, machine: Machine, changes: Sequence[ParameterChange]) -> None:
+    """Read now what the checks of the type compare the new values with.
+
+    Raises:
+        Refused: 503, it cannot be read.
+    """
+    points = {one.parameter.point for one in changes if one.parameter.point}
+    names = [parse(check.expression).names for check in machine.item.type.checks]
+    related = {key for used in names if not used.isdisjoint(points) for key in used}
+    wanted = interlocks.sources(machine.item.points, related)
+    if not wanted:
+        return
+    try:
+        await state.writers[machine.item.link].refresh(machine.item.id, wanted)
+    except LinkError as error:
+        raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
 
 
 def _check(changes: Sequence[ParameterChange]) -> None:
@@ -392,14 +422,17 @@ def _check(changes: Sequence[ParameterChange]) -> None:
     for one in changes:
         wrong = ("why.par_save_apart", {}) if one.parameter.code in SAVES else wrong_value(one.parameter, one.new)
         if wrong is not None:
-            raise Refused(wrong[0], 422, label=f"parameter.{one.parameter.code}", argument=one.key, **wrong[1])
+            raise Refused(wrong[0], 422, label=one.parameter.text_key, argument=one.key, **wrong[1])
 
 
 def _saving(machine: Machine) -> Prepared | None:
     """Saving, at standstill; None for a machine that has nothing to be saved by."""
     if saving_of(machine.item.type) is None:
         return None
-    prepared = interlocks.prepare(machine.item, _command(SAVE, SAVE_LABEL))
+    return _at_standstill(machine, interlocks.prepare(machine.item, _command(SAVE, SAVE_LABEL)))
+
+
+def _at_standstill(machine: Machine, prepared: Prepared) -> Prepared:
     stopped = interlocks.stopped(machine.item.type)
     used = interlocks.sources(machine.item.points, parse(stopped.expression).names)
     return replace(

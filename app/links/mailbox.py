@@ -13,6 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from app import chance
 from app.errors import (
@@ -78,6 +79,34 @@ class Missed:
 Outcome = Result | Missed
 Progress = Callable[[int, int], None]
 """(parameters done, of all)."""
+
+
+class ParameterAccess(Protocol):
+    """How the parameters of a drive are read and written: through its mailbox, or as registers (links/register_parameters.py)."""
+
+    async def read(
+        self,
+        drive_object: int,
+        addresses: Sequence[Address],
+        formats: Sequence[Format | None] = (),
+        progress: Progress | None = None,
+    ) -> list[Outcome]:
+        """What the drive says of each of `addresses`.
+
+        Raises:
+            Refused: nothing may be asked.
+        """
+        ...
+
+    async def change(
+        self, drive_object: int, changes: Sequence[tuple[Address, Values]], progress: Progress | None = None
+    ) -> list[Outcome]:
+        """Write `changes` in their order; what became of each. Never sent again once the drive may have taken it.
+
+        Raises:
+            Refused: nothing may be written.
+        """
+        ...
 
 
 class MailboxUnit:

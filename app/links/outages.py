@@ -17,12 +17,13 @@ from app.links.examine import NO_REGISTER, Examiner
 from app.links.line import Line
 from app.links.mailbox import MailboxUnit
 from app.links.plc import PlcUnit
+from app.links.register_parameters import RegisterParameters
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Priority
 from app.links.services import Service
 from app.links.station import Station
 from app.links.statistics import LinkState
-from app.plant.definitions import Link, MailboxMap, PlcMap, UnitService
+from app.plant.definitions import Link, MailboxMap, ParameterMap, PlcMap, UnitService
 from app.tags.database import TagDatabase
 from app.tags.quality import COMM_FAILURE, CONFIGURATION, DEVICE
 
@@ -62,7 +63,11 @@ TRAINING_VERSION = 1
 """Head of the training registers (reference/register-map.md): magic, flags, version, type."""
 GATEWAY = (10, 11)
 PERMANENT_CODES = (1, 7)
-KINDS: Mapping[type[UnitService], Callable[..., Service]] = {PlcMap: PlcUnit, MailboxMap: MailboxUnit}
+KINDS: Mapping[type[UnitService], Callable[..., Service]] = {
+    PlcMap: PlcUnit,
+    MailboxMap: MailboxUnit,
+    ParameterMap: RegisterParameters,
+}
 """What a type says of a service → what serves it."""
 
 

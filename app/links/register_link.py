@@ -16,6 +16,7 @@ from app.links.host_event import EventTaker
 from app.links.machines import Machines, by_unit, wiring
 from app.links.mailbox import MailboxUnit
 from app.links.plc import TORN_TRIES, PlcUnit
+from app.links.register_parameters import RegisterParameters
 from app.links.runner import LinkRunner
 from app.links.scan_block import ScanBlock, words_of
 from app.links.schedule import Priority
@@ -217,16 +218,17 @@ class RegisterLink:
         self._writes.check(station, urgent=urgent or not bits)
         await plc.orders.hold(bits, counter, argument, urgent=urgent)
 
-    def parameters(self, equipment: str) -> MailboxUnit:
-        """The parameters of a drive: the one queue to its mailbox. Changes come from the command gate.
+    def parameters(self, equipment: str) -> MailboxUnit | RegisterParameters:
+        """The parameters of a drive: the one queue to its mailbox, or its registers. Changes come from the command gate.
 
         Raises:
-            LinkError: no such machine, or it has no mailbox.
+            LinkError: no such machine, or it has no such parameters.
         """
         item = self._machines.named(equipment)
-        unit = self._runner.stations[item.unit].service(MailboxUnit)
+        station = self._runner.stations[item.unit]
+        unit = station.service(MailboxUnit) or station.service(RegisterParameters)
         if unit is None:
-            raise LinkError(f"{equipment} has no parameter mailbox: its type {item.type.name} is none with one")
+            raise LinkError(f"{equipment} has no parameters: its type {item.type.name} is none with them")
         return unit
 
     async def refresh(self, equipment: str, points: Iterable[str]) -> None:

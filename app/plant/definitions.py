@@ -307,6 +307,18 @@ class MailboxMap(UnitService):
 
 
 @dataclass(frozen=True, slots=True)
+class ParameterMap(UnitService):
+    """The parameters of a drive are registers of one word, found by their codes (registers/function_codes.py)."""
+
+    most: int = 1
+    """Registers per read."""
+    permanent: tuple[int, int] | None = None
+    """(register, word) written before parameters, so that they go to permanent memory; None = they do."""
+    ranges: Sequence[tuple[str, str]] = ()
+    """Codes that a drive may have: first and last of each group."""
+
+
+@dataclass(frozen=True, slots=True)
 class Interventions:
     """The rows of a table are interventions of people in a machine: each stands until its time is over or somebody takes it back.
 
@@ -384,6 +396,11 @@ class Device:
         """Of a Pogon PLC (reference/register-map.md)."""
         return next((service for service in self.services if isinstance(service, PlcMap)), None)
 
+    @property
+    def parameters(self) -> ParameterMap | None:
+        """Of a drive whose parameters are registers."""
+        return next((service for service in self.services if isinstance(service, ParameterMap)), None)
+
 
 @dataclass(frozen=True, slots=True)
 class TrainingWord:
@@ -457,7 +474,7 @@ class EquipmentType:
     """What it keeps of its history, by name, in the order of records.toml."""
     training: Training = field(default_factory=Training)
     drive_parameters: Mapping[str, DriveParameter] = field(default_factory=dict)
-    """What is behind the mailbox of its drives, by code."""
+    """What is known of the parameters of its drives, by code."""
     symbol: str = "e-machine"
     """What its machines are drawn as, in static/symbols.svg."""
     tile: frozenset[str] = frozenset()

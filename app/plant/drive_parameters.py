@@ -46,8 +46,8 @@ def read_parameters(file: Table) -> dict[str, DriveParameter]:
 
 def text_keys(parameters: Mapping[str, DriveParameter]) -> Iterator[str]:
     """The texts that they ask for."""
-    for code, parameter in parameters.items():
-        yield f"parameter.{code}"
+    for parameter in parameters.values():
+        yield parameter.text_key
         yield f"parameter.group.{parameter.group}"
         yield from parameter.options.values()
 

@@ -5,11 +5,13 @@ from collections.abc import Callable, Mapping
 from app.plant.definitions import Device, UnitService
 from app.plant.mailbox import read_mailbox
 from app.plant.plc import read_plc
+from app.plant.register_parameters import read_parameter_map
 from app.plant.tables import Table
 
 READERS: Mapping[str, Callable[[Table, Device], UnitService | None]] = {
     "plc": read_plc,
     "mailbox": read_mailbox,
+    "parameters": read_parameter_map,
 }
 """Name of the table → what reads it."""
 

@@ -3,8 +3,8 @@
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
 (each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `commands.toml`; `interlocks.toml` with
 `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
-`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive with a mailbox `parameters.toml`
-(plant/drive_parameters.py).
+`tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive `parameters.toml`, behind a
+mailbox (plant/drive_parameters.py) or as registers (plant/register_parameters.py).
 
 Of a type whose equipment runs a sequence, and of a machine that one may use, device.toml says:
 
@@ -26,7 +26,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from app.plant import drive_parameters, plc, record_kinds
+from app.plant import drive_parameters, plc, record_kinds, register_parameters
 from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
 from app.plant.services import read_services
@@ -122,7 +122,12 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     check_commands(guards, "permissives", permissives, commands, name)
     check_commands(guards, "interlocks", interlocks, commands, name)
     training = read_training(files.open("training.toml"), tuple(points.found))
-    behind_mailbox = drive_parameters.read_parameters(files.open("parameters.toml"))
+    known = files.open("parameters.toml")
+    if device.parameters:
+        found = {key: data.point for key, data in points.found.items()}
+        parameters_known = register_parameters.read_known(known, setpoints, found)
+    else:
+        parameters_known = drive_parameters.read_parameters(known)
     texts = {
         language: dict(flatten(files.open(f"texts.{language}.toml", optional=language not in spoken).data))
         for language in languages
@@ -158,7 +163,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         simulation_presets=simulation_presets,
         records=kinds,
         training=training,
-        drive_parameters=behind_mailbox,
+        drive_parameters=parameters_known,
         symbol=symbol,
         tile=read_tile(head, tile, points.found),
     )
@@ -190,5 +195,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from training_keys(kind.training)
     yield from drive_parameters.text_keys(kind.drive_parameters)
+    if kind.device.parameters:
+        yield from register_parameters.text_keys(kind.device.parameters)
     yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
     yield from record_kinds.text_keys(kind.records)

@@ -1,4 +1,4 @@
-"""The mailbox of a drive for the pages that read and write parameters through it, and what they keep of a drive.
+"""The parameters of a drive for the pages that read and write them, through its mailbox or as registers, and what they keep of a drive.
 
 What was read is kept by what the drive is (type, link, unit), not by what it is called: after the plant was read anew the same name may
 be another drive, of which nothing is known yet.
@@ -10,7 +10,8 @@ from typing import TypeVar
 from fastapi import FastAPI
 
 from app.errors import LinkError, MailboxRefused, Refused
-from app.links.mailbox import MailboxUnit, Missed
+from app.links.mailbox import Missed, ParameterAccess
+from app.plant.register_parameters import OBJECT
 from app.profidrive.parameter_access.error_numbers import mailbox_key_of
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Values
@@ -25,12 +26,12 @@ MOST_OBJECTS = 24
 Kept = TypeVar("Kept")
 
 
-def mailbox_of(operation: Operation) -> MailboxUnit:
-    """The one queue to the mailbox of the machine.
+def mailbox_of(operation: Operation) -> ParameterAccess:
+    """The one queue to the parameters of the machine.
 
     Raises:
         Refused: 503, the plant has no such link now.
-        LinkError: the machine has no mailbox.
+        LinkError: the machine has no parameters.
     """
     link = operation.runtime.links.get(operation.equipment.link)
     if link is None:
@@ -48,12 +49,20 @@ def kept_of(app: FastAPI, operation: Operation, kind: str, make: Callable[[], Ke
     return found[key]
 
 
-async def objects_of(mailbox: MailboxUnit) -> tuple[int, ...]:
-    """The drive objects; only the first one, which every drive has, where it does not tell.
+def has_objects(operation: Operation) -> bool:
+    """Whether the parameters of the machine stand in drive objects."""
+    return operation.equipment.equipment.type.device.parameters is None
+
+
+async def objects_of(operation: Operation, mailbox: ParameterAccess) -> tuple[int, ...]:
+    """The drive objects; only the first one, which every drive has, where it does not tell. A drive whose parameters are registers has
+    none: it is asked nothing.
 
     Raises:
         LinkError: it could not be asked.
     """
+    if not has_objects(operation):
+        return (OBJECT,)
     wanted = [Address(OBJECT_COUNT), Address(OBJECT_NUMBERS, 0, MOST_OBJECTS)]
     count, numbers = await mailbox.read(CONTROL_UNIT, wanted, [Format.UNSIGNED16] * 2)
     for told in (count, numbers):

@@ -1,4 +1,6 @@
-"""All parameters of a drive behind its mailbox: searched, by group, read when somebody asks, each with the time at which it was read.
+"""All parameters of a drive: searched, by group, read when somebody asks, each with the time at which it was read.
+
+They are behind its mailbox, or registers found by their codes: then any number may be asked for, also one of which nothing is known.
 
 Reading takes a while (a request of at most 39 parameters takes tens of milliseconds, on a serial line more), so it goes on beside the
 page, which looks how far it is. One reading per machine goes on at a time: who asks for another one takes its place. What was read
@@ -9,24 +11,34 @@ Which drive objects there are is asked first (r0102, p0101 of object 1): a drive
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
-from app.commands.parameter_change import SAVES, element_name
+from app.commands.parameter_change import SAVES, element_name, held
 from app.errors import LinkError, Refused
-from app.links.mailbox import MailboxUnit, Missed, Outcome
-from app.profidrive.parameter_access.error_numbers import key_of
+from app.links.mailbox import Missed, Outcome, ParameterAccess
+from app.plant.register_parameters import codes_in, unknown
+from app.profidrive.parameter_access.error_numbers import key_of, shown
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Failed, Values
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web import format as fmt
 from app.web.commands import operation_of, wants_fragment
-from app.web.drive_mailbox import CONTROL_UNIT, drive_among, kept_of, mailbox_of, objects_of, problem_of, told_of
-from app.web.drive_values import permitted_text, value_text
+from app.web.drive_mailbox import (
+    CONTROL_UNIT,
+    drive_among,
+    has_objects,
+    kept_of,
+    mailbox_of,
+    objects_of,
+    problem_of,
+    told_of,
+)
+from app.web.drive_values import confirmed, parameter_of, permitted_text, value_text
 from app.web.drive_writing import drive_of, list_context
 from app.web.guard import allow, fields
 from app.web.operation import Operation
@@ -37,8 +49,8 @@ router = APIRouter()
 LONGEST_SEARCH = 80
 ELEMENTS_SHOWN = 8
 """Of an array; how many more there are is told."""
-CONFIRMED = frozenset("MTCX")
-"""Marks that stand for a source."""
+EVERY, CHANGED = "every", "changed"
+"""What is shown besides what is known: every code that a drive may have; only what is not at its default."""
 
 Place = tuple[int, str]
 """Drive object, code."""
@@ -80,6 +92,16 @@ class Machine:
 
 
 @dataclass(frozen=True, slots=True)
+class Asked:
+    """Which parameters somebody wants to see."""
+
+    search: str
+    group: str
+    show: str
+    """EVERY, CHANGED or nothing."""
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """One parameter of one drive object."""
 
@@ -98,6 +120,10 @@ class Row:
     problem: str
     """Why there is no value."""
     time: str
+    default: str
+    """Empty when none is known."""
+    changed: bool
+    """Whether it was read and is another one than the default."""
 
 
 @router.get("/equipment/{key}/drive-parameters", dependencies=[allow("configure")])
@@ -114,19 +140,15 @@ async def page(request: Request, key: str) -> HTMLResponse:
         chip=machine.id,
         up=operation.url,
         message=operation.story,
-        groups=_groups(operation),
-        **(
-            list_context(request, operation)
-            | _rows(request, operation, request.query_params.get("q", ""), request.query_params.get("group", ""))
-        ),
+        groups=_groups(operation, _asked(request.query_params).show),
+        **(list_context(request, operation) | _rows(request, operation, _asked(request.query_params))),
     )
 
 
 @router.get("/equipment/{key}/drive-parameters/rows", dependencies=[allow("configure")])
 async def rows(request: Request, key: str) -> HTMLResponse:
     """The table alone, while values come in."""
-    query = request.query_params
-    found = _rows(request, operation_of(request, key), query.get("q", ""), query.get("group", ""))
+    found = _rows(request, operation_of(request, key), _asked(request.query_params))
     return view_of(request).fragment(request, "fragments/drive_parameter_rows.html", **found)
 
 
@@ -134,27 +156,33 @@ async def rows(request: Request, key: str) -> HTMLResponse:
 async def read(request: Request, key: str) -> Response:
     """Read what the search and the group let through, or cancel what is being read."""
     operation = operation_of(request, key)
-    form = await fields(request, (), ("q", "group", "cancel"))
+    form = await fields(request, (), ("q", "group", "show", "cancel"))
+    asked = _asked(form)
     machine = _machine(request.app, operation)
     if machine.reading is not None and machine.reading.task is not None:
         machine.reading.task.cancel()
     if not form["cancel"]:
-        machine.reading = _begin(operation, machine, form["q"], form["group"])
+        machine.reading = _begin(operation, machine, asked)
     if not wants_fragment(request):
         return RedirectResponse(form["next"] or f"{operation.url}/drive-parameters", 303)
-    found = _rows(request, operation, form["q"], form["group"])
+    found = _rows(request, operation, asked)
     return view_of(request).fragment(request, "fragments/drive_parameter_rows.html", **found)
 
 
-def _begin(operation: Operation, machine: Machine, search: str, group: str) -> Reading:
-    reading = Reading(len(_wanted(operation, machine, search, group)))
+def _asked(given: Mapping[str, str]) -> Asked:
+    show = given.get("show", "")
+    return Asked(given.get("q", "")[:LONGEST_SEARCH], given.get("group", ""), show if show in (EVERY, CHANGED) else "")
+
+
+def _begin(operation: Operation, machine: Machine, asked: Asked) -> Reading:
+    reading = Reading(len(_wanted(operation, machine, asked)))
     mailbox = mailbox_of(operation)
 
     async def work() -> None:
         try:
             if not machine.objects:
-                machine.objects = await objects_of(mailbox)
-            wanted = _wanted(operation, machine, search, group)
+                machine.objects = await objects_of(operation, mailbox)
+            wanted = _wanted(operation, machine, asked)
             reading.count = len(wanted)
             await _read(operation, machine, reading, wanted, mailbox)
         except (LinkError, Refused) as error:
@@ -169,7 +197,7 @@ async def _read(
     machine: Machine,
     reading: Reading,
     wanted: Sequence[tuple[int, DriveParameter]],
-    mailbox: MailboxUnit,
+    mailbox: ParameterAccess,
 ) -> None:
     """One drive object after the other; what came is kept, also when the rest fails."""
     clock = operation.runtime.clock
@@ -196,7 +224,7 @@ def _machine(app: FastAPI, operation: Operation) -> Machine:
 
 def _parameters(operation: Operation) -> Mapping[str, DriveParameter]:
     """Raises:
-    HTTPException: 404, the machine has none behind a mailbox.
+    HTTPException: 404, the machine has none.
     """
     parameters = operation.equipment.equipment.type.drive_parameters
     if not parameters:
@@ -204,12 +232,22 @@ def _parameters(operation: Operation) -> Mapping[str, DriveParameter]:
     return parameters
 
 
-def _groups(operation: Operation) -> list[tuple[str, str, int]]:
-    """Key, text and number of parameters of every group, in the order of their texts."""
-    parameters = _parameters(operation).values()
+def _groups(operation: Operation, show: str) -> list[tuple[str, str, int]]:
+    """Key, text and number of parameters of every group; where codes order them in the order of the codes, else of their texts."""
+    parameters = _listed(operation, show).values()
     counts = {group: sum(one.group == group for one in parameters) for group in {one.group for one in parameters}}
     t = operation.equipment.t
-    return sorted(((key, t(f"parameter.group.{key}"), count) for key, count in counts.items()), key=lambda row: row[1])
+    found = ((key, t(f"parameter.group.{key}"), count) for key, count in counts.items())
+    return sorted(found, key=lambda row: row[1] if has_objects(operation) else row[0])
+
+
+def _listed(operation: Operation, show: str) -> Mapping[str, DriveParameter]:
+    """By code: what is known, or every code that the drive may have."""
+    known, map = _parameters(operation), operation.equipment.equipment.type.device.parameters
+    if show != EVERY or map is None:
+        return known
+    found = {code: one for code in codes_in(map) if (one := known.get(code) or unknown(code)) is not None}
+    return dict(sorted((found | dict(known)).items(), key=lambda one: one[1].number))
 
 
 def places(parameter: DriveParameter, objects: Sequence[int]) -> list[int]:
@@ -220,33 +258,43 @@ def places(parameter: DriveParameter, objects: Sequence[int]) -> list[int]:
     return list(dict.fromkeys(CONTROL_UNIT if one == CONTROL_UNIT else drive for one in parameter.objects))
 
 
-def _wanted(operation: Operation, machine: Machine, search: str, group: str) -> list[tuple[int, DriveParameter]]:
-    """(drive object, parameter) of everything whose number or name holds the search, in the group; all when both are empty."""
-    text, t = search.strip()[:LONGEST_SEARCH].casefold(), operation.equipment.t
+def _wanted(operation: Operation, machine: Machine, asked: Asked) -> list[tuple[int, DriveParameter]]:
+    """(drive object, parameter) of everything whose number or name holds the search, in the group; all when both are empty.
+
+    A code that is written out is found although nothing is known of it."""
+    text, t = asked.search.strip().casefold(), operation.equipment.t
+    listed = _listed(operation, asked.show)
     found = []
-    for code, parameter in _parameters(operation).items():
-        named = text in code or text == str(parameter.number) or text in t(f"parameter.{code}").casefold()
-        if named and group in ("", parameter.group):
+    for code, parameter in listed.items():
+        named = text in code.casefold() or text == str(parameter.number) or text in t(parameter.text_key).casefold()
+        if named and asked.group in ("", parameter.group):
             found += [(object, parameter) for object in places(parameter, machine.objects)]
-    return found
+    alone = None if found else parameter_of(operation.equipment.equipment.type, text.upper())
+    return [(object, alone) for object in alone.objects] if alone is not None else found
 
 
-def _rows(request: Request, operation: Operation, search: str, group: str) -> dict[str, Any]:
+def _rows(request: Request, operation: Operation, asked: Asked) -> dict[str, Any]:
     machine = _machine(request.app, operation)
     reading = machine.reading
-    wanted = _wanted(operation, machine, search, group)
+    wanted = _wanted(operation, machine, asked)
     written = drive_of(request, operation).written
     problem = ""
     if reading is not None and reading.problem:
         problem = operation.words.text(reading.problem, reading.params)
+    rows = [_row(operation, machine, written, *one) for one in wanted]
     return {
         "operation": operation,
         "equipment": operation.equipment,
-        "rows": [_row(operation, machine, written, *one) for one in wanted],
+        "rows": [row for row in rows if row.changed] if asked.show == CHANGED else rows,
         "reading": reading if reading is not None and not reading.over else None,
         "problem": problem,
-        "search": search[:LONGEST_SEARCH],
-        "group": group if any(group == one.group for _, one in wanted) else "",
+        "search": asked.search,
+        "group": asked.group if any(asked.group == one.group for _, one in wanted) else "",
+        "show": asked.show,
+        "unread": sum(not row.time for row in rows),
+        "changed_count": sum(row.changed for row in rows),
+        "objects": has_objects(operation),
+        "numbered": operation.equipment.equipment.type.device.parameters is not None,
     }
 
 
@@ -256,29 +304,39 @@ def _row(
     drawn, found = operation.equipment, machine.found.get((object, parameter.code))
     if found is not None and found.time < written.get((object, parameter.code), 0):
         found = None
-    value, more, problem = "", 0, ""
+    value, more, problem, changed = "", 0, "", False
+    has_default = parameter.has_default and parameter.writable and not parameter.count
     if found is not None and isinstance(found.outcome, Values):
-        values = [value_text(operation, parameter, one) for one in found.outcome.values]
+        numbers = [parameter.in_unit(one) for one in found.outcome.values]
+        values = [value_text(operation, parameter, one) for one in numbers]
         value, more = " · ".join(values[:ELEMENTS_SHOWN]), max(0, len(values) - ELEMENTS_SHOWN)
+        changed = has_default and numbers[0] != held(parameter, parameter.default)
     elif found is not None and isinstance(found.outcome, Failed):
-        number = found.outcome.number
-        shown = "–" if number is None else fmt.hexadecimal(number, 2)
-        problem = f"{shown} {drawn.text(key_of(number), number=shown)}"
+        said = shown(found.outcome.number)
+        problem = f"{said} {drawn.text(key_of(found.outcome.number), number=said)}"
     elif found is not None and isinstance(found.outcome, Missed):
         problem = operation.words.text(*told_of(found.outcome.error))
     return Row(
         parameter,
         object,
-        drawn.t(f"parameter.{parameter.code}"),
+        drawn.t(parameter.text_key),
         fmt.unit_symbol(parameter.unit, drawn.text) if parameter.unit else "",
         permitted_text(parameter, drawn.lang),
         _keys(object, parameter),
-        bool(CONFIRMED & set(parameter.certainty)),
+        confirmed(parameter),
         value,
         more,
         problem,
         operation.words.time(found.time) if found is not None else "",
+        _default_text(operation, parameter) if has_default else "",
+        changed,
     )
+
+
+def _default_text(operation: Operation, parameter: DriveParameter) -> str:
+    """Without the text of an option, which stands where the value is chosen."""
+    plain = replace(parameter, options={})
+    return value_text(operation, plain, plain.default)
 
 
 def _keys(object: int, parameter: DriveParameter) -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ import re
 
 from app.errors import Refused
 from app.plant.definitions import EquipmentType
+from app.plant.register_parameters import unknown
 from app.profidrive.parameter_access.formats import size_of
 from app.profidrive.parameter_access.parameter import DriveParameter, Kind
 from app.profidrive.parameter_access.source import is_source, source_text
@@ -11,7 +12,9 @@ from app.web import format as fmt
 from app.web.operation import Operation
 
 DECIMALS = 3
-ELEMENT = re.compile(r"(\d{1,3}):([pr]\d{4,5})(?:\[(\d{1,5})\])?")
+CONFIRMED = frozenset("MTCX")
+"""Marks that stand for a source."""
+ELEMENT = re.compile(r"(\d{1,3}):([pr]\d{4,5}|F[1-9A]\d\d)(?:\[(\d{1,5})\])?", re.ASCII)
 
 
 def element_of(operation: Operation, key: str) -> tuple[int, DriveParameter, int]:
@@ -30,13 +33,24 @@ def element_in(kind: EquipmentType, key: str) -> tuple[int, DriveParameter, int]
         Refused: 422.
     """
     found = ELEMENT.fullmatch(key)
-    parameter = kind.drive_parameters.get(found[2]) if found else None
+    parameter = parameter_of(kind, found[2]) if found else None
     index = int(found[3] or 0) if found else 0
     if found is None or parameter is None or bool(found[3]) != bool(parameter.count) or index >= parameter.elements:
         raise Refused("dpar.no_element", 422, text=key[:40])
     if int(found[1]) > 255 or not parameter.writable:
         raise Refused("dpar.no_element", 422, text=key[:40])
     return int(found[1]), parameter, index
+
+
+def parameter_of(kind: EquipmentType, code: str) -> DriveParameter | None:
+    """The parameter `code` as it is known, where parameters are registers also one of which nothing is; None = there is none."""
+    found = kind.drive_parameters.get(code)
+    return unknown(code) if found is None and kind.device.parameters is not None else found
+
+
+def confirmed(parameter: DriveParameter) -> bool:
+    """Whether a source stands for its number and meaning; of one of which nothing is known nothing is to be doubted."""
+    return not parameter.known or (bool(CONFIRMED & set(parameter.certainty)) and "?" not in parameter.certainty)
 
 
 def value_text(operation: Operation, parameter: DriveParameter, value: float) -> str:
@@ -59,10 +73,14 @@ def number_text(value: float, lang: str) -> str:
 
 def permitted_text(parameter: DriveParameter, lang: str) -> str:
     """The permitted range; of a source how it is written."""
-    if not parameter.writable:
+    if not parameter.writable or not parameter.known:
         return ""
     if is_source(parameter.kind):
         return "r0722.0 · 0 · 1" if parameter.kind is Kind.BINECTOR else "r2050[1] · 0 · 1"
     if parameter.allowed:
         return ", ".join(number_text(one, lang) for one in parameter.allowed)
-    return f"{number_text(parameter.low, lang)} … {number_text(parameter.high, lang)}"
+    low, high = (
+        bound or number_text(value, lang)
+        for bound, value in zip(parameter.bounds, (parameter.low, parameter.high), strict=True)
+    )
+    return f"{low} … {high}"

@@ -17,19 +17,19 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from app.commands.entry import parse_number
 from app.commands.gate import Question
 from app.commands.lifecycle import Progress, ProgressState
-from app.commands.parameter_change import MOST, SAVES, ParameterChange, as_number, element_name, saving_of, wrong_value
+from app.commands.parameter_change import MOST, SAVES, ParameterChange, element_name, held, saving_of, wrong_value
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, PogonError, Refused
 from app.links.mailbox import Missed
-from app.profidrive.parameter_access.error_numbers import key_of
-from app.profidrive.parameter_access.formats import Format, rounded
+from app.profidrive.parameter_access.error_numbers import key_of, shown
+from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.messages import Address, Failed, Values
-from app.profidrive.parameter_access.parameter import DriveParameter
+from app.profidrive.parameter_access.parameter import DriveParameter, When
 from app.profidrive.parameter_access.source import is_source, parse_source
 from app.web import format as fmt
 from app.web.commands import gate_of, operation_of, wants_fragment
-from app.web.drive_mailbox import drive_among, kept_of, mailbox_of, objects_of, problem_of
-from app.web.drive_values import element_of, permitted_text, value_text
+from app.web.drive_mailbox import drive_among, has_objects, kept_of, mailbox_of, objects_of, problem_of
+from app.web.drive_values import confirmed, element_of, permitted_text, value_text
 from app.web.guard import address_of, allow, field_list, fields, people_access, person_of
 from app.web.language import language_of
 from app.web.operation import Operation
@@ -304,7 +304,7 @@ async def reviewed(
         LinkError, Refused: the drive does not answer.
     """
     mailbox = mailbox_of(operation)
-    drive.objects = drive.objects or await objects_of(mailbox)
+    drive.objects = drive.objects or await objects_of(operation, mailbox)
     found: dict[str, Line] = {}
     by_object: dict[int, list[tuple[str, DriveParameter, int]]] = {}
     for key in typed:
@@ -324,7 +324,7 @@ async def reviewed(
         for (key, parameter, index), outcome in zip(members, told, strict=True):
             if isinstance(outcome, Missed):
                 raise outcome.error
-            old = float(outcome.values[0]) if isinstance(outcome, Values) else None
+            old = parameter.in_unit(outcome.values[0]) if isinstance(outcome, Values) else None
             refused = _error(operation, outcome.number) if isinstance(outcome, Failed) else ""
             found[key] = _line(operation, key, object, parameter, index, old, refused, typed[key], language)
     return [found[key] for key in typed]
@@ -346,7 +346,7 @@ def _line(
     wrong = wrong_value(parameter, value)
     if wrong is not None:
         return Line(key, None, old, words.text(*wrong))
-    value = float(rounded(parameter.format, as_number(parameter, value)))
+    value = held(parameter, value)
     return Line(key, ParameterChange(object, parameter, value, index, seen=old), old)
 
 
@@ -357,7 +357,7 @@ def typed_value(parameter: DriveParameter, text: str, language: str) -> float:
         Refused: 422.
     """
     if not text:
-        raise Refused("why.argument_missing", 422, label=f"parameter.{parameter.code}")
+        raise Refused("why.argument_missing", 422, label=parameter.text_key)
     if is_source(parameter.kind):
         source = parse_source(text)
         if source is None:
@@ -388,6 +388,12 @@ class Drawn:
     options: Sequence[tuple[str, str]]
     warns: bool
     """Nothing confirms its range."""
+    warning: str = ""
+    """What writing it does besides."""
+    known: bool = True
+    """Whether anything is known of it but its number."""
+    stopped: bool = False
+    """Only at standstill."""
     old: str = ""
     new: str = ""
     problem: str = ""
@@ -416,6 +422,7 @@ def list_context(request: Request, operation: Operation) -> dict[str, Any]:
         "good": ended is not None and ended.state in (ProgressState.CONFIRMED, ProgressState.DRY_RUN),
         "unsaved": sorted(drive.unsaved),
         "saves": saving_of(operation.equipment.equipment.type),
+        "objects": has_objects(operation),
     }
 
 
@@ -427,12 +434,15 @@ def _item(operation: Operation, key: str, text: str) -> Drawn:
         key,
         name,
         object,
-        drawn.t(f"parameter.{parameter.code}"),
+        drawn.t(parameter.text_key),
         fmt.unit_symbol(parameter.unit, drawn.text) if parameter.unit else "",
         permitted_text(parameter, drawn.lang),
         text,
         options,
-        not set("MTCX") & set(parameter.certainty),
+        not confirmed(parameter),
+        drawn.t(parameter.warning) if parameter.warning else "",
+        parameter.known,
+        not has_objects(operation) and parameter.when is not When.ALWAYS,
     )
 
 
@@ -463,8 +473,8 @@ def _result(operation: Operation, change: Change) -> dict[str, Any]:
 
 
 def _error(operation: Operation, number: int | None) -> str:
-    shown = "–" if number is None else fmt.hexadecimal(number, 2)
-    return f"{shown} {operation.equipment.text(key_of(number), number=shown)}"
+    said = shown(number)
+    return f"{said} {operation.equipment.text(key_of(number), number=said)}"
 
 
 def _trigger(change: Change, changes: Sequence[ParameterChange]) -> bool:

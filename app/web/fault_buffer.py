@@ -15,7 +15,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app.errors import LinkError, PogonError, Refused
-from app.links.mailbox import MailboxUnit, Missed
+from app.links.mailbox import Missed, ParameterAccess
 from app.profidrive.fault_buffer import PLACES, Columns, Message, Moment, alarms, situations
 from app.profidrive.parameter_access.error_numbers import key_of
 from app.profidrive.parameter_access.messages import Address, Failed, Values
@@ -151,7 +151,7 @@ def _begin(operation: Operation, buffer: Buffer) -> None:
     async def work() -> None:
         problem: tuple[str, Mapping[str, object]] | None = None
         try:
-            buffer.objects = buffer.objects or await objects_of(mailbox)
+            buffer.objects = buffer.objects or await objects_of(operation, mailbox)
             buffer.snapshot = await _snapshot(operation, mailbox, drive_among(buffer.objects), signs)
         except Refusal as refusal:
             number = "–" if refusal.number is None else fmt.hexadecimal(refusal.number, 2)
@@ -165,7 +165,7 @@ def _begin(operation: Operation, buffer: Buffer) -> None:
     buffer.task = asyncio.create_task(work(), name=f"fault buffer {operation.id}")
 
 
-async def _snapshot(operation: Operation, mailbox: MailboxUnit, drive: int, signs: Signs) -> Snapshot:
+async def _snapshot(operation: Operation, mailbox: ParameterAccess, drive: int, signs: Signs) -> Snapshot:
     """A reading that holds together.
 
     Raises:
@@ -189,7 +189,7 @@ async def _snapshot(operation: Operation, mailbox: MailboxUnit, drive: int, sign
 
 
 async def _columns(
-    operation: Operation, mailbox: MailboxUnit, drive_object: int, codes: Sequence[str]
+    operation: Operation, mailbox: ParameterAccess, drive_object: int, codes: Sequence[str]
 ) -> dict[str, tuple[float, ...]]:
     """Values by code; none of what the type does not list or the drive does not have, but the fault numbers must be there."""
     known = operation.equipment.equipment.type.drive_parameters

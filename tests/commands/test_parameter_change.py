@@ -2,11 +2,16 @@
 
 import pytest
 
-from app.commands.parameter_change import ParameterChange, requests, saving_of, wrong_value
+from app.commands.parameter_change import ParameterChange, held, in_order, requests, saving_of, wrong_value
 from app.commands.value_set import Stands
+from app.errors import Refused
 from app.plant import types
+from app.plant.expression import Look
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.register_parameters import unknown
 from app.profidrive.parameter_access.messages import LONGEST, Request, Values, encode_request
+from app.profidrive.parameter_access.parameter import DriveParameter
+from app.tags.quality import GOOD
 
 TYPE = types.read_type("sinamics", LANGUAGES)[0].type
 KNOWN = TYPE.drive_parameters
@@ -60,3 +65,55 @@ def test_what_stands_there(found: float | None, failed: bool, stands: str) -> No
 
 def test_saving_is_by_what_the_type_knows() -> None:
     assert saving_of(TYPE) is KNOWN["p0977"]
+
+
+# ---- parameters that are registers
+
+REGISTERS = types.read_type("eura_e800", LANGUAGES)[0].type
+
+
+def register(code: str, new: float) -> ParameterChange:
+    parameter = REGISTERS.drive_parameters.get(code) or unknown(code)
+    assert parameter is not None
+    return ParameterChange(0, parameter, new)
+
+
+def look(**values: float) -> Look:
+    known = {"f111": 50.0, "f112": 0.5, "frequency_setpoint": 40.0, **values}
+    return lambda key: (known[key], GOOD)
+
+
+@pytest.mark.parametrize("one", REGISTERS.drive_parameters.values(), ids=lambda one: one.code)
+def test_a_register_holds_its_unit_in_steps(one: DriveParameter) -> None:
+    for raw in (0, 1, 7, 1234, 40000, 65535):
+        value = one.in_unit(raw)
+        assert one.steps(value) == raw and held(one, value) == value
+        assert ParameterChange(0, one, value).block(value) == Values(one.format, (raw,))
+
+
+@pytest.mark.parametrize(
+    ("code", "value", "why"),
+    [
+        ("F114", 7.5, ""), ("F114", 7.55, "why.decimals"), ("F114", 0.0, "why.out_of_limits"), ("F114", 3000.0, ""),
+        ("F114", float("nan"), "why.out_of_limits"), ("F114", float("inf"), "why.out_of_limits"),
+        ("F203", 7.0, "why.no_option"), ("F203", 10.0, ""), ("F431", 9.0, ""), ("F300", 65535.0, ""),
+        ("F300", 65536.0, "why.out_of_limits"), ("F300", -1.0, "why.out_of_limits"), ("F300", 0.5, "why.decimals"),
+    ],
+)  # fmt: skip
+def test_what_a_register_may_be(code: str, value: float, why: str) -> None:
+    assert (wrong_value(register(code, value).parameter, value) or ("",))[0] == why
+
+
+def test_changes_go_in_an_order_in_which_they_fit_each_other_after_each() -> None:
+    asked = [register("F113", 70), register("F300", 1), register("F111", 80), register("F112", 60)]
+    assert [one.name for one in in_order(REGISTERS, asked, look())] == ["F300", "F111", "F113", "F112"]
+    assert [one.name for one in in_order(REGISTERS, asked[:0:-1], look(frequency_setpoint=65, f111=66))] == [
+        "F112", "F111", "F300",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("asked", [{"F111": 30}, {"F113": 60}, {"F112": 45}, {"F113": 0.1}, {"F111": 45, "F113": 46}])
+def test_changes_that_do_not_fit_each_other_are_refused(asked: dict[str, float]) -> None:
+    with pytest.raises(Refused) as refused:
+        in_order(REGISTERS, [register(code, value) for code, value in asked.items()], look())
+    assert (refused.value.reason, refused.value.status) == ("why.check", 422)

@@ -258,7 +258,7 @@ async def test_a_reload_goes_on_in_the_same_queue_and_a_machine_without_mailbox_
         assert await line.link.parameters("d").read(2, FIVE) == GOT_FIVE
         assert len(await job) == 199
         line.link.renew([drive(replace(DEVICE, services=()))])
-        with pytest.raises(LinkError, match="d has no parameter mailbox"):
+        with pytest.raises(LinkError, match="d has no parameters"):
             line.link.parameters("d")
         with pytest.raises(LinkError, match="no equipment x"):
             line.link.parameters("x")

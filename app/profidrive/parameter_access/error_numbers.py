@@ -113,8 +113,23 @@ class MailboxError(IntEnum):
     INTERNAL = 5
 
 
+EXCEPTION = 0x10000
+"""Added to a Modbus exception code where a parameter is a register and the drive refused the telegram: no error number is that high."""
+EXCEPTION_TEXTS = frozenset({1, 2, 3, 4, 5, 6, 7, 8, 10, 11})
+
+
+def shown(number: int | None) -> str:
+    """An error number as people call it: 0x6B, of a Modbus exception 03."""
+    if number is None:
+        return "–"
+    return f"{number - EXCEPTION:02d}" if number >= EXCEPTION else f"0x{number:02X}"
+
+
 def key_of(number: int | None) -> str:
     """Key of the product text of an error number; of one that nobody knows it takes `number`."""
+    if number is not None and number >= EXCEPTION:
+        code = number - EXCEPTION
+        return f"communication.exception.{code if code in EXCEPTION_TEXTS else 'other'}"
     known = number is not None and number in KNOWN
     return f"profidrive.error.x{number:02x}" if known else "profidrive.error.unknown"
 

@@ -1,10 +1,14 @@
 """What is known of one parameter of a drive."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from app.profidrive.parameter_access.formats import Format
+from app.profidrive.parameter_access.formats import Format, Number
+
+NEAR = 1e-6
+"""Of a step: so far a value may be from one and still means it."""
 
 
 class When(StrEnum):
@@ -57,11 +61,45 @@ class DriveParameter:
     kind: Kind = field(default=Kind.NUMBER)
     trigger: bool = False
     """Writing it makes the drive do something; then it reads 0 again."""
+    name: str = ""
+    """As its maker calls it (F114), of one that is a register: `number` is its address then. Empty = p or r and the number."""
+    point: str = ""
+    """The setpoint that is the same value; empty = none is."""
+    label: str = ""
+    """Text key of its name; empty = the one of its code."""
+    warning: str = ""
+    """Text key that is shown before writing."""
+    scale: float = 1.0
+    """[unit per raw step]; a fraction is one over a whole number."""
+    decimals: int = 0
+    bounds: tuple[str, str] = ("", "")
+    """Codes of the parameters that its least and greatest value depend on; empty = `low`, `high`."""
+    has_default: bool = True
+    """Whether anything is known of its default."""
+    known: bool = True
+    """Whether anything is known of it but its number."""
 
     @property
     def code(self) -> str:
-        """As people call it: p1120, r0945."""
-        return f"{'p' if self.writable else 'r'}{self.number:04d}"
+        """As people call it: p1120, r0945, F114."""
+        return self.name or f"{'p' if self.writable else 'r'}{self.number:04d}"
+
+    @property
+    def text_key(self) -> str:
+        """Key of the text of its name."""
+        return self.label or f"parameter.{self.code}"
+
+    def in_unit(self, raw: Number) -> float:
+        """`raw`, as the drive counts it, in its unit."""
+        return float(raw) if self.scale == 1 else raw / round(1 / self.scale)
+
+    def steps(self, value: float) -> float:
+        """`value` [unit] as the drive counts it; not whole where it lies between two steps."""
+        if self.scale == 1:
+            return value
+        exact = value * round(1 / self.scale)
+        nearest = round(exact) if math.isfinite(exact) else exact
+        return nearest if abs(exact - nearest) < NEAR else exact
 
     @property
     def elements(self) -> int:
