@@ -1,10 +1,9 @@
-"""The command line: pogon run, simulate, check, selftest, reload, probe, inject, export, user, audit, backup, backup-key, restore."""
+"""The command line: pogon run, simulate, check, selftest, reload, probe, inject, conform, export, user, audit, backup, restore …"""
 
 # Each command imports what it needs when it is called: a web server and a database layer cost a second that `pogon --help` need not take.
 import asyncio
 import getpass
 import os
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ import typer
 from app import __version__
 from app.addresses import host_and_port, is_loopback
 from app.cli_access import audit_cli, user_cli
+from app.cli_conform import conform
 from app.cli_history import backup, backup_key, export, restore
 from app.cli_probe import inject, probe
 from app.errors import ConfigurationError
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 cli = typer.Typer(name="pogon", no_args_is_help=True, help=__doc__)
 cli.add_typer(user_cli, name="user")
 cli.add_typer(audit_cli, name="audit")
-for command in (export, backup, backup_key, restore, probe, inject):
+for command in (export, backup, backup_key, restore, probe, inject, conform):
     cli.command()(command)
 
 
@@ -197,7 +197,7 @@ def selftest(
     import json
 
     from app.clock import SystemClock
-    from app.plant.texts import Texts
+    from app.plant.texts import Texts, terminal_language
     from app.selftest import run_checks
     from app.sim.plant import read_simulated
 
@@ -222,12 +222,6 @@ def selftest(
         typer.echo(texts.text(lang, "selftest.summary", **said))
     if counts["failed"]:
         raise typer.Exit(1)
-
-
-def terminal_language(environment: Mapping[str, str], known: Sequence[str]) -> str:
-    """The language that the terminal asks for, if it is one of `known`, else English."""
-    wanted = next((environment[name] for name in ("LC_ALL", "LC_MESSAGES", "LANG") if environment.get(name)), "")
-    return wanted[:2] if wanted[:2] in known else "en"
 
 
 @cli.command()

@@ -12,10 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 from app.access.access import lock, prepare
-from app.cli import cli, terminal_language
+from app.cli import cli
 from app.clock import ManualClock
 from app.db import Database
-from app.plant.texts import Texts
+from app.plant.texts import Texts, terminal_language
 from app.selftest import Finding, run_checks
 from app.settings import Settings
 from app.sim.plant import read_simulated

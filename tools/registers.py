@@ -44,7 +44,8 @@ HEADER: Sequence[tuple[int, str, str]] = (
 
 RULES = """\
 Addresses are 0-based holding registers. Functions 03, 06, 16 (23 optional). Bytes big-endian, high word first; bits from 0. NaN and 0x8000
-mean "no value". What has no row here answers exception 02.
+mean "no value". What has no row here answers exception 02; a gap between two rows may answer 0 instead. `pogon conform` tells which of
+these rules a server breaks.
 
 An image begins with a generation (word 0) and ends with the same one; a table row carries it behind its id (word 2) and at its end. Even,
 and equal at both places, or it was being changed and is read again. The device swaps an image between two scans. A telegram never cuts an

@@ -81,6 +81,17 @@ class TcpTransport:
         """Write `words`; returns when the echo equals the request."""
         await self._ask(unit, Request(function, write_address=address, words=tuple(words)), patience)
 
+    async def exchange(self, unit: int, pdu: bytes, patience: float) -> bytes:
+        """The answer to `pdu` as it came, whatever either says: for who examines a device.
+
+        Raises:
+            NoAnswer, NotConnected: as `read`.
+        """
+        client = self._client
+        if client is None or not _is_open(client):
+            raise NotConnected(f"{self._where}: not connected")
+        return await self._carry(client, _Telegram(unit, pdu), patience)
+
     async def close(self) -> None:
         """Close the socket."""
         client, self._client = self._client, None
@@ -95,13 +106,16 @@ class TcpTransport:
             telegram = _Telegram(unit, build_request(request))
         except ValueError as error:
             raise BadAnswer(f"unit {unit}: {error}") from error
+        return parse_answer(request, await self._carry(client, telegram, patience))
+
+    async def _carry(self, client: AsyncModbusTcpClient, telegram: "_Telegram", patience: float) -> bytes:
         client.ctx.comm_params.timeout_connect = patience
         self._asking = True
         try:
             answer = await client.ctx.execute(False, telegram)
         except ModbusIOException as error:
             _raise_if_cancelled()
-            raise NoAnswer(f"{self._where} unit {unit}: no answer in {patience:g} s") from error
+            raise NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s") from error
         except (ConnectionException, OSError) as error:
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
@@ -113,8 +127,8 @@ class TcpTransport:
             self._asking = False
         _raise_if_cancelled()
         if not isinstance(answer, _Telegram):
-            raise BadAnswer(f"{self._where} unit {unit}: {answer!r}, expected an answer")
-        return parse_answer(request, answer.pdu)
+            raise BadAnswer(f"{self._where} unit {telegram.dev_id}: {answer!r}, expected an answer")
+        return answer.pdu
 
     def _connection_changed(self, connected: bool) -> None:
         """pymodbus lets a request wait for its time-out when the socket goes; nobody should."""

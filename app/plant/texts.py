@@ -11,7 +11,7 @@ A table of plural forms is written as its categories: `rows.one`, `rows.few`, `r
 
 import string
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -111,6 +111,12 @@ class Texts:
                     filled = fill(text, params)
                     return filled if language == lang else f"[{language}] {filled}"
         return f"[{key}]"
+
+
+def terminal_language(environment: Mapping[str, str], known: Sequence[str]) -> str:
+    """The language that the terminal asks for, if it is one of `known`, else English."""
+    wanted = next((environment[name] for name in ("LC_ALL", "LC_MESSAGES", "LANG") if environment.get(name)), "")
+    return wanted[:2] if wanted[:2] in known else "en"
 
 
 def _by_type(plant: Plant) -> dict[str, dict[str, str]]:

@@ -1,0 +1,150 @@
+"""pogon conform: which rules of the register map the server of a PLC keeps, a line for each.
+
+Exit codes: 0 every rule that was judged is kept · 1 one is broken · 2 none was judged: what was asked makes no sense, or nobody is there.
+"""
+
+import asyncio
+import json
+import os
+from collections import Counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.addresses import host_and_port
+from app.errors import ConfigurationError, NoAnswer, NotConnected
+
+if TYPE_CHECKING:
+    from app.links.conformance.finding import Finding
+    from app.links.conformance.server import Exchange
+    from app.links.tcp import TcpTransport
+    from app.plant.texts import Texts
+    from app.plant.type_files.data import TypeData
+
+PAGE = "docs/registers/{}.md"
+
+
+def conform(
+    tcp: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the PLC answers Modbus TCP.")],
+    kind: Annotated[str, typer.Option("--type", metavar="TYPE", help="Equipment type whose map it serves.")],
+    unit: Annotated[int, typer.Option(min=0, max=255, help="Unit.")] = 1,
+    write: Annotated[
+        bool,
+        typer.Option(
+            "--write",
+            help="Also the rules that cannot be seen without writing: a heartbeat, a hold-to-run without a button, settings that are "
+            "staged and not committed, commands that must be refused. Nothing moves; a button that somebody holds is let go.",
+        ),
+    ] = False,
+    patience: Annotated[int, typer.Option(min=50, max=60000, help="Time the PLC is given to answer, in ms.")] = 2000,
+    json_: Annotated[bool, typer.Option("--json", help="One JSON document instead of lines.")] = False,
+    language: Annotated[str, typer.Option(help="hr, en, de or cs; else that of the terminal.")] = "",
+) -> None:
+    """Tell a PLC programmer which rules of the register map his server keeps, and which it breaks: what was seen, what was expected, and
+    where it is documented. Only reads, unless --write."""
+    from app.plant.texts import Texts, terminal_language
+
+    try:
+        host, port = _host(tcp)
+        texts = Texts.read()
+        lang = language or terminal_language(os.environ, texts.languages)
+        if lang not in texts.languages:
+            raise ConfigurationError(f"--language {lang}: expected one of {', '.join(texts.languages)}")
+        data = _type(kind)
+        found = asyncio.run(_examine(host, port, unit, patience / 1000, data, write=write))
+    except (ConfigurationError, NotConnected) as error:
+        for line in str(error).splitlines():
+            typer.echo(f"pogon: {line}", err=True)
+        raise typer.Exit(2) from error
+    states = Counter(finding.state.value for finding in found)
+    if json_:
+        rules = [_record(finding, kind, texts.text(lang, f"conform.rule.{finding.rule}")) for finding in found]
+        document = {
+            "ok": not states["broken"],
+            "server": tcp,
+            "unit": unit,
+            "type": kind,
+            "wrote": write,
+            "rules": rules,
+        }
+        typer.echo(json.dumps(document, ensure_ascii=False, indent=1))
+    else:
+        for finding in found:
+            typer.echo(_line(finding, kind, texts, lang))
+        said = {name: states[name] for name in ("kept", "broken", "skipped")}
+        typer.echo(texts.text(lang, "conform.summary", **said))
+    if states["broken"]:
+        raise typer.Exit(1)
+
+
+def _line(finding: "Finding", kind: str, texts: "Texts", lang: str) -> str:
+    state = texts.text(lang, f"conform.state.{finding.state.value}")
+    line = f"{state}: {finding.rule}: {texts.text(lang, f'conform.rule.{finding.rule}')}"
+    if finding.state == "broken":
+        told = {"seen": finding.seen, "expected": finding.expected, "where": _where(finding, kind)}
+        return f"{line}\n    {texts.text(lang, 'conform.seen', **told)}"
+    if finding.state == "skipped":
+        return f"{line} ({texts.text(lang, f'conform.why.{finding.why}', rule=finding.needs)})"
+    return line
+
+
+def _record(finding: "Finding", kind: str, text: str) -> dict[str, str]:
+    told = {"rule": finding.rule, "state": finding.state.value, "text": text, "documented": _where(finding, kind)}
+    told |= {"seen": finding.seen, "expected": finding.expected} if finding.state == "broken" else {}
+    told |= {"why": finding.why} if finding.why else {}
+    return told | ({"needs": finding.needs} if finding.needs else {})
+
+
+def _where(finding: "Finding", kind: str) -> str:
+    page = PAGE.format(kind)
+    return f"{page}: {finding.section}" if finding.section else page
+
+
+async def _examine(
+    host: str, port: int, unit: int, patience: float, data: "TypeData", *, write: bool
+) -> "list[Finding]":
+    from app.links.conformance.examination import examine
+    from app.links.tcp import TcpTransport
+    from app.plant.definitions import Link
+
+    transport = TcpTransport(Link("conform", "tcp", host=host, tcp_port=port))
+    await transport.connect()
+    try:
+        return [finding async for finding in examine(_exchange(transport, unit, patience), data, write=write)]
+    finally:
+        await transport.close()
+
+
+def _exchange(transport: "TcpTransport", unit: int, patience: float) -> "Exchange":
+    async def exchange(pdu: bytes) -> bytes:
+        if not transport.connected:
+            await transport.connect()
+        try:
+            return await transport.exchange(unit, pdu, patience)
+        except NotConnected as error:  # a server that hangs up instead of answering says nothing, too
+            raise NoAnswer(str(error)) from error
+
+    return exchange
+
+
+def _type(name: str) -> "TypeData":
+    from app.plant import types
+
+    found = {}
+    for each in types.names():
+        data, problems = types.read_type(each, ["en"])
+        if not problems and data.type.device.plc:
+            found[each] = data
+    if name not in found:
+        raise ConfigurationError(f"--type {name}: expected one of {', '.join(found)}")
+    return found[name]
+
+
+def _host(text: str) -> tuple[str, int]:
+    try:
+        host, port = host_and_port(text)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--tcp {text}: {error}") from error
+    if port == 0:
+        raise ConfigurationError(f"--tcp {text}: expected the port that is really open, not 0")
+    return host, port
