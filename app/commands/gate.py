@@ -25,6 +25,7 @@ from app.clock import Clock
 from app.commands import interlocks, value_set
 from app.commands.admission import Admission
 from app.commands.command_state import CommandState, machines_of
+from app.commands.encoder_adjustment import EncoderAdjustments
 from app.commands.execution import Execution
 from app.commands.following import Following
 from app.commands.interlocks import Prepared, RefusalReason
@@ -79,6 +80,8 @@ class Gate:
         self._execution = Execution(state, self._admission, self._sending, self._sets)
         self.parameters = ParameterSets(state, self._execution)
         """Writes drive parameters that lie behind a mailbox."""
+        self.encoders = EncoderAdjustments(state, self._execution)
+        """Adjusts absolute encoders of such drives."""
         self._motion = HeldMotion(state, self._admission, self._sending)
         self._following = Following(state, self._sending, self._motion)
         self.control = state.control

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from app.access.audit.line import Record
 from app.commands.lifecycle import Progress, ProgressState
-from app.commands.parameter_change import KEY, LABEL, SAVE, SAVE_LABEL
+from app.commands.parameter_change import ENCODER, ENCODER_LABEL, KEY, LABEL, SAVE, SAVE_LABEL
 from app.plant.definitions import Equipment
 
 SENT = "command.sent"
 SERVER_ENDED = "why.server_ended"
-LABELS = {KEY: LABEL, SAVE: SAVE_LABEL}
+LABELS = {KEY: LABEL, SAVE: SAVE_LABEL, ENCODER: ENCODER_LABEL}
 NEWEST = 2000
 """So many lines of commands are looked at."""
 

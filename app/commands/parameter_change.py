@@ -28,6 +28,8 @@ from app.profidrive.parameter_access.parameter import DriveParameter
 KEY, SAVE = "drive_parameters", "drive_save"
 """How writing parameters, and saving them, are called where a command has its key."""
 LABEL, SAVE_LABEL = "dpar.change", "dpar.save"
+ENCODER, ENCODER_LABEL = "encoder_adjustment", "enc.title"
+"""The same of adjusting an absolute encoder."""
 MOST = 300
 """Elements written as one: what the line of the audit trail that has each by itself can hold."""
 SAVES = ("p0977", "p0971")
@@ -56,6 +58,11 @@ class ParameterChange:
     def key(self) -> str:
         """With the drive object."""
         return f"{self.object}:{self.name}"
+
+    @property
+    def acts(self) -> bool:
+        """Writing it makes the drive do something, which writing the former value does not undo."""
+        return self.parameter.trigger or bool(self.becomes)
 
     @property
     def address(self) -> Address:

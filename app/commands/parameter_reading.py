@@ -79,7 +79,7 @@ class ParameterReading:
             outcome = values[one.key]
             value = one.parameter.in_unit(outcome.values[0]) if isinstance(outcome, Values) else None
             refused = one.key in work.errors
-            judged = one.judged(change, value, failed=failed and (refused or not one.parameter.trigger))
+            judged = one.judged(change, value, failed=failed and (refused or not one.acts))
             found.append(replace(judged, error=work.errors.get(one.key)))
         return tuple(found)
 

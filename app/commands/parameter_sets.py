@@ -13,21 +13,18 @@ Nothing here is permanent until it is saved, which is a command of its own (`sav
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol, cast
 
-from app import chance
 from app.access.roles import Person
 from app.commands import interlocks, value_set
 from app.commands.command_state import CommandState
-from app.commands.delivery import outcome_of
 from app.commands.execution import Execution
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, ProgressState, advance
 from app.commands.machine import Machine, SetJob
-from app.commands.orders import Order, Task, Writer
+from app.commands.orders import Order, Task
 from app.commands.parameter_change import (
     KEY,
     LABEL,
@@ -37,17 +34,16 @@ from app.commands.parameter_change import (
     SAVES,
     ParameterChange,
     in_order,
-    requests,
     saving_of,
     wrong_value,
 )
-from app.commands.parameter_reading import PAUSE, ParameterReading, Stage, Work, why
-from app.commands.set_follow_up import FOUND_EVERY, FOUND_MIXED, FOUND_NEW, FOUND_OLD, UNREAD, found_params
-from app.commands.sets import MIXED, NO_AUDIT, RESTORE_LIMIT, RESTORED, Failure
+from app.commands.parameter_reading import Stage, Work, why
+from app.commands.parameter_work import ParameterWork
+from app.commands.set_follow_up import UNREAD, found_params
+from app.commands.sets import MIXED, NO_AUDIT, RESTORED, Failure
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, Refused
-from app.links.mailbox import Missed, Outcome, ParameterAccess
-from app.links.schedule import PERMIT
+from app.links.mailbox import Missed, ParameterAccess
 from app.plant.definitions import Command
 from app.plant.expression import parse
 from app.profidrive.parameter_access.messages import Failed, Values
@@ -55,24 +51,10 @@ from app.profidrive.parameter_access.parameter import When
 
 log = logging.getLogger(__name__)
 
-RESTORE_PASSES = 3
-"""So often former values are written that are not there then: one may be refused until another one is back."""
 SAVE_LIMIT, SAVE_LOOK = 60.0, 0.25
 """Longest time for saving, and between two looks whether it is over [s]; how long a real drive takes is not known here."""
 NOT_SAVED = "why.par_not_saved"
 CANCELLED = "why.par_cancelled"
-
-
-class ParameterWriter(Writer, Protocol):
-    """What is needed of a link to drives with parameters."""
-
-    def parameters(self, equipment: str) -> ParameterAccess:
-        """The one queue to the parameters of a drive.
-
-        Raises:
-            LinkError: it has none.
-        """
-        ...
 
 
 class ParameterSets:
@@ -80,11 +62,11 @@ class ParameterSets:
 
     def __init__(self, state: CommandState, execution: Execution) -> None:
         self._state, self._execution = state, execution
-        self._reading = ParameterReading()
+        self._work = ParameterWork(state)
 
     def stage(self, equipment: str) -> Stage | None:
         """How far the set at work is; None when none is."""
-        return self._reading.stages.get(equipment)
+        return self._work.reading.stages.get(equipment)
 
     async def change(
         self,
@@ -107,7 +89,7 @@ class ParameterSets:
             Question: confirmation, reason or password are missing.
             Refused: as `Gate.ask`; 409 `why.changed`, an element is another than it was seen at; 422, a value that is not permitted.
         """
-        order = self._order(person, equipment, KEY, id, nonce, confirmed, proven, reason, address, language)
+        order = self._work.order(person, equipment, KEY, id, nonce, confirmed, proven, reason, address, language)
         return await self._execution.take(order, partial(_writing, changes), partial(self._send_changes, changes))
 
     async def save(
@@ -124,7 +106,7 @@ class ParameterSets:
         language: str = "en",
     ) -> Progress:
         """Have the drive copy its RAM to ROM, at standstill; returns when it says that it is done. Otherwise as `change`."""
-        order = self._order(person, equipment, SAVE, id, nonce, confirmed, proven, reason, address, language)
+        order = self._work.order(person, equipment, SAVE, id, nonce, confirmed, proven, reason, address, language)
         return await self._execution.take(order, _saving, self._send_save)
 
     def cancel(self, equipment: str) -> bool:
@@ -137,71 +119,22 @@ class ParameterSets:
 
     # details
 
-    def _order(
-        self, person: Person | None, equipment: str, key: str, id: str, nonce: str,
-        confirmed: bool, proven: bool, reason: str, address: str, language: str,
-    ) -> Order:  # fmt: skip
-        return Order(
-            person, equipment, key, None, id or chance.token_hex(16), nonce, None, confirmed, proven, reason, address,
-            language, self._state.clock.micros(),
-        )  # fmt: skip
-
-    def _job(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> SetJob:
-        """The machine is taken: nothing but a Stop is let beside it."""
-        assert order.person is not None
-        progress = Progress(
-            order.id, order.equipment, order.key, prepared.command.label, order.person.display, ProgressState.REQUESTED,
-            order.asked, limit=plan.limit,
-        )  # fmt: skip
-        job = SetJob(order, prepared, plan, progress)
-        if machine.job is not None:
-            new = {"label": progress.label, "display": progress.person}
-            self._state.end(machine, machine.job, ProgressState.SUPERSEDED, "why.superseded", new)
-        machine.set = job
-        self._state.changed(order.equipment)
-        return job
-
     async def _send_changes(
         self, changes: Sequence[ParameterChange], order: Order, machine: Machine, prepared: Prepared, plan: Task
     ) -> Progress:
         _check(changes)
-        work, job = Work(changes, self._mailbox(machine)), self._job(order, machine, prepared, plan)
-        return await self._done(machine, job, self._carry_out(machine, job, work))
+        work, job = Work(changes, self._work.mailbox(machine)), self._work.job(order, machine, prepared, plan)
+        return await self._work.done(machine, job, self._carry_out(machine, job, work))
 
     async def _send_save(self, order: Order, machine: Machine, prepared: Prepared, plan: Task) -> Progress:
-        mailbox = self._mailbox(machine)
-        job = self._job(order, machine, prepared, plan)
-        return await self._done(machine, job, self._save(machine, job, mailbox))
-
-    async def _done(self, machine: Machine, job: SetJob, work: Coroutine[Any, Any, None]) -> Progress:
-        refusals: list[Refused] = []
-
-        async def carried_out() -> None:
-            try:
-                await work
-            except Refused as refusal:
-                refusals.append(refusal)
-            finally:
-                self._reading.stages.pop(machine.item.id, None)
-                self._state.release_set(machine, job)
-
-        await asyncio.shield(self._state.work(carried_out(), f"parameters {machine.item.id}"))
-        if refusals:
-            raise refusals[0]
-        if job.progress.reason == NO_AUDIT:
-            raise Refused(NO_AUDIT, 503)
-        return job.progress
-
-    def _mailbox(self, machine: Machine) -> ParameterAccess:
-        try:
-            return cast(ParameterWriter, self._state.writers[machine.item.link]).parameters(machine.item.id)
-        except LinkError as error:
-            raise Refused("why.no_answer", 503, cause=f"link.error.{error.kind}") from error
+        mailbox = self._work.mailbox(machine)
+        job = self._work.job(order, machine, prepared, plan)
+        return await self._work.done(machine, job, self._save(machine, job, mailbox))
 
     async def _carry_out(self, machine: Machine, job: SetJob, work: Work) -> None:
         await _read_related(self._state, machine, work.changes)
         work.changes = in_order(machine.item.type, work.changes, self._state.readings.look(machine))
-        former = await self._reading.former(machine.item.id, work)
+        former = await self._work.reading.former(machine.item.id, work)
         described = tuple(one.described(former[one.key]) for one in work.changes)
         job.went(replace(job.progress, changes=described, old=value_set.values_text(described, old=True)))
         if self._state.dry_run:
@@ -210,86 +143,16 @@ class ParameterSets:
         if not await self._state.audit_lines.sent(job.order, job.progress):
             self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
             return
-        failure = await self._write(machine, job, work)
+        failure = await self._work.write(machine, job, work)
         if failure is None:
-            found = await self._reading.found(machine.item.id, work, described)
+            found = await self._work.reading.found(machine.item.id, work, described)
             failure = ((job.stop, {}) if job.stop else None) or _differing(found)
             if failure is None:
                 self._state.end_set(machine, job, ProgressState.CONFIRMED, "", {}, found)
                 return
         log.warning("parameters not written equipment=%s reason=%s", machine.item.id, failure[0])
-        found = await self._restore(machine, job, work, described)
+        found = await self._work.restore(machine, job, work, described)
         self._end_failed(machine, job, work, failure, found)
-
-    async def _write(self, machine: Machine, job: SetJob, work: Work) -> Failure | None:
-        """All new values, request by request; why it does not go on, None when the drive has taken all."""
-        stage = self._reading.begin(machine.item.id, "writing", len(work.changes))
-        for request in requests(work.changes):
-            failure = self._state.hindrance(machine, job)
-            if failure is not None:
-                return failure
-            told = await self._change(machine, job, work, request, [one.new for one in request])
-            if isinstance(told, tuple):
-                return told
-            if any(not isinstance(outcome, Missed) or outcome.sent for outcome in told):
-                work.sent.append(request)
-            for one, outcome in zip(request, told, strict=True):
-                if isinstance(outcome, Failed):
-                    work.errors[one.key] = outcome.number
-            bad = next((pair for pair in zip(request, told, strict=True) if isinstance(pair[1], Failed | Missed)), None)
-            if bad is not None:
-                return why(*bad)
-            stage.done += len(request)
-            if job.progress.state is ProgressState.REQUESTED:
-                job.went(advance(job.progress, ProgressState.ACCEPTED, self._state.clock.micros()))
-                self._state.changed(machine.item.id)
-        return None
-
-    async def _change(
-        self, machine: Machine, job: SetJob, work: Work, request: Sequence[ParameterChange], values: Sequence[float],
-        *, new: bool = True,
-    ) -> "list[Outcome] | Failure":  # fmt: skip
-        """One request. New values go only while the person may, former ones always."""
-        pairs = [(one.address, one.block(value)) for one, value in zip(request, values, strict=True)]
-        before = PERMIT.set(partial(self._may_go_on, job) if new else None)
-        try:
-            return await work.mailbox.change(request[0].object, pairs)
-        except (LinkError, Refused) as error:
-            return outcome_of(error, machine.item, as_code=False)[1:]
-        finally:
-            PERMIT.reset(before)
-
-    def _may_go_on(self, job: SetJob) -> bool:
-        return not job.stop and self._state.may_go_on(job.order, job.prepared)
-
-    async def _restore(
-        self, machine: Machine, job: SetJob, work: Work, described: Sequence[Change]
-    ) -> tuple[Change, ...]:
-        """Write the former values of what is not the former one, the last request first, and read them back."""
-        until = self._state.clock.monotonic() + RESTORE_LIMIT
-        found = await self._reading.found(machine.item.id, work, described, failed=True)
-        passes = 0
-        while passes < RESTORE_PASSES and any(change.stands is not Stands.OLD for change in found):
-            if any(change.stands is Stands.UNKNOWN for change in found):  # nothing is sent into silence
-                if self._state.clock.monotonic() >= until:
-                    break
-                await asyncio.sleep(PAUSE)
-            else:
-                passes += 1
-                await self._put_back(machine, job, work, {change.key: change for change in found})
-            found = await self._reading.found(machine.item.id, work, described, failed=True)
-        return found
-
-    async def _put_back(self, machine: Machine, job: SetJob, work: Work, found: Mapping[str, Change]) -> None:
-        stage = self._reading.begin(
-            machine.item.id, "restoring", sum(change.stands is not Stands.OLD for change in found.values())
-        )
-        for request in reversed(work.sent):
-            wrong = [one for one in reversed(request) if found[one.key].stands is not Stands.OLD]
-            wrong = [one for one in wrong if not one.parameter.trigger]
-            if wrong:
-                await self._change(machine, job, work, wrong, [found[one.key].old for one in wrong], new=False)
-                stage.done += len(wrong)
 
     def _end_failed(
         self, machine: Machine, job: SetJob, work: Work, failure: Failure, found: tuple[Change, ...]
@@ -304,42 +167,9 @@ class ParameterSets:
         reason = UNREAD if unread else MIXED
         self._state.end_set(machine, job, ProgressState.UNCONFIRMED, reason, {**cause, **found_params(found)}, found)
         if unread:
-            self._state.spawn(self._follow(machine.item.id, job.progress, work), f"parameters of {machine.item.id}")
-
-    async def _follow(self, equipment: str, progress: Progress, work: Work) -> None:
-        """Wait until what nobody knows can be read, and tell once what stands where. Nothing is written."""
-        while True:
-            await asyncio.sleep(FOUND_EVERY)
-            machine = self._state.machines.get(equipment)
-            if machine is None:
-                return  # another plant: there is nothing to look at
-            if machine.set is not None:
-                continue
-            try:
-                work.mailbox = self._mailbox(machine)
-            except (Refused, KeyError):
-                return
-            found = await self._reading.found(machine.item.id, work, progress.changes)
-            self._reading.stages.pop(equipment, None)
-            if not any(change.stands is Stands.UNKNOWN for change in found):
-                break
-        stands = {change.stands for change in found}
-        state, reason = ProgressState.UNCONFIRMED, FOUND_MIXED
-        if stands == {Stands.NEW}:
-            state, reason = ProgressState.CONFIRMED, FOUND_NEW
-        elif stands == {Stands.OLD}:
-            state, reason = ProgressState.FAILED, FOUND_OLD
-        told = replace(
-            progress,
-            state=state,
-            reason=reason,
-            params=found_params(found),
-            changes=found,
-            ended=self._state.clock.micros(),
-        )
-        self._state.close(machine, told)
-        old, new = (value_set.values_text(found, old=old) for old in (True, False))
-        self._state.audit_lines.line(None, f"{equipment}.{KEY}", old, new, told, by=told.person)
+            self._state.spawn(
+                self._work.follow(machine.item.id, job.progress, work), f"parameters of {machine.item.id}"
+            )
 
     async def _save(self, machine: Machine, job: SetJob, mailbox: ParameterAccess) -> None:
         parameter = saving_of(machine.item.type)
@@ -352,10 +182,10 @@ class ParameterSets:
         if not await self._state.audit_lines.sent(job.order, job.progress):
             self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
             return
-        self._reading.begin(machine.item.id, "saving", 0)
+        self._work.reading.begin(machine.item.id, "saving", 0)
         one = ParameterChange(object, parameter, 1.0)
         work = Work([one], mailbox)
-        told = await self._change(machine, job, work, [one], [1.0])
+        told = await self._work.change(machine, job, work, [one], [1.0])
         if isinstance(told, tuple):
             self._state.end_set(machine, job, ProgressState.FAILED, told[0], told[1])
             return
@@ -370,7 +200,7 @@ class ParameterSets:
         until = self._state.clock.monotonic() + SAVE_LIMIT
         while self._state.clock.monotonic() < until:
             await asyncio.sleep(SAVE_LOOK)
-            outcome = (await self._reading.asked(mailbox, object, [one]))[0]
+            outcome = (await self._work.reading.asked(mailbox, object, [one]))[0]
             if isinstance(outcome, Values) and not outcome.values[0]:
                 self._state.end_set(machine, job, ProgressState.CONFIRMED, "", {})
                 return
@@ -390,9 +220,8 @@ def _writing(changes: Sequence[ParameterChange], machine: Machine) -> Prepared |
     kind = machine.item.type
     if not kind.drive_parameters:
         return None
-    prepared = interlocks.prepare(machine.item, _command(KEY, LABEL))
     guarded = kind.device.parameters is not None and any(one.parameter.when is not When.ALWAYS for one in changes)
-    return _at_standstill(machine, prepared) if guarded else prepared
+    return at_standstill(machine, KEY, LABEL) if guarded else interlocks.prepare(machine.item, _command(KEY, LABEL))
 
 
 async def _read_related(state: CommandState, machine: Machine, changes: Sequence[ParameterChange]) -> None:
@@ -427,12 +256,12 @@ def _check(changes: Sequence[ParameterChange]) -> None:
 
 def _saving(machine: Machine) -> Prepared | None:
     """Saving, at standstill; None for a machine that has nothing to be saved by."""
-    if saving_of(machine.item.type) is None:
-        return None
-    return _at_standstill(machine, interlocks.prepare(machine.item, _command(SAVE, SAVE_LABEL)))
+    return at_standstill(machine, SAVE, SAVE_LABEL) if saving_of(machine.item.type) is not None else None
 
 
-def _at_standstill(machine: Machine, prepared: Prepared) -> Prepared:
+def at_standstill(machine: Machine, key: str, label: str) -> Prepared:
+    """An engineer's command that the machine must stand for, with everything confirmed."""
+    prepared = interlocks.prepare(machine.item, _command(key, label))
     stopped = interlocks.stopped(machine.item.type)
     used = interlocks.sources(machine.item.points, parse(stopped.expression).names)
     return replace(
