@@ -75,6 +75,7 @@ SYSTEM_ALARMS: Mapping[str, SystemAlarm] = {
     "stop_unconfirmed": SystemAlarm(1, once=True, alarm_class="command"),
     "command_unconfirmed": SystemAlarm(3, once=True, alarm_class="command"),
     "set_mixed": SystemAlarm(2, once=True, alarm_class="command"),
+    "left_changed": SystemAlarm(2, alarm_class="command"),
     "history_full": SystemAlarm(2),
     "history_quota": SystemAlarm(4),
     "history_lost": SystemAlarm(2, once=True),

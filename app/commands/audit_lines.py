@@ -104,6 +104,7 @@ def _what_was_sent(progress: Progress) -> dict[str, Any]:
             for number, one in enumerate(progress.changes, 1)
         }
     params: dict[str, Any] = {"telegrams": [list(telegram) for telegram in progress.telegrams]}
+    params |= {"former": json.dumps(dict(progress.former))} if progress.former else {}
     return params | ({"arguments": dict(progress.arguments)} if progress.arguments else {})
 
 

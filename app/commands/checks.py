@@ -101,7 +101,12 @@ class Checks:
     def _occupied(self, machine: Machine, prepared: Prepared) -> list[tuple[RefusalReason, int]]:
         """What is at work on the machine and lets nothing beside it."""
         reasons: list[tuple[RefusalReason, int]] = []
-        job = machine.job
+        job, command = machine.job, prepared.command
+        uses = command.moves or command.argument or command.arguments or prepared.parts
+        if machine.left and uses and not command.puts_back:
+            reasons.append((RefusalReason("why.left_changed"), 409))
+        elif command.puts_back and not machine.left:
+            reasons.append((RefusalReason("why.nothing_left"), 409))
         if machine.set is not None:
             at_work = machine.set.progress
             reasons.append((RefusalReason("why.busy", {"display": at_work.person}, at_work.label), 409))
@@ -137,6 +142,9 @@ class Checks:
         limit = expression.number(command.timeout, look)
         previous = {key: float(value) for key, value in self._readings.previous(machine, prepared).items()}
         telegrams = interlocks.telegrams(machine.item, command.writes, argument, previous)
+        if command.puts_back:
+            point, argument = next(iter(previous.items()))
+            old = look(point)[0]
         if command.code:
             telegrams = (("code", float(command.code)), *arguments.items())
         return Task(

@@ -118,6 +118,8 @@ class CommandState:
         if job.progress.over:
             return
         job.end(state, self.clock.micros(), reason, params or {})
+        if state is ProgressState.CONFIRMED and job.prepared.command.puts_back:
+            machine.put_back()
         if machine.job is job:
             machine.job = None
         self.audit_lines.command(job.order, job.progress)

@@ -106,7 +106,7 @@ class Following:
             self._state.end(
                 machine, job, ProgressState.UNCONFIRMED, "why.stop_not_confirmed", {"seconds": round(limit, 1)}
             )
-            machine.restore.clear()
+            self._motion.leave(machine)
             self._state.alarm_stop(machine.item.id)
         elif waited < STOP_LIMIT and not job.stopping and now - job.last_write >= STOP_REPEAT:
             if job.other is None and job.since is None and job.last_write > float("-inf"):

@@ -197,6 +197,19 @@ class Gate:
         for one in commands:
             self._state.tell_open(one)
 
+    def take_left(self, left: Mapping[str, Mapping[str, float]]) -> None:
+        """Tell that points (machine → point → what it held) were left changed by a former run. Nothing is sent until somebody asks."""
+        for equipment, held in left.items():
+            machine = self._state.machines.get(equipment)
+            if machine is not None and not machine.restore:
+                machine.restore.update(held)
+                self._motion.leave(machine)
+
+    def left(self, equipment: str) -> Mapping[str, float]:
+        """Point → what it held before a hold-to-run that was never given back; empty = nothing waits for that."""
+        machine = self._state.machines.get(equipment)
+        return dict(machine.restore) if machine is not None and machine.left else {}
+
     def why_not(self, person: Person | None, equipment: str, command: str) -> Sequence[RefusalReason]:
         """Every reason why `person` cannot give `command` (or write that setpoint) now, the first missing one first; empty = possible.
 

@@ -5,7 +5,7 @@ Who sends, follows and ends commands reads the fields and tells what happened; e
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.commands.hold import Lease
 from app.commands.interlocks import Prepared
@@ -75,6 +75,10 @@ class Job:
         self.lease = lease
         if self.prepared.command.hold_bits:
             self.held = now
+
+    def keeps(self, former: Mapping[str, float]) -> None:
+        """It gives points back what they held (`former`) when it is over."""
+        self.progress = replace(self.progress, former=former)
 
     # ---- telegrams
 

@@ -80,6 +80,8 @@ class Progress:
     """Name → value, of a command that takes several."""
     changes: tuple[Change, ...] = ()
     """Of a set of setpoints: each with what the device holds of it in the end."""
+    former: Mapping[str, float] = field(default_factory=dict)
+    """Point → what it held before [EU], of a hold-to-run that gives it back when it is over."""
     requests: tuple[int, ...] = ()
     """Ids under which a device with a map of ours knows it; its events carry them."""
 

@@ -63,7 +63,11 @@ class Machine:
     pulses: dict[str, float] = field(default_factory=dict)
     restore: dict[str, float] = field(default_factory=dict)
     """Point → what it held before a hold-to-run wrote it."""
+    then: tuple[tuple[str, float], ...] = ()
+    """Telegrams that follow when these points hold it again."""
     restoring: bool = False
+    left: bool = False
+    """Nobody has given these points back what they held: it waits for somebody to ask for it."""
     former: dict[str, float] = field(default_factory=dict)
     """Command or setpoint → what its value was before the last change that was read back [EU]."""
     counter: int = field(default_factory=lambda: chance.randrange(0, 0xFFFF))
@@ -80,8 +84,20 @@ class Machine:
     def __post_init__(self) -> None:
         self.used = tuple(dict.fromkeys(key for prepared in self.commands.values() for key in prepared.used))
 
+    def leave(self) -> None:
+        """What a hold-to-run has changed stays as it is, until somebody asks for what was there before."""
+        self.left = bool(self.restore) and any(one.command.puts_back for one in self.commands.values())
+        if not self.left:
+            self.restore.clear()
+
+    def put_back(self) -> None:
+        """The points hold again what they held before."""
+        self.restore.clear()
+        self.left = False
+
     def go_on_from(self, old: "Machine") -> None:
         """Take over what is at work on the machine and what was, when the plant is read anew."""
         self.job, self.set, self.last, self.history = old.job, old.set, old.last, old.history
         self.former = old.former
+        self.then, self.left = old.then, old.left
         self.pulses, self.restore, self.restoring, self.counter = old.pulses, old.restore, old.restoring, old.counter

@@ -4,6 +4,7 @@ lost or may not be held any longer, and what they changed put back when the mach
 
 import asyncio
 import logging
+from collections.abc import Mapping, Sequence
 
 from app import chance
 from app.access.roles import ROLE_PERMISSION, Person
@@ -18,6 +19,7 @@ from app.commands.machine import Machine
 from app.commands.orders import Order, Question
 from app.commands.sending import STOP_LIMIT, STOP_REPEAT, Sending
 from app.errors import LinkError, Refused
+from app.plant.definitions import Command, Write
 from app.tags.batch import Value
 
 log = logging.getLogger(__name__)
@@ -30,6 +32,8 @@ HOLD_REPEAT = 0.2
 """Between two stop telegrams after a hold-to-run [s]."""
 HOLD_AFTER = 2.0
 """How long they go on at least [s]."""
+NOT_RESTORED = "hold.not_restored"
+"""Why it is told that a point may still be what a hold-to-run has made it."""
 REMEMBERED = 60.0
 """An order that was armed and never begun is forgotten after this [s]."""
 HOLD_EVERY = 0.1
@@ -97,6 +101,8 @@ class HeldMotion:
         job.lend(lease, self._state.clock.monotonic())
         for point, value in previous.items():
             machine.restore.setdefault(point, value)
+        machine.then = interlocks.telegrams(machine.item, _parted(prepared.command)[1], None, {})
+        job.keeps(dict(machine.restore))
         self._state.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
 
     def _pass_on(self, lease: Lease) -> None:
@@ -152,9 +158,9 @@ class HeldMotion:
         if waited >= HOLD_AFTER and stands and not job.writing:
             self._finish(machine, job, job.lease)
         elif waited >= limit:
-            machine.restore.clear()
             params = {"seconds": round(limit, 1), "cause": job.lease.cause}
             self._state.end(machine, job, ProgressState.UNCONFIRMED, "why.stop_not_confirmed", params)
+            self.leave(machine)
             self._state.alarm_stop(machine.item.id)
         elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
             self._state.spawn(
@@ -199,44 +205,102 @@ class HeldMotion:
 
     def _release(self, machine: Machine, job: Job) -> tuple[tuple[str, float], ...]:
         """The telegrams that stop; what restores a former value waits until the machine stands."""
-        stop = [write for write in job.prepared.command.release if write.value != "previous"]
-        return interlocks.telegrams(machine.item, stop, None, {})
+        return interlocks.telegrams(machine.item, _parted(job.prepared.command)[0], None, {})
 
     async def restore(self, machine: Machine) -> None:
-        """Give points back what they held before a hold-to-run, and read it back; what fails is told, not tried again."""
+        """Give points back what they held before a hold-to-run, and read it back. What fails is told and not tried again by itself: the
+        command that puts it back then waits for somebody (`Machine.left`)."""
         if machine.restoring:  # a Stop that came meanwhile is over: once is enough
             return
         item, held = machine.item, dict(machine.restore)
         machine.restoring = True
         self._state.changed(item.id)
+        wrong = list(held)
         try:
-            writer = self._state.writers[item.link]
-            for point, value in held.items():
-                await writer.write(item.id, point, value)
-            wrong = list(held)
-            for attempt in range(RESTORE_READS):
-                await asyncio.sleep(RESTORE_AGAIN if attempt else 0)
-                await writer.refresh(item.id, wrong)
-                look = self._state.readings.look(machine)
-                wrong = [p for p in wrong if not _near(look(p)[0], held[p], item.points[p].decimals)]
-                if not wrong:
-                    break
+            wrong = await self._written_back(machine, held)
         except (LinkError, Refused, KeyError) as error:
             log.warning("former value not restored equipment=%s error=%s", item.id, error)
-            wrong = list(held)
         finally:
             machine.restoring = False
-            machine.restore.clear()
+            if wrong:
+                machine.leave()
+            else:
+                machine.put_back()
             self._state.changed(item.id)
+        if wrong:
+            self.tell_left(machine, {point: held[point] for point in wrong})
+        else:
+            self._tell_put_back(machine, held)
+
+    async def _written_back(self, machine: Machine, held: Mapping[str, float]) -> list[str]:
+        """The points of `held` that do not hold it in the end; those that hold it already are not written.
+
+        Raises:
+            LinkError, Refused, KeyError: it could not be written or read.
+        """
+        item, writer = machine.item, self._state.writers[machine.item.link]
+
+        async def differing(points: Sequence[str]) -> list[str]:
+            await writer.refresh(item.id, points)
+            look = self._state.readings.look(machine)
+            return [point for point in points if not _near(look(point)[0], held[point], item.points[point].decimals)]
+
+        wrong = await differing(list(held))
         for point in wrong:
-            now = self._state.clock.micros()
+            await writer.write(item.id, point, held[point])
+        for attempt in range(RESTORE_READS):
+            if not wrong:
+                break
+            await asyncio.sleep(RESTORE_AGAIN if attempt else 0)
+            wrong = await differing(wrong)
+        for point, value in () if wrong else machine.then:
+            await writer.write(item.id, point, value)
+        return wrong
+
+    def leave(self, machine: Machine) -> None:
+        """What a hold-to-run has changed is not given back: nobody knows whether the machine stands."""
+        held = dict(machine.restore)
+        machine.leave()
+        if machine.left:
+            self.tell_left(machine, held)
+
+    def tell_left(self, machine: Machine, held: Mapping[str, float]) -> None:
+        """Tell of every point that it may still be what a hold-to-run has made it."""
+        item, now = machine.item, self._state.clock.micros()
+        for point, value in held.items():
+            told = item.points[point]
             progress = Progress(
-                chance.token_hex(16), item.id, point, item.points[point].label, "", ProgressState.UNCONFIRMED, now, ended=now,
-                reason="hold.not_restored", params={"value": held[point], "unit": item.points[point].unit},
-                argument=held[point],
+                chance.token_hex(16), item.id, point, told.label, "", ProgressState.UNCONFIRMED, now, ended=now,
+                reason=NOT_RESTORED, params={"value": value, "unit": told.unit}, argument=value,
             )  # fmt: skip
             self._state.close(machine, progress)
-            self._state.audit_lines.line(None, f"{item.id}.{point}", None, held[point], progress)
+            self._state.audit_lines.line(None, f"{item.id}.{point}", None, value, progress)
+
+    def _tell_put_back(self, machine: Machine, held: Mapping[str, float]) -> None:
+        """Write down that nothing is left changed: who starts after a crash looks for that."""
+        key = next((key for key, one in machine.commands.items() if one.command.puts_back), "")
+        if not key:
+            return
+        item, now = machine.item, self._state.clock.micros()
+        progress = Progress(
+            chance.token_hex(16),
+            item.id,
+            key,
+            machine.commands[key].command.label,
+            "",
+            ProgressState.CONFIRMED,
+            now,
+            ended=now,
+        )
+        new = ", ".join(f"{point} = {value:.10g}" for point, value in held.items())
+        self._state.audit_lines.line(None, f"{item.id}.{key}", None, new, progress)
+
+
+def _parted(command: Command) -> tuple[Sequence[Write], Sequence[Write]]:
+    """What a release writes at once, and what follows when the machine stands and its points hold what they held."""
+    writes = command.release
+    first = next((place for place, write in enumerate(writes) if write.value == "previous"), len(writes))
+    return writes[:first], [write for write in writes[first:] if write.value != "previous"]
 
 
 def _near(value: Value, wanted: float, decimals: int) -> bool:

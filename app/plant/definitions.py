@@ -196,6 +196,11 @@ class Command:
     effects: Sequence[Effect] = ()
     """What it will do; the first one counts whose `when` holds and whose numbers are known."""
 
+    @property
+    def puts_back(self) -> bool:
+        """Whether it gives points back what they held before a hold-to-run that nobody ended."""
+        return not self.hold and any(write.value == "previous" for write in self.writes)
+
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:

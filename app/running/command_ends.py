@@ -10,7 +10,9 @@ from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
 from app.clock import Clock
 from app.commands.gate import Gate
+from app.commands.left_changed import left_changed
 from app.commands.lifecycle import Progress, ProgressState
+from app.commands.motion import NOT_RESTORED
 from app.commands.open_commands import NEWEST, open_commands
 from app.commands.open_sets import NEWEST as NEWEST_SETS
 from app.commands.open_sets import OBJECT, open_sets
@@ -59,14 +61,22 @@ class CommandEnds:
         """A command that was sent and not seen to work is an alarm; a Stop has its own."""
         self.counts[progress.state.value] += 1
         plant = self._plant()
+        item = plant.equipment.get(progress.equipment) if plant else None
+        command = item.type.commands.get(progress.command) if item else None
         if progress.changes:
             self._set_ended(progress)
-        elif progress.state in (ProgressState.UNCONFIRMED, ProgressState.UNKNOWN) and plant:
-            command = plant.equipment[progress.equipment].type.commands.get(progress.command)
-            if command is None or not command.stop:
-                self._alarms.system.report(
-                    "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
-                )
+        elif progress.reason == NOT_RESTORED:
+            self._alarms.system.report("left_changed", progress.equipment, params={"point": f"@{progress.label}"})
+        elif command is not None and command.puts_back and progress.state is ProgressState.CONFIRMED:
+            self._alarms.system.report("left_changed", progress.equipment, active=False)
+        elif (
+            progress.state in (ProgressState.UNCONFIRMED, ProgressState.UNKNOWN)
+            and item
+            and not (command and command.stop)
+        ):
+            self._alarms.system.report(
+                "command_unconfirmed", progress.equipment, params={"command": f"@{progress.label}"}
+            )
 
     async def resume(self, gate: Gate, plant: Plant) -> None:
         """Tell `gate` of commands and sets of setpoints that a former run of this server has not brought to an end."""
@@ -81,6 +91,7 @@ class CommandEnds:
         gate.take_open_sets(sets)
         known = {progress.id for progress in sets}
         gate.take_open_commands(open_commands(lines, plant.equipment, self._clock.micros(), known))
+        gate.take_left(left_changed(lines, plant.equipment))
 
     def _set_ended(self, progress: Progress) -> None:
         """Values that nobody chose together are an alarm, until all are found to be new or all former ones."""

@@ -62,6 +62,8 @@ class Button:
 
     moves: bool = True
     """False for what does not make the machine move."""
+    hidden: bool = False
+    """There is nothing that it would put back."""
 
     @property
     def part(self) -> str:
@@ -164,8 +166,10 @@ class Operation:
     def buttons(self) -> Mapping[str, Button]:
         """Every command by key."""
         commands = self.equipment.equipment.type.commands
+        left = bool(self.gate and self.gate.left(self.id))
         return {
-            key: replace(self._button(view), moves=commands[key].moves) for key, view in self.equipment.commands.items()
+            key: replace(self._button(view), moves=commands[key].moves, hidden=commands[key].puts_back and not left)
+            for key, view in self.equipment.commands.items()
         }
 
     @property

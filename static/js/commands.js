@@ -106,7 +106,7 @@ export function patch(inside) {
 }
 
 const SYNCED = ["data-state", "aria-disabled", "aria-pressed", "title", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url",
-  "data-command", "formaction"]; // a switch is another command once it is on
+  "data-command", "formaction", "hidden"]; // a switch is another command once it is on
 
 function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;

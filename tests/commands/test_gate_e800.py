@@ -228,5 +228,5 @@ async def test_a_stop_while_the_former_setpoint_is_given_back_does_not_write_it_
     await asyncio.sleep(later)
     await hall.gate.ask(ANA, "m2", "stop")
     await asyncio.sleep(3.0)
-    assert [written for written in hall.captured[before:] if written[0] != COMMAND] == [(0x010D, 1000)]
+    assert [written for written in hall.captured[before:] if written[0] != COMMAND] == [(0x010D, 1000), (0x2001, 3)]
     assert hall.value("frequency_setpoint") == 10.0

@@ -31,8 +31,11 @@ async def test_the_machine_moves_while_the_button_is_held_and_gets_its_frequency
     assert stand.drive()["frequency_setpoint"] == 40.0
     stops = [telegram for telegram in stand.link.sent() if telegram == ("command", 3.0)]
     assert 8 <= len(stops) <= 11  # for 2 s
-    (line,) = stand.commands
+    line, back = stand.commands
     assert (line.object, line.result, line.reason) == ("m1.jog_forward", "confirmed", "hold.cause.released")
+    assert (back.object, back.result, back.new) == ("m1.put_back", "confirmed", "frequency_setpoint = 40")
+    others = [telegram for telegram in stand.link.sent() if telegram[0] != "command"]
+    assert others == [("lock", 4.0), ("frequency_setpoint", 5.0), ("frequency_setpoint", 40.0), ("lock", 3.0)]
     assert line.params["reason_seconds"] == pytest.approx(1.05)
     assert {"reason_armed", "reason_started", "reason_stopped", "reason_cause"} <= set(line.params)
 
@@ -182,6 +185,7 @@ async def test_stop_ends_a_hold_at_once_for_good() -> None:
     assert [(line.object, line.result) for line in stand.commands] == [
         ("m1.jog_forward", "superseded"),
         ("m1.stop", "confirmed"),
+        ("m1.put_back", "confirmed"),
     ]
 
 

@@ -85,14 +85,14 @@ async def test_a_telegram_that_fails_ends_it_and_a_drive_that_does_not_move_too(
     with pytest.raises(Refused):
         await pressed.hold(0.6)
     await stand.pass_time(3)
-    assert (stand.commands[-1].result, stand.commands[-1].reason) == ("failed", "hold.cause.write")
+    assert (stand.commands[0].result, stand.commands[0].reason) == ("failed", "hold.cause.write")
     stand = Stand()
     stand.drives["m1"].deaf = True
     pressed = await Pressed(stand).arm()
     with pytest.raises(Refused):
         await pressed.hold(8)
     await stand.pass_time(3)
-    assert (stand.commands[-1].result, stand.commands[-1].reason) == ("unconfirmed", "hold.cause.unconfirmed")
+    assert (stand.commands[0].result, stand.commands[0].reason) == ("unconfirmed", "hold.cause.unconfirmed")
     assert stand.drive()["frequency_setpoint"] == SETTINGS["frequency_setpoint"]
 
 
@@ -108,6 +108,49 @@ async def test_a_former_value_that_cannot_be_restored_is_told() -> None:
         ("m1.frequency_setpoint", "hold.not_restored"),
     ]
     assert [telegram for telegram in stand.link.sent() if telegram[1] == 40.0] == [("frequency_setpoint", 40.0)]
+    assert ("lock", 3.0) not in stand.link.sent(), "what comes later would write the jog frequency into the EEPROM"
+    assert stand.gate.left("m1") == {"frequency_setpoint": 40.0}
+    assert stand.drive()["frequency_setpoint"] == 5.0
+
+
+@pytest.mark.parametrize("silent_for", [0.0, 4.0])
+async def test_what_was_left_changed_keeps_everything_from_starting_until_it_is_put_back(silent_for: float) -> None:
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    await pressed.hold(0.6)
+    stand.link.spoil = lambda equipment, point, value: NoAnswer("silence") if value == 40.0 else None
+    pressed.release()
+    await stand.pass_time(4 + silent_for)
+    for command, more in (("forward", {}), ("set_frequency", {"argument": 30}), ("jog_forward", {})):
+        assert [why.key for why in stand.gate.why_not(ANA, "m1", command)][:1] == ["why.left_changed"], more
+    assert not stand.gate.why_not(ANA, "m1", "stop") and not stand.gate.why_not(ANA, "m1", "coast")
+    stand.link.spoil = lambda *telegram: None
+    await stand.gate.ask(ANA, "m1", "put_back", nonce=stand.gate.nonces.issue(ANA.session))
+    await stand.pass_time(2)
+    assert (stand.commands[-1].object, stand.commands[-1].result) == ("m1.put_back", "confirmed")
+    assert stand.drive()["frequency_setpoint"] == 40.0 and stand.link.sent()[-1] == ("lock", 3.0)
+    assert stand.gate.left("m1") == {} and not stand.gate.why_not(ANA, "m1", "forward")
+
+
+async def test_what_stays_changed_because_nobody_knows_whether_it_stands_is_put_back_later() -> None:
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    await pressed.hold(0.6)
+    stand.link.spoil = lambda *telegram: NoAnswer("silence")
+    stand.bad = {"m1"}
+    pressed.release()
+    await stand.pass_time(11)
+    assert stand.alarms == ["m1"] and stand.gate.left("m1") == {"frequency_setpoint": 40.0}
+    stand.bad = set()
+    stand.link.spoil = lambda *telegram: None
+    await stand.pass_time(1)
+    why = [reason.key for reason in stand.gate.why_not(ANA, "m1", "put_back")]
+    assert why == ["why.condition"], "it still turns: the former frequency would speed it up"
+    stand.set_drive(status=0, frequency=0.0)
+    await stand.pass_time(1)
+    await stand.gate.ask(ANA, "m1", "put_back", nonce=stand.gate.nonces.issue(ANA.session))
+    await stand.pass_time(2)
+    assert stand.drive()["frequency_setpoint"] == 40.0 and stand.gate.left("m1") == {}
 
 
 async def test_a_short_tap_stops_again_and_is_not_called_done() -> None:
@@ -119,4 +162,4 @@ async def test_a_short_tap_stops_again_and_is_not_called_done() -> None:
     stand.scanning = True
     await stand.pass_time(4)
     assert not moving(stand)
-    assert stand.commands[-1].result == "unconfirmed"
+    assert stand.commands[0].result == "unconfirmed"

@@ -106,9 +106,24 @@ def test_codes_written_are_the_ones_of_the_manual_and_5_is_never_sent(drive: Equ
         "coast": ["4"],
         "jog_forward": ["1", "3"],
         "jog_reverse": ["2", "3"],
+        "put_back": [],
         "reset": ["9"],
         "set_frequency": [],
     }
+
+
+@pytest.mark.parametrize("key", ["jog_forward", "jog_reverse"])
+def test_a_jog_keeps_its_frequency_out_of_the_eeprom_and_gives_the_former_one_back_last(
+    drive: EquipmentType, key: str
+) -> None:
+    jog = drive.commands[key]
+    assert [(write.point, write.value) for write in jog.writes][:2] == [
+        ("lock", "4"), ("frequency_setpoint", "option:jog_frequency"),
+    ]  # fmt: skip
+    assert [(write.point, write.value) for write in jog.release] == [
+        ("command", "3"), ("frequency_setpoint", "previous"), ("lock", "3"),
+    ]  # fmt: skip
+    assert drive.commands["put_back"].puts_back and not jog.puts_back
 
 
 def test_stop_asks_nothing_and_nothing_guards_it(drive: EquipmentType) -> None:
