@@ -20,7 +20,7 @@ from app.plant.toml import DEEPEST, LARGEST_FILE, LONGEST_TEXT, MOST_VALUES
 from app.settings import Settings
 from tests.conftest import ROOT
 
-PAGES = ("operations", "security", "reliability", "class-room", "connect-e800", "second-motor", "sinamics")
+PAGES = ("operations", "security", "reliability", "class-room", "connect-e800", "second-motor", "sinamics", "epos")
 TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text("utf-8") for name in PAGES}
 COMMANDS = typer.main.get_group(cli)
 

@@ -41,7 +41,10 @@ def main() -> int:
         texts = {lang: load([folder / f"texts.{lang}.toml"], problems) for lang in found}
         problems += compare(f"app/equipment/{folder.name}", texts)
         by_type[folder.name] = set(texts["en"])
-        for key in in_type(folder.name, problems):
+        data, wrong = types.read_type(folder.name, LANGUAGES)
+        problems += map(str, wrong)
+        by_type[folder.name] |= set(data.type.texts["en"])  # those of its kin, too
+        for key in sorted(set(types.text_keys(data))):
             if key not in by_type[folder.name] | set(own["en"]):
                 problems.append(f'app/equipment/{folder.name}: text "{key}" is not in texts.en.toml')
     of_types = {f"{name}.{key}" for name, keys in by_type.items() for key in keys}
@@ -131,13 +134,6 @@ def names(value: str | dict[str, str]) -> set[str]:
         return placeholders(value if isinstance(value, str) else value["other"])
     except (ValueError, AttributeError):
         return set()  # told already, as a fault of the text
-
-
-def in_type(name: str, problems: list[str]) -> Iterator[str]:
-    """Texts that the data of an equipment type ask for: points, cells, commands, arguments, alarms, events, reasons."""
-    data, wrong = types.read_type(name, LANGUAGES)
-    problems += map(str, wrong)
-    return iter(sorted(set(types.text_keys(data))))
 
 
 def in_templates(problems: list[str]) -> Iterator[tuple[str, str]]:

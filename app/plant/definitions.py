@@ -478,6 +478,8 @@ class EquipmentType:
     records: Mapping[str, RecordKind] = field(default_factory=dict)
     """What it keeps of its history, by name, in the order of records.toml."""
     training: Training = field(default_factory=Training)
+    kin: str = ""
+    """Type whose texts, drive parameters and style sheets it has, too."""
     drive_parameters: Mapping[str, DriveParameter] = field(default_factory=dict)
     """What is known of the parameters of its drives, by code."""
     symbol: str = "e-machine"

@@ -17,13 +17,16 @@ Of a type whose equipment runs a sequence, and of a machine that one may use, de
 A point may be bits of another one that is a whole word above it: `part_of = "status_word"` with `shift` and `mask`. A telegram of a command
 may depend on what the device says: `when` it is written at all, `after` what, and how long that is waited for (`within`).
 
+A type whose device.toml says `kin = "sinamics"` has the drive parameters, texts and style sheets of that type, too; its
+own win.
+
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
 `command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
 data wins.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
@@ -47,6 +50,7 @@ from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
 from app.plant.type_files.tables import read_tables
 from app.plant.type_files.texts import flatten
+from app.profidrive.parameter_access.parameter import DriveParameter
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
 PACKAGE = "app.equipment"
@@ -86,6 +90,29 @@ class _Files:
         return source.table()
 
 
+@dataclass(frozen=True, slots=True)
+class _Kin:
+    """What a type takes from another one."""
+
+    name: str
+    parameters: Mapping[str, DriveParameter]
+    texts: Mapping[str, Mapping[str, str]]
+
+
+def _kin(head: Table, files: _Files, languages: Sequence[str]) -> _Kin:
+    """Of the type that `kin` in device.toml names: its mistakes are told where it is read itself."""
+    name = head.text("kin", "")
+    if not name:
+        return _Kin("", {}, {language: {} for language in languages})
+    folder = files.folder.parent / name
+    if name == files.name or not (folder / "device.toml").is_file():
+        head.note("kin", name, f"another type: {', '.join(one for one in names(folder.parent) if one != files.name)}")
+        return _Kin("", {}, {language: {} for language in languages})
+    other = _Files(folder, name)
+    texts = {language: dict(flatten(other.open(f"texts.{language}.toml").data)) for language in languages}
+    return _Kin(name, drive_parameters.read_parameters(other.open("parameters.toml")), texts)
+
+
 def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> TypeData:
     name = files.name
     head = files.open("device.toml", optional=False)
@@ -98,6 +125,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     option_checks = tuple(read_option_checks(head, options))
     device = replace(device, services=read_services(head, device))
     tile = head.items("tile", ()) if head.has("tile") else ()
+    kin = _kin(head, files, languages)
     head.done()
     file = files.open("events.toml")
     events, reasons = plc.read_names(file, "events"), plc.read_names(file, "reasons")
@@ -127,9 +155,12 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         found = {key: data.point for key, data in points.found.items()}
         parameters_known = register_parameters.read_known(known, setpoints, found)
     else:
-        parameters_known = drive_parameters.read_parameters(known)
+        parameters_known = {**kin.parameters, **drive_parameters.read_parameters(known)}
     texts = {
-        language: dict(flatten(files.open(f"texts.{language}.toml", optional=language not in spoken).data))
+        language: {
+            **kin.texts[language],
+            **dict(flatten(files.open(f"texts.{language}.toml", optional=language not in spoken).data)),
+        }
         for language in languages
     }
     sentences.check(points.found, name)
@@ -163,6 +194,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         simulation_presets=simulation_presets,
         records=kinds,
         training=training,
+        kin=kin.name,
         drive_parameters=parameters_known,
         symbol=symbol,
         tile=read_tile(head, tile, points.found),

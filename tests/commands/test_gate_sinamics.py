@@ -1,9 +1,10 @@
 """The gate over every transport to the virtual SINAMICS drive: real telegrams, words, start sequence, faults."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -37,19 +38,19 @@ TRANSPORTS = ("memory", "tcp", "rtu")
 class Pump:
     """Drive d1 of its own plant, standing, behind a link."""
 
+    folder, id, first = "plants/sinamics", "d1", "forward"
+    drive: VirtualSinamics
+    usual: Mapping[str, object] = {"setpoint": 40, "p1120": 2, "p1121": 2}
+
     def __init__(self, **simulation: object) -> None:
-        plant, problems = read_plant(bundled("plants/sinamics"))
+        plant, problems = read_plant(bundled(self.folder))
         assert plant, problems
-        item = plant.equipment["d1"]
-        item = replace(
-            item, options={**item.options, "simulation": {"setpoint": 40, "p1120": 2, "p1121": 2, **simulation}}
-        )
-        self.plant = replace(plant, equipment={"d1": item})
+        item = plant.equipment[self.id]
+        item = replace(item, options={**item.options, "simulation": {**self.usual, **simulation}})
+        self.plant = replace(plant, equipment={self.id: item})
         self.clock = loop_clock()
         self.sim = SimPlant(self.plant, self.clock)
-        drive = self.sim.devices["d1"]
-        assert isinstance(drive, VirtualSinamics)
-        self.drive = drive
+        drive = self.drive = self.sim.devices[self.id]  # type: ignore[assignment]
         self.tags = TagDatabase(self.clock)
         self.lines: list[tuple[str, str]] = []
         self.words: list[int] = []
@@ -64,7 +65,7 @@ class Pump:
 
     def connect(self, **link: object) -> None:
         link_of = replace(self.plant.links["drives"], writes=True, **link)  # type: ignore[arg-type]
-        item = self.plant.equipment["d1"]
+        item = self.plant.equipment[self.id]
         self.plant = replace(self.plant, links={"drives": link_of})
         self.link = RegisterLink(link_of, [item], self.tags, self.clock, exchange=on_bus(self.sim.buses["drives"]))
         points = [p for p in self.plant.points.values() if p.register is None or p.register.readable]
@@ -94,14 +95,14 @@ class Pump:
         self.tags.publish(Batch("derived", 0, batch.time, batch.seen, handles, values, qualities=qualities))
 
     def value(self, key: str) -> float:
-        value = self.tags.sample(f"d1.{key}").value
+        value = self.tags.sample(f"{self.id}.{key}").value
         return float(value) if isinstance(value, int | float) else float("nan")
 
     async def until(self, true: Callable[[], object], limit: float = 30.0) -> None:
         began = self.clock.monotonic()
         while not true():
             assert self.clock.monotonic() - began < limit, (
-                self.gate.progress("d1"),
+                self.gate.progress(self.id),
                 self.drive.state,
                 self.drive.faults,
             )
@@ -109,18 +110,18 @@ class Pump:
 
     async def ask(self, command: str, who: Person = ANA, **asked: object) -> Progress:
         nonce = self.gate.nonces.issue(who.session)
-        return await self.gate.ask(who, "d1", command, nonce=nonce, **asked)  # type: ignore[arg-type]
+        return await self.gate.ask(who, self.id, command, nonce=nonce, **asked)  # type: ignore[arg-type]
 
     async def done(self, command: str, state: ProgressState = ProgressState.CONFIRMED, **asked: object) -> Progress:
         """Ask, and wait until it is over as expected."""
         await self.ask(command, **asked)  # type: ignore[arg-type]
 
         def over() -> bool:
-            progress = self.gate.progress("d1")
+            progress = self.gate.progress(self.id)
             return progress is not None and progress.over
 
         await self.until(over)
-        progress = self.gate.progress("d1")
+        progress = self.gate.progress(self.id)
         assert progress is not None and progress.state is state, progress
         return progress
 
@@ -129,8 +130,8 @@ class Pump:
 
 
 @asynccontextmanager
-async def pump(transport: str = "memory", **simulation: object) -> AsyncIterator[Pump]:
-    it = Pump(**simulation)
+async def pump(transport: str = "memory", kind: Callable[..., Any] = Pump, **simulation: object) -> AsyncIterator[Any]:
+    it = kind(**simulation)
     bus = it.sim.buses["drives"]
     server = TcpServer(bus)
     await server.start("127.0.0.1", 0)
@@ -143,8 +144,8 @@ async def pump(transport: str = "memory", **simulation: object) -> AsyncIterator
         it.connect()
     tasks = [asyncio.create_task(work()) for work in (it.sim.run, it.link.run, it.gate.run)]
     try:
-        it.gate.control.take(ANA, "d1")
-        await it.until(lambda: not it.gate.why_not(ANA, "d1", "forward"))
+        it.gate.control.take(ANA, it.id)
+        await it.until(lambda: not it.gate.why_not(ANA, it.id, it.first))
         yield it
     finally:
         await it.gate.close()

@@ -12,7 +12,7 @@ from app.running.page_tags import MOST_NAMED, page_tags
 from app.settings import Settings
 from tests.virtual import house
 
-PLANTS = ("demo", "crane", "sinamics")
+PLANTS = ("demo", "crane", "sinamics", "epos")
 FRAME = set(page_tags("frame", None, []))
 
 

@@ -10,7 +10,7 @@ from app.running.derived import DERIVED
 from app.running.tag_list import LEAST_STALE, SCANS, points_of, stale_after, tag_of
 
 
-@pytest.fixture(scope="module", params=["demo", "crane", "sinamics"])
+@pytest.fixture(scope="module", params=["demo", "crane", "sinamics", "epos"])
 def plant(request: pytest.FixtureRequest) -> Plant:
     found, problems = read_plant(Path("plants") / request.param)
     assert found and not problems

@@ -12,7 +12,7 @@ from app.sim.training import BASE, MAGIC, REG_LINE_DELAY
 
 ITEMS = {
     item.type.name: item
-    for name in ("demo", "crane", "sinamics")
+    for name in ("demo", "crane", "sinamics", "epos")
     if (plant := read_plant(Path("plants") / name)[0])
     for item in plant.equipment.values()
 }

@@ -1,17 +1,19 @@
 """Which telegrams a SINAMICS drive refuses by its map: functions, registers, counts and values."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from app.errors import DeviceException
 from app.sim.sinamics import registers as map
+from app.sim.sinamics.registers import Register
 
 
 class Requests:
     """Checks of one drive; what it refused last stands in register 40499."""
 
-    def __init__(self, process_words: int) -> None:
-        """`process_words`: so many words of process data each way."""
+    def __init__(self, process_words: int, registers: Mapping[int, Register] = map.REGISTERS) -> None:
+        """`process_words`: so many words of process data each way; `registers`: what else it has, the mailbox aside."""
         self.process_words = process_words
+        self._registers = registers
         self.access_error = 0
         """1 read only, 2 value out of its range, 0 none."""
 
@@ -48,7 +50,7 @@ class Requests:
 
     def exists(self, number: int) -> bool:
         """Whether the drive has this register."""
-        if number in map.REGISTERS or number in map.MAILBOX:
+        if number in self._registers or number in map.MAILBOX:
             return True
         return any(first <= number < first + self.process_words for first in (map.CONTROL, map.STATUS))
 
@@ -59,7 +61,7 @@ class Requests:
             raise DeviceException(3, f"SINAMICS: {word} is not a word")
         if map.CONTROL <= number < map.PROCESS_OUT_END or number in map.MAILBOX:
             return
-        register = map.REGISTERS.get(number)
+        register = self._registers.get(number)
         if register is None or not register.writable:
             self.access_error = 1
             raise DeviceException(4, f"SINAMICS: register {number} is read only")
