@@ -469,6 +469,8 @@ class EquipmentType:
     """Reason in an answer of the device → its key; the text is `reason.<key>`."""
     checks: Sequence[Condition] = ()
     """What must hold between setpoints: a value that breaks one is not written."""
+    ratings: Sequence[Condition] = ()
+    """What the device says of itself and its motor, against the options of the plant file: what does not hold is told as a doubt."""
     sequence: bool = False
     """Whether its equipment runs a sequence of the plant: `definition` and `machine` in the plant file, `steps` as an option."""
     actions: Sequence[str] = ()

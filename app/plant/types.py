@@ -1,7 +1,8 @@
 """Equipment types: the folders of app/equipment, read once; each kind of file has its reader in plant/type_files.
 
 `device.toml` limits of the device, options of an instance, presets and checks of them; `points.toml` values; `setpoints.toml` parameters
-(each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `commands.toml`; `interlocks.toml` with
+(each is a point too); `checks.toml` what must hold between them (`[key]` with `expression`); `ratings.toml` what a
+device says of itself against the options; `commands.toml`; `interlocks.toml` with
 `[permissives.…]` and `[interlocks.…]`; `alarms.toml`; `training.toml` (plant/training.py); `texts.<lang>.toml`; of a Pogon PLC also
 `tables.toml` and `events.toml` (plant/plc.py), `records.toml` (plant/record_kinds.py); of a drive `parameters.toml`, behind a
 mailbox (plant/drive_parameters.py) or as registers (plant/register_parameters.py).
@@ -38,7 +39,7 @@ from app.plant.training import read_training
 from app.plant.training import text_keys as training_keys
 from app.plant.type_files.alarms import read_alarms
 from app.plant.type_files.commands import CommandReader
-from app.plant.type_files.conditions import check_commands, read_checks, read_guards
+from app.plant.type_files.conditions import check_commands, read_checks, read_guards, read_ratings
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.device import read_actions, read_device, read_simulation_presets, read_tile
 from app.plant.type_files.interventions import check_interventions
@@ -145,6 +146,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     guards = files.open("interlocks.toml")
     permissives, interlocks = read_guards(guards, sentences)
     checks = read_checks(files.open("checks.toml"), sentences, setpoints)
+    ratings = read_ratings(files.open("ratings.toml"), sentences)
     ring = events if device.plc and device.plc.events else {}
     alarms = list(read_alarms(files.open("alarms.toml"), ring, sentences))
     check_commands(guards, "permissives", permissives, commands, name)
@@ -189,6 +191,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         reasons=reasons,
         snapshot=snapshot,
         checks=checks,
+        ratings=ratings,
         sequence=sequence,
         actions=actions,
         simulation_presets=simulation_presets,
@@ -223,6 +226,7 @@ def text_keys(data: TypeData) -> Iterator[str]:
     for condition in (*kind.permissives, *kind.interlocks, *kind.checks):
         yield condition.label
         yield from [condition.missing] if condition.missing else []
+    yield from (rating.missing for rating in kind.ratings)
     for alarm in kind.alarms:
         yield from (alarm.label, alarm.consequence, alarm.cause, alarm.response)
     yield from training_keys(kind.training)

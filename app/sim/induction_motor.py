@@ -51,6 +51,8 @@ class MotorData:
     """Shaft [Nm]."""
     efficiency: float
     cos_phi: float
+    rated_frequency: float = 50.0
+    """[Hz]"""
 
     @property
     def rated_current_delta(self) -> float:
@@ -65,7 +67,28 @@ class MotorData:
     @property
     def rated_slip_frequency(self) -> float:
         """[Hz]"""
-        return 50.0 - self.rated_speed * self.pole_pairs / 60
+        return self.rated_frequency - self.rated_speed * self.pole_pairs / 60
+
+    def wound(self, pole_pairs: int, rated_frequency: float) -> "MotorData":
+        """The same motor with other pole pairs, for another rated frequency [Hz] at the same voltage and current.
+
+        Reactances, slip, losses and power at the rated point stay; torque goes as one over speed, inertia as one over its square.
+        """
+        f, n = (
+            rated_frequency / self.rated_frequency,
+            rated_frequency / self.rated_frequency * self.pole_pairs / pole_pairs,
+        )
+        return replace(
+            self,
+            ls=self.ls / f,
+            lr=self.lr / f,
+            lm=self.lm / f,
+            pole_pairs=pole_pairs,
+            inertia=self.inertia / (n * n),
+            rated_speed=self.rated_speed * n,
+            rated_torque=self.rated_torque / n,
+            rated_frequency=rated_frequency,
+        )
 
     def sized(self, rated_current: float, rated_voltage: float = DELTA_VOLTAGE) -> "MotorData":
         """The same motor, bigger or smaller, drawing `rated_current` [A] in delta at `rated_voltage` [V] with rated load.

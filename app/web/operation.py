@@ -314,6 +314,16 @@ class Operation:
         handle = tags.handles.get(f"{self.id}.{key}")
         return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
 
+    @property
+    def doubts(self) -> list[str]:
+        """In which the device and the plant file do not agree, in words; what is not known is no doubt."""
+        look = self.look
+        return [
+            self.words.told(rating.missing, interlocks.amounts(rating.values, look))
+            for rating in self.equipment.equipment.type.ratings
+            if interlocks.met(rating, look) is False
+        ]
+
     def effect(self, key: str) -> str:
         """What the command will do now, in words; empty when its type does not say."""
         command = self.equipment.equipment.type.commands.get(key)

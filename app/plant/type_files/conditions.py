@@ -1,4 +1,5 @@
-"""interlocks.toml and checks.toml: what must be true to start, what stops at any time, what must hold between setpoints."""
+"""interlocks.toml, checks.toml and ratings.toml: what must be true to start, what stops at any time, what must hold between setpoints, what
+a device says of itself."""
 
 from collections.abc import Collection
 
@@ -25,6 +26,11 @@ def read_checks(file: Table, sentences: Sentences, setpoints: Collection[str]) -
         if check.commands:
             file.note(f"{check.key}.commands", ", ".join(check.commands), "no commands: a check is about values")
     return checks
+
+
+def read_ratings(file: Table, sentences: Sentences) -> list[Condition]:
+    """ratings.toml: what a device says of itself, against the options of the plant file."""
+    return [_condition("rating", key, table, sentences) for key, table in file.tables()]
 
 
 def check_commands(

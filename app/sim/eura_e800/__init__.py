@@ -24,6 +24,8 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         drive_current=number("drive_current", item.options["drive_current"])
         if "drive_current" in item.options
         else None,
+        pole_pairs=int(number("pole_pairs", item.options.get("pole_pairs", 2))),
+        rated_frequency=number("rated_frequency", item.options.get("rated_frequency", 50.0)),
         start="" if start == "stopped" else start,
         parameters=parameters,
     )

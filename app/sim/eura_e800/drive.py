@@ -67,6 +67,8 @@ class VirtualE800:
         rated_current: float = 4.5,
         rated_voltage: float = 230.0,
         drive_current: float | None = None,
+        pole_pairs: int = 2,
+        rated_frequency: float = 50.0,
         parameters: Mapping[str, float] | None = None,
         start: str = "",
         motor: str = "A",
@@ -81,10 +83,10 @@ class VirtualE800:
         """A drive that has just been powered up, or has been running for long when `start` is `forward` or `reverse`.
 
         `rated_current`: of the motor in delta at `rated_voltage` [A, V], which size it and become F803 and F802;
-        `drive_current`: rated output of the drive [A], if not the motor's or 4.5 A; `parameters`: values by code, kept in
-        EEPROM; `motor`: A legacy, B modern; `block_limit`, `parameter_limit`: most registers per read from 0x1000 and of
-        parameters; `multiple_writes`: whether function 16 is known; `load`, `quadratic_load`, `disturbance` [% of rated
-        torque]; `inertia_ratio`: of the load to the rotor.
+        `drive_current`: rated output of the drive [A], if not the motor's or 4.5 A; `pole_pairs`, `rated_frequency` [Hz]: of the motor;
+        `parameters`: values by code, kept in EEPROM; `motor`: A legacy, B modern; `block_limit`, `parameter_limit`: most registers per
+        read from 0x1000 and of parameters; `multiple_writes`: whether function 16 is known; `load`, `quadratic_load`, `disturbance` [% of
+        rated torque]; `inertia_ratio`: of the load to the rotor.
 
         Raises:
             ConfigurationError: one of them is unknown or out of range.
@@ -96,7 +98,7 @@ class VirtualE800:
         self._seed = seed
         self._start = start
         self._inertia_ratio = inertia_ratio
-        self.motor_data = MOTOR_SETS[motor].sized(rated_current, rated_voltage)
+        self.motor_data = MOTOR_SETS[motor].sized(rated_current, rated_voltage).wound(pole_pairs, rated_frequency)
         self._rated_voltage = rated_voltage
         self.drive_current = drive_current or max(DRIVE_RATED_CURRENT, rated_current)
         """Rated output current of the drive [A]."""

@@ -144,8 +144,13 @@ def commissioned(
         "F801": min(max(round(motor.rated_power / 1000, 2), 0.2), 650.0),
         "F802": round(rated_voltage),
         "F803": round(rated_current, 2),
-        "F805": motor.rated_speed,
+        "F804": 2.0 * motor.pole_pairs,
+        "F805": round(motor.rated_speed),
+        "F810": motor.rated_frequency,
+        "F118": motor.rated_frequency,
     }
+    if motor.rated_frequency != PARAMETERS["F810"].default:
+        values |= {"F111": motor.rated_frequency, "F113": motor.rated_frequency}
     for code, value in given.items():
         parameter = PARAMETERS.get(code)
         if parameter is None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from app import bundled
+from app.commands.interlocks import met
 from app.plant.loader import read_plant
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.induction_motor import MOTOR_SETS
@@ -110,3 +111,56 @@ def test_what_no_drive_of_the_series_is_is_refused(tmp_path: Path, machine: str,
     (folder / "plant.toml").write_text(plant_of(machine), "utf-8")
     _, problems = read_plant(folder)
     assert re.search(re.escape(expected), " ".join(str(problem) for problem in problems)), problems
+
+
+MOTORS = [(1, 50.0), (2, 60.0), (3, 50.0), (4, 87.0)]
+
+
+@pytest.mark.parametrize(("pole_pairs", "frequency"), MOTORS)
+def test_other_pole_pairs_and_frequencies_keep_the_rated_point(pole_pairs: int, frequency: float) -> None:
+    plain = MOTOR_SETS["A"].sized(4.5)
+    motor = plain.wound(pole_pairs, frequency)
+    slip = 1 - plain.rated_speed * plain.pole_pairs / 60 / 50
+    assert 1 - motor.rated_speed * pole_pairs / 60 / frequency == pytest.approx(slip)
+    assert motor.rated_torque * motor.rated_speed == pytest.approx(plain.rated_torque * plain.rated_speed)
+    assert motor.lm * frequency == pytest.approx(plain.lm * 50)
+    drive = VirtualE800(pole_pairs=pole_pairs, rated_frequency=frequency, load=100, quadratic_load=0, disturbance=0)
+    command(drive, FORWARD)
+    for _ in range(2500):
+        drive.step()
+    assert drive.shaft_speed == pytest.approx(motor.rated_speed, rel=CLOSE)
+    assert drive.motor.point.current == pytest.approx(motor.rated_current_delta, rel=3 * CLOSE)
+    parameters = [drive.parameter(code) for code in ("F804", "F810", "F118", "F805")]
+    assert parameters == [2 * pole_pairs, frequency, frequency, round(motor.rated_speed)]
+
+
+RATED = [
+    ("", {}, set()),
+    ("pole_pairs = 1\nrated_frequency = 60", {}, set()),
+    ("", {"F803": 3.2}, {"motor_current"}),
+    ("", {"F802": 400}, {"motor_voltage"}),
+    ("", {"F804": 6}, {"motor_poles"}),
+    ("", {"F810": 60}, {"motor_frequency"}),
+    ("", {"F805": 2900}, {"motor_speed"}),
+    ("", {"F801": 22.0}, {"motor_power"}),
+    ("", {"F801": 7.5}, set()),  # read as 0.75 kW where the raw value is kW x 10: nobody knows
+]
+
+
+async def test_what_the_drive_says_of_its_motor_is_compared_with_the_plant_file(tmp_path: Path) -> None:
+    machines = []
+    for options, values, _ in RATED:
+        given = ", ".join(f"{code} = {value}" for code, value in values.items())
+        machines.append(f"{options}\nsimulation = {{ {given} }}")
+    async with running(tmp_path, plant_of(*machines)) as plant:
+        assert not plant.runtime.problems
+        await plant.until(lambda: all(plant.good(f"d{unit}.f810") for unit in range(1, len(RATED) + 1)), 60)
+        assert plant.runtime.plant is not None
+        for unit, (_, _, expected) in enumerate(RATED, 1):
+            kind = plant.runtime.plant.equipment[f"d{unit}"].type
+
+            def look(key: str, unit: int = unit) -> tuple[object, int]:
+                sample = plant.runtime.tags.sample(f"d{unit}.{key}")
+                return sample.value, sample.quality
+
+            assert {one.key for one in kind.ratings if met(one, look) is False} == expected, unit  # type: ignore[arg-type]
