@@ -1,6 +1,7 @@
 """What all that writes drive parameters by the gate has in common: taking the machine, sending requests, putting former values back."""
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -24,6 +25,8 @@ from app.errors import LinkError, Refused
 from app.links.mailbox import Missed, Outcome, ParameterAccess
 from app.links.schedule import PERMIT
 from app.profidrive.parameter_access.messages import Failed
+
+log = logging.getLogger(__name__)
 
 RESTORE_PASSES = 3
 """So often former values are written that are not there then: one may be refused until another one is back."""
@@ -93,6 +96,7 @@ class ParameterWork:
             finally:
                 self.reading.stages.pop(machine.item.id, None)
                 self._state.release_set(machine, job)
+                await _read_points(self._state, machine, job)
 
         await asyncio.shield(self._state.work(carried_out(), f"parameters {machine.item.id}"))
         if refusals:
@@ -219,3 +223,14 @@ class ParameterWork:
             if wrong:
                 await self.change(machine, job, work, wrong, [found[one.key].old for one in wrong], new=False)
                 stage.done += len(wrong)
+
+
+async def _read_points(state: CommandState, machine: Machine, job: SetJob) -> None:
+    """Have the points that are the same values as what may have been written read now: nothing else would."""
+    known = machine.item.type.drive_parameters
+    points = {known[change.code].point for change in job.progress.changes if change.code in known}
+    try:
+        if wanted := sorted(filter(None, points)):
+            await state.writers[machine.item.link].refresh(machine.item.id, wanted)
+    except (LinkError, KeyError) as error:
+        log.info("points not read equipment=%s error=%s", machine.item.id, error)

@@ -204,6 +204,18 @@ def test_a_set_is_reviewed_written_and_read_back(client: TestClient, people: Sta
     assert trail[0].new == "F114 = 7.5, F131 = 2054, F124 = 700"
 
 
+def test_a_point_that_is_the_same_value_is_read_again_and_a_doubt_is_told(client: TestClient, people: Staff) -> None:
+    pages = ("/equipment/m2", "/equipment/m2/parameters")
+    doubt = "Drive: motor current F803 = 3.2 A; plant file: 2.5 A"
+    assert not any(doubt in words(client.get(page).text) for page in pages)
+    write(people, F803="3.2")
+    runtime = client.app.state.runtime  # type: ignore[attr-defined]
+    assert runtime.tags.sample("m2.f803").value == 3.2
+    assert all(doubt in words(client.get(page).text) for page in pages)
+    write(people, F803="2.5")
+    assert not any(doubt in words(client.get(page).text) for page in pages)
+
+
 def test_limits_that_depend_on_each_other_are_kept_in_any_order(client: TestClient, people: Staff) -> None:
     text = write(people, F113="70", F111="80")
     assert held(client, "F111", "F113") == [80.0, 70.0], words(text)
