@@ -34,6 +34,7 @@ from app.commands.set_follow_up import UNREAD, found_params
 from app.commands.sets import NO_AUDIT, RESTORED, Failure
 from app.commands.value_set import Change, Stands
 from app.errors import Refused
+from app.links.mailbox import Missed
 from app.plant.definitions import EquipmentType
 from app.profidrive.parameter_access.messages import Address, Values
 from app.profidrive.parameter_access.parameter import DriveParameter
@@ -44,6 +45,20 @@ STATE, COORDINATE, POSITION, WINDOW = "p2507", "p2599", "r2521", "p2544"
 LOOK = 0.25
 """Between two looks whether the drive is adjusted [s]."""
 FAILED = "why.enc_failed"
+LOOKED_AT = (POSITION, STATE, COORDINATE, WINDOW)
+
+Place = tuple[str, str, int]
+"""Type, link and unit: a drive is what stands there, whatever it is called."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a drive held at one moment."""
+
+    time: int
+    """[µs UTC]"""
+    values: Mapping[str, float]
+    """Code → value [LU], p2507 as it is; a parameter that the drive does not have is not there."""
 
 
 @dataclass(slots=True)
@@ -63,15 +78,118 @@ class Axis:
         return self.start.changes[0]
 
 
+class Stories:
+    """The last adjustment of each drive since the server began; whoever looks at a drive hears of every step."""
+
+    def __init__(self, state: CommandState) -> None:
+        self._state = state
+        self._found: dict[Place, Story] = {}
+        state.enders.append(self._ended)
+
+    def place(self, equipment: str) -> Place:
+        """What stands under this name now."""
+        machine = self._state.machines.get(equipment)
+        return (machine.item.type.name, machine.item.link, machine.item.unit) if machine else (equipment, "", 0)
+
+    def get(self, equipment: str) -> Story | None:
+        """Of one drive; None when there was none."""
+        return self._found.get(self.place(equipment))
+
+    def of(self, machine: Machine) -> Story:
+        """The one at work."""
+        return self._found[self.place(machine.item.id)]
+
+    def began(self, machine: Machine, key: str) -> None:
+        """A step begins."""
+        self.tell(machine, self.of(machine).began(key, self._state.clock.micros()))
+
+    def done(self, machine: Machine, key: str, value: float | None = None) -> None:
+        """A step is over."""
+        self.tell(machine, self.of(machine).done(key, self._state.clock.micros(), value))
+
+    def broke(self, machine: Machine, key: str, failure: Failure) -> Failure:
+        """A step failed; why, given back."""
+        self.tell(machine, self.of(machine).broke(key, self._state.clock.micros(), *failure))
+        return failure
+
+    def tell(self, machine: Machine, story: Story) -> None:
+        """Keep it so."""
+        self._found[self.place(machine.item.id)] = story
+        self._state.changed(machine.item.id)
+
+    def _ended(self, progress: Progress) -> None:
+        """A save that ended after an adjustment is its last step, whoever asked for it."""
+        place = self.place(progress.equipment)
+        story = self._found.get(place)
+        if story is None or progress.command != SAVE or not story.succeeded:
+            return
+        story = story.began(told.SAVE, progress.requested)
+        if progress.state is ProgressState.CONFIRMED:
+            self._found[place] = story.done(told.SAVE, progress.ended)
+        else:
+            self._found[place] = story.broke(told.SAVE, progress.ended, progress.reason, progress.params)
+
+
 class EncoderAdjustments:
     """Adjusts the encoders of all drives; at most one adjustment is at work on each."""
 
     def __init__(self, state: CommandState, execution: Execution) -> None:
         self._state, self._execution = state, execution
         self._work = ParameterWork(state)
-        self.stories: dict[str, Story] = {}
-        """By machine, the last one of each since the server began."""
-        state.enders.append(self._ended)
+        self._stories = Stories(state)
+        self._held: dict[Place, Held] = {}
+        self._looking: set[Place] = set()
+
+    def story(self, equipment: str) -> Story | None:
+        """The last adjustment of the drive since the server began; None when there was none."""
+        return self._stories.get(equipment)
+
+    def held(self, equipment: str) -> Held | None:
+        """What the drive held when it was looked at last."""
+        return self._held.get(self._stories.place(equipment))
+
+    def looking(self, equipment: str) -> bool:
+        """Whether it is being looked at."""
+        return self._stories.place(equipment) in self._looking
+
+    def tell(self, equipment: str) -> None:
+        """Whoever looks at the machine sees it anew."""
+        self._state.changed(equipment)
+
+    def busy(self, equipment: str) -> bool:
+        """Whether an adjustment is at work."""
+        machine = self._state.machines.get(equipment)
+        return machine is not None and machine.set is not None and machine.set.order.key == ENCODER
+
+    async def look(self, equipment: str, object: int) -> None:
+        """Read what the drive holds now (`held`); nothing is written, and nothing is added to a look that goes on.
+
+        Raises:
+            Refused: 404, no such machine; 503, the plant has no such link.
+            LinkError: the drive did not answer.
+        """
+        machine = self._state.machines.get(equipment)
+        if machine is None or not adjustable(machine.item.type):
+            raise Refused("why.no_such_command", 404, equipment=equipment, command=ENCODER)
+        place = self._stories.place(equipment)
+        if place in self._looking:
+            return
+        self._looking.add(place)
+        self._state.changed(equipment)
+        try:
+            known = machine.item.type.drive_parameters
+            wanted = [known[code] for code in LOOKED_AT if code in known]
+            asked = [Address(one.number, 0, 1 if one.count else 0) for one in wanted]
+            outcomes = await self._work.mailbox(machine).read(object, asked, [one.format for one in wanted])
+            missed = next((one for one in outcomes if isinstance(one, Missed)), None)
+            if missed is not None:
+                raise missed.error
+            pairs = zip(wanted, outcomes, strict=True)
+            values = {one.code: float(said.values[0]) for one, said in pairs if isinstance(said, Values)}
+            self._held[place] = Held(self._state.clock.micros(), values)
+        finally:
+            self._looking.discard(place)
+            self._state.changed(equipment)
 
     async def adjust(
         self,
@@ -109,7 +227,7 @@ class EncoderAdjustments:
     def cancel(self, equipment: str) -> bool:
         """End the adjustment at work and put back what can be; False when there is none."""
         machine = self._state.machines.get(equipment)
-        if machine is None or machine.set is None or machine.set.order.key != ENCODER:
+        if machine is None or machine.set is None or not self.busy(equipment):
             return False
         machine.set.interrupt(CANCELLED)
         return True
@@ -127,22 +245,22 @@ class EncoderAdjustments:
         started = ParameterChange(object, known[STATE], told.STARTED, becomes=(told.ADJUSTED,))
         axis = Axis(Work([ParameterChange(object, known[COORDINATE], coordinate)], mailbox), Work([started], mailbox))
         job = self._work.job(order, machine, prepared, plan)
-        self.stories[machine.item.id] = Story(coordinate, job.progress.person, order.id)
+        self._stories.tell(machine, Story(coordinate, job.progress.person, order.id))
         return await self._work.done(machine, job, self._carry_out(machine, job, axis))
 
     async def _carry_out(self, machine: Machine, job: SetJob, axis: Axis) -> None:
         try:
             await self._read(machine, axis)
         except Refused as refusal:
-            self._broke(machine, told.READ, (refusal.reason, refusal.params))
+            self._stories.broke(machine, told.READ, (refusal.reason, refusal.params))
             raise
         job.went(replace(job.progress, changes=axis.described, old=value_set.values_text(axis.described, old=True)))
         if self._state.dry_run:
-            self._broke(machine, told.COORDINATE, ("why.dry_run", {}))
+            self._stories.broke(machine, told.COORDINATE, ("why.dry_run", {}))
             self._state.end_set(machine, job, ProgressState.DRY_RUN, "why.dry_run", {})
             return
         if not await self._state.audit_lines.sent(job.order, job.progress):
-            self._broke(machine, told.COORDINATE, (NO_AUDIT, {}))
+            self._stories.broke(machine, told.COORDINATE, (NO_AUDIT, {}))
             self._state.end_set(machine, job, ProgressState.FAILED, NO_AUDIT, {})
             return
         failure = await self._steps(machine, job, axis)
@@ -158,7 +276,7 @@ class EncoderAdjustments:
         Raises:
             Refused: the drive does not tell what is to be written, or is being adjusted.
         """
-        self._began(machine, told.READ)
+        self._stories.began(machine, told.READ)
         id, former = machine.item.id, dict[str, float]()
         for work in (axis.coordinate, axis.start):
             former |= await self._work.reading.former(id, work)
@@ -171,57 +289,57 @@ class EncoderAdjustments:
         axis.window = await self._value(machine, axis, WINDOW) or 0.0
         codes = {COORDINATE: former[coordinate.key], STATE: former[started.key]}
         codes |= {POSITION: position} if position is not None else {}
-        self._tell(machine, replace(self.stories[id], former=codes, position=position))
-        self._done(machine, told.READ, position)
+        self._stories.tell(machine, replace(self._stories.of(machine), former=codes))
+        self._stories.done(machine, told.READ, position)
 
     async def _steps(self, machine: Machine, job: SetJob, axis: Axis) -> Failure | None:
         """Everything that changes the drive, in its order; why it did not come to its end, None = it did."""
-        self._began(machine, told.COORDINATE)
+        self._stories.began(machine, told.COORDINATE)
         failure = await self._work.write(machine, job, axis.coordinate)
         if failure is None:
             (found,) = await self._work.reading.found(machine.item.id, axis.coordinate, axis.described[:1])
             failure = None if found.stands is Stands.NEW else _differing(found)
         if failure is not None:
-            return self._broke(machine, told.COORDINATE, failure)
-        self._done(machine, told.COORDINATE, axis.described[0].new)
-        self._began(machine, told.START)
+            return self._stories.broke(machine, told.COORDINATE, failure)
+        self._stories.done(machine, told.COORDINATE, axis.described[0].new)
+        self._stories.began(machine, told.START)
         failure = await self._work.write(machine, job, axis.start)
         if failure is not None:
-            return self._broke(machine, told.START, failure)
-        self._done(machine, told.START, told.STARTED)
+            return self._stories.broke(machine, told.START, failure)
+        self._stories.done(machine, told.START, told.STARTED)
         failure = await self._wait(machine, job, axis)
         return failure if failure is not None else await self._verify(machine, axis)
 
     async def _wait(self, machine: Machine, job: SetJob, axis: Axis) -> Failure | None:
-        self._began(machine, told.WAIT)
+        self._stories.began(machine, told.WAIT)
         began = self._state.clock.monotonic()
         while True:
             state = await self._value(machine, axis, STATE)
             if state is not None:
-                self._tell(machine, self.stories[machine.item.id].saw(told.WAIT, state))
+                self._stories.tell(machine, self._stories.of(machine).saw(told.WAIT, state))
             verdict_now = verdict(state, self._state.clock.monotonic() - began)
             if verdict_now == "":
-                self._done(machine, told.WAIT, state)
+                self._stories.done(machine, told.WAIT, state)
                 return None
             failure = (
                 (verdict_now, {"seconds": told.WAIT_LIMIT}) if verdict_now else self._state.hindrance(machine, job)
             )
             if failure is not None:
-                return self._broke(machine, told.WAIT, failure)
+                return self._stories.broke(machine, told.WAIT, failure)
             await asyncio.sleep(LOOK)
 
     async def _verify(self, machine: Machine, axis: Axis) -> Failure | None:
-        self._began(machine, told.VERIFY)
+        self._stories.began(machine, told.VERIFY)
         wanted = axis.described[0].new
         position = await self._value(machine, axis, POSITION)
         if position is None:
-            return self._broke(machine, told.VERIFY, ("why.enc_position_unread", {}))
-        self._tell(machine, replace(self.stories[machine.item.id].saw(told.VERIFY, position), position=position))
+            return self._stories.broke(machine, told.VERIFY, ("why.enc_position_unread", {}))
+        self._stories.tell(machine, self._stories.of(machine).saw(told.VERIFY, position))
         if abs(position - wanted) > axis.window:
-            return self._broke(
+            return self._stories.broke(
                 machine, told.VERIFY, ("why.enc_position", {"value": position, "asked": wanted, "unit": "LU"})
             )
-        self._done(machine, told.VERIFY, position)
+        self._stories.done(machine, told.VERIFY, position)
         return None
 
     async def _undo(self, machine: Machine, job: SetJob, axis: Axis, failure: Failure) -> None:
@@ -229,11 +347,11 @@ class EncoderAdjustments:
         log.warning("encoder not adjusted equipment=%s reason=%s", machine.item.id, failure[0])
         if axis.start.sent and await self._value(machine, axis, STATE) == told.STARTED:
             await self._work.change(machine, job, axis.start, axis.start.changes, [float(told.NOT_ADJUSTED)], new=False)
-        if self.stories[machine.item.id].step(told.WAIT).state is StepState.DONE:  # adjusted, but not as asked
+        if self._stories.of(machine).step(told.WAIT).state is StepState.DONE:  # adjusted, but not as asked
             (coordinate,) = await self._work.reading.found(machine.item.id, axis.coordinate, axis.described[:1])
         else:
             (coordinate,) = await self._work.restore(machine, job, axis.coordinate, axis.described[:1])
-        before = self.stories[machine.item.id].former.get(POSITION)
+        before = self._stories.of(machine).former.get(POSITION)
         (state,) = await self._work.reading.found(machine.item.id, axis.start, axis.described[1:])
         found = (coordinate, await self._settled(machine, axis, before, state))
         cause: dict[str, object] = {**failure[1], "cause": failure[0]}
@@ -282,33 +400,6 @@ class EncoderAdjustments:
         except Refused:  # the plant was read anew, and its link may not write any more
             return None
         return float(outcome.values[0]) if isinstance(outcome, Values) else None
-
-    # what is told
-
-    def _began(self, machine: Machine, key: str) -> None:
-        self._tell(machine, self.stories[machine.item.id].began(key, self._state.clock.micros()))
-
-    def _done(self, machine: Machine, key: str, value: float | None = None) -> None:
-        self._tell(machine, self.stories[machine.item.id].done(key, self._state.clock.micros(), value))
-
-    def _broke(self, machine: Machine, key: str, failure: Failure) -> Failure:
-        self._tell(machine, self.stories[machine.item.id].broke(key, self._state.clock.micros(), *failure))
-        return failure
-
-    def _tell(self, machine: Machine, story: Story) -> None:
-        self.stories[machine.item.id] = story
-        self._state.changed(machine.item.id)
-
-    def _ended(self, progress: Progress) -> None:
-        """A save that ended after an adjustment is its last step, whoever asked for it."""
-        story = self.stories.get(progress.equipment)
-        if story is None or progress.command != SAVE or not story.succeeded:
-            return
-        story = story.began(told.SAVE, progress.requested)
-        if progress.state is ProgressState.CONFIRMED:
-            self.stories[progress.equipment] = story.done(told.SAVE, progress.ended)
-        else:
-            self.stories[progress.equipment] = story.broke(told.SAVE, progress.ended, progress.reason, progress.params)
 
 
 def adjustable(kind: EquipmentType) -> bool:

@@ -58,8 +58,6 @@ class Story:
     save: Step = Step(SAVE)
     former: Mapping[str, float] = field(default_factory=dict)
     """Code → what the drive held before [LU]; p2507 as it is."""
-    position: float | None = None
-    """Where the drive says that the axis is, as read last [LU]."""
 
     def step(self, key: str) -> Step:
         """One of its steps."""

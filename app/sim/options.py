@@ -17,9 +17,3 @@ def number(key: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ConfigurationError(f"{key} = {value!r}: expected a number")
     return float(value)
-
-
-def flag(key: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise ConfigurationError(f"{key} = {value!r}: expected true or false")
-    return value

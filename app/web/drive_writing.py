@@ -160,7 +160,7 @@ async def review(request: Request, key: str) -> Response:
     async def work() -> None:
         draft.lines = await reviewed(operation, drive, draft, draft.typed, language)
 
-    await _at_work(operation, draft, "review", work())
+    await at_work(operation, draft, "review", work())
     return _answered(request, operation, form)
 
 
@@ -173,7 +173,7 @@ async def write(request: Request, key: str) -> Response:
     changes = draft.changes
     if not changes:
         raise Refused("why.par_count", 422, n=0, limit=MOST)
-    given = await _given(request, form, draft, operation)
+    given = await given_of(request, form, draft, operation)
     if given is None:
         return _answered(request, operation, form)
     gate = gate_of(operation)
@@ -190,7 +190,7 @@ async def write(request: Request, key: str) -> Response:
         draft.lines = ()
 
     draft.problem, draft.ended = "", None
-    await _at_work(operation, draft, "write", work())
+    await at_work(operation, draft, "write", work())
     return _answered(request, operation, form)
 
 
@@ -200,7 +200,7 @@ async def save(request: Request, key: str) -> Response:
     operation = operation_of(request, key)
     form = await fields(request, (), ("id", "nonce", "reason", "password"))
     drive, draft = drive_of(request, operation), _free_draft(request, operation)
-    given = await _given(request, form, draft, operation)
+    given = await given_of(request, form, draft, operation)
     if given is None:
         return _answered(request, operation, form)
     gate, before = gate_of(operation), set(drive.unsaved)
@@ -211,7 +211,7 @@ async def save(request: Request, key: str) -> Response:
             drive.unsaved -= before
 
     draft.problem, draft.ended = "", None
-    await _at_work(operation, draft, "save", work())
+    await at_work(operation, draft, "save", work())
     return _answered(request, operation, form)
 
 
@@ -253,7 +253,7 @@ async def _keep_typed(request: Request, draft: Draft) -> None:
             draft.typed[key] = value.strip()[:LONGEST_VALUE]
 
 
-async def _given(
+async def given_of(
     request: Request, form: Mapping[str, str], draft: Draft, operation: Operation
 ) -> dict[str, Any] | None:
     """What goes with an order of a person; None where the password was wrong, which the list tells."""
@@ -275,7 +275,7 @@ async def _given(
     return given
 
 
-async def _at_work(operation: Operation, draft: Draft, what: str, work: Any) -> None:
+async def at_work(operation: Operation, draft: Draft, what: str, work: Any) -> None:
     """Do `work` beside the page; what goes wrong is told in the list."""
 
     async def told() -> None:

@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 from starlette.requests import HTTPConnection
 
 from app.commands import interlocks
+from app.commands.encoder_adjustment import adjustable
 from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, ProgressState
 from app.links.plc import PlcUnit
@@ -137,6 +138,11 @@ class Operation:
             return ""
         time = plc.clock.utc(int(point.value))
         return fmt.clock_time(time, self.zone, milliseconds=True, lang=self.equipment.lang)
+
+    @property
+    def adjustable(self) -> bool:
+        """Whether it may have an absolute encoder to be adjusted."""
+        return adjustable(self.equipment.equipment.type)
 
     @property
     def instructs(self) -> bool:

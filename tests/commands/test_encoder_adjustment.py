@@ -6,11 +6,11 @@ import pytest
 
 from app.access.roles import Person
 from app.commands.encoder_adjustment import ENCODER
-from app.commands.encoder_story import COORDINATE, READ, VERIFY, WAIT, StepState
+from app.commands.encoder_story import COORDINATE, READ, VERIFY, WAIT, StepState, Story
 from app.commands.gate import Question
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.parameter_sets import CANCELLED
-from app.errors import Refused
+from app.errors import LinkError, Refused
 from app.sim.bus import Answer
 from app.sim.sinamics.adjustment import Adjustment, Encoder
 from tests.commands.stand import ANA, EVA
@@ -22,7 +22,7 @@ HERE = 12_000.0
 
 
 def axis(transport: str = "memory", **simulation: object):  # type: ignore[no-untyped-def]
-    return drive(transport, positioning=True, **simulation)
+    return drive(transport, positioning=1, **simulation)
 
 
 async def adjust(it: Pump, coordinate: float = HERE, who: Person = EVA, **asked: object) -> Progress:
@@ -51,25 +51,31 @@ def falls(it: Pump, state: int) -> None:
     it.drive._adjustment.end = state
 
 
+def story(it: Pump) -> Story:
+    found = it.gate.encoders.story("d1")
+    assert found is not None
+    return found
+
+
 def broken_at(it: Pump) -> str:
-    failed = it.gate.encoders.stories["d1"].failed
+    failed = story(it).failed
     assert failed is not None
     return failed.key
 
 
 @pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
-async def test_the_axis_is_where_it_was_told_to_be_and_every_step_is_told(transport: str) -> None:
+async def test_the_axis_is_where_found_told_to_be_and_every_step_is_told(transport: str) -> None:
     async with axis(transport) as it:
         _, _, before = now(it)
         progress = await adjust(it)
         assert progress.state is CONFIRMED, progress
         assert now(it) == (3, HERE, HERE)
-        story = it.gate.encoders.stories["d1"]
-        assert story.succeeded and story.position == HERE and story.person == EVA.display
-        assert story.former == {"p2599": 0, "p2507": 1, "r2521": before}
-        assert [one.value for one in story.steps] == [before, HERE, 2, 3, HERE]
-        times = [time for one in story.steps for time in (one.began, one.ended)]
-        assert times == sorted(times) and story.step(WAIT).ended - story.step(WAIT).began > 250_000
+        found = story(it)
+        assert found.succeeded and found.person == EVA.display
+        assert found.former == {"p2599": 0, "p2507": 1, "r2521": before}
+        assert [one.value for one in found.steps] == [before, HERE, 2, 3, HERE]
+        times = [time for one in found.steps for time in (one.began, one.ended)]
+        assert times == sorted(times) and found.step(WAIT).ended - found.step(WAIT).began > 250_000
         assert [(one.code, one.old, one.new, one.found) for one in progress.changes] == [
             ("p2599", 0, HERE, HERE),
             ("p2507", 1, 3, 3),
@@ -120,7 +126,7 @@ async def test_whoever_ends_it_while_it_waits_has_it_withdrawn(why: str) -> None
         before, tasks = now(it), []
 
         async def end() -> None:
-            await it.until(lambda: it.gate.encoders.stories["d1"].step(WAIT).state is StepState.ACTIVE)
+            await it.until(lambda: story(it).step(WAIT).state is StepState.ACTIVE)
             if why == "cancel":
                 assert it.gate.encoders.cancel("d1")
             elif why == "stop":
@@ -130,10 +136,10 @@ async def test_whoever_ends_it_while_it_waits_has_it_withdrawn(why: str) -> None
             else:
                 it.drive.power.shaft.speed = 40.0  # pushed from outside
 
-        it.gate.encoders.stories.clear()
+        it.gate.encoders._stories._found.clear()
         running = asyncio.create_task(adjust(it))
         await asyncio.sleep(0)
-        await it.until(lambda: "d1" in it.gate.encoders.stories)
+        await it.until(lambda: it.gate.encoders.story("d1"))
         await end()
         progress = await running
         cause = {"cancel": CANCELLED, "stop": "why.set_stopped", "rights": "why.signed_out", "moved": "why.condition"}[
@@ -154,9 +160,9 @@ async def test_only_who_may_starts_it_only_at_standstill_and_once() -> None:
             with pytest.raises(Refused) as refused:
                 await adjust(it, wrong)
             assert refused.value.status == 422
-        assert now(it)[:2] == (1, 0) and it.gate.encoders.stories == {}
+        assert now(it)[:2] == (1, 0) and it.gate.encoders.story("d1") is None
         first = asyncio.create_task(adjust(it, id="press"))
-        await it.until(lambda: it.gate.encoders.stories)
+        await it.until(lambda: it.gate.encoders.story("d1"))
         with pytest.raises(Refused, match=r"why\.busy"):
             await adjust(it, 99)
         again = asyncio.create_task(adjust(it, id="press"))
@@ -178,6 +184,25 @@ async def test_what_cannot_be_read_first_is_not_begun() -> None:
         with pytest.raises(Refused, match=r"why\.enc_running"):
             await adjust(it)
         assert now(it)[:2] == (2, 0)
+
+
+async def test_what_the_drive_holds_is_looked_at_without_writing_anything() -> None:
+    async with axis() as it:
+        looks = [it.gate.encoders.look("d1", 2) for _ in range(2)]
+        await asyncio.gather(*looks)  # the second one adds nothing
+        held_now = it.gate.encoders.held("d1")
+        assert held_now is not None and not it.gate.encoders.looking("d1")
+        assert held_now.values == {"p2507": 1, "p2599": 0, "p2544": 40, "r2521": now(it)[2]}
+        it.sim.buses["drives"].answer = lambda unit, pdu: Answer(unit, None)  # type: ignore[method-assign]
+        with pytest.raises((LinkError, Refused)):
+            await it.gate.encoders.look("d1", 2)
+        assert it.gate.encoders.held("d1") == held_now
+        with pytest.raises(Refused, match=r"no_such_command"):
+            await it.gate.encoders.look("d9", 2)
+    async with drive() as it:
+        await it.gate.encoders.look("d1", 2)
+        without = it.gate.encoders.held("d1")
+        assert without is not None and without.values == {}
 
 
 async def test_a_dry_run_changes_nothing_and_a_full_disk_neither() -> None:
@@ -204,17 +229,17 @@ async def test_saving_after_it_is_its_last_step_and_a_save_before_is_not() -> No
 
         await save()
         await adjust(it)
-        story = it.gate.encoders.stories["d1"]
-        assert story.save.state is StepState.WAITING
+        found = story(it)
+        assert found.save.state is StepState.WAITING
         it.drive.model.power_up()
         assert now(it)[0] == 1
         await adjust(it)
         step, it.drive.model.step = it.drive.model.step, lambda dt: None  # type: ignore[method-assign]
         await save()
-        assert it.gate.encoders.stories["d1"].save.state is StepState.FAILED
+        assert story(it).save.state is StepState.FAILED
         it.drive.model.step = step  # type: ignore[method-assign]
         await it.until(lambda: not it.drive.model.saving)
-        assert (await save()).state is CONFIRMED and it.gate.encoders.stories["d1"].save.state is StepState.DONE
+        assert (await save()).state is CONFIRMED and story(it).save.state is StepState.DONE
         it.drive.model.power_up()
         assert now(it) == (3, HERE, HERE)
 

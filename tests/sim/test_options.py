@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from app.errors import ConfigurationError
-from app.sim.options import flag, number, table
+from app.sim.options import number, table
 
 
 @pytest.mark.parametrize(("value", "read"), [(3, 3.0), (2.5, 2.5), (-1, -1.0)])
@@ -36,9 +36,3 @@ def test_a_table_is_a_copy_and_one_that_is_not_there_is_empty() -> None:
 def test_what_is_no_table_is_named(value: object) -> None:
     with pytest.raises(ConfigurationError, match=r"simulation = .*: expected a table"):
         table(machine(simulation=value), "simulation")
-
-
-def test_a_flag_is_true_or_false_and_nothing_else() -> None:
-    assert flag("simulation.positioning", True) is True
-    with pytest.raises(ConfigurationError, match="positioning = 1: expected true or false"):
-        flag("simulation.positioning", 1)

@@ -2,7 +2,7 @@
 
 from app.plant.definitions import Equipment
 from app.sim.device import VirtualDevice
-from app.sim.options import flag, number, table
+from app.sim.options import number, table
 from app.sim.sinamics.drive import VirtualSinamics
 from app.sim.sinamics.messages import ALARMS
 from app.sim.sinamics.messages import FAULTS as TRIPS
@@ -19,7 +19,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     start = str(simulation.pop("start", ""))
     setpoint = number("simulation.setpoint", simulation.pop("setpoint", 0.0))
     words = number("simulation.process_words", simulation.pop("process_words", 10))
-    positioning = flag("simulation.positioning", simulation.pop("positioning", False))
+    positioning = number("simulation.positioning", simulation.pop("positioning", 0))
     parameters = {"p2000": number("rated_speed", item.options.get("rated_speed", 1500))}
     parameters |= {code: number(f"simulation.{code}", value) for code, value in simulation.items()}
     return VirtualSinamics(
@@ -30,5 +30,5 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         process_words=round(words),
         parameters=parameters,
         behind_mailbox=item.type.drive_parameters,
-        positioning=positioning,
+        positioning=positioning == 1,
     )
