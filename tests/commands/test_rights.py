@@ -55,7 +55,7 @@ async def test_a_motion_ends_at_the_next_look_and_is_not_taken_up_again(end: Per
     assert refused.value.status == 410
     await stand.pass_time(3)
     assert not moving(stand)
-    assert stand.commands[-1].reason == ("hold.cause.session" if end is None else "hold.cause.token")
+    assert stand.commands[0].reason == ("hold.cause.session" if end is None else "hold.cause.token")
     assert stand.drive()["frequency_setpoint"] == 40.0  # what the motion borrowed is given back
 
 
