@@ -10,7 +10,7 @@ Which drive objects there are is asked first (r0102, p0101 of object 1): a drive
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -158,11 +158,11 @@ async def read(request: Request, key: str) -> Response:
     operation = operation_of(request, key)
     form = await fields(request, (), ("q", "group", "show", "cancel"))
     asked = _asked(form)
-    machine = _machine(request.app, operation)
+    machine = machine_of(request.app, operation)
     if machine.reading is not None and machine.reading.task is not None:
         machine.reading.task.cancel()
     if not form["cancel"]:
-        machine.reading = _begin(operation, machine, asked)
+        machine.reading = begin_reading(operation, machine, lambda: _wanted(operation, machine, asked))
     if not wants_fragment(request):
         return RedirectResponse(form["next"] or f"{operation.url}/drive-parameters", 303)
     found = _rows(request, operation, asked)
@@ -174,17 +174,20 @@ def _asked(given: Mapping[str, str]) -> Asked:
     return Asked(given.get("q", "")[:LONGEST_SEARCH], given.get("group", ""), show if show in (EVERY, CHANGED) else "")
 
 
-def _begin(operation: Operation, machine: Machine, asked: Asked) -> Reading:
-    reading = Reading(len(_wanted(operation, machine, asked)))
+def begin_reading(
+    operation: Operation, machine: Machine, wanted: Callable[[], Sequence[tuple[int, DriveParameter]]]
+) -> Reading:
+    """Read what is `wanted` beside the page; it is asked again once the drive objects are known."""
+    reading = Reading(len(wanted()))
     mailbox = mailbox_of(operation)
 
     async def work() -> None:
         try:
             if not machine.objects:
                 machine.objects = await objects_of(operation, mailbox)
-            wanted = _wanted(operation, machine, asked)
-            reading.count = len(wanted)
-            await _read(operation, machine, reading, wanted, mailbox)
+            found = wanted()
+            reading.count = len(found)
+            await _read(operation, machine, reading, found, mailbox)
         except (LinkError, Refused) as error:
             reading.problem, reading.params = problem_of(error)
 
@@ -218,7 +221,8 @@ async def _read(
             raise missed.error
 
 
-def _machine(app: FastAPI, operation: Operation) -> Machine:
+def machine_of(app: FastAPI, operation: Operation) -> Machine:
+    """What was read of the machine."""
     return kept_of(app, operation, "drive_parameters", Machine)
 
 
@@ -274,7 +278,7 @@ def _wanted(operation: Operation, machine: Machine, asked: Asked) -> list[tuple[
 
 
 def _rows(request: Request, operation: Operation, asked: Asked) -> dict[str, Any]:
-    machine = _machine(request.app, operation)
+    machine = machine_of(request.app, operation)
     reading = machine.reading
     wanted = _wanted(operation, machine, asked)
     written = drive_of(request, operation).written

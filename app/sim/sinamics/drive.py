@@ -48,7 +48,6 @@ from app.sim.sinamics.messages import ALARMS, FAULTS
 from app.sim.sinamics.monitoring import Monitoring, Watched
 from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
 from app.sim.sinamics.parameters import commissioned
-from app.sim.sinamics.permanent import PermanentParameters
 from app.sim.sinamics.power import PowerUnit
 from app.sim.sinamics.ramp import RampGenerator
 from app.sim.sinamics.requests import Requests
@@ -61,7 +60,7 @@ POSITIONING, POSITION = "positioning", "r2521"
 """Group of the parameters of the basic positioner; its actual position, for the controller and for encoder 1."""
 
 
-class VirtualSinamics(PermanentParameters, DriveState):
+class VirtualSinamics(DriveState):
     """A drive with an induction motor in star at 400 V."""
 
     type: str = "sinamics"
@@ -290,7 +289,8 @@ class VirtualSinamics(PermanentParameters, DriveState):
         self._mailbox = Mailbox(self.model.serve)
         self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
         self._requests.access_error = 0
-        self._begin()
+        if self._start:
+            self._already_running(self._start == "reverse")
 
     def _power_up(self) -> None:
         """Off and on again: parameters as saved, the fault buffer as it was; motor and heat sink stay as warm as they are."""
@@ -332,10 +332,7 @@ class VirtualSinamics(PermanentParameters, DriveState):
         else:
             self._acknowledge = True
 
-    def _begin(self) -> None:
-        if not self._start:
-            return
-        reverse = self._start == "reverse"
+    def _already_running(self, reverse: bool) -> None:
         self._output[0] = RUN | (Control.INVERT if reverse else 0)
         self._ramp.take(self._output[1])
         self.machine = StateMachine(state=State.OPERATION, control=self._output[0])
