@@ -93,9 +93,14 @@ class Page:
         yield self.ring_at, 10
 
 
-def read_page(kind: str) -> Page:
-    """The page of `kind`."""
-    text = (FOLDER / f"{kind}.md").read_text("utf-8")
+def text_of(kind: str) -> str:
+    """The page of `kind` as it stands."""
+    return (FOLDER / f"{kind}.md").read_text("utf-8")
+
+
+def read_page(kind: str, text: str = "") -> Page:
+    """The page of `kind`, or what another `text` says in its place."""
+    text = text or text_of(kind)
     page = Page(kind)
     for part in text.split("\n## ")[1:]:
         head, _, body = part.partition("\n")
