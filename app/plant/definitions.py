@@ -321,6 +321,8 @@ class ParameterMap(UnitService):
     """(register, word) written before parameters, so that they go to permanent memory; None = they do."""
     ranges: Sequence[tuple[str, str]] = ()
     """Codes that a drive may have: first and last of each group."""
+    individual: frozenset[str] = frozenset()
+    """Codes that belong to one drive alone."""
 
 
 @dataclass(frozen=True, slots=True)

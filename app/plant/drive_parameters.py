@@ -5,7 +5,8 @@
 
 p is written and has `low`, `high` and `default`, r is only read. `when` = always, stopped or commissioning; `allowed` = the only values;
 `options` = values that have a text; `kind` = binector or connector for what names a source (BICO), bits for a word of bits;
-`trigger = true` where writing makes the drive do something. Texts are `parameter.<code>`, `parameter.group.<group>` and, of an option,
+`trigger = true` where writing makes the drive do something; `individual = true` where it belongs to one drive alone (its address) and is
+not copied to another one. Texts are `parameter.<code>`, `parameter.group.<group>` and, of an option,
 `parameter.option.<code>_<value>`.
 """
 
@@ -87,6 +88,7 @@ def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
         options=_options(row, code, low, high) if writable else {},
         kind=Kind(row.text("kind", Kind.NUMBER, choices=[str(one) for one in Kind])),
         trigger=row.flag("trigger", False) if writable else False,
+        individual=row.flag("individual", False) if writable else False,
         when=When(row.text("when", When.ALWAYS, choices=[str(one) for one in When])),
         certainty=certainty,
     )

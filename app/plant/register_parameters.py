@@ -3,6 +3,7 @@
     [parameters]
     permanent = { address = 0x2001, value = 3 }     written before them, so that they go to permanent memory
     ranges = [["F100", "F160"], ["F200", "F230"]]   codes that a drive may have: first and last of each group
+    individual = ["F900"]                           what belongs to one drive alone (its address) and is not copied to another one
 
 What is known of a code stands once: in setpoints.toml where it is a setpoint (`code`), else in parameters.toml:
 
@@ -13,7 +14,8 @@ number and nothing else; it is written at standstill only. Texts are `parameter.
 `parameter.option.<code>_<value>`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
 from app.plant.definitions import Device, ParameterMap, Point, Setpoint
 from app.plant.tables import Table
@@ -39,12 +41,17 @@ def read_parameter_map(head: Table, device: Device) -> ParameterMap | None:
         permanent = (row.whole("address"), row.whole("value"))
         row.done()
     ranges = [pair for pair in table.items("ranges") if _is_range(table, pair)]
+    individual = table.items("individual", ())
+    if any(not isinstance(code, str) or address_of(code) is None for code in individual):
+        table.note("individual", individual, 'codes: ["F900"]')
+        individual = []
     table.done()
-    return ParameterMap(device.group_read.get("once", 1), permanent, tuple((first, last) for first, last in ranges))
+    pairs = tuple((first, last) for first, last in ranges)
+    return ParameterMap(device.group_read.get("once", 1), permanent, pairs, frozenset(individual))
 
 
 def read_known(
-    file: Table, setpoints: Mapping[str, Setpoint], points: Mapping[str, Point]
+    file: Table, setpoints: Mapping[str, Setpoint], points: Mapping[str, Point], individual: Collection[str] = ()
 ) -> dict[str, DriveParameter]:
     """What is known, by code: the setpoints that have one, and the rows of parameters.toml."""
     keys = {setpoint.key: setpoint.code for setpoint in setpoints.values()}
@@ -59,6 +66,7 @@ def read_known(
             continue
         found[code] = _of_row(code, row)
         row.done()
+    found = {code: replace(one, individual=code in individual) for code, one in found.items()}
     return dict(sorted(found.items(), key=lambda one: one[1].number))
 
 

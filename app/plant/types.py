@@ -155,7 +155,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     known = files.open("parameters.toml")
     if device.parameters:
         found = {key: data.point for key, data in points.found.items()}
-        parameters_known = register_parameters.read_known(known, setpoints, found)
+        parameters_known = register_parameters.read_known(known, setpoints, found, device.parameters.individual)
     else:
         parameters_known = {**kin.parameters, **drive_parameters.read_parameters(known)}
     texts = {

@@ -89,6 +89,8 @@ class Row:
     lacks: bool
     takes: bool
     """It can be put into the list."""
+    individual: bool = False
+    """It belongs to one drive alone."""
 
 
 # ---- home as a file -------------------------------------------------------------------------------------------
@@ -344,7 +346,7 @@ def _aligned(one: Element, here: Sequence[int], there: Sequence[int]) -> Element
 
 def _takes(one: Difference) -> bool:
     """Whether the other side's value can be put into the list."""
-    return one.there is not None and not one.same and _settable_one(one.parameter)
+    return one.there is not None and not one.same and _settable_one(one.parameter) and not one.parameter.individual
 
 
 def _context(request: Request, operation: Operation) -> dict[str, Any]:
@@ -404,4 +406,5 @@ def _row(operation: Operation, one: Difference) -> Row:
         one.same,
         one.here is None or one.there is None,
         _takes(one),
+        parameter.individual,
     )

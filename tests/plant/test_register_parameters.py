@@ -27,9 +27,10 @@ def told(source: Source) -> list[str]:
 
 def test_a_map_is_read_and_one_that_is_not_there_is_none(tmp_path: Path) -> None:
     text = '[parameters]\npermanent = { address = 0x2001, value = 3 }\nranges = [["F100", "F160"]]\n'
+    text += 'individual = ["F900"]\n'
     file = source(tmp_path, text)
     found = read_parameter_map(file.table(), Device(group_read={"once": 6}))
-    assert found == ParameterMap(6, (0x2001, 3), (("F100", "F160"),)) and told(file) == []
+    assert found == ParameterMap(6, (0x2001, 3), (("F100", "F160"),), frozenset({"F900"})) and told(file) == []
     assert read_parameter_map(source(tmp_path, "[device]\n").table(), Device()) is None
 
 
@@ -44,6 +45,7 @@ def test_a_map_is_read_and_one_that_is_not_there_is_none(tmp_path: Path) -> None
         ("ranges = [7]", "parameters.ranges: 7"),
         ("ranges = []\npermanent = { address = 70000, value = 3 }", "parameters.permanent.address: 70000"),
         ("ranges = []\nunlock = 3", "parameters.unlock"),
+        ('ranges = []\nindividual = ["p0918"]', "parameters.individual"),
     ],
 )
 def test_what_cannot_be_a_map_is_told(tmp_path: Path, text: str, says: str) -> None:
@@ -105,3 +107,9 @@ def test_of_every_other_code_there_is_the_number_and_nothing_else() -> None:
 def test_groups_have_texts_in_every_language() -> None:
     assert MAP is not None
     assert list(register_parameters.text_keys(MAP)) == [f"parameter.group.f{digit}" for digit in "123456789a"]
+
+
+@pytest.mark.parametrize(("name", "codes"), [("eura_e800", {"F900"}), ("sinamics", {"p0918", "p2021"})])
+def test_the_address_of_a_drive_is_its_own(name: str, codes: set[str]) -> None:
+    known = types.read_type(name, LANGUAGES)[0].type.drive_parameters
+    assert {code for code, one in known.items() if one.individual} == codes

@@ -32,6 +32,14 @@ link = "hall"
 unit = 2
 label = "Fan 2"
 rated_current = 2.5
+
+[equipment.m3]
+type = "eura_e800"
+link = "hall"
+unit = 3
+label = "Fan 3"
+rated_current = 2.5
+simulation = { F114 = 9.0, F131 = 2054.0, F900 = 3.0 }
 """
 
 
@@ -52,7 +60,7 @@ def people(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Staff]:
 def client(people: Staff) -> Iterator[TestClient]:
     """Ivana is in control of m2, which stands as it was commissioned; nothing was read."""
     client = people.client
-    for name in ("drive_writing", "drive_parameters"):
+    for name in ("drive_writing", "drive_parameters", "drive_compare"):
         client.app.state.__dict__.pop(name, None)  # type: ignore[attr-defined]
     people.have(people.ivana)  # type: ignore[attr-defined]
     client.cookies.set("pogon_lang", "en")
@@ -280,3 +288,55 @@ def test_every_language_says_all_of_it(client: TestClient, language: str) -> Non
     client.cookies.set("pogon_lang", language)
     for show in ("", "changed", "every"):
         assert "parameter.group" not in drawn(client, show=show) and "dpar." not in drawn(client, show=show)
+
+
+# ---- to the second drive, home and back
+
+
+def different(client: TestClient, show: str = "") -> set[str]:
+    page = client.get(f"{PATH}/compare", params={"show": show}).text
+    return set(re.findall(r'data-element="0:(\w+)"', page))
+
+
+def taken(people: Staff) -> dict[str, str]:
+    people.post(f"{PATH}/compare/take", {})
+    page = people.client.get(PATH).text
+    return dict(re.findall(r'data-element="0:(\w+)".*?name="value" value="([^"]*)"', page, re.S))
+
+
+def send(people: Staff, text: str) -> None:
+    people.client.app.state.__dict__.pop("drive_compare", None)  # type: ignore[attr-defined]
+    form = {"text": text, "name": "set.csv", "part": 1, "parts": 1}
+    assert people.post(f"{PATH}/compare/file", form, **HX).status_code == 200
+    pass_time(5)
+
+
+def test_the_second_drive_gets_what_the_first_one_has_but_not_its_address(client: TestClient, people: Staff) -> None:
+    people.post(f"{PATH}/compare/drive", {"other": "m3"}, **HX)
+    pass_time(8)
+    assert different(client) == {"F114", "F131", "F900"}
+    assert "each drive's own" in words(client.get(f"{PATH}/compare").text)
+    values = taken(people)
+    assert values == {"F114": "9", "F131": "2054"}
+    text = write(people, **values)
+    assert held(client, "F114", "F131", "F900") == [9.0, 2054.0, 1.0], words(text)
+
+
+def test_a_set_goes_home_and_puts_a_changed_drive_right(client: TestClient, people: Staff) -> None:
+    read(people)
+    read(people, q="F124")
+    home = client.get(f"{PATH}/export.csv").text
+    assert "F124;;500;;" in home and "F114;;5;s;" in home
+    write(people, F114="8", F124="700")
+    send(people, home)
+    assert different(client) == {"F114", "F124"} and "F905" in different(client, "all")
+    assert taken(people) == {"F114": "5", "F124": "500"}
+    write(people, F114="5", F124="500")
+    assert held(client, "F114", "F124") == [5.0, 5.0]
+
+
+def test_a_file_with_a_wrong_line_is_not_taken(client: TestClient, people: Staff) -> None:
+    send(people, "object;parameter;value\n0;F114;7\n0;F0114;1\n0;F203;7\n")
+    said = words(client.get(f"{PATH}/compare").text)
+    assert "Line 3: No such parameter: F0114" in said and "Line 4" in said
+    assert taken(people) == {}

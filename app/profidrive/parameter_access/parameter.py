@@ -76,6 +76,8 @@ class DriveParameter:
     """Codes of the parameters that its least and greatest value depend on; empty = `low`, `high`."""
     has_default: bool = True
     """Whether anything is known of its default."""
+    individual: bool = False
+    """Belongs to one drive alone (its address on the line): what another drive has of it is never taken over."""
     known: bool = True
     """Whether anything is known of it but its number."""
 
