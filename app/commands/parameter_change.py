@@ -32,6 +32,8 @@ ENCODER, ENCODER_LABEL = "encoder_adjustment", "enc.title"
 """The same of adjusting an absolute encoder."""
 MOST = 300
 """Elements written as one: what the line of the audit trail that has each by itself can hold."""
+ADJUSTS = ("p2507", 2)
+"""What starts the adjustment of an encoder (encoder_adjustment.py)."""
 SAVES = ("p0977", "p0971")
 """Parameters that copy RAM to ROM: of the whole device, of one drive object. The first that the type knows is used."""
 
@@ -143,6 +145,13 @@ def wrong_value(parameter: DriveParameter, value: float) -> tuple[str, dict[str,
     if not low <= held(parameter, value) <= high:
         return "why.out_of_limits", {**unit, "min": parameter.low, "max": parameter.high}
     return None
+
+
+def apart(parameter: DriveParameter, value: float) -> str:
+    """Why `value` is not written together with others, a text key; empty = it is: saving, and adjusting an encoder, wait for the drive."""
+    if parameter.code in SAVES:
+        return "why.par_save_apart"
+    return "why.enc_apart" if parameter.code == ADJUSTS[0] and value == ADJUSTS[1] else ""
 
 
 def requests(changes: Sequence[ParameterChange]) -> Iterator[Sequence[ParameterChange]]:

@@ -31,8 +31,8 @@ from app.commands.parameter_change import (
     MOST,
     SAVE,
     SAVE_LABEL,
-    SAVES,
     ParameterChange,
+    apart,
     in_order,
     saving_of,
     wrong_value,
@@ -249,7 +249,8 @@ def _check(changes: Sequence[ParameterChange]) -> None:
     if not 0 < len(changes) <= MOST or len({one.key for one in changes}) < len(changes):
         raise Refused("why.par_count", 422, n=len(changes), limit=MOST)
     for one in changes:
-        wrong = ("why.par_save_apart", {}) if one.parameter.code in SAVES else wrong_value(one.parameter, one.new)
+        own = apart(one.parameter, one.new)
+        wrong = (own, {}) if own else wrong_value(one.parameter, one.new)
         if wrong is not None:
             raise Refused(wrong[0], 422, label=one.parameter.text_key, argument=one.key, **wrong[1])
 

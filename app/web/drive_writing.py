@@ -17,7 +17,16 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from app.commands.entry import parse_number
 from app.commands.gate import Question
 from app.commands.lifecycle import Progress, ProgressState
-from app.commands.parameter_change import MOST, SAVES, ParameterChange, element_name, held, saving_of, wrong_value
+from app.commands.parameter_change import (
+    MOST,
+    SAVES,
+    ParameterChange,
+    apart,
+    element_name,
+    held,
+    saving_of,
+    wrong_value,
+)
 from app.commands.value_set import Change, Stands
 from app.errors import LinkError, PogonError, Refused
 from app.links.mailbox import Missed
@@ -343,6 +352,8 @@ def _line(
         value = typed_value(parameter, text, language)
     except Refused as refusal:
         return Line(key, None, old, words.refusal(refusal))
+    if own := apart(parameter, value):
+        return Line(key, None, old, words.text(own, {}))
     wrong = wrong_value(parameter, value)
     if wrong is not None:
         return Line(key, None, old, words.text(*wrong))

@@ -13,6 +13,7 @@ from app.sim.epos.drive import VirtualPositioningAxis
 from app.sim.epos.messages import FOLLOWING
 from app.sim.epos.positioner import Task
 from app.tags.quality import is_good
+from tests.commands.stand import ANA, EVA
 from tests.commands.test_gate_sinamics import TRANSPORTS, Pump, pump
 
 
@@ -147,3 +148,24 @@ async def test_a_second_source_stops_it_and_holds_it(register: int) -> None:
         await it.cause(training.REG_MACHINE_FAULT, 0)
         await it.done("stop")
         await it.done("enable")
+
+
+@pytest.mark.parametrize(
+    ("trouble", "cause", "left"),
+    [(0, "", 3), (1, "why.enc_not_adjusted", 1), (2, "why.enc_error", 0), (3, "why.enc_timeout", 1)],
+)
+async def test_its_encoder_is_adjusted_where_it_stands_or_the_cause_is_told(
+    trouble: int, cause: str, left: int
+) -> None:
+    async with pump("memory", Axis, adjusted=0) as it:
+        it.gate.control.release(ANA, "a1")
+        it.gate.control.take(EVA, "a1")
+        await it.cause(own.REG_ADJUSTMENT, trouble)
+        before = it.drive.actual
+        nonce, proof = it.gate.nonces.issue(EVA.session), {"confirmed": True, "proven": True, "reason": "new encoder"}
+        progress = await it.gate.encoders.adjust(EVA, "a1", 123_000, object=2, nonce=nonce, **proof)  # type: ignore[arg-type]
+        assert progress.params.get("cause", "") == cause, progress
+        assert it.drive.model.values("p2507") == [left]
+        assert it.drive.actual == pytest.approx(before if cause else 123_000, abs=1)
+        assert it.drive.model.values("p2599") == [0 if cause else 123_000]
+        assert (progress.state is ProgressState.CONFIRMED) is (not cause)

@@ -140,7 +140,8 @@ async def test_a_drive_that_goes_on_from_a_value_by_itself_is_a_success_only_whe
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [("p1120", 651.0, "out_of_limits"), ("p1300", 20.5, "decimals"), ("p1300", 1e12, "out_of_limits"), ("r0020", 1, "x01"),
-     ("p0922", 2, "no_option"), ("p0977", 1, "save_apart"), ("p0971", 1, "save_apart"), ("p1120", float("nan"), "out_of_limits")],
+     ("p0922", 2, "no_option"), ("p0977", 1, "save_apart"), ("p0971", 1, "save_apart"), ("p2507", 2, "enc_apart"),
+     ("p1120", float("nan"), "out_of_limits")],
 )  # fmt: skip
 async def test_what_is_not_permitted_is_refused_before_anything_is_sent(name: str, value: float, says: str) -> None:
     async with drive() as it:
