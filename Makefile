@@ -84,8 +84,9 @@ migration: setup ## new Alembic revision; M="what changes"
 translations: $(VENV)/.test ## collect texts; each language gets a new.toml of what it lacks
 	$(BIN)/python tools/check_texts.py --update
 
-registers: $(VENV)/.test ## describe the register maps of our machines in docs/registers
+registers: $(VENV)/.test ## describe the register maps of our machines in docs/registers, and as PLC text in docs/plc
 	$(BIN)/python tools/registers.py
+	$(BIN)/python tools/plc_text.py
 
 # Stamps: each is redone when what it was made from changes.
 $(VENV)/.run: requirements/bootstrap.lock requirements/run.lock
