@@ -39,7 +39,6 @@ from app.running.next_plant import (
     next_simulation,
     parts_of,
     read_words,
-    simulated_links,
     stations_of,
 )
 from app.running.plant_files import PlantFiles
@@ -47,6 +46,7 @@ from app.running.plant_tasks import PlantTasks
 from app.running.revisions import Revisions
 from app.running.ring_events import RingEvents
 from app.running.session_watch import SessionWatch
+from app.running.simulated_memories import SimulatedMemories
 from app.running.sweep import Sweep
 from app.running.system_alarms import tell_of_links, tell_of_server, tell_of_task
 from app.running.system_values import system_values
@@ -183,6 +183,7 @@ class Runtime:
         self.ring_events = RingEvents(self.alarms, self.events)
         self.command_ends = CommandEnds(self.access, self.alarms, self.events, self.clock, lambda: self.plant)
         self.derived = DerivedPoints(self.tags, self.clock, retained)
+        self._memories = SimulatedMemories(retained, lambda: self.sim)
         self.files = DatabaseWatch(
             self.db,
             self.history,
@@ -203,12 +204,11 @@ class Runtime:
     async def _start_plant(self, plant: Plant) -> None:
         self.texts, derivation = await read_words(plant)
         self.access.passwords.plant_name = " ".join(plant.name.values())
-        if memory := simulated_links(plant):
-            self.sim = self._simulate(plant, memory)
+        self.sim = await self._memories.simulated(plant, self._simulate)
         parts = await asyncio.to_thread(parts_of, plant, self.texts, list(plant.links), self.alarms)
         await self.derived.restore(derivation)
         self.derived.take(derivation)
-        self._tasks.retain(self.derived.run)
+        self._tasks.retain(self.derived.run, self._memories.run)
         self.links.update(next_links({}, plant, self.sim.buses if self.sim else {}, self._link))
         self._configure(parts)
         await self.alarms.look_in_turns()
@@ -242,7 +242,7 @@ class Runtime:
         return made
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
-        return SimPlant(plant, self.clock, links=links)
+        return SimPlant(plant, self.clock, links=links, memories=self._memories.found)
 
     def _configure(self, parts: Parts | None = None, person: Person | None = None) -> None:
         """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""

@@ -9,7 +9,7 @@ from app.supervisor import Supervisor
 Work = Callable[[], Awaitable[None]]
 """What the supervisor keeps running."""
 
-SIMULATION, RETAINED, COMMANDS = "simulation", "retained", "commands"
+SIMULATION, RETAINED, COMMANDS, MEMORIES = "simulation", "retained", "commands", "memories"
 
 
 class PlantTasks:
@@ -18,9 +18,10 @@ class PlantTasks:
     def __init__(self, supervisor: Supervisor) -> None:
         self._supervisor = supervisor
 
-    def retain(self, work: Work) -> None:
-        """Derived points that are kept are written now and then."""
-        self._supervisor.start(RETAINED, work)
+    def retain(self, derived: Work, memories: Work) -> None:
+        """Derived points that are kept are written now and then, and what simulated devices save."""
+        self._supervisor.start(RETAINED, derived)
+        self._supervisor.start(MEMORIES, memories)
 
     def follow_commands(self, work: Work) -> None:
         """What is pending at the gate goes on."""
@@ -45,7 +46,7 @@ class PlantTasks:
 
     async def end(self) -> None:
         """There is no plant any more."""
-        own = [SIMULATION, RETAINED, COMMANDS]
+        own = [SIMULATION, RETAINED, COMMANDS, MEMORIES]
         for name in [name for name in self._supervisor.tasks if name in own or name.startswith(_of_link(""))]:
             await self._supervisor.end(name)
 

@@ -1,7 +1,7 @@
 """What every virtual device is to the bus that carries telegrams to it and to the clock that steps it."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 from app.sim.training import LineFault
 
@@ -44,4 +44,22 @@ class VirtualDevice(Protocol):
 
     def telegram_seen(self) -> None:
         """A valid telegram for this unit was heard; never called for training registers (`training.is_training`)."""
+        ...
+
+
+@runtime_checkable
+class Permanent(Protocol):
+    """A virtual device with a memory that needs no power: it outlives the server, too."""
+
+    @property
+    def written(self) -> int:
+        """Changes with every write into that memory."""
+        ...
+
+    def memory(self) -> dict[str, Any]:
+        """What it holds, as JSON holds it; empty = nothing beyond what the plant file says."""
+        ...
+
+    def remember(self, memory: Mapping[str, Any]) -> bool:
+        """Begin with what `memory` gave in a former run; false where that is not of such a device, which begins as the plant file says."""
         ...

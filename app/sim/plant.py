@@ -5,8 +5,11 @@ machine shows a slower plant, never a jumping one.
 """
 
 import asyncio
+import logging
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 from zlib import crc32
 
 from app.clock import Clock
@@ -16,11 +19,13 @@ from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.problems import Problem
 from app.plant.sequences import program
 from app.sim.bus import Bus, damaged
-from app.sim.device import DT, VirtualDevice
+from app.sim.device import DT, Permanent, VirtualDevice
 from app.sim.machines import VIRTUAL_DEVICES, Factory
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.machine import Machine
 from app.sim.sequence.program import VirtualSequence
+
+log = logging.getLogger(__name__)
 
 CATCH_UP = 20
 """Most steps that are made up for."""
@@ -64,8 +69,10 @@ class SimPlant:
         links: Iterable[str] | None = None,
         turnaround: float = 0.0,
         factories: Mapping[str, Factory] = VIRTUAL_DEVICES,
+        memories: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     ) -> None:
-        """`links`: only the equipment of these, None = of all; `turnaround`: time a device takes for an answer [s].
+        """`links`: only the equipment of these, None = of all; `turnaround`: time a device takes for an answer [s]; `memories`: what
+        permanent memories hold, by `place_of`, looked up for every device that is built.
 
         Raises:
             ConfigurationError: a link that the plant does not have, or a type without a virtual device.
@@ -79,9 +86,10 @@ class SimPlant:
         self.equipment: Mapping[str, Equipment] = {
             id: item for id, item in plant.equipment.items() if item.link in wanted
         }
-        self.devices: Mapping[str, VirtualDevice] = {
-            id: _build(item, seed, factories) for id, item in self.equipment.items()
-        }
+        self._seed = seed
+        self._factories = factories
+        self._memories = memories
+        self.devices: Mapping[str, VirtualDevice] = {id: self._built(item) for id, item in self.equipment.items()}
         """By equipment."""
         _couple(self.equipment, self.devices)
         self.buses: Mapping[str, Bus] = {
@@ -94,8 +102,6 @@ class SimPlant:
         """By link."""
         self._clock = clock
         self._measure_scans()
-        self._seed = seed
-        self._factories = factories
         self._turnaround = turnaround
         self._due = clock.monotonic() + DT
         self.steps = 0
@@ -130,12 +136,12 @@ class SimPlant:
         for id, item in equipment.items():
             before = self.equipment.get(former.get(id, id))
             stays = before is not None and _is_like(before, item)
-            devices[id] = self.devices[before.id] if before and stays else _build(item, self._seed, self._factories)
+            devices[id] = self.devices[before.id] if before and stays else self._built(item)
         # A sequence does not go on with another machine, nor with one that begins anew.
         for id, item in equipment.items():
             before = self.equipment.get(former.get(id, id)) if item.sequence else None
             if before is not None and devices.get(item.machine) is not self.devices.get(before.machine):
-                devices[id] = _build(item, self._seed, self._factories)
+                devices[id] = self._built(item)
         for item, device, machine in _coupled(equipment, devices):
             _fit(item, device, machine)
         buses = {name: self.buses.get(name) or Bus({}, turnaround=self._turnaround) for name in wanted}
@@ -150,6 +156,20 @@ class SimPlant:
         self.equipment, self.devices, self.buses = equipment, devices, buses
         _couple(equipment, devices)
         self._measure_scans()
+
+    def permanent(self) -> dict[str, Permanent]:
+        """The devices with a permanent memory, by `place_of`."""
+        found = {place_of(item): self.devices[id] for id, item in self.equipment.items()}
+        return {place: device for place, device in found.items() if isinstance(device, Permanent)}
+
+    def _built(self, item: Equipment) -> VirtualDevice:
+        device, place = _build(item, self._seed, self._factories), place_of(item)
+        memory = self._memories.get(place)
+        if memory and isinstance(device, Permanent) and not device.remember(memory):
+            log.warning(
+                "permanent memory of a simulated device does not fit, it begins as the plant file says device=%s", place
+            )
+        return device
 
     def _measure_scans(self) -> None:
         for device in self.devices.values():
@@ -216,6 +236,11 @@ class SimPlant:
             ConfigurationError: two devices have the same unit; all of them are named.
         """
         return Bus(units(self.equipment, self.devices), turnaround=self._turnaround)
+
+
+def place_of(item: Equipment) -> str:
+    """Under what the memory of a device is kept: what it is and where, whatever it is called."""
+    return f"{item.type.name} {item.link} {item.unit}"
 
 
 def units(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]) -> dict[int, VirtualDevice]:

@@ -53,7 +53,7 @@ async def test_links_that_go_or_change_end_and_the_others_run_on(supervisor: Sup
 async def test_without_a_plant_only_what_is_not_its_own_goes_on(supervisor: Supervisor) -> None:
     tasks, sim = PlantTasks(supervisor), Running()
     tasks.run(sim, {"hall": Running()})  # type: ignore[arg-type, dict-item]
-    tasks.retain(Running().run)
+    tasks.retain(Running().run, Running().run)
     tasks.follow_commands(Running().run)
     assert len(supervisor.tasks) == 5
     await tasks.end_simulation()

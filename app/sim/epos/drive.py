@@ -34,6 +34,7 @@ from app.sim.sinamics.adjustment import State as Adjusted
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
+from app.sim.sinamics.permanent import PermanentParameters
 from app.sim.sinamics.registers import CONTROL, FIRST_NUMBER, MAILBOX, STATUS, TYPE_CONTROL_UNIT, TYPE_SERVO
 from app.sim.sinamics.requests import Requests
 from app.sim.training import LineFault, TrainingRegisters, is_training
@@ -58,7 +59,7 @@ BLOCK_PAUSE = 2.0
 """After each traversing block [s]."""
 
 
-class VirtualPositioningAxis(AxisState):
+class VirtualPositioningAxis(PermanentParameters, AxisState):
     """A slide on a ball screw with a servo motor and an absolute encoder."""
 
     type: str = "epos"
@@ -278,8 +279,7 @@ class VirtualPositioningAxis(AxisState):
             initial={"p0101": OBJECTS, "p0107": (TYPE_CONTROL_UNIT, TYPE_SERVO)},
         )
         self._off()
-        if self._start:
-            self._already_running()
+        self._begin()
 
     def _power_up(self) -> None:
         """Off and on again: parameters as saved, the fault buffer as it was, the axis where it is."""
@@ -300,7 +300,9 @@ class VirtualPositioningAxis(AxisState):
         self._acknowledge = False
         self._requests.access_error = 0
 
-    def _already_running(self) -> None:
+    def _begin(self) -> None:
+        if not self._start:
+            return
         self._output[0], self._output[map.POS_STW2] = RUNS, LIMITS_COUNT
         self.machine = StateMachine(state=State.OPERATION, control=RUNS)
 

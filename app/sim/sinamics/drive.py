@@ -48,6 +48,7 @@ from app.sim.sinamics.messages import ALARMS, FAULTS
 from app.sim.sinamics.monitoring import Monitoring, Watched
 from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
 from app.sim.sinamics.parameters import commissioned
+from app.sim.sinamics.permanent import PermanentParameters
 from app.sim.sinamics.power import PowerUnit
 from app.sim.sinamics.ramp import RampGenerator
 from app.sim.sinamics.requests import Requests
@@ -60,7 +61,7 @@ POSITIONING, POSITION = "positioning", "r2521"
 """Group of the parameters of the basic positioner; its actual position, for the controller and for encoder 1."""
 
 
-class VirtualSinamics(DriveState):
+class VirtualSinamics(PermanentParameters, DriveState):
     """A drive with an induction motor in star at 400 V."""
 
     type: str = "sinamics"
@@ -289,8 +290,7 @@ class VirtualSinamics(DriveState):
         self._mailbox = Mailbox(self.model.serve)
         self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
         self._requests.access_error = 0
-        if self._start:
-            self._already_running(self._start == "reverse")
+        self._begin()
 
     def _power_up(self) -> None:
         """Off and on again: parameters as saved, the fault buffer as it was; motor and heat sink stay as warm as they are."""
@@ -332,7 +332,10 @@ class VirtualSinamics(DriveState):
         else:
             self._acknowledge = True
 
-    def _already_running(self, reverse: bool) -> None:
+    def _begin(self) -> None:
+        if not self._start:
+            return
+        reverse = self._start == "reverse"
         self._output[0] = RUN | (Control.INVERT if reverse else 0)
         self._ramp.take(self._output[1])
         self.machine = StateMachine(state=State.OPERATION, control=self._output[0])

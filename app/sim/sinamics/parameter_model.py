@@ -15,6 +15,7 @@ What no source tells:
 """
 
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from typing import Any
 
 from app.profidrive.parameter_access.error_numbers import ErrorNumber
 from app.profidrive.parameter_access.formats import LAYOUTS, Format, rounded
@@ -25,6 +26,8 @@ from app.profidrive.parameter_access.source import names_known
 SAVE_TIME = 0.5
 """[s]"""
 SAVES = ("p0971", "p0977")
+FLOAT_STEP = 1e-6
+"""So much of a value may be lost in a Float32."""
 COMMISSIONING = "p0010"
 RAW = {1: Format.BYTE, 2: Format.WORD, 4: Format.DOUBLE_WORD}
 CLEARS, ACKNOWLEDGES = "p0952", "p3981"
@@ -60,8 +63,10 @@ class ParameterModel:
         for code, values in (initial or {}).items():
             if code in self._ram:
                 self._ram[code][: len(values)] = values
-        self._rom = self._copy()
+        self._rom = self._commissioned = self._copy()
         self._saving = 0.0
+        self.saves = 0
+        """How often its ROM was written, or taken over, since it was commissioned."""
 
     @property
     def saving(self) -> bool:
@@ -75,6 +80,7 @@ class ParameterModel:
             if self._saving <= dt / 2:
                 self._saving = 0.0
                 self._rom = self._copy()
+                self.saves += 1
 
     def power_up(self) -> None:
         """What was not saved is forgotten; a save that was not over saved nothing."""
@@ -82,6 +88,38 @@ class ParameterModel:
         ram, shared = self._rom
         self._ram = {code: list(values) for code, values in ram.items()}
         self._shared.update(shared)
+
+    def rom(self) -> dict[str, Any]:
+        """What was saved, with what it was commissioned with, as JSON holds it; nothing where nothing was saved yet."""
+        return {"saved": _whole(self._rom), "commissioned": _whole(self._commissioned)} if self.saves else {}
+
+    def load(self, rom: Mapping[str, Any]) -> bool:
+        """Take over what `rom` gave before; false, and nothing is taken, where that does not fit: it is of a drive that was commissioned
+        otherwise, or not of this kind. A parameter that it does not know keeps its value."""
+        saved, former = rom.get("saved"), rom.get("commissioned")
+        if not isinstance(saved, Mapping) or not isinstance(former, Mapping):
+            return False
+        now = _whole(self._commissioned)
+        if any(code in now and now[code] != values for code, values in former.items()):
+            return False
+        if not all(self._fits(code, values) for code, values in saved.items() if code in now):
+            return False
+        ram, shared = self._copy()
+        for code in saved.keys() & now.keys():
+            if code in shared:
+                shared[code] = float(saved[code][0])
+            else:
+                ram[code] = [float(value) for value in saved[code]]
+        self._rom = ram, shared
+        self.saves += 1
+        return True
+
+    def _fits(self, code: str, values: object) -> bool:
+        one = self._parameters[code]
+        if not isinstance(values, list) or len(values) != one.elements:
+            return False
+        low, high = one.low - FLOAT_STEP * abs(one.low), one.high + FLOAT_STEP * abs(one.high)
+        return all(isinstance(value, int | float) and low <= value <= high for value in values)
 
     def values(self, code: str) -> list[float]:
         """Every element of a parameter at this moment [its unit]."""
@@ -168,6 +206,11 @@ class ParameterModel:
     def _copy(self) -> tuple[dict[str, list[float]], dict[str, float]]:
         shared = {code: value for code, value in self._shared.items() if code in self._parameters}
         return {code: list(values) for code, values in self._ram.items()}, shared
+
+
+def _whole(copy: tuple[Mapping[str, list[float]], Mapping[str, float]]) -> dict[str, list[float]]:
+    ram, shared = copy
+    return {**ram, **{code: [value] for code, value in shared.items()}}
 
 
 def _wrong_index(parameter: DriveParameter, address: Address) -> Failed | None:
