@@ -55,7 +55,7 @@ async def test_without_a_plant_only_what_is_not_its_own_goes_on(supervisor: Supe
     tasks.run(sim, {"hall": Running()})  # type: ignore[arg-type, dict-item]
     tasks.retain(Running().run, Running().run)
     tasks.follow_commands(Running().run)
-    assert len(supervisor.tasks) == 5
+    assert len(supervisor.tasks) == 6
     await tasks.end_simulation()
     assert "simulation" not in supervisor.tasks
     await tasks.end()
