@@ -14,6 +14,7 @@ from app.settings import Settings
 from app.threads import Threads, threads
 from app.web import (
     alarm_hiding,
+    alarm_statistics,
     alarms,
     audit,
     commands,
@@ -91,6 +92,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         pages,
         socket,
         alarm_hiding,
+        alarm_statistics,
         alarms,
         commands,
         parameters,

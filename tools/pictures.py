@@ -67,6 +67,7 @@ SCREENS = {
     "drive-parameters": "/equipment/m1/drive-parameters",
     "trends": "/trends",
     "alarms": "/alarms",
+    "alarm-statistics": "/alarms/statistics?span=day",
     "events": "/events",
     "events-machine": "/equipment/c1/events",
     "records-passage": "/records/passage?equipment=c1",

@@ -242,6 +242,14 @@ def find(connection: Connection, wanted: Filter, limit: int = 100) -> list[Recor
     return [_record(row._mapping) for row in connection.execute(query)]
 
 
+def newest(connection: Connection, alarms: Iterable[str]) -> dict[str, Record]:
+    """The newest record of each of `alarms` that has one."""
+    table = journal_table.c
+    numbers = select(func.max(table.seq)).where(table.alarm.in_(list(alarms))).group_by(table.alarm)
+    rows = connection.execute(select(journal_table).where(table.seq.in_(numbers)))
+    return {row.alarm: _record(row._mapping) for row in rows}
+
+
 def count(connection: Connection, wanted: Filter) -> int:
     """How many records `wanted` lets through."""
     found: int = connection.execute(_filtered(select(func.count()).select_from(journal_table), wanted)).scalar_one()

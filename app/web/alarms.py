@@ -3,7 +3,7 @@
 import asyncio
 import csv
 import io
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -151,29 +151,44 @@ def _wanted(request: Request) -> dict[str, str]:
 
 
 def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
-    view = _view(request)
-    plant, texts, lang = view.runtime(request).plant, view.runtime(request).texts, language.language_of(request)
-    keys = list(dict.fromkeys(item.area for item in plant.equipment.values())) if plant else []
-    text = view.text
-    counts = _engine(request).counts.values()
+    text = _view(request).text
     narrowed = {name: wanted[name] for name in ("area", "priority", "q") if wanted[name]}
     asked = {name: value for name, value in wanted.items() if value and name not in ("page", "before")}
     return {
         "wanted": wanted,
-        "tabs": [
-            ("active", text(request, "alarm.tab.active"), "total", counts["total"]),
-            ("unack", text(request, "alarm.tab.unack"), "unack", counts["unack"]),
-            ("hidden", text(request, "alarm.tab.hidden"), "hidden", counts["hidden"]),
-            ("journal", text(request, "alarm.tab.journal"), "", ""),
-        ],
-        "tab_url": {tab: "/alarms?" + urlencode({"tab": tab} | narrowed) for tab in TABS},
-        "area_choices": [*((key, area_label(texts, plant, lang, key)) for key in keys), (SYSTEM, text(request, "alarm.system.name"))],
+        **tabs(request, narrowed),
+        "area_choices": area_choices(request),
         "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
         "export_url": f"/alarms.csv?{urlencode(asked)}" if _may(request, "export") else "",
         "may_acknowledge": _may(request, "acknowledge"),
         "may_shelve": _may(request, "shelve"),
         "may_configure": _may(request, "configure"),
     }  # fmt: skip
+
+
+def tabs(request: Request, narrowed: Mapping[str, str]) -> dict[str, Any]:
+    """The tabs of everything about alarms, each with its count and its address; `narrowed` is the filter that they keep."""
+    text, counts = _view(request).text, _engine(request).counts.values()
+    counted = {"active": "total", "unack": "unack", "hidden": "hidden"}
+    return {
+        "tabs": [
+            (tab, text(request, f"alarm.tab.{tab}"), counted.get(tab, ""), counts[counted[tab]] if tab in counted else "")
+            for tab in (*TABS, "statistics")
+        ],
+        "tab_url": {
+            **{tab: "/alarms?" + urlencode({"tab": tab, **narrowed}) for tab in TABS},
+            "statistics": "/alarms/statistics" + (f"?{urlencode({'area': narrowed['area']})}" if narrowed.get("area") else ""),
+        },
+    }  # fmt: skip
+
+
+def area_choices(request: Request) -> list[tuple[str, str]]:
+    """The areas of the plant and the system, with their names."""
+    view = _view(request)
+    plant, texts, lang = view.runtime(request).plant, view.runtime(request).texts, language.language_of(request)
+    keys = list(dict.fromkeys(item.area for item in plant.equipment.values())) if plant else []
+    labels = [(key, area_label(texts, plant, lang, key)) for key in keys]
+    return [*labels, (SYSTEM, view.text(request, "alarm.system.name"))]
 
 
 def _chosen(request: Request, wanted: dict[str, str]) -> tuple[list[tuple[ListedAlarm, Row]], list[ListedAlarm]]:
@@ -470,11 +485,11 @@ async def export(request: Request) -> Response:
 
 async def _csv_list(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
     draw = drawing(request)
-    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_LIST)
+    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells(CSV_LIST)
     rows, _ = _chosen(request, wanted)
     for index, (one, row) in enumerate(rows):
         end = draw.now if one.life.active else one.returned or draw.now
-        yield _cells(
+        yield cells(
             [
                 fmt.iso(one.first_true, _UTC), row.iso, STATE_NAMES[one.state], one.priority, row.source, one.area,
                 row.text, _plain(one.value), _plain(one.limit), round((end - one.first_true) / 1e6, 3), one.count,
@@ -493,10 +508,10 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
         return runtime.db.run(lambda connection: journal.find(connection, filter, CSV_PAGE))
 
     found = await asyncio.to_thread(read, filter)
-    yield "\ufeff".encode() + _cells([f"# {shown}"]) + _cells(CSV_JOURNAL)
+    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells(CSV_JOURNAL)
     while found:
         for r in found:
-            yield _cells(
+            yield cells(
                 [
                     r.seq, fmt.iso(r.time, _UTC), fmt.iso(r.time, draw.zone), r.event, r.detail, r.alarm, r.occurrence,
                     r.equipment or SYSTEM, r.area, r.alarm_class, r.priority, r.before, r.after, draw.recorded(r),
@@ -511,7 +526,8 @@ def _plain(value: float | None) -> float | str:
     return "" if value is None else value
 
 
-def _cells(cells: Any) -> bytes:
+def cells(values: Iterable[Any]) -> bytes:
+    """One line of a CSV file; no text of it is a formula to a spreadsheet."""
     out = io.StringIO()
-    csv.writer(out, lineterminator="\r\n").writerow([defused(one) if isinstance(one, str) else one for one in cells])
+    csv.writer(out, lineterminator="\r\n").writerow([defused(one) if isinstance(one, str) else one for one in values])
     return out.getvalue().encode()
