@@ -400,7 +400,7 @@ BREAKS: list[tuple[str, str, Callable[[Bus, int], Faulty], str]] = [
     ("generation", "ends with another", put({STATUS + 95: lambda word: word + 2}), "0x015F"),
     ("generation", "odd", put({CONFIGURATION: 3, CONFIGURATION + 63: 3}), "0x0180 = 3"),
     ("generation", "of the answers", put({0x0361: lambda word: word + 2}), "0x0361"),
-    ("swap", "the same after a change", StillGeneration, "0x0137"),
+    ("swap", "the same after a change", StillGeneration, "0x0100 = 2, 0x01"),
     ("spare", "something in it", put({0x0109: 7}), "0x0109 = 7"),
     ("values", "state 99", put({STATUS + 1: 99}), "0x0101 = 99"),
     ("settings", "too few", put({SETTINGS + 1: 14}), "0x0201 = 14"),
