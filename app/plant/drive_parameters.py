@@ -5,7 +5,7 @@
 
 p is written and has `low`, `high` and `default`, r is only read. `when` = always, stopped or commissioning; `allowed` = the only values;
 `options` = values that have a text; `kind` = binector or connector for what names a source (BICO), bits for a word of bits;
-`trigger = true` where writing makes the drive do something; `individual = true` where it belongs to one drive alone (its address) and is
+`trigger = true` where writing makes the drive do something; `individual = true` where it belongs to one drive alone (an address) and is
 not copied to another one. Texts are `parameter.<code>`, `parameter.group.<group>` and, of an option,
 `parameter.option.<code>_<value>`.
 """

@@ -117,3 +117,7 @@ def test_changes_that_do_not_fit_each_other_are_refused(asked: dict[str, float])
     with pytest.raises(Refused) as refused:
         in_order(REGISTERS, [register(code, value) for code, value in asked.items()], look())
     assert (refused.value.reason, refused.value.status) == ("why.check", 422)
+
+
+def test_the_adjustment_of_an_encoder_is_one_drives_own_and_its_coordinate_is_not() -> None:
+    assert {code for code, one in KNOWN.items() if one.individual} == {"p0918", "p2021", "p2507", "p2525"}

@@ -77,7 +77,7 @@ class DriveParameter:
     has_default: bool = True
     """Whether anything is known of its default."""
     individual: bool = False
-    """Belongs to one drive alone (its address on the line): what another drive has of it is never taken over."""
+    """Belongs to one drive alone (its address on the line, its encoder's adjustment): what another drive has of it is never taken over."""
     known: bool = True
     """Whether anything is known of it but its number."""
 
