@@ -45,6 +45,7 @@ from app.running.plant_files import PlantFiles
 from app.running.plant_tasks import PlantTasks
 from app.running.revisions import Revisions
 from app.running.ring_events import RingEvents
+from app.running.sequence_orders import SequenceDesks, is_sequence
 from app.running.session_watch import SessionWatch
 from app.running.simulated_memories import SimulatedMemories
 from app.running.sweep import Sweep
@@ -91,6 +92,7 @@ class Runtime:
             published=self._tell_alarms,
             second=lambda: self.derived.pass_time(),
         )
+        self.desks = SequenceDesks(lambda: self.gate, lambda: self.plant, self.links)
         self._operated = Revisions(self.tags, self.clock, COMMANDS, block=1)
         self._numbers: Mapping[str, int] = {}
 
@@ -226,7 +228,7 @@ class Runtime:
             audit=self.command_ends.write,
             dry_run=self.settings.dry_run,
             on_stop_unconfirmed=self.alarms.system.stop_unconfirmed,
-            rights=self.access.current,
+            rights=lambda person: person if is_sequence(person) else self.access.current(person),
             foretell=self.command_ends.foretell,
         )
         gate.take(machines)
@@ -242,7 +244,8 @@ class Runtime:
         return made
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
-        return SimPlant(plant, self.clock, links=links, memories=self._memories.found)
+        sim = SimPlant(plant, self.clock, links=links, memories=self._memories.found)
+        return self.desks.serve(sim, self.tags)
 
     def _configure(self, parts: Parts | None = None, person: Person | None = None) -> None:
         """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""

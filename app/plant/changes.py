@@ -10,7 +10,7 @@ from hashlib import sha256
 from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
-from app.plant.sequence_definition import SequenceDefinition, SequenceTest
+from app.plant.sequence_definition import WISHES, SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
 from app.plant.type_files.options import BY_DEFINITION
 
@@ -228,10 +228,10 @@ def _leaves(definition: SequenceDefinition) -> dict[tuple[str, str, str], object
     """(step, permissive, key) → what stands there; empty for the whole sequence, the whole step."""
     found: dict[tuple[str, str, str], object] = {
         ("", "", key): getattr(definition, key)
-        for key in ("label", "output_while_suspended", "stall_after", "keep_forces", "longest_force")
+        for key in ("label", "output_while_suspended", "stall_after", "keep_forces", "longest_force", *WISHES)
     }
     for step in definition.steps:
-        for key in ("label", "minimum", "maximum", "loss_aborts", "actions"):
+        for key in ("label", "minimum", "maximum", "loss_aborts", "actions", "orders"):
             found[step.key, "", key] = getattr(step, key)
     words = {ABORT: definition.abort, **{step.key: step.permissives for step in definition.steps}}
     for name, word in words.items():

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+from app.plant.actions import Action
 from app.plant.sequence_definition import SequenceDefinition
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.records.kind import RecordKind
@@ -476,7 +477,9 @@ class EquipmentType:
     sequence: bool = False
     """Whether its equipment runs a sequence of the plant: `definition` and `machine` in the plant file, `steps` as an option."""
     actions: Sequence[str] = ()
-    """What a sequence may ask of such a machine."""
+    """What its own sequence may ask of such a machine."""
+    orders: Mapping[str, Action] = field(default_factory=dict)
+    """What any sequence may have such a machine do, through the gate."""
     simulation_presets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """What a test of a sequence may set on the simulated machine → least and greatest value."""
     records: Mapping[str, RecordKind] = field(default_factory=dict)

@@ -6,7 +6,8 @@
 
 Names are points of the same equipment, or `argument` for what a person entered. A text is parsed once to an allow-list of forms:
 numbers, names, `+ - * /`, comparisons (chained too), `and or not`, `in (…)`, `abs() min() max()`, `good() bad() age()`. Nothing
-else exists: no attribute, no index, no power, no other call.
+else exists: no attribute, no index, no power, no other call. A sentence of the whole plant (`machines`) names points of other equipment
+as `m1.speed`.
 
 The result has three values. A point that is bad or has no number makes what is computed from it unknown (None); `and` and `or`
 follow Kleene: what is already decided stays decided. `good()` and `bad()` are always known.
@@ -102,8 +103,8 @@ class Expression:
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
-    """`text` as an expression.
+def parse(text: str, *, machines: bool = False) -> Expression:
+    """`text` as an expression; with `machines` also over points of other equipment, named `equipment.point`.
 
     Raises:
         ConfigurationError: it is not a sentence of the grammar; names the text, the position (from 1) and what was expected.
@@ -124,7 +125,7 @@ def parse(text: str) -> Expression:
         raise _error(sentence, error.offset or len(sentence), f"a mistake ({error.msg})", EXPECTED) from error
     except (ValueError, RecursionError, MemoryError) as error:
         raise _error(sentence, 1, f"a mistake ({error})", EXPECTED) from error
-    compiler = _Compiler(sentence)
+    compiler = _Compiler(sentence, machines=machines)
     step = compiler.build(tree.body, 0)
     return Expression(text, frozenset(compiler.names), compiler.argument, frozenset(compiler.ages), step)
 
@@ -144,8 +145,9 @@ def number(
 
 
 class _Compiler:
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, machines: bool = False) -> None:
         self.text = text
+        self.machines = machines
         self.names: set[str] = set()
         self.ages: set[str] = set()
         self.argument = False
@@ -159,6 +161,8 @@ class _Compiler:
             case ast.Constant(value=(int() | float()) as constant) if math.isfinite(constant):
                 return lambda look, age, argument: constant
             case ast.Name(id=name):
+                return self._name(node, name)
+            case ast.Attribute() if name := self._point(node):
                 return self._name(node, name)
             case ast.UnaryOp(op=ast.Not(), operand=inner):
                 return _negation(self.build(inner, depth + 1))
@@ -190,6 +194,15 @@ class _Compiler:
 
         return step
 
+    def _point(self, node: ast.expr) -> str:
+        """The point that `node` names; empty when it names none."""
+        match node:
+            case ast.Name(id=name) if name not in RESERVED:
+                return name
+            case ast.Attribute(value=ast.Name(id=machine), attr=point) if self.machines:
+                return f"{machine}.{point}"
+        return ""
+
     def _comparison(
         self, node: ast.expr, left: ast.expr, ops: list[ast.cmpop], comparators: list[ast.expr], depth: int
     ) -> _Step:
@@ -208,9 +221,9 @@ class _Compiler:
 
     def _call(self, node: ast.expr, name: str, arguments: list[ast.expr], depth: int) -> _Step:
         if name in _QUALITY or name == "age":
-            if len(arguments) != 1 or not isinstance(arguments[0], ast.Name) or arguments[0].id in RESERVED:
+            if len(arguments) != 1 or not self._point(arguments[0]):
                 raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", f"{name}(point)")
-            point = arguments[0].id
+            point = self._point(arguments[0])
             self.names.add(point)
             if name == "age":
                 self.ages.add(point)

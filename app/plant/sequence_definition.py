@@ -3,6 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from app.plant.expression import parse
+
+WISHES = ("start_when", "suspend_when", "advance_when")
+"""Sentences of the plant by which a sequence starts, stands still, goes on."""
 Texts = Mapping[str, str]
 """Language → text."""
 
@@ -16,11 +20,28 @@ class SequencePermissive:
     """0–15"""
     label: Texts
     when: str
-    """Sentence of the grammar over the points of the sequence's machine; empty = the device itself knows it (no machine)."""
+    """Sentence of the grammar over the points of the sequence's machine, and of any as `equipment.point`; empty = the device itself
+    knows it (no machine)."""
     value: str = ""
-    """Point of the machine whose value is kept with a first-out; empty = none."""
+    """Point of the machine, or `equipment.point`, whose value is kept with a first-out; empty = none."""
     forceable: bool = True
     """False for what is relevant to safety."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceOrder:
+    """One declared action of a machine of the plant, given through the gate when its step is entered."""
+
+    machine: str
+    """Id of the equipment."""
+    action: str
+    """Of its type, device.toml `[actions.orders]`."""
+    values: Mapping[str, float] = field(default_factory=dict)
+    """By the names that the action declares [EU]."""
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {value:g}" for name, value in self.values.items())
+        return f"{self.machine}.{self.action}" + (f"({values})" if values else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +59,9 @@ class SequenceStep:
     """What it asks of the machine while its output is on."""
     permissives: Sequence[SequencePermissive] = ()
     """In order of their bits."""
+    orders: Sequence[SequenceOrder] = ()
+    """What it commands when it is entered; those of one machine one after the other, machines side by side. It is
+    left when all are confirmed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +94,30 @@ class SequenceDefinition:
     longest_force: float = 28800.0
     """[s]"""
     tests: Sequence[SequenceTest] = ()
+    start_when: str = ""
+    """In automatic it starts when this becomes true; empty = whenever it can."""
+    suspend_when: str = ""
+    """It stands still while this is true or not known."""
+    advance_when: str = ""
+    """In single step it goes on when this becomes true."""
+
+    @property
+    def wishes(self) -> Mapping[str, str]:
+        """The sentences of the plant that start, suspend and advance it, those that there are."""
+        return {key: text for key in WISHES if (text := getattr(self, key))}
+
+    @property
+    def sentences(self) -> list[str]:
+        """Every sentence of it, each once."""
+        words = [self.abort, *(step.permissives for step in self.steps)]
+        return list(dict.fromkeys([*(one.when for word in words for one in word if one.when), *self.wishes.values()]))
+
+    @property
+    def points(self) -> list[str]:
+        """Points of any machine, `equipment.point`, that its sentences and values name."""
+        values = [one.value for word in (self.abort, *(step.permissives for step in self.steps)) for one in word]
+        names = [name for text in self.sentences for name in sorted(parse(text, machines=True).names)]
+        return list(dict.fromkeys(name for name in (*names, *values) if "." in name))
 
     def permissives(self, step: int) -> Sequence[SequencePermissive]:
         """The named bits of step `step`, from 1; of the abort conditions for 0."""

@@ -6,6 +6,9 @@
     stall_after = 1.0                                   seconds
     keep_forces = false
     longest_force = 28800                               seconds
+    start_when = "c1.automatic == 1"                    in automatic: starts when it becomes true; sentences of the whole plant
+    suspend_when = "m1.fault != 0"                      stands still while it is true, or not known
+    advance_when = "c1.button == 1"                     in single step: goes on when it becomes true
 
     [[steps]]                                           in order
     key = "lower"
@@ -14,10 +17,14 @@
     maximum = 30.0                                      seconds; 0 = stay
     loss_aborts = true
     actions = ["lower"]                                 of the machine's type, device.toml [actions]
+    [[steps.orders]]                                    commands of any machine through the gate, when the step is entered
+    machine = "m1"
+    action = "run_forward"                              of its type, device.toml [actions.orders]
+    values = { frequency = 30 }
     [steps.permissives.3]                               bit 0–15; a bit that nobody names counts as fulfilled
     key = "pressure_ok"                                 else bit_3
     label = { … }                                       in positive wording
-    when = "pressure > 80"                              over the points of the machine
+    when = "pressure > 80"                              over the points of the machine, and of any as m1.speed
     value = "pressure"                                  kept with a first-out
     forceable = true
     [abort.0]                                           the same; not forceable unless it says so
@@ -46,9 +53,16 @@ from zlib import crc32
 from app.blocks.sequence import ALL, BITS, SequenceState
 from app.errors import ConfigurationError
 from app.plant import expression
-from app.plant.definitions import Equipment, Kind, Plant, Point, Texts, Type
+from app.plant.definitions import Equipment, Kind, Link, Plant, Point, Texts, Type
 from app.plant.problems import Problem
-from app.plant.sequence_definition import SequenceDefinition, SequencePermissive, SequenceStep, SequenceTest
+from app.plant.sequence_definition import (
+    SequenceDefinition,
+    SequenceOrder,
+    SequencePermissive,
+    SequenceStep,
+    SequenceTest,
+)
+from app.plant.sequence_plant import check_order, check_points, others, own
 from app.plant.tables import MISSING, Plain, Source, Table, one_of
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import MOST_STEPS, STEPS
@@ -64,6 +78,11 @@ RUNNING = (SequenceState.RUNNING.value, SequenceState.SUSPENDED.value)
 """Values of the status point of a sequence that runs."""
 STATES = tuple(state.name.lower() for state in SequenceState)
 ABORT = "abort"
+POINT = rf"({NAME}\.)?{KEY}"
+"""A point of the machine, or of any."""
+NO_TESTS = (
+    "no tests where steps have orders: they go through the gate of a running plant, which tests of the file do not have"
+)
 ORDERS = ("command", "fault", "set")
 """What a row of `when` may do."""
 SIGHTS = ("state", "step", "expect", "first_out", "never")
@@ -87,6 +106,9 @@ class _File:
     commands: list[tuple[Table, str, Mapping[str, float]]] = field(default_factory=list)
     """Rows of tests with a command, and its arguments."""
     presets: list[tuple[Table, str, object]] = field(default_factory=list)
+    orders: list[tuple[Table, SequenceOrder]] = field(default_factory=list)
+    wishes: list[tuple[Table, str, str]] = field(default_factory=list)
+    """Sentences by which the plant starts, suspends, advances it."""
     sentences: list[tuple[Table, str, str]] = field(default_factory=list)
     """What tests look at."""
 
@@ -126,7 +148,10 @@ class SequenceFiles:
         file = self._files[item.sequence.name] if item.sequence else None
         if file is None:
             return []
-        asked = [(table, key) for table, key, text in (*file.signals, *file.values, *file.actions) if text]
+        asked = [
+            *((table, key) for table, key, text in (*file.signals, *file.wishes) if text and own(_names(text))),
+            *((table, key) for table, key, text in (*file.values, *file.actions) if text and "." not in text),
+        ]
         return [".".join((*table.path, key)) for table, key in asked]
 
     def check(self, item: Equipment, machine: Equipment | None, *, forgotten: bool = False) -> None:
@@ -155,24 +180,43 @@ class SequenceFiles:
                 low, high = ranges[name]
                 table.note(key, given, f"a number from {low:g} to {high:g}")
         looked = machine or item
-        own = {key: point for key, point in looked.points.items() if _is_signal(point)}
+        signals = {key: point for key, point in looked.points.items() if _is_signal(point)}
         for table, key, text in file.sentences:
-            _check_signals(table, key, text, own, looked)
+            _check_signals(table, key, text, signals, looked)
+
+    def check_plant(self, item: Equipment, found: Mapping[str, Equipment], links: Mapping[str, Link]) -> None:
+        """Note what the definition of `item` asks of other machines that the plant does not have, or that may not be."""
+        file = self._files[item.sequence.name] if item.sequence else None
+        kinds = (item.id, "plant")
+        if file is None or kinds in self._checked:
+            return
+        self._checked.add(kinds)
+        for table, key, text in (*file.signals, *file.wishes):
+            check_points(table, key, text, others(_names(text)), found)
+        for table, key, name in file.values:
+            check_points(table, key, name, others([name]), found)
+        for table, order in file.orders:
+            check_order(table, order, item, found, links)
+        if file.orders and file.definition.tests:
+            table = file.orders[0][0]
+            table.source.note(("tests",), f"{len(file.definition.tests)} tests", NO_TESTS)
 
     def _check_machine(self, file: _File, machine: Equipment) -> None:
-        own = {key: point for key, point in machine.points.items() if _is_signal(point)}
+        known = {key: point for key, point in machine.points.items() if _is_signal(point)}
         for table, key, text in file.signals:
             if not text:
                 table.note(key, MISSING, f"a sentence over points of {machine.id} that says when it is there")
             else:
-                _check_signals(table, key, text, own, machine)
+                _check_signals(table, key, text, known, machine)
+        for table, key, text in file.wishes:
+            _check_signals(table, key, text, known, machine)
         for table, key, name in file.values:
-            if name not in own:
-                table.note(key, name, f"a point that {machine.id} itself has as a number{_near(name, own)}")
+            if "." not in name and name not in known:
+                table.note(key, name, f"a point that {machine.id} itself has as a number{_near(name, known)}")
         for table, key, action in file.actions:
             if machine.type.actions and action not in machine.type.actions:
-                known = one_of(list(machine.type.actions), action)
-                table.note(key, action, f"an action of {machine.type.name}: {known}")
+                expected = one_of(list(machine.type.actions), action)
+                table.note(key, action, f"an action of {machine.type.name}: {expected}")
 
     # ---- one file -------------------------------------------------------------------------------------
 
@@ -202,6 +246,9 @@ class SequenceFiles:
             stall_after=float(head.number("stall_after", 1.0, 0.1, 600)),
             keep_forces=head.flag("keep_forces"),
             longest_force=float(head.number("longest_force", 28_800.0, 1, 7 * 86_400)),
+            start_when=_wish(file, head, "start_when"),
+            suspend_when=_wish(file, head, "suspend_when"),
+            advance_when=_wish(file, head, "advance_when"),
         )
         head.done()
         tests: list[SequenceTest] = []
@@ -236,6 +283,7 @@ class SequenceFiles:
             row.flag("loss_aborts"),
             tuple(actions),
             tuple(self._permissives(file, row, "permissives", forceable=True)),
+            tuple(_order(file, each) for each in row.rows("orders")),
         )
         row.done()
         return step
@@ -254,7 +302,7 @@ class SequenceFiles:
             if key in keys:
                 table.note("key" if table.has("key") else "", key, "a key that no other bit of this word has")
             keys.add(key)
-            when, value = table.text("when", ""), table.text("value", "", pattern=KEY, expected="a point")
+            when, value = table.text("when", ""), table.text("value", "", pattern=POINT, expected="a point")
             permissive = SequencePermissive(
                 key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable)
             )
@@ -357,10 +405,13 @@ def canonical(definition: SequenceDefinition) -> str:
             if number:
                 step = definition.steps[number - 1]
                 yield f"step {number} {step.key} loss_aborts={int(step.loss_aborts)} actions={','.join(step.actions)}"
+                yield from (f"  order {order}" for order in step.orders)
             else:
                 yield ABORT
             for each in definition.permissives(number):
                 yield f"  {each.bit} {each.key} forceable={int(each.forceable)} value={each.value} when={each.when}"
+
+        yield from (f"{key} {text}" for key, text in definition.wishes.items())
 
     return "".join(f"{line}\n" for line in lines())
 
@@ -402,7 +453,7 @@ def _is_signal(point: Point) -> bool:
 def _is_sentence(table: Table, key: str, text: str) -> bool:
     """Whether `text` is one of the grammar that needs no person and no clock; notes it when not."""
     try:
-        parsed = expression.parse(text)
+        parsed = expression.parse(text, machines=True)
     except ConfigurationError as error:
         table.note(key, text, str(error))
         return False
@@ -415,13 +466,39 @@ def _is_sentence(table: Table, key: str, text: str) -> bool:
     return True
 
 
-def _check_signals(table: Table, key: str, text: str, own: Mapping[str, Point], machine: Equipment) -> None:
-    names = expression.parse(text).names
-    for name in sorted(names - set(own)):
+def _names(text: str) -> frozenset[str]:
+    return expression.parse(text, machines=True).names if text else frozenset()
+
+
+def _wish(file: _File, head: Table, key: str) -> str:
+    """A sentence of `[sequence]`; empty when there is none, or none that can be read."""
+    text = head.text(key, "")
+    if text and _is_sentence(head, key, text):
+        file.wishes.append((head, key, text))
+        return text
+    return ""
+
+
+def _order(file: _File, row: Table) -> SequenceOrder:
+    """A row of `[[steps.orders]]`."""
+    values = row.table("values")
+    order = SequenceOrder(
+        row.text("machine", pattern=NAME, expected="the id of an equipment"),
+        row.text("action", pattern=KEY, expected="an action of its type"),
+        {name: float(values.number(name)) for name in values.data},
+    )
+    row.done()
+    if order.machine and order.action:
+        file.orders.append((row, order))
+    return order
+
+
+def _check_signals(table: Table, key: str, text: str, known: Mapping[str, Point], machine: Equipment) -> None:
+    for name in sorted(_names(text) - set(known) - set(others(_names(text)))):
         if name in machine.points:
             table.note(key, text, f"points that {machine.id} itself has as numbers; {name} is computed or a text")
         else:
-            table.note(key, text, f"names of points of {machine.id}; it has no {name}{_near(name, own)}")
+            table.note(key, text, f"names of points of {machine.id}; it has no {name}{_near(name, known)}")
 
 
 def _near(name: str, known: Iterable[str]) -> str:

@@ -11,7 +11,9 @@ Of a type whose equipment runs a sequence, and of a machine that one may use, de
 
     sequence = true                                     takes `definition` and `machine`; `BY_DEFINITION` are options it gives
     [actions]
-    names = ["lower", "lift"]                           what the steps of a sequence may ask of the machine
+    names = ["lower", "lift"]                           what the steps of its own sequence may ask of the machine
+    [actions.orders.run]                                what any sequence may have it do (actions.py)
+    commands = [{ command = "set_frequency", value = "frequency" }, { command = "forward" }]
     [presets_of_simulation]
     pressure = [0, 250]                                 what a test of a sequence may set on the simulated machine: least, greatest
 
@@ -45,6 +47,7 @@ from app.plant.type_files.device import read_actions, read_device, read_simulati
 from app.plant.type_files.interventions import check_interventions
 from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
+from app.plant.type_files.orders import read_orders
 from app.plant.type_files.points import Points
 from app.plant.type_files.registers import check_registers
 from app.plant.type_files.sentences import Sentences
@@ -142,6 +145,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         options.check_whole(head, counting)
     setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
+    orders = read_orders(head.table("actions").table("orders"), commands)
     check_interventions(table_file, tables, points=points.found, commands=commands, records=kinds)
     guards = files.open("interlocks.toml")
     permissives, interlocks = read_guards(guards, sentences)
@@ -194,6 +198,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         ratings=ratings,
         sequence=sequence,
         actions=actions,
+        orders=orders,
         simulation_presets=simulation_presets,
         records=kinds,
         training=training,

@@ -6,23 +6,27 @@ machine shows a slower plant, never a jumping one.
 
 import asyncio
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from math import isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 from zlib import crc32
 
 from app.clock import Clock
-from app.errors import BadAnswer, ConfigurationError
+from app.errors import BadAnswer, ConfigurationError, DeviceException
 from app.plant.definitions import Equipment, Plant
 from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.problems import Problem
 from app.plant.sequences import program
+from app.registers.codec import decode
 from app.sim.bus import Bus, damaged
 from app.sim.device import DT, Permanent, VirtualDevice
 from app.sim.machines import VIRTUAL_DEVICES, Factory
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.machine import Machine
+from app.sim.sequence.orders import Desk
 from app.sim.sequence.program import VirtualSequence
 
 log = logging.getLogger(__name__)
@@ -91,7 +95,11 @@ class SimPlant:
         self._memories = memories
         self.devices: Mapping[str, VirtualDevice] = {id: self._built(item) for id, item in self.equipment.items()}
         """By equipment."""
-        _couple(self.equipment, self.devices)
+        self.point: Callable[[str], float] = self._register
+        """The value of `equipment.point` for sequences, NaN unless it is good; a house gives what its tags say."""
+        self.desk: Callable[[str], Desk | None] = lambda sequence: None
+        """Who carries the commands of a sequence to the machines; nobody where there is no gate."""
+        self._couple()
         self.buses: Mapping[str, Bus] = {
             name: Bus(
                 {item.unit: self.devices[id] for id, item in self.equipment.items() if item.link == name},
@@ -153,8 +161,12 @@ class SimPlant:
         """Go on with what `renewed` gave; devices that are not among it stand still from now on."""
         for name, bus in buses.items():
             bus.devices = {item.unit: devices[id] for id, item in equipment.items() if item.link == name}
+        stay = list(devices.values())
+        for device in self.devices.values():
+            if isinstance(device, VirtualSequence) and not any(device is each for each in stay):
+                device.orders.withdraw()
         self.equipment, self.devices, self.buses = equipment, devices, buses
-        _couple(equipment, devices)
+        self._couple()
         self._measure_scans()
 
     def permanent(self) -> dict[str, Permanent]:
@@ -170,6 +182,30 @@ class SimPlant:
                 "permanent memory of a simulated device does not fit, it begins as the plant file says device=%s", place
             )
         return device
+
+    def _couple(self) -> None:
+        """Give every sequence its machine, and the rest of the plant."""
+        _couple(self.equipment, self.devices)
+        for id, device in self.devices.items():
+            if isinstance(device, VirtualSequence):
+                device.permissives.plant = lambda name: self.point(name)
+                device.orders.desk = partial(self._desk_of, id)
+
+    def _desk_of(self, sequence: str) -> Desk | None:
+        return self.desk(sequence)
+
+    def _register(self, name: str) -> float:
+        """What the virtual device of a machine has in the registers of a point, as of its last step; NaN: nothing, or not here."""
+        id, _, key = name.partition(".")
+        item, device = self.equipment.get(id), self.devices.get(id)
+        point = item.points.get(key) if item else None
+        if device is None or point is None or point.register is None:
+            return nan
+        try:
+            found = decode(point.register, device.read(3, point.register.address, point.register.words))
+        except DeviceException:
+            return nan
+        return float(found) if isinstance(found, int | float) and isfinite(found) else nan
 
     def _measure_scans(self) -> None:
         for device in self.devices.values():

@@ -14,6 +14,7 @@ Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps,
 | first-out of a stall or a time-out | the permissive missing then that fell first; one never seen fulfilled fell at the first scan |
 | several in one scan | the lowest bit; the event says how many fell together, forced ones not counted |
 | abort condition and the operator's abort in one scan | the abort condition is the cause |
+| commands of a step | it is not left before all are confirmed; one that is refused or not confirmed stops the sequence |
 | force | sets a permissive, never clears one; released by the block when its time is over |
 
 No clock: time is what the caller says, in integer microseconds, and it is the device's own.
@@ -173,15 +174,15 @@ class SequenceBlock:
             self.state = SequenceState.RUNNING
             reports.append(Report(SequenceEvent.RESUMED, self.step))
         step = self.settings.step(self.step)
-        if step.loss_aborts and not self.ready(self.step):
-            self._stop(Cause.PERMISSIVE_LOST, now, reports)
+        if signals.refused or (step.loss_aborts and not self.ready(self.step)):
+            self._stop(Cause.COMMAND if signals.refused else Cause.PERMISSIVE_LOST, now, reports, signals.refused)
             return
         self._elapsed[self.step] += passed
         elapsed, maximum = self._elapsed[self.step], round(step.maximum * 1e6)
         due = maximum > 0 and elapsed >= round(step.minimum * 1e6)
         last = self.step == len(self.settings.steps)
         missing = due and not last and not self.ready(self.step + 1)
-        leaves = due and not missing and (not signals.single or advance)
+        leaves = due and not missing and not signals.pending and (not signals.single or advance)
         if maximum and elapsed > maximum and not (leaves and elapsed - passed <= maximum):
             self._stop(Cause.TIME, now, reports)
             return
@@ -224,9 +225,9 @@ class SequenceBlock:
         self.state, self.step, self.stalled = SequenceState.DONE, 0, False
         reports.append(Report(SequenceEvent.DONE, value=self.run_time))
 
-    def _stop(self, cause: Cause, now: int, reports: list[Report]) -> None:
+    def _stop(self, cause: Cause, now: int, reports: list[Report], value: float = 0.0) -> None:
         timed_out = cause is Cause.TIME
-        self.first_out = self._what_fell(cause, now)
+        self.first_out = self._what_fell(cause, now, value)
         self.state = SequenceState.TIMED_OUT if timed_out else SequenceState.ABORTED
         self._states[self.step] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
         self.stalled = False
@@ -244,14 +245,14 @@ class SequenceBlock:
             self.first_out = self._what_fell(Cause.STALL, now)
             reports.append(Report(SequenceEvent.STALLED, self.step + 1, self.first_out.bit))
 
-    def _what_fell(self, cause: Cause, now: int) -> FirstOut:
+    def _what_fell(self, cause: Cause, now: int, value: float = 0.0) -> FirstOut:
         """The permissive that fell first of those that are missing and matter to `cause`."""
         step = {Cause.ABORT_CONDITION: ABORT, Cause.PERMISSIVE_LOST: self.step}.get(cause, self.step + 1)
         missing: list[tuple[int, int]] = []
-        if cause not in (Cause.OPERATOR, Cause.POWER_UP) and step <= len(self.settings.steps):
+        if cause not in (Cause.OPERATOR, Cause.POWER_UP, Cause.COMMAND) and step <= len(self.settings.steps):
             missing = [(step, bit) for bit in range(BITS) if not self.word(step) >> bit & 1]
         if not missing:
-            return FirstOut(cause, 0, -1, now, self.step, 0.0, self._inputs)
+            return FirstOut(cause, 0, -1, now, self.step, value, self._inputs)
         first = min(missing, key=lambda place: (self._fell[place].time, place))
         seen = self._fell[first]
         return FirstOut(cause, *first, seen.time, self.step, seen.value, seen.words, seen.together)

@@ -67,3 +67,7 @@ class Signals:
     single: bool = False
     """Single step: a step is left only on a rising edge of `advance`."""
     advance: bool = False
+    pending: bool = False
+    """Commands of the active step are not confirmed yet: it is not left."""
+    refused: int = 0
+    """Number, from 1, of a command of the active step that was refused or not confirmed; 0 = none."""

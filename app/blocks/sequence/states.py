@@ -68,3 +68,5 @@ class Cause(IntEnum):
     TIME = 4
     STALL = 5
     POWER_UP = 6
+    COMMAND = 7
+    """A command of the step was refused or not confirmed; the value of the first-out is its number, from 1."""

@@ -16,7 +16,7 @@ from app.records.kind import Belongs
 from app.records.record import Names, Reading, Record
 
 BITS = 16
-CAUSES = ("", "abort_condition", "permissive_lost", "operator", "time", "stall", "power_up")
+CAUSES = ("", "abort_condition", "permissive_lost", "operator", "time", "stall", "power_up", "command")
 """By the value of the event that tells the end."""
 POWER_UP = 6
 

@@ -39,6 +39,7 @@ def _couple(
     if unread and named.number <= 1:
         _note_forgotten(named.table, unread)
     sequences.check(item, machine, forgotten=bool(unread))
+    sequences.check_plant(machines.found[id], machines.found, links)
 
 
 def _machine(id: str, named: NamedMachine, found: Mapping[str, Equipment]) -> Equipment | None:

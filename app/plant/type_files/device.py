@@ -36,8 +36,9 @@ def read_device(table: Table) -> Device:
 def read_actions(head: Table, *, sequence: bool) -> tuple[str, ...]:
     """`[actions]`: what the steps of a sequence may ask of this machine."""
     table = head.table("actions")
+    table.raw("orders")
     actions: list[str] = []
-    for index, name in enumerate(table.items("names") if head.has("actions") else []):
+    for index, name in enumerate(table.items("names", [])):
         if not isinstance(name, str) or not re.fullmatch(KEY, name):
             table.note(f"names.{index}", name, NAME_EXPECTED)
         elif name in actions:
@@ -45,7 +46,7 @@ def read_actions(head: Table, *, sequence: bool) -> tuple[str, ...]:
         else:
             actions.append(name)
     table.done()
-    if sequence and head.has("actions"):
+    if sequence and table.has("names"):
         head.note("actions", "given", "no actions where `sequence` is true: a sequence asks, it is not asked")
     return tuple(actions)
 

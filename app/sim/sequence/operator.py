@@ -12,6 +12,10 @@ class OperatorRequests:
     single: bool = False
     automatic: bool = False
     suspended: bool = False
+    held: bool = False
+    """The plant has it stand still (`suspend_when`)."""
+    advance: bool = False
+    """The plant has it go on in single step (`advance_when`)."""
     _asked: set[str] = field(default_factory=set)
     _taken: set[str] = field(default_factory=set)
 
@@ -37,9 +41,9 @@ class OperatorRequests:
             words[1:],
             words[0],
             start="start" in asked,
-            suspend=self.suspended,
+            suspend=self.suspended or self.held,
             abort_request="abort" in asked,
             acknowledge="acknowledge" in asked,
             single=self.single,
-            advance="advance" in asked,
+            advance="advance" in asked or self.advance,
         )

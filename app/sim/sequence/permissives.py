@@ -1,12 +1,13 @@
-"""The permissive words of a sequence: sentences over the signals of its machine, or words that an instructor teaches."""
+"""The permissive words of a sequence: sentences over its machine and points of the plant, or words that an instructor teaches."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite, nan
 
 from app.blocks.sequence import ALL
 from app.errors import ConfigurationError
 from app.plant.expression import parse
 from app.plant.sequence_definition import SequenceDefinition
+from app.plant.sequence_plant import own
 from app.sim.sequence.machine import Machine
 from app.tags.quality import GOOD, NO_DATA
 
@@ -21,14 +22,19 @@ class Permissives:
         """Without a machine, all taught words 1."""
         self._definition = definition
         self.machine: Machine | None = None
+        self.plant: Callable[[str], float] = lambda name: nan
+        """The value of a point of any machine, `m1.speed`; NaN unless it is good."""
         self.steps = len(definition.steps)
         words = tuple(definition.permissives(number) for number in range(self.steps + 1))
-        sentences = list(dict.fromkeys(one.when for permissives in words for one in permissives if one.when))
-        self._sentences = tuple(parse(text) for text in sentences)
+        sentences = definition.sentences
+        self._sentences = tuple(parse(text, machines=True) for text in sentences)
+        self._wishes = {key: sentences.index(text) for key, text in definition.wishes.items()}
         self._reads = tuple(
             tuple((one.bit, sentences.index(one.when)) for one in permissives if one.when) for permissives in words
         )
         self._names = tuple(dict.fromkeys(name for sentence in self._sentences for name in sorted(sentence.names)))
+        self._of_plant = bool(self._names) and not own(self._names)
+        """Whether it needs no machine of its own: its sentences ask the plant alone."""
         self._unnamed = tuple(ALL & ~sum(1 << one.bit for one in permissives) for permissives in words)
         self._value_of = {
             (number, one.bit): one.value for number, permissives in enumerate(words) for one in permissives if one.value
@@ -64,13 +70,13 @@ class Permissives:
         """
         known, can, name = set(machine.signals), set(machine.actions), self._definition.name
         for sentence in self._sentences:
-            if strangers := sorted(sentence.names - known):
+            if strangers := sorted(set(own(sentence.names)) - known):
                 raise ConfigurationError(
                     f'{name}: "{sentence.text}" names {", ".join(strangers)}, expected signals of {machine.type}'
                 )
         for number in range(self.steps + 1):
             for one in self._definition.permissives(number):
-                if not one.when or (one.value and one.value not in known):
+                if not one.when or (one.value and "." not in one.value and one.value not in known):
                     missing = f"value {one.value}" if one.when else "no sentence"
                     raise ConfigurationError(f"{name}: {one.key} has {missing}, expected signals of {machine.type}")
         for step in self._definition.steps:
@@ -86,15 +92,23 @@ class Permissives:
 
     def take(self) -> None:
         """Look at the machine, or at what was taught."""
-        if self.machine is None:
+        if self.machine is None and not self._of_plant:
             self.words = tuple(word | free for word, free in zip(self._taught, self._unnamed, strict=True))
-        elif self._decide(self.machine):
+        elif self._decide():
             self.words = self._decided = tuple(
-                word | sum(1 << bit for bit, n in reads if self._true[n])
+                word | sum(1 << bit for bit, n in reads if self._holds[n])
                 for word, reads in zip(self._unnamed, self._reads, strict=True)
             )
         else:
             self.words = self._decided
+
+    def wish(self, key: str) -> bool | None:
+        """Whether `start_when`, `suspend_when` or `advance_when` holds as of the last look; None = not known, or it has none."""
+        return self._holds[self._wishes[key]] if key in self._wishes and self._holds else None
+
+    def has_wish(self, key: str) -> bool:
+        """Whether the definition has such a sentence."""
+        return key in self._wishes
 
     @property
     def machine_manual(self) -> bool:
@@ -113,30 +127,35 @@ class Permissives:
     def value(self, step: int, bit: int) -> float:
         """What is behind a permissive; NaN = nothing, or not known."""
         name = self._value_of.get((step, bit))
-        return self.machine.signal(name) if name and self.machine else nan
+        return self._signal(name) if name else nan
 
     def _decide_anew(self) -> None:
         self._signals: dict[str, float] = {}
-        self._true: list[bool] = []
+        self._holds: list[bool | None] = []
         self._decided = self._unnamed
 
-    def _decide(self, machine: Machine) -> bool:
+    def _signal(self, name: str) -> float:
+        if "." in name:
+            return self.plant(name)
+        return self.machine.signal(name) if self.machine else nan
+
+    def _decide(self) -> bool:
         """Decide what has to be; whether any sentence is decided otherwise than before."""
         before = self._signals
-        now = self._signals = {name: machine.signal(name) for name in self._names}
-        if now == before and self._true:
+        now = self._signals = {name: self._signal(name) for name in self._names}
+        if now == before and self._holds:
             return False
         changed = False
         for n, sentence in enumerate(self._sentences):
-            if n < len(self._true) and all(now[name] == before.get(name) for name in sentence.names):
+            if n < len(self._holds) and all(now[name] == before.get(name) for name in sentence.names):
                 continue
-            holds = sentence.true(lambda name: _reading(now, name)) is True
-            if n < len(self._true):
-                changed |= self._true[n] is not holds
-                self._true[n] = holds
+            holds = sentence.true(lambda name: _reading(now, name))
+            if n < len(self._holds):
+                changed |= self._holds[n] is not holds
+                self._holds[n] = holds
             else:
                 changed = True
-                self._true.append(holds)
+                self._holds.append(holds)
         return changed
 
 

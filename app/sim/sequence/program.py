@@ -31,6 +31,10 @@ without a machine 0xE100 is the abort word, 0xE101 + n that of step n + 1; the f
 | subject | rule |
 | --- | --- |
 | unknown | a sentence that cannot be decided counts as missing |
+| start_when | in automatic it starts when this becomes true and a start is possible; true all the time starts once |
+| suspend_when | it stands still while this is true or cannot be decided, and goes on by itself |
+| advance_when | in single step the step is left when this becomes true |
+| commands of steps | `orders.py`; one that is refused or not confirmed aborts with cause 7, its number is the value of the first-out |
 | suspend | acts whatever the state; of a sequence that does not run it does nothing |
 | automatic | starts whenever a start is possible; off after a restart of the device |
 | force | ends when its time is over, by the device, whatever host there is |
@@ -63,6 +67,7 @@ from app.sim.sequence.commands import CAUSED, SequenceCommands
 from app.sim.sequence.forces import ForceRows
 from app.sim.sequence.machine import Machine
 from app.sim.sequence.operator import OperatorRequests
+from app.sim.sequence.orders import StepOrders
 from app.sim.sequence.permissives import Permissives
 from app.sim.sequence.register_map import FALL_ROWS, FORCE_ROWS, MOST_STEPS, NO_BIT, SequenceDeviceEvent
 from app.sim.sequence.runs import OUTCOMES, RunCounts
@@ -129,6 +134,8 @@ class VirtualSequence(VirtualPlc):
         self._count = len(definition.steps)
         self._crc = checksum(definition)
         self.permissives = Permissives(definition)
+        self.orders = StepOrders(definition)
+        self._wanted, self._wished = not definition.start_when, False
         self._actions = tuple(tuple(step.actions) for step in definition.steps)
         self._steps_table = Table(map.STEPS, map.STEP_WORDS, self._count, self._step_row)
         self._falls_table = Table(map.FALLS, map.FALL_WORDS, FALL_ROWS, self._fall_row)
@@ -200,12 +207,17 @@ class VirtualSequence(VirtualPlc):
     def _scan(self) -> None:
         run, machine = self.block, self.machine
         self._take_inputs()
-        if self.operator.automatic and self._commands.start_possible:
+        self._take_wishes()
+        if self.operator.automatic and self._commands.start_possible and self._wanted:
             self.operator.start_automatically()
+            self._wanted = not self.permissives.has_wish("start_when")
         before = run.falls
         count, back = len(before), sum(1 for fall in before if fall.back)
-        for report in run.scan(self.operator.signals(self.permissives.words), self.dt, self.time):
+        signals = self.operator.signals(self.permissives.words)
+        signals.pending, signals.refused = self.orders.pending, self.orders.refused
+        for report in run.scan(signals, self.dt, self.time):
             self.tell(report)
+        self.orders.follow(run)
         if not run.running:
             self.operator.suspended = False
         falls = run.falls
@@ -214,6 +226,16 @@ class VirtualSequence(VirtualPlc):
         self._commands.keep_forces()
         if machine is not None and run.running and run.output(run.step) and (actions := self._actions[run.step - 1]):
             machine.ask(actions)
+
+    def _take_wishes(self) -> None:
+        """What the plant asks: to start (an edge), to stand still (as long as it says so, or nobody knows), to go on."""
+        plant = self.permissives
+        if plant.has_wish("start_when"):
+            started = plant.wish("start_when") is True
+            self._wanted = started and (self._wanted or not self._wished)
+            self._wished = started
+        self.operator.held = plant.has_wish("suspend_when") and plant.wish("suspend_when") is not False
+        self.operator.advance = plant.wish("advance_when") is True
 
     def _take_inputs(self) -> None:
         if self.training[training.REG_MACHINE_FAULT] != FROZEN:
@@ -297,6 +319,7 @@ class VirtualSequence(VirtualPlc):
             if report.event in OUTCOMES:
                 self.runs.last = ran
         self._was_on = True
+        self.orders.follow(self.block)
         self._take_settings()
         if not self._steps_table.ids[0]:
             self._steps_table.ids = list(range(1, self._count + 1))

@@ -114,6 +114,9 @@ class _Run:
         own = {self.item.id: replace(self.item, options=options)}
         if self.item.machine:
             own[self.item.machine] = self.plant.equipment[self.item.machine]
+        for name in self.definition.points:
+            id = name.partition(".")[0]
+            own.setdefault(id, self.plant.equipment[id])
         links = {item.link: self.plant.links[item.link] for item in own.values()}
         self.sim = SimPlant(replace(self.plant, equipment=own, links=links), ManualClock())
         device = self.sim.devices[self.item.id]
@@ -219,7 +222,7 @@ class _Run:
                 f"first-out {row['first_out']}{when}", lambda: self._first_out() == row["first_out"], until, exact
             )
         text = str(row["never"] if never else row["expect"])
-        sentence = parse(text)
+        sentence = parse(text, machines=True)
         return _Row(
             f'never "{text}"' if never else f'"{text}"{when}', lambda: self._true(sentence), until, exact, never
         )
@@ -237,6 +240,9 @@ class _Run:
         return sentence.true(self._look) is True
 
     def _look(self, name: str) -> Reading:
+        if "." in name:
+            value = self.sim.point(name)
+            return (value, GOOD) if isfinite(value) else (None, NO_DATA)
         machine = self.machine
         if self._told and name in self._told.signals:
             value = self._told.signal(name)

@@ -14,6 +14,7 @@ from app.plant.definitions import Command
 from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
+from app.web.sequence_plant import SequencePlant
 from app.web.tables import RowName, RowView, TableView
 
 MOST_NAMED = 3
@@ -43,6 +44,8 @@ class BitView:
     first: bool = False
     fell: PointView | None = None
     back: PointView | None = None
+    doubt: str = ""
+    """The first point of another machine in its sentence that has no good value, by machine and name; empty = none."""
     force: RowView | None = None
     """Its row in the table of forces."""
 
@@ -116,6 +119,8 @@ class SequenceView:
         item = equipment.equipment
         self.machine: EquipmentView | None = equipment.other(item.machine) if item.machine else None
         """What its actions move; None = it has no machine."""
+        self.plant = SequencePlant(equipment, definition)
+        """What it has to do with other machines."""
 
     # ---- numbers --------------------------------------------------------------------------------------
 
@@ -224,6 +229,7 @@ class SequenceView:
             forced=bool(forced >> bit & 1),
             forceable=(named.forceable if named else False) and (may is None or bool(may >> bit & 1)),
             when=named.when if named else "",
+            doubt=self.plant.doubt(named.when) if named and not (word or 0) >> bit & 1 else "",
             first=self.first == (step, bit),
             fell=fall["fell"] if fall else None,
             back=fall["back"] if fall else None,
@@ -310,7 +316,7 @@ class SequenceView:
             line = text(f"sequence.screen.head.{key}", time=self.seconds(time))
             return Headline("i-check" if done or ready else "i-pause", line, "", None, self._to_start(), "calm")
         if state == SequenceState.ABORTED:
-            return Headline("i-cross", self._aborted(), "", None, self._then(), "stop")
+            return Headline("i-cross", _aborted(self), "", None, self._then(), "stop")
         step = self.active or int(self.value("first_out_at") or 0)
         cells = self.step(step) if 0 < step <= self.total else None
         elapsed = cells["elapsed"] if cells and cells.has("elapsed") else None
@@ -357,10 +363,15 @@ class SequenceView:
         """What a running step waits for."""
         text = self.equipment.text
         if self.state == SequenceState.SUSPENDED:
+            if (held := self.plant.held) is not False:
+                key = "held" if held else "held_unknown"
+                return text(f"sequence.screen.head.{key}", when=self.definition.suspend_when)
             missing = self.missing(step)
             return text("sequence.screen.head.missing", step=step, names=self.named(missing)) if missing else text(
                 "sequence.screen.head.resume"
             )  # fmt: skip
+        if self.definition.steps[step - 1].orders and self.plant.pending:
+            return text("sequence.screen.head.pending")
         if maximum == 0:
             return text("sequence.screen.head.stays")
         following = step + 1
@@ -374,6 +385,8 @@ class SequenceView:
         """What stopped it first, and what to do."""
         text = self.equipment.text
         parts = []
+        if self.value("first_out_cause") == Cause.COMMAND and (why := self.plant.failure):
+            parts.append(why)
         if self.first is not None:
             name, value = self.label(*self.first), self.first_value
             one = (
@@ -386,26 +399,36 @@ class SequenceView:
             parts.append(text("sequence.screen.head.acknowledge"))
         return " · ".join(parts)
 
-    def _aborted(self) -> str:
-        cause = int(self.value("first_out_cause") or 0)
-        step = int(self.value("first_out_at") or 0)
-        name = self.label(*self.first) if self.first is not None else ""
-        key = {
-            Cause.ABORT_CONDITION: "by_condition",
-            Cause.PERMISSIVE_LOST: "by_loss",
-            Cause.OPERATOR: "by_operator",
-            Cause.POWER_UP: "by_power",
-        }.get(Cause(cause) if cause in tuple(Cause) else Cause.NONE, "")
-        line = self.equipment.text("sequence.screen.head.aborted", step=step)
-        if key:
-            line += f": {self.equipment.text(f'sequence.screen.head.{key}', name=name)}"
-        return line
-
 
 TOGETHER = ("step", "bit")
 """Arguments that name a permissive."""
 STATES = StepState
 """For templates that compare."""
+
+
+def _aborted(sequence: SequenceView) -> str:
+    """That it was aborted, where, and why."""
+    cause = int(sequence.value("first_out_cause") or 0)
+    step = int(sequence.value("first_out_at") or 0)
+    name = sequence.label(*sequence.first) if sequence.first is not None else ""
+    key = {
+        Cause.ABORT_CONDITION: "by_condition",
+        Cause.PERMISSIVE_LOST: "by_loss",
+        Cause.OPERATOR: "by_operator",
+        Cause.POWER_UP: "by_power",
+        Cause.COMMAND: "by_command",
+    }.get(Cause(cause) if cause in tuple(Cause) else Cause.NONE, "")
+    line = sequence.equipment.text("sequence.screen.head.aborted", step=step)
+    name = (
+        sequence.plant.failed_order(
+            int(sequence.value("first_out_at") or 0), int(sequence.value("first_out_value") or 0)
+        )
+        if cause == Cause.COMMAND
+        else name
+    )
+    if key:
+        line += f": {sequence.equipment.text(f'sequence.screen.head.{key}', name=name)}"
+    return line
 
 
 def check_asked(machine: EquipmentView, command: Command, given: Mapping[str, str]) -> None:

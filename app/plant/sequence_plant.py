@@ -1,0 +1,98 @@
+"""What a sequence asks of other machines of the plant: points in its sentences, actions in the orders of its steps.
+
+| subject | rule |
+| --- | --- |
+| `m1.speed` | any point of any machine that is a number; known only while it is good, so a bad or stale one fulfils nothing |
+| orders | only of a sequence that this server runs, and only of machines that are simulated: in memory, or `simulated = true` |
+| sequences with a PLC of their own | command by themselves: their files give no orders |
+"""
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+
+from app.plant.definitions import Command, Equipment, Kind, Link, Scan
+from app.plant.sequence_definition import SequenceOrder
+from app.plant.tables import MISSING, Table, one_of
+from app.plant.type_files.orders import expected_action
+
+
+def own(names: Sequence[str] | frozenset[str]) -> list[str]:
+    """Those of `names` that are points of the machine of a sequence itself."""
+    return sorted(name for name in names if "." not in name)
+
+
+def others(names: Sequence[str] | frozenset[str]) -> list[str]:
+    """Those of `names` that are points of any machine of the plant."""
+    return sorted(name for name in names if "." in name)
+
+
+def check_points(table: Table, key: str, text: str, names: Sequence[str], found: Mapping[str, Equipment]) -> None:
+    """Note every one of `names`, `equipment.point` each, that the plant does not have as a number that is read in turn."""
+    for name in names:
+        machine, _, point = name.partition(".")
+        item = found.get(machine)
+        if item is None:
+            table.note(key, text, f"points of equipment of the plant; {machine} is {_no(machine, found)}")
+        elif point not in item.points:
+            near = get_close_matches(point, list(item.points), n=1)
+            meant = f" (perhaps {machine}.{near[0]})" if near else ""
+            table.note(key, text, f"names of points of {machine}; it has no {point}{meant}")
+        elif item.points[point].kind is Kind.TEXT:
+            table.note(key, text, f"points that are numbers; {name} is a text")
+        elif item.points[point].scan in (Scan.PAGE, Scan.ONCE) and item.points[point].register is not None:
+            table.note(key, text, f"points that are read all the time; {name} is read for a page or once")
+
+
+def check_order(
+    table: Table, order: SequenceOrder, item: Equipment, found: Mapping[str, Equipment], links: Mapping[str, Link]
+) -> None:
+    """Note what is wrong with an order of the sequence `item`: where it runs, whom it commands, what, with which values."""
+    if item.link in links and not links[item.link].simulated:
+        expected = (
+            f"no orders: {item.id} has a PLC of its own, whose program commands; only what this server runs gives them"
+        )
+        table.note("machine", order.machine, expected)
+        return
+    machine = found.get(order.machine)
+    if machine is None or machine.id == item.id:
+        known = sorted(id for id, other in found.items() if other.type.orders and id != item.id)
+        table.note("machine", order.machine, "another equipment that takes orders: " + one_of(known, order.machine))
+        return
+    link = links.get(machine.link)
+    if link is not None and not (link.simulated or link.believe_simulated):
+        expected = f"a machine that is simulated: {item.id} runs in this server, which moves nothing on a live link"
+        table.note("machine", order.machine, expected)
+    elif link is not None and not link.may_write:
+        table.note("machine", order.machine, f"a machine whose link may write; {link.name} says writes = false")
+    action = machine.type.orders.get(order.action)
+    if action is None:
+        table.note("action", order.action, expected_action(machine.type.orders, machine.type.name, order.action))
+        return
+    for name in action.values:
+        if name not in order.values:
+            table.note(f"values.{name}", MISSING, f"a number: {order.action} needs {', '.join(action.values)}")
+    for name, value in order.values.items():
+        if name not in action.values:
+            expected = f"a value of {order.action}: " + one_of(list(action.values), name)
+            table.note(f"values.{name}", value, expected)
+    for each in action.commands:
+        if each.value in order.values:
+            _check_range(table, each.value, order.values[each.value], machine.type.commands[each.command], machine)
+
+
+def _check_range(table: Table, name: str, value: float, command: Command, machine: Equipment) -> None:
+    """The range that the point itself has; narrower limits that depend on the drive are the gate's."""
+    point = machine.points.get(command.argument)
+    if point is None:
+        return
+    low, high = point.low, point.high
+    if (low is not None and value < low) or (high is not None and value > high):
+        ends = (
+            f"{low:g} to {high:g}" if low is not None and high is not None else f"{low if low is not None else high:g}"
+        )
+        table.note(f"values.{name}", value, f"a number from {ends} {point.unit} for {machine.id}".replace("  ", " "))
+
+
+def _no(machine: str, found: Mapping[str, Equipment]) -> str:
+    near = get_close_matches(machine, list(found), n=1)
+    return "none" + (f" (perhaps {near[0]})" if near else "")

@@ -1,0 +1,100 @@
+"""What templates know of a sequence and the rest of the plant: where it runs, what its steps command, which points it cannot rely on."""
+
+from functools import cached_property
+from zoneinfo import ZoneInfo
+
+from app.plant.expression import Reading, parse
+from app.plant.sequence_definition import SequenceDefinition, SequenceOrder
+from app.running.sequence_orders import SequenceDesk, SequenceDesks
+from app.tags.quality import NO_DATA
+from app.web import format as fmt
+from app.web.points import EquipmentView
+
+
+class SequencePlant:
+    """A sequence among the machines of its plant."""
+
+    def __init__(self, equipment: EquipmentView, definition: SequenceDefinition) -> None:
+        self.equipment = equipment
+        self.definition = definition
+
+    def doubt(self, sentence: str) -> str:
+        """The first point of another machine in a sentence that has no good value."""
+        names = parse(sentence, machines=True).names if "." in sentence else ()
+        for id, _, key in sorted(name.partition(".") for name in names if "." in name):
+            machine = self.equipment.other(id)
+            if machine is None or not machine.has(key) or machine.point(key).state != "good":
+                return f"{machine.label if machine else id} · {machine.point(key).label if machine and machine.has(key) else key}"
+        return ""
+
+    @cached_property
+    def runs_here(self) -> bool:
+        """Whether this server runs it, not a PLC of its own."""
+        plant = self.equipment.runtime.plant
+        link = plant.links.get(self.equipment.link) if plant else None
+        return link is not None and link.simulated
+
+    def orders(self, step: int) -> list[str]:
+        """What step `step` commands, each in words: `Fan 1: Frequency 30.0 Hz, Forward`."""
+        return [self._order(order) for order in self.definition.steps[step - 1].orders]
+
+    def _order(self, order: SequenceOrder) -> str:
+        machine = self.equipment.other(order.machine)
+        action = machine.equipment.type.orders.get(order.action) if machine else None
+        if machine is None or action is None:
+            return str(order)
+        said = []
+        for each in action.commands:
+            view, value = machine.commands[each.command], order.values.get(each.value)
+            point = machine.point(view.argument.key) if value is not None and view.argument else None
+            written = (
+                fmt.quantity(value, point.decimals, point.unit, self.equipment.lang)
+                if value is not None and point
+                else ""
+            )
+            said.append(f"{view.label} {written}".rstrip())
+        return f"{machine.label}: {', '.join(said)}"
+
+    @property
+    def _desk(self) -> SequenceDesk | None:
+        desks: SequenceDesks | None = getattr(self.equipment.runtime, "desks", None)
+        return desks.known(self.equipment.id) if desks else None
+
+    def failed_order(self, step: int, number: int) -> str:
+        """Command `number` of step `step`, in words; empty = there is none."""
+        orders = self.orders(step) if 0 < step <= len(self.definition.steps) else []
+        return orders[number - 1] if 0 < number <= len(orders) else ""
+
+    @property
+    def failure(self) -> str:
+        """Why it was not carried out, as the gate said; empty after a restart of the server (the audit has it)."""
+        desk = self._desk
+        given = desk.last if desk else None
+        if given is None or not given.refused:
+            return ""
+        machine = self.equipment.other(given.orders[given.refused - 1].machine) or self.equipment
+        plant = self.equipment.runtime.plant
+        filled = fmt.parameters(given.params, self.equipment.lang, self.equipment.text)
+        if isinstance(since := given.params.get("since"), int):
+            filled["since"] = fmt.clock_time(since, ZoneInfo(plant.timezone if plant else "UTC"))
+        label = given.params.get("label")
+        filled["label"] = machine.t(str(label)) if label else machine.label
+        return self.equipment.text(given.reason, **filled).rstrip()
+
+    @property
+    def pending(self) -> bool:
+        """Whether commands of the active step are not confirmed yet."""
+        desk = self._desk
+        return desk is not None and desk.last is not None and desk.last.pending
+
+    @property
+    def held(self) -> bool | None:
+        """Whether `suspend_when` has it stand still; None = nobody knows, and so it stands."""
+        when = self.definition.suspend_when
+        return parse(when, machines=True).true(self._reading) if when and self.runs_here else False
+
+    def _reading(self, name: str) -> Reading:
+        id, _, key = name.rpartition(".")
+        machine = self.equipment.other(id) if id else self.equipment.other(self.equipment.equipment.machine)
+        point = machine.point(key) if machine is not None and machine.has(key) else None
+        return (point.value, point.quality) if point and point.state == "good" else (None, NO_DATA)
