@@ -244,8 +244,7 @@ class Runtime:
         return made
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
-        sim = SimPlant(plant, self.clock, links=links, memories=self._memories.found)
-        return self.desks.serve(sim, self.tags)
+        return self.desks.serve(SimPlant(plant, self.clock, links=links, memories=self._memories.found), self.tags)
 
     def _configure(self, parts: Parts | None = None, person: Person | None = None) -> None:
         """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""

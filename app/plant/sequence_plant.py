@@ -81,16 +81,27 @@ def check_order(
 
 
 def _check_range(table: Table, name: str, value: float, command: Command, machine: Equipment) -> None:
-    """The range that the point itself has; narrower limits that depend on the drive are the gate's."""
-    point = machine.points.get(command.argument)
-    if point is None:
-        return
-    low, high = point.low, point.high
+    """The widest range that there can be; narrower limits that are set in the drive are the gate's."""
+    low, high = (_widest(machine, command.argument, end) for end in ("low", "high"))
     if (low is not None and value < low) or (high is not None and value > high):
-        ends = (
-            f"{low:g} to {high:g}" if low is not None and high is not None else f"{low if low is not None else high:g}"
-        )
-        table.note(f"values.{name}", value, f"a number from {ends} {point.unit} for {machine.id}".replace("  ", " "))
+        ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
+        table.note(f"values.{name}", value, f"a number {ends} for {machine.id}")
+
+
+def _widest(machine: Equipment, key: str, end: str) -> float | None:
+    """The bound of a point itself, else that of the setpoint: a number, or the bound of the point that it names."""
+    own = getattr(machine.points[key], end) if key in machine.points else None
+    setpoint = machine.type.setpoints.get(key)
+    if own is not None or setpoint is None:
+        return None if own is None else float(own)
+    text = getattr(setpoint, end)
+    if text in machine.points:
+        bound = getattr(machine.points[text], end)
+        return None if bound is None else float(bound)
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def _no(machine: str, found: Mapping[str, Equipment]) -> str:
