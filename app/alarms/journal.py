@@ -89,6 +89,8 @@ class Filter:
     equipment: str = ""
     area: str = ""
     event: str = ""
+    state: str = ""
+    """Letter of the state that it led to."""
     priority: int = 0
     """This priority and more important ones; 0 = all."""
     text: str = ""
@@ -319,6 +321,8 @@ def _filtered(query: Select[Any], wanted: Filter) -> Select[Any]:
         found = found.where(table.area == wanted.area)
     if wanted.event:
         found = found.where(table.event == wanted.event)
+    if wanted.state:
+        found = found.where(table.after == wanted.state)
     if wanted.priority:
         found = found.where(table.priority <= wanted.priority)
     if wanted.text:

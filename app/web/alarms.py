@@ -131,7 +131,7 @@ def _wanted(request: Request) -> dict[str, str]:
         Refused: 422, a field is there twice or is none of its choices.
     """
     query = request.query_params
-    names = ("tab", "area", "priority", "q", "page", "event", "source", "since", "until", "before")
+    names = ("tab", "area", "priority", "q", "page", "event", "state", "source", "since", "until", "before")
     for name in names:
         if len(query.getlist(name)) > 1:
             raise Refused("access.form_field", 422, field=name)
@@ -141,6 +141,7 @@ def _wanted(request: Request) -> dict[str, str]:
         ("tab", TABS),
         ("priority", ("", "1", "2", "3", "4")),
         ("event", ("", *(str(entry) for entry in Entry))),
+        ("state", ("", *STATE_NAMES.values())),
     ):
         if found[name] not in choices:
             raise Refused("access.form_field", 422, field=name)
@@ -403,11 +404,14 @@ async def _journal(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         else "",
         "newest": "/alarms?" + urlencode(query) if wanted["before"] else "",
         "event_choices": [(str(entry), text(request, f"alarm.event.{entry}")) for entry in Entry],
+        "state_choices": [(name, text(request, f"alarm.state.{name}")) for name in STATE_NAMES.values()],
         "source_choices": [
             *((item.id, draw.label_of(item.id)) for item in (plant.equipment.values() if plant else ())),
             (SYSTEM, text(request, "alarm.system.name")),
         ],
-        "filtered": any(wanted[name] for name in ("area", "priority", "q", "event", "source", "since", "until")),
+        "filtered": any(
+            wanted[name] for name in ("area", "priority", "q", "event", "state", "source", "since", "until")
+        ),
         "all_url": "/alarms?tab=journal",
     }
 
@@ -428,6 +432,7 @@ def _filter(request: Request, wanted: dict[str, str]) -> Filter:
         equipment=wanted["source"],
         area=wanted["area"],
         event=wanted["event"],
+        state=next((str(state) for state, name in STATE_NAMES.items() if name == wanted["state"]), ""),
         priority=int(wanted["priority"] or 0),
         text=wanted["q"],
         since=read_time(request, wanted["since"], "since"),

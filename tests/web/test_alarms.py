@@ -144,7 +144,7 @@ def test_a_filter_is_loud_and_never_hides_the_banner(hall: Hall) -> None:
 
 
 @pytest.mark.parametrize(
-    "query", ["tab=all", "priority=7", "priority=1&priority=2", "page=-1", "page=٣", "event=x", "before=1e9"]
+    "query", ["tab=all", "priority=7", "priority=1&priority=2", "page=-1", "page=٣", "event=x", "state=B", "before=1e9"]
 )
 def test_an_address_that_makes_no_sense_is_refused(hall: Hall, query: str) -> None:
     assert hall.client.get(f"/alarms?{query}").status_code == 422
@@ -425,3 +425,17 @@ def test_every_alarm_of_the_plant_and_of_the_system_has_its_text_in_every_langua
         row = told.row(key)
         for name in (row.label, row.consequence, row.cause, row.response):
             assert not texts.text(lang, name).startswith("["), (lang, name)
+
+
+def test_the_journal_is_narrowed_to_a_state_and_its_address_can_be_sent(hall: Hall) -> None:
+    hall.tell("history_quota", percent=83)
+    hall.staff.enter("ana", "operator")
+    hall.acknowledge(hall.one("sys.history_quota").occurrence)
+    address = "/alarms?tab=journal&state=ack&q=history_quota"
+    for session in ("ana", ""):
+        if not session:
+            hall.staff.have()
+        html = unescape(hall.page(address))
+        found = set(re.findall(r'<td class="lab">[^<]* → ([^<]*)</td>', html))
+        assert found == {"Active, acknowledged"}, session
+        assert '<option value="ack" selected>' in html and "FILTERED" in html
