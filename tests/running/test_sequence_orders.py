@@ -187,15 +187,15 @@ async def test_a_machine_that_a_person_holds_is_not_taken_and_the_sequence_stops
         assert gate.control.holder("m1").person == "7" and gate.control.holder("c1") is None  # type: ignore[union-attr]
 
 
-async def test_what_no_feedback_confirms_stops_the_step(tmp_path: Path) -> None:
-    """The conveyor stays in manual: its start is refused by the condition that says so."""
-    work = FEED.replace('[[steps.orders]]\nmachine = "c1"\naction = "select_automatic"\n', "")
-    async with hall(tmp_path, work) as plant:
+async def test_what_the_gate_refuses_stops_the_sequence_and_what_ran_beside_it(tmp_path: Path) -> None:
+    """The drive is asked for more than its F111 allows: known only to the gate, when it runs."""
+    async with hall(tmp_path, FEED.replace("frequency = 30", "frequency = 600")) as plant:
         await plant.started()
-        await plant.until(lambda: plant.state is not SequenceState.RUNNING, 30.0)
-        if plant.value("c1.mode") != 1:
-            assert plant.state is SequenceState.ABORTED and plant.device.block.first_out.cause is Cause.COMMAND  # type: ignore[union-attr]
-        await plant.until(lambda: plant.value("m1.frequency") == 0)
+        await plant.until(lambda: plant.state is SequenceState.ABORTED, 10.0)
+        out = plant.device.block.first_out
+        assert out and (out.cause, out.value) == (Cause.COMMAND, 3.0)
+        assert plant.outcomes("m1")[0][:2] == ("set_frequency", "refused")
+        await plant.until(lambda: plant.value("c1.automatic") == 0 and plant.value("c1.moving") == 0)
 
 
 async def test_a_bad_point_fulfils_nothing_and_an_abort_condition_that_asks_it_stops_what_runs(tmp_path: Path) -> None:
