@@ -1,7 +1,6 @@
 """What a plant consists of, after its files were read: the vocabulary that every other part speaks.
 
-Texts are keys. A key is looked up in the texts of its equipment type (`equipment/<type>/texts.<lang>.toml`), then in the product's
-(`locale/<lang>/`). Names of points inside conditions are relative to their equipment (`speed`, not `m1.speed`).
+Texts are keys: of `equipment/<type>/texts.<lang>.toml`, then of `locale/<lang>/`. Conditions name points without equipment (`speed`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,6 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from app.plant.actions import Action
+from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.records.kind import RecordKind
@@ -494,6 +494,8 @@ class EquipmentType:
     tile: frozenset[str] = frozenset()
     """Keys of the points that its tile on the overview draws: of the others a page of many machines is not told."""
 
+    picture: PictureData | None = None  # None: the picture of the plant shows names and alarms only
+
     @property
     def interventions(self) -> Mapping[str, Interventions]:
         """Tables whose rows are interventions of people, by key."""
@@ -580,6 +582,7 @@ class Plant:
     types: Mapping[str, EquipmentType]
     texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     """Language → key → text, for the alarm rows of the plant file."""
+    flow: Sequence[tuple[str, str]] = ()  # material flows from the first machine of each to the second
     records: Mapping[str, RecordKind] = field(init=False, compare=False)
     """What its machines keep of their history, by name: no two of its types name a kind alike."""
 

@@ -7,6 +7,7 @@ from app.plant import types
 from app.plant.definitions import Plant, Texts
 from app.plant.plant_files.alarms import read_plant_alarm
 from app.plant.plant_files.couplings import couple
+from app.plant.plant_files.flow import read_flow
 from app.plant.plant_files.languages import PlantLanguages, languages, read_timezone
 from app.plant.plant_files.links import read_link
 from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS, Machines
@@ -83,12 +84,13 @@ class _PlantReader:
         texts: dict[str, dict[str, str]] = {}
         for row in root.rows("alarms"):
             read_plant_alarm(row, machines, self._languages, texts)
+        flow = read_flow(root.table("picture"), machines)
         root.done()
         for item in machines.found.values():
             if item.area not in areas:
                 areas[item.area] = self._area_of_type(item.area, item.type.texts)
         named = tuple(self._languages.named)
-        return Plant(self._folder, name, timezone, named, areas, links, machines.found, self._types.usable, texts)
+        return Plant(self._folder, name, timezone, named, areas, links, machines.found, self._types.usable, texts, flow)
 
     def _head(self, root: Table) -> tuple[dict[str, str], str]:
         """`[plant]`: name and time zone; its languages are known from then on."""

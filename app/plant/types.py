@@ -43,7 +43,7 @@ from app.plant.type_files.alarms import read_alarms
 from app.plant.type_files.commands import CommandReader
 from app.plant.type_files.conditions import check_commands, read_checks, read_guards, read_ratings
 from app.plant.type_files.data import TypeData
-from app.plant.type_files.device import read_actions, read_device, read_simulation_presets, read_tile
+from app.plant.type_files.device import read_actions, read_device, read_picture, read_simulation_presets, read_tile
 from app.plant.type_files.interventions import check_interventions
 from app.plant.type_files.options import read_checks as read_option_checks
 from app.plant.type_files.options import read_options
@@ -130,6 +130,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     device = replace(device, services=read_services(head, device))
     tile = head.items("tile", ()) if head.has("tile") else ()
     kin = _kin(head, files, languages)
+    picture = head.table("picture") if head.has("picture") else None
     head.done()
     file = files.open("events.toml")
     events, reasons = plc.read_names(file, "events"), plc.read_names(file, "reasons")
@@ -206,6 +207,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         drive_parameters=parameters_known,
         symbol=symbol,
         tile=read_tile(head, tile, points.found),
+        picture=read_picture(picture, tile) if picture is not None else None,
     )
     codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
     parameters = {key: codes if takes else frozenset() for key, takes in options.parameters.items()}

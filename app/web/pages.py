@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
+from app.plant.picture import MOST_MACHINES, Picture, arrange
 from app.web import language, screens
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
@@ -47,7 +48,18 @@ async def overview(request: Request) -> HTMLResponse:
     plant, view = plant_of(request), view_of(request)
     machines = [view.machine(request, equipment) for equipment in plant.equipment.values()]
     title = view.runtime(request).texts.label(language.language_of(request), plant.name)
-    return view.page(request, "pages/overview.html", title=title, kind="overview", machines=machines)
+    picture = picture_of(plant)
+    return view.page(
+        request, "pages/overview.html", title=title, kind="overview", machines=machines, plant_picture=picture
+    )
+
+
+def picture_of(plant: Plant) -> Picture | None:
+    """The machines in their flow, each sequence before the machine that it moves; None for a plant of one machine, or of too many."""
+    if not 1 < len(plant.equipment) <= MOST_MACHINES:
+        return None
+    moved = [(item.id, item.machine) for item in plant.equipment.values() if item.machine]
+    return arrange(list(plant.equipment), [*plant.flow, *moved])
 
 
 @router.get("/area/{key}", dependencies=[allow("view")])

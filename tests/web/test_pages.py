@@ -210,3 +210,19 @@ def test_a_form_of_another_site_changes_nothing(client: TestClient) -> None:
         answer = client.post("/language", data={"to": "de"}, headers=headers)
         assert answer.status_code == 403
         assert "pogon_lang" not in answer.headers.get("set-cookie", "")
+
+
+def test_the_overview_begins_with_every_machine_at_its_place(demo: TestClient) -> None:
+    plant = demo.app.state.runtime.plant  # type: ignore[attr-defined]
+    page = demo.get("/").text
+    start = page.index('<section class="pp')
+    picture = page[start : page.index("</section>", start)]
+    for item in plant.equipment.values():
+        shown = item.type.picture
+        assert picture.count(f'href="/equipment/{item.id}"') == 1 and f'data-mark-of="{item.id}"' in picture
+        assert shown is not None and f"#{item.type.symbol}" in picture
+        assert all(
+            f'data-tag="{item.points[key].name}"' in picture for key in (shown.state, shown.moving, shown.figure)
+        )
+    assert picture.count("<path") == sum(1 for item in plant.equipment.values() if item.machine) > 0
+    assert 'class="pp' not in demo.get("/area/drives").text

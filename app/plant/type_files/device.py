@@ -4,6 +4,7 @@ import re
 from collections.abc import Container, Iterator, Sequence
 
 from app.plant.definitions import Device
+from app.plant.picture import PictureData
 from app.plant.tables import Table
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
@@ -66,6 +67,16 @@ def read_tile(head: Table, names: Sequence[object], points: Container[str]) -> f
         if not isinstance(name, str) or name not in points:
             head.note(f"tile.{index}", name, "the key of a point of points.toml")
     return frozenset(str(name) for name in names)
+
+
+def read_picture(table: Table, tile: Sequence[object]) -> PictureData:
+    """`picture`: what the picture of the plant shows; each point is one of `tile`, so that the overview is told of it."""
+    names = [str(name) for name in tile]
+    expected = "a point of `tile`"
+    points = {key: table.text(key, choices=names, expected=expected) for key in ("state", "moving", "figure")}
+    when = table.text("when", "1", pattern=r"\d+(,\d+)*", expected="values at which it moves, such as 1 or 1,2")
+    table.done()
+    return PictureData(when=when, **points)
 
 
 def _ranges(table: Table, key: str) -> Iterator[tuple[int, int]]:

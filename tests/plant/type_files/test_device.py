@@ -7,7 +7,7 @@ import pytest
 from app.plant.definitions import Device
 from app.plant.problems import Problem
 from app.plant.tables import Source, Table
-from app.plant.type_files.device import read_actions, read_device, read_simulation_presets, read_tile
+from app.plant.type_files.device import read_actions, read_device, read_picture, read_simulation_presets, read_tile
 
 
 def file(folder: Path, text: str) -> tuple[Table, list[Problem]]:
@@ -99,3 +99,12 @@ def test_a_tile_draws_points_of_the_machine_and_not_of_its_tables(tmp_path: Path
     assert problems == []
     read_tile(table, ["speed", "head", 5], ("speed",))
     assert [one.key for one in problems] == ["tile.1", "tile.2"]
+
+
+def test_the_picture_shows_points_that_the_overview_is_told_of(tmp_path: Path) -> None:
+    table, problems = file(tmp_path, 'state = "state"\nmoving = "state"\nwhen = "1,2"\nfigure = "speed"')
+    shown = read_picture(table, ["speed", "state"])
+    assert (shown.state, shown.moving, shown.when, shown.figure) == ("state", "state", "1,2", "speed")
+    assert not problems
+    read_picture(table, ["state"])
+    assert [(one.key, one.expected) for one in problems] == [("figure", "a point of `tile`")]
