@@ -8,8 +8,8 @@ from pathlib import Path
 from app import bundled
 
 DEMO = bundled("plants/demo")
-MACHINES = ("m1", "m2", "c1", "cc1", "seq1", "cr1")
-LINKS = ("hall", "line", "coil", "crane")
+MACHINES = ("m1", "m2", "c1", "cc1", "seq1", "cr1", "a1")
+LINKS = ("hall", "line", "coil", "crane", "axis")
 
 
 def plant_file(machines: Collection[str], links: Mapping[str, str] | None = None) -> str:

@@ -36,7 +36,7 @@ def test_the_demo_plant_has_two_fans_a_conveyor_a_coil_car_its_sequence_a_crane_
     plant, problems = read_plant(DEMO)
     assert problems == []
     assert plant is not None
-    assert list(plant.equipment) == ["m1", "m2", "c1", "cc1", "seq1", "cr1"]
+    assert list(plant.equipment) == ["m1", "m2", "c1", "cc1", "seq1", "cr1", "a1"]
     assert all(link.simulated for link in plant.links.values())
     assert (plant.equipment["seq1"].machine, plant.equipment["seq1"].tables["step"]) == ("cc1", 8)
     assert plant.equipment["m1"].options["simulation"] == {"start": "forward", "F113": 40.0, "F905": 0.0}

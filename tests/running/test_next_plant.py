@@ -150,7 +150,13 @@ async def test_a_link_that_changed_is_opened_anew_and_the_others_run_on(tmp_path
         await plant.until(lambda: plant.good("m2.frequency"))
         assert (await plant.take(DEMO)).done
         await plant.until(lambda: plant.good("m2.frequency"))
-        assert "link.yard" not in runtime.supervisor.tasks and set(runtime.links) == {"hall", "line", "coil", "crane"}
+        assert "link.yard" not in runtime.supervisor.tasks and set(runtime.links) == {
+            "hall",
+            "line",
+            "coil",
+            "crane",
+            "axis",
+        }
 
 
 async def test_a_clash_on_the_served_port_is_told_before_anything_changes(tmp_path: Path, free_port: int) -> None:

@@ -21,6 +21,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     """An axis as the plant file describes it: its travel, and `simulation` = start, adjusted and parameters."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", "stopped"))
+    pause = number("simulation.pause", simulation.pop("pause", 2.0))
     adjusted = number("simulation.adjusted", simulation.pop("adjusted", 1.0))
     low, high = (
         number(key, item.options.get(key, default)) for key, default in (("travel_low", 0), ("travel_high", 800))
@@ -33,6 +34,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         start="" if start == "stopped" else start,
         adjusted=bool(adjusted),
         blocks=_blocks(low, high),
+        pause=pause,
         parameters=parameters,
         behind_mailbox=item.type.drive_parameters,
     )

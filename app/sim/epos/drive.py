@@ -55,8 +55,6 @@ RUNS = word_of(
 LIMITS_COUNT = word_of(POS_STW2, ["software_limits"])
 SLOW = 6000
 """MDI_VELOCITY before a control writes one [1000 LU/min]."""
-BLOCK_PAUSE = 2.0
-"""After each traversing block [s]."""
 
 
 class VirtualPositioningAxis(PermanentParameters, AxisState):
@@ -74,13 +72,15 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         start: str = "",
         adjusted: bool = True,
         blocks: Sequence[float] = (100_000.0, 700_000.0, 400_000.0),
-        block_velocity: float = 12_000.0,
+        block_velocity: float = 20_000.0,
+        pause: float = 2.0,
         parameters: Mapping[str, float] | None = None,
         behind_mailbox: Mapping[str, DriveParameter] | None = None,
     ) -> None:
         """An axis that was just powered up, or runs its traversing blocks when `start` is `blocks`.
 
-        `adjusted`: its encoder is; `blocks`: their positions [LU] with `block_velocity` [1000 LU/min]; `parameters`: as `DEFAULTS`;
+        `adjusted`: its encoder is; `blocks`: their positions [LU], reached with
+        `block_velocity` [1000 LU/min] and followed by `pause` [s]; `parameters`: as `DEFAULTS`;
         `behind_mailbox`: parameters that its mailbox knows.
 
         Raises:
@@ -92,7 +92,7 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         self._factory[STATE] = Adjusted.ADJUSTED if adjusted else Adjusted.NOT_ADJUSTED
         self._factory[OFFSET] = (self._factory["p2580"] - self._zero) % MODULO if adjusted else 0.0
         self._start = start
-        self._blocks = tuple(Block(position, block_velocity * 1000 / 60, BLOCK_PAUSE) for position in blocks)
+        self._blocks = tuple(Block(position, block_velocity * 1000 / 60, pause) for position in blocks)
         self._behind_mailbox = behind_mailbox or {}
         self._requests = Requests(map.WORDS, map.REGISTERS)
         self._training = TrainingRegisters(
