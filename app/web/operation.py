@@ -268,7 +268,12 @@ class Operation:
     @cached_property
     def situation(self) -> list[ConditionLine]:
         """What single commands need of what the machine is doing; not to be met is normal, so each is named by what it asks for."""
-        found = (line for line in self._permissives if line[0].situational and not self._only_for_hold(line[0]))
+        shown = {key for key, button in self.buttons.items() if not (button.hidden or button.view.hold)}
+        found = (
+            line
+            for line in self._permissives
+            if line[0].situational and not shown.isdisjoint(line[0].commands or shown)
+        )
         return self._lines(found, normal=True)
 
     @cached_property

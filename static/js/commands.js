@@ -106,7 +106,7 @@ export function patch(inside) {
 }
 
 const SYNCED = ["data-state", "aria-disabled", "aria-pressed", "title", "data-since", "data-limit", "data-waiting", "data-holding", "role", "data-url",
-  "data-command", "formaction", "hidden"]; // a switch is another command once it is on
+  "data-command", "formaction"]; // a switch is another command once it is on
 
 function renew(old, fresh) {
   if (old.dataset.locked !== undefined && fresh.dataset.state === "idle") return false;
@@ -117,7 +117,10 @@ function renew(old, fresh) {
     if (value === old.getAttribute(name)) continue;
     value === null ? old.removeAttribute(name) : old.setAttribute(name, value);
   }
-  if (old.classList.contains("cmd")) old.classList.toggle("danger", fresh.classList.contains("danger"));
+  if (old.classList.contains("cmd")) {
+    old.classList.toggle("danger", fresh.classList.contains("danger"));
+    old.hidden = fresh.hidden; // other parts stand hidden in one place and open in another
+  }
   delete old.kept;
   if (old.innerHTML === fresh.innerHTML) return false;
   const key = focused && focused !== old ? [focused.id, focused.dataset.token, focused.name].find(Boolean) : "";

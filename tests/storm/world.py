@@ -243,10 +243,12 @@ class World:
         self.disks.copy = self.folder / f"data-{self.lives}"
         self.disks.tear(self.data, self.disks.copy)
 
-    def simulate(self, plant: Plant, clock: ManualClock, *, links: list[str]) -> SimPlant:
+    def simulate(
+        self, plant: Plant, clock: ManualClock, *, links: list[str], memories: Mapping[str, Mapping[str, Any]]
+    ) -> SimPlant:
         """In place of `SimPlant`: machines that moved before go on."""
         if self.sim is None:
-            self.sim = SimPlant(plant, clock, links=links)
+            self.sim = SimPlant(plant, clock, links=links, memories=memories)
         else:
             self.sim.take(*self.sim.renewed(plant, links, {}))
             self.sim._due = self.now
