@@ -195,8 +195,9 @@ class PlcAxis:
 
     @property
     def drives_ok(self) -> bool:
-        """Those that work are there and have no alarm."""
-        return bool(self.active) and self._permissive and not self.alarmed
+        """Those that work are there, have no alarm and no motor that is too hot."""
+        hot = any(motor.temperature >= HOT for motor in self.active)
+        return bool(self.active) and self._permissive and not self.alarmed and not hot
 
     @property
     def state(self) -> State:

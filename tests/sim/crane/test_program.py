@@ -9,6 +9,7 @@ from app.registers.plc_map import AnswerState, real
 from app.sim import training
 from app.sim.crane import training as own
 from app.sim.crane.configuration import AXES
+from app.sim.crane.plc_axis import HOT
 from app.sim.crane.register_map import (
     STAGING,
     CraneCommand,
@@ -367,6 +368,22 @@ def test_a_cycle_that_is_suspended_anywhere_goes_on_and_ends(step: Step) -> None
     until_step(stand, Step.SAFE_HEIGHT_AGAIN)
     stand.until(lambda: not crane.cycle.open, 100)
     assert crane.cycles_done == 1 and crane.load.stand == 2
+
+
+@pytest.mark.parametrize("motor", [2, 3])
+def test_an_axis_whose_motor_is_too_hot_when_its_turn_comes_suspends_instead_of_standing_for_ever(motor: int) -> None:
+    stand = in_step(Step.BELOW_LOCK)
+    crane = stand.crane
+    hot = next(one for axis in crane.axes.values() for one in axis.motors if one.number == motor + 1)
+    hot.temperature = HOT + 5
+    stand.until(lambda: crane.cycle.state is StepState.SUSPENDED, 60)
+    assert crane.cycle.suspension is Suspension.DRIVE
+    hot.temperature = 60.0
+    stand.run(2)
+    stand.ask(CraneCommand.RESET)
+    stand.run(2)
+    assert stand.ask(CraneCommand.RESUME) is DONE
+    until_step(stand, Step.INTO_LOCK)
 
 
 @pytest.mark.parametrize(
