@@ -136,7 +136,7 @@ PLANTED: list[object] = []
 def plant(number: int) -> None:
     """One object of ours, lists of a library, and texts, which no collector sees: each is too little for the sign of another."""
     PLANTED.append(Watcher.__new__(Watcher))
-    PLANTED.extend([number] for _ in range(2 * LEFT_BEHIND))
+    PLANTED.extend([number] for _ in range(2 * LEFT_BEHIND + 2))  # a cache may let some of its own go meanwhile
     PLANTED.extend(f"{number} {n}" for n in range(2 * BLOCKS))
 
 

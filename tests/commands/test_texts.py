@@ -13,7 +13,7 @@ from app.plant.type_files.texts import flatten
 from tests.commands.stand import ROOT
 
 LANGUAGES = ("hr", "en", "de", "cs")
-SOURCES = [path.read_text("utf-8") for path in (ROOT / "app" / "commands").glob("*.py")]
+SOURCES = [path.read_text("utf-8") for room in ("commands", "running") for path in (ROOT / "app" / room).glob("*.py")]
 
 
 def texts(language: str) -> dict[str, str]:

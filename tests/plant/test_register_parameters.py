@@ -109,7 +109,9 @@ def test_groups_have_texts_in_every_language() -> None:
     assert list(register_parameters.text_keys(MAP)) == [f"parameter.group.f{digit}" for digit in "123456789a"]
 
 
-@pytest.mark.parametrize(("name", "codes"), [("eura_e800", {"F900"}), ("sinamics", {"p0918", "p2021"})])
+@pytest.mark.parametrize(
+    ("name", "codes"), [("eura_e800", {"F900"}), ("sinamics", {"p0918", "p2021", "p2507", "p2525"})]
+)
 def test_the_address_of_a_drive_is_its_own(name: str, codes: set[str]) -> None:
     known = types.read_type(name, LANGUAGES)[0].type.drive_parameters
     assert {code for code, one in known.items() if one.individual} == codes

@@ -38,6 +38,8 @@ FILES = {
         {"tab": "journal"},
         ["tab", "source", "area", "q", "event", "priority", "since", "until", "before", "state", "sort"],
     ),
+    "/alarms/statistics.csv": ({}, ["period", "since", "until", "area", "positions"]),
+    "/equipment/m1/drive-parameters/export.csv": ({}, []),
     "/users/review.csv": ({}, []),
     "/history/export/size": (SPAN, ["tags", "from", "to", "interval"]),
     "/records/passage/export/size": ({}, [*EVENTS, "product"]),
@@ -71,7 +73,7 @@ def places(staff: Staff) -> dict[Sheet, int]:
 
 def test_every_export_is_swept_here(staff: Staff) -> None:
     csv = {
-        route.split()[1].replace("{kind}", "run")
+        route.split()[1].replace("{kind}", "run").replace("{key}", "m1")
         for route, right in permissions(staff.client.app).items()
         if route.endswith(".csv") or right == "export"
     }  # type: ignore[arg-type]
