@@ -5,6 +5,8 @@ hour of waiting costs what happens in it.
 """
 
 import asyncio
+import heapq
+import itertools
 import math
 import selectors
 from collections.abc import Awaitable, Callable, Iterator
@@ -50,10 +52,22 @@ class _Waiting(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
         return events
 
 
+class _InTurn(asyncio.TimerHandle):
+    """Of timers for the same moment the one that was set first is the first one: a heap alone has no order among equals."""
+
+    turn = 0
+
+    def __lt__(self, other: asyncio.TimerHandle) -> bool:
+        if self._when == other._when and isinstance(other, _InTurn):
+            return self.turn < other.turn
+        return self._when < other._when
+
+
 class VirtualLoop(Network):
     """A loop in virtual time; `clock` is what the house under test gets."""
 
     def __init__(self, clock: ManualClock | None = None) -> None:
+        self._turns = itertools.count()
         self.clock = clock or ManualClock()
         super().__init__(_Waiting(self.clock))
         self._clock_resolution = 0.5e-6
@@ -66,7 +80,12 @@ class VirtualLoop(Network):
         if math.isfinite(when):
             micros = math.ceil(when * 1e6)
             when = micros / 1e6 if micros / 1e6 >= when else (micros + 1) / 1e6
-        return super().call_at(when, callback, *args, context=context)
+        self._check_closed()
+        timer = _InTurn(when, callback, args, self, context)
+        timer.turn = next(self._turns)
+        heapq.heappush(self._scheduled, timer)
+        timer._scheduled = True
+        return timer
 
     def run_in_executor(self, executor: Any, func: Any, *args: Any) -> Any:
         """At once, on this thread."""
