@@ -176,9 +176,14 @@ def test_a_list_that_is_drawn_anew_under_the_finger_loses_no_click(sit: Sit) -> 
     page = sit("ivo", path="/equipment/seq2")
     held: list[Route] = []
     page.route("**word?*step=3*", lambda route: held.append(route))
-    page.click("[data-row-step='3'] .q-perm")
+    with page.expect_request("**word?*step=3*"):
+        page.click("[data-row-step='3'] .q-perm")
     page.locator("[data-all='1']").hover()
     page.mouse.down()
+    for _ in range(100):
+        if held:
+            break
+        page.wait_for_timeout(50)
     with page.expect_response("**step=3*"):
         held[0].continue_()
     page.unroute_all()

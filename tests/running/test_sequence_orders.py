@@ -131,7 +131,7 @@ class Hall:
             lambda: self.device.permissives.missing(1, 0) < 0 and self.device.permissives.missing(0, 0) < 0
         )
         self.ask(1)
-        await self.until(lambda: self.device.block.running, 2.0)
+        await self.until(lambda: self.device.block.running or self.state is SequenceState.ABORTED, 2.0)
         return self
 
     def outcomes(self, machine: str) -> list[tuple[str, str, str]]:

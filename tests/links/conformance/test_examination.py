@@ -1,6 +1,7 @@
 """Our virtual PLCs keep every rule of the map; a server that breaks one is told that rule and no other."""
 
 import asyncio
+import struct
 from collections.abc import Callable
 from struct import pack, unpack
 from zlib import crc32
@@ -431,6 +432,10 @@ BREAKS: list[tuple[str, str, Callable[[Bus, int], Faulty], str]] = [
 ]
 
 
+FIRST_ROW = struct.pack(">BHH", 3, TABLE + 7, 1)
+"""Asks for the state of the first row of the products; 0 = it is free."""
+
+
 @pytest.mark.parametrize(
     ("rule", "broken", "seen"),
     [(rule, broken, seen) for rule, _, broken, seen in BREAKS],
@@ -440,6 +445,10 @@ async def test_a_break_is_found_and_no_other_rule_is_blamed(
     rule: str, broken: Callable[[Bus, int], Faulty], seen: str, plant: SimPlant
 ) -> None:
     async with scanning(plant, "conveyor") as (bus, unit):
+        for _ in range(600):  # a product on the belt: its row can be broken
+            if any((bus.answer(unit, FIRST_ROW).pdu or b"")[2:]):
+                break
+            await asyncio.sleep(0.1)
         bus.answer(unit, command(3, 41_000))
         await asyncio.sleep(0.1)
         found = await judged(broken(bus, unit), "conveyor")
