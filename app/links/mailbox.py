@@ -64,6 +64,8 @@ FOREIGN = 0.5
 AGAIN = (NoAnswer, BadAnswer, Overtaken)
 """After these a read is asked again, and a change that was never sent; but a Stop ends a change."""
 SERVER_BUSY = 6
+NOBODY_KNOWS = (MailboxError.INTERNAL, MailboxError.UNANSWERED)
+"""Of a request that a mailbox ends so; the other errors say that it was not done."""
 LAST_REFERENCE = 255
 
 
@@ -309,9 +311,13 @@ class MailboxUnit:
                         return results
                     if said.done and said.error:
                         self._registers.open = False
-                        sent = said.error == MailboxError.INTERNAL  # the others say that it was not done
+                        sent = said.error in NOBODY_KNOWS
                         raise MailboxRefused(f"unit {self._station.number}", said.error)
-                    if said.done:
+                    if said.idle:
+                        wrong = BadAnswer(
+                            f"unit {self._station.number}: request {request.reference} is gone from the mailbox"
+                        )
+                    elif said.done:
                         found = f"the answer to request {said.reference} in the mailbox"
                         wrong = BadAnswer(f"unit {self._station.number}: {found}, expected {request.reference}")
                 except TelegramError as error:

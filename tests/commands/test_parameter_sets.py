@@ -211,19 +211,16 @@ async def test_who_cancels_in_the_middle_gets_the_former_values(why: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("fault", "sure"),
+    ("fault", "gateway"),
     [
-        ("LATE", False),
-        ("BUSY", True),
-        ("FOREIGN", False),
-        ("WRONG_LENGTH", False),
-        ("INTERNAL", False),
-        ("NEVER", False),
+        *((fault, 0) for fault in ("LATE", "BUSY", "FOREIGN", "WRONG_LENGTH", "INTERNAL", "NEVER")),
+        *((fault, 1) for fault in ("LATE", "BUSY", "NEVER", "UNREACHED", "UNANSWERED", "RESTART")),
     ],
 )
-async def test_a_mailbox_that_misbehaves_never_makes_a_success(fault: str, sure: bool) -> None:
+async def test_a_mailbox_that_misbehaves_never_makes_a_success(fault: str, gateway: int) -> None:
     """From the first change on, for a while: then the former values are there, or it is told that they are not."""
-    async with drive() as it:
+    sure = fault == "BUSY"
+    async with drive(gateway=gateway) as it:
         before = {name: held(it, name) for name in NEW}
 
         def spoil(number: int) -> None:

@@ -8,6 +8,7 @@ from app.plant.definitions import Device, Equipment, EquipmentType, MailboxMap
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.mailbox import WORDS
 from app.profidrive.parameter_access.messages import Address, Failed, Request, RequestId, Result, Values, Written
+from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.training import LineFault
 from tests.links.devices import point
@@ -31,9 +32,10 @@ class MailboxDrive:
     type = "drive"
     dt = 0.01
 
-    def __init__(self) -> None:
+    def __init__(self, *, gateway: bool = False) -> None:
+        """`gateway`: a PLC is between, and the drive on its fieldbus."""
         self.line_fault = LineFault()
-        self.mailbox = Mailbox(self.serve)
+        self.mailbox = GatewayMailbox(self.serve) if gateway else Mailbox(self.serve)
         self.fault = 0
         """Of the mailbox (`MailboxFault`)."""
         self.values: dict[tuple[int, int], int] = {}

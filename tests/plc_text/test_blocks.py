@@ -8,6 +8,7 @@ from zlib import crc32
 
 import pytest
 
+from app.blocks.parameter_gateway import Bus, ParameterGateway
 from app.blocks.s_ramp import SRamp
 from app.blocks.sequence import ALL, SequenceBlock, SequenceSettings, Signals, StepSettings
 from app.links.conformance.finding import State
@@ -285,3 +286,38 @@ def test_a_wrap_of_the_encoder_is_no_jump() -> None:
     text(**line(Pulses=0x7FFFFFFF, Beam={**beams, 1: True}))
     text(**line(Pulses=-0x80000000, Beam={**beams, 1: True}))
     assert text.Product[1].Head == pytest.approx(100.5)
+
+
+def test_the_gateway_goes_as_ours_does() -> None:
+    """Random requests, rubbish and answers, with a restart: the same registers, the same blocks that run, scan for scan."""
+    chance = random.Random(11)
+    ours, theirs = ParameterGateway(), block("PogonGateway")
+    regs, record = program().initial("PogonRegisters"), program().initial("PogonRecord")
+    for _ in range(3000):
+        if chance.random() < 0.01:
+            window = ours.window
+            ours, theirs = ParameterGateway(), block("PogonGateway")
+            ours.window[:] = window
+        if chance.random() < 0.2:
+            length = chance.choice((0, 3, 4, 10, 12, 238, 240, 250))
+            words = [chance.choice((0, 1, 1, 1, 2)), chance.choice((0x2F00, 0x2F00, 0x2E00)) | length]
+            words += [chance.randrange(0x10000) for _ in range(chance.randrange(120))]
+            ours.window[: len(words)] = words
+            regs.W[600 : 600 + len(words)] = words
+        kinds = ["write_done", "write_error", "write_refused", "read_done", "read_error", "not_ready"]
+        flags = {kind: chance.random() < 0.4 for kind in kinds}
+        flags["write_error"] &= not flags["write_done"]
+        answer = tuple(chance.randrange(0x10000) for _ in range(120))
+        length = chance.choice((0, 6, 7, 8, 240, 255))
+        if theirs.ReadRecord:
+            record.W.update(enumerate(answer))
+        now = ours.scan(Bus(**flags, answer=answer, length=length))
+        theirs(
+            First=600, WriteDone=flags["write_done"], WriteError=flags["write_error"], WriteRefused=flags["write_refused"],
+            ReadDone=flags["read_done"], ReadError=flags["read_error"], NotReady=flags["not_ready"], Length=length,
+            Regs=regs, Record=record,
+        )  # fmt: skip
+        assert (theirs.WriteRecord, theirs.ReadRecord) == (now.write, now.read)
+        assert list(regs.W[600:722]) == ours.window
+        if now.write:
+            assert tuple(record.W[n] for n in range(len(ours.record))) == ours.record and theirs.Bytes == ours.length

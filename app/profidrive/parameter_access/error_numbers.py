@@ -111,6 +111,10 @@ class MailboxError(IntEnum):
     NOT_READY = 4
     """The answer is not there yet."""
     INTERNAL = 5
+    UNREACHED = 6
+    """Of a PLC between: the drive is not to be reached, it was sent nothing. Ours (blocks/parameter_gateway.py)."""
+    UNANSWERED = 7
+    """Of a PLC between: the drive was sent the request, and gave no answer. Ours."""
 
 
 EXCEPTION = 0x10000

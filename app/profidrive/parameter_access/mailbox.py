@@ -43,6 +43,8 @@ class Look:
     """Of the request that it answers."""
     error: int = 0
     """Why there is no answer (`MailboxError`), 0 = there is one."""
+    idle: bool = False
+    """Whether there is no request either."""
 
 
 def request_words(data: bytes) -> tuple[int, ...]:
@@ -69,7 +71,7 @@ def look(words: Sequence[int]) -> Look:
     if head >> 8 != FUNCTION:
         raise TelegramError("mailbox, word 1", f"0x{head:04X}", f"0x{FUNCTION:02X} in its high byte")
     if control != Control.DONE:
-        return Look(False)
+        return Look(False, idle=control == Control.IDLE)
     length = head & 0xFF
     if not length:
         return Look(first != MailboxError.NOT_READY, error=first)

@@ -18,11 +18,12 @@ LU_PER_MM = 1000
 
 
 def build(item: Equipment, seed: int) -> VirtualDevice:
-    """An axis as the plant file describes it: its travel, and `simulation` = start, adjusted and parameters."""
+    """An axis as the plant file describes it: its travel, and `simulation` = start, adjusted, gateway and parameters."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", "stopped"))
     pause = number("simulation.pause", simulation.pop("pause", 2.0))
     adjusted = number("simulation.adjusted", simulation.pop("adjusted", 1.0))
+    gateway = number("simulation.gateway", simulation.pop("gateway", 0))
     low, high = (
         number(key, item.options.get(key, default)) for key, default in (("travel_low", 0), ("travel_high", 800))
     )
@@ -37,6 +38,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         pause=pause,
         parameters=parameters,
         behind_mailbox=item.type.drive_parameters,
+        gateway=gateway == 1,
     )
 
 

@@ -16,6 +16,7 @@ from app.sim.epos.training import Trouble
 from app.sim.sinamics.adjustment import STATE, Adjustment, Encoder
 from app.sim.sinamics.adjustment import State as Adjusted
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
+from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.registers import ACCESS_ERROR, CONTROL, MAILBOX, STATUS
 from app.sim.sinamics.requests import Requests
@@ -34,7 +35,7 @@ class AxisState:
     buffer: FaultBuffer
     _alarm_buffer: AlarmBuffer
     _adjustment: Adjustment
-    _mailbox: Mailbox
+    _mailbox: Mailbox | GatewayMailbox
     _raw: float
     """What the encoder counts [LU]."""
     _value: dict[str, float]

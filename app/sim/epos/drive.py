@@ -32,6 +32,7 @@ from app.sim.epos.signals import STANDSTILL
 from app.sim.sinamics.adjustment import MODULO, OFFSET, STATE, Adjustment
 from app.sim.sinamics.adjustment import State as Adjusted
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
+from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.parameter_model import CLEARS, ParameterModel
 from app.sim.sinamics.permanent import PermanentParameters
@@ -76,12 +77,13 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         pause: float = 2.0,
         parameters: Mapping[str, float] | None = None,
         behind_mailbox: Mapping[str, DriveParameter] | None = None,
+        gateway: bool = False,
     ) -> None:
         """An axis that was just powered up, or runs its traversing blocks when `start` is `blocks`.
 
         `adjusted`: its encoder is; `blocks`: their positions [LU], reached with
         `block_velocity` [1000 LU/min] and followed by `pause` [s]; `parameters`: as `DEFAULTS`;
-        `behind_mailbox`: parameters that its mailbox knows.
+        `behind_mailbox`: parameters that its mailbox knows; `gateway`: that is the mailbox of a PLC between.
 
         Raises:
             ConfigurationError: a parameter is unknown or out of range.
@@ -92,6 +94,7 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         self._factory[STATE] = Adjusted.ADJUSTED if adjusted else Adjusted.NOT_ADJUSTED
         self._factory[OFFSET] = (self._factory["p2580"] - self._zero) % MODULO if adjusted else 0.0
         self._start = start
+        self._box = GatewayMailbox if gateway else Mailbox
         self._blocks = tuple(Block(position, block_velocity * 1000 / 60, pause) for position in blocks)
         self._behind_mailbox = behind_mailbox or {}
         self._requests = Requests(map.WORDS, map.REGISTERS)
@@ -291,7 +294,7 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         self._output[map.OVERRIDE] = self._output[map.ACCELERATION] = self._output[map.WORDS] = map.FULL
         self._output[map.VELOCITY + 1] = SLOW
         self._watchdog, self.machine, self._uptime = Watchdog(), StateMachine(), 0.0
-        self._mailbox, self._alarm_buffer = Mailbox(self.model.serve), AlarmBuffer()
+        self._mailbox, self._alarm_buffer = self._box(self.model.serve), AlarmBuffer()
         self._adjustment = Adjustment(self._value)
         self._adjustment.power_up()
         self._raw = self.axis.position + self._zero

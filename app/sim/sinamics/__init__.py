@@ -14,12 +14,13 @@ FAULTS = (*TRIPS, *ALARMS)
 
 
 def build(item: Equipment, seed: int) -> VirtualDevice:
-    """A drive as the plant file describes it: its motor, and `simulation` = start, setpoint, positioning and parameters."""
+    """A drive as the plant file describes it: its motor, and `simulation` = start, setpoint, positioning, gateway and parameters."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", ""))
     setpoint = number("simulation.setpoint", simulation.pop("setpoint", 0.0))
     words = number("simulation.process_words", simulation.pop("process_words", 10))
     positioning = number("simulation.positioning", simulation.pop("positioning", 0))
+    gateway = number("simulation.gateway", simulation.pop("gateway", 0))
     parameters = {"p2000": number("rated_speed", item.options.get("rated_speed", 1500))}
     parameters |= {code: number(f"simulation.{code}", value) for code, value in simulation.items()}
     return VirtualSinamics(
@@ -31,4 +32,5 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         parameters=parameters,
         behind_mailbox=item.type.drive_parameters,
         positioning=positioning == 1,
+        gateway=gateway == 1,
     )

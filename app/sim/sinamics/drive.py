@@ -42,6 +42,7 @@ from app.sim.sinamics.adjustment import DEFAULTS, SCALE, Adjustment, Encoder
 from app.sim.sinamics.drive_state import DriveState
 from app.sim.sinamics.excitation import BRAKE_TIME, Excitation
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
+from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.live_parameters import shown
 from app.sim.sinamics.mailbox import Mailbox
 from app.sim.sinamics.messages import ALARMS, FAULTS
@@ -82,13 +83,14 @@ class VirtualSinamics(PermanentParameters, DriveState):
         inertia_ratio: float = 9.0,
         behind_mailbox: Mapping[str, DriveParameter] | None = None,
         positioning: bool = False,
+        gateway: bool = False,
     ) -> None:
         """A drive that was just powered up, or runs since long when `start` is `forward` or `reverse`.
 
         `rated_current`: of the motor [A], which sizes it; `setpoint`: [% of p2000] that it begins with; `process_words`: 2 of a G120,
         10 of an S120; `parameters`: as `DEFAULTS`; `load`, `quadratic_load`, `disturbance` [% of rated torque]; `inertia_ratio`: of
         the load to the rotor; `behind_mailbox`: parameters that its mailbox knows; `positioning`: it has the basic positioner, and an
-        absolute encoder on its shaft.
+        absolute encoder on its shaft; `gateway`: its mailbox is that of a PLC between.
 
         Raises:
             ConfigurationError: one of them is unknown or out of range.
@@ -99,6 +101,7 @@ class VirtualSinamics(PermanentParameters, DriveState):
         self.data = MOTOR_SETS["B"].sized(rated_current * SQRT3)
         self._seed, self._start, self._setpoint, self._inertia_ratio = seed, start, setpoint, inertia_ratio
         self._positioning = positioning
+        self._box = GatewayMailbox if gateway else Mailbox
         known = (behind_mailbox or {}).items()
         self._behind_mailbox = {code: one for code, one in known if positioning or one.group != POSITIONING}
         self._objects = (1,) if process_words == map.G120_WORDS else (1, 2)
@@ -287,7 +290,7 @@ class VirtualSinamics(PermanentParameters, DriveState):
         self.buffer, self._alarm_buffer = FaultBuffer(), AlarmBuffer()
         self._uptime, self._acknowledge = 0.0, False
         self.model = self._commissioned_model()
-        self._mailbox = Mailbox(self.model.serve)
+        self._mailbox = self._box(self.model.serve)
         self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
         self._requests.access_error = 0
         self._begin()
@@ -298,7 +301,7 @@ class VirtualSinamics(PermanentParameters, DriveState):
         self._adjustment.power_up()
         self._output = [0] * 10
         self._watchdog, self.machine, self._uptime = Watchdog(), StateMachine(), 0.0
-        self._mailbox, self._alarm_buffer = Mailbox(self.model.serve), AlarmBuffer()
+        self._mailbox, self._alarm_buffer = self._box(self.model.serve), AlarmBuffer()
         self._ramp, self._excitation, self._monitoring = RampGenerator(), Excitation(), Monitoring()
         self._requests.access_error = 0
 

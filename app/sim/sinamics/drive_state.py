@@ -8,6 +8,7 @@ from app.sim.sinamics import registers as map
 from app.sim.sinamics import training as own
 from app.sim.sinamics.excitation import Excitation
 from app.sim.sinamics.fault_buffer import AlarmBuffer, FaultBuffer
+from app.sim.sinamics.gateway import GatewayMailbox
 from app.sim.sinamics.image import Readings, reading
 from app.sim.sinamics.live_parameters import Shown
 from app.sim.sinamics.mailbox import Mailbox
@@ -32,7 +33,7 @@ class DriveState:
     model: ParameterModel
     """What is behind the mailbox."""
     _alarm_buffer: AlarmBuffer
-    _mailbox: Mailbox
+    _mailbox: Mailbox | GatewayMailbox
     _uptime: float
     """[s]"""
     _acknowledge: bool

@@ -49,6 +49,12 @@ class MailboxFault(IntEnum):
     """Internal error (0005)."""
     NEVER = 6
     """Never gets ready."""
+    UNREACHED = 7
+    """Of a PLC between (gateway.py), as those below: it does not reach the drive. Without one all three are like `NEVER`."""
+    UNANSWERED = 8
+    """The drive takes requests, and its answers do not arrive."""
+    RESTART = 9
+    """The PLC restarts whenever a request is on its way."""
 
 
 LATE = 2.0
@@ -79,7 +85,7 @@ class Mailbox:
 
     def step(self, dt: float, fault: int) -> None:
         """One step of `dt` [s]: what is due is done."""
-        if not self._request or fault == MailboxFault.NEVER:
+        if not self._request or fault >= MailboxFault.NEVER:
             return
         if not self._begun:
             self._begun, self._left = True, LATE if fault == MailboxFault.LATE else DELAY

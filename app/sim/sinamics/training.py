@@ -10,7 +10,7 @@
 | 0xE025 | rw | run interlock: 1 = terminal of the pulse enable open (second source of the coast stop) |
 | 0xE026 | rw | emergency stop: 1 = pressed (second source of the quick stop) |
 | 0xE027 | rw | local control: 1 = the operator panel at the drive has it |
-| 0xE028 | rw | parameter mailbox: 0 right, 1 late, 2 busy, 3 somebody else's answer, 4 wrong length, 5 internal error, 6 never ready |
+| 0xE028 | rw | parameter mailbox: a `MailboxFault`, 0 right |
 | 0xE031 | w | 1 = power off and on: parameters as they were saved |
 """
 

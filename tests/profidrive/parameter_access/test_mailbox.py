@@ -31,7 +31,7 @@ def test_requests_are_written_as_in_the_reference(text: str) -> None:
     [
         ("0001 2F00 0004", Look(False), ""),
         ("0001 2F0A 0101", Look(False), ""),
-        ("0000 2F0A 0101", Look(False), ""),
+        ("0000 2F0A 0101", Look(False, idle=True), ""),
         ("0002 2F00 0004", Look(False, error=4), ""),
         ("0002 2F0A 0101 0101 0701 0047 C50C", Look(True, 10, 1), "01010101 07010047C50C"),
         ("0002 2F04 0302 0202", Look(True, 4, 3), "03020202"),
