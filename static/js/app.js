@@ -67,6 +67,9 @@
     if (newState === "open" && target.matches?.("details.drop")) for (const menu of menus()) if (menu !== target) menu.open = false;
   }, true);
 
+  // ---- tabs: where one is stands in view, however narrow the screen ------------------------------------------------
+  [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
+
   // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
   const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
   const zone = body.dataset.zone;
