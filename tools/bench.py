@@ -28,6 +28,7 @@ MEASUREMENTS = (
     "push",
     "commands",
     "line",
+    "parameters",
     "history",
     "browsers",
     "start",

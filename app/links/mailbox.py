@@ -27,7 +27,7 @@ from app.errors import (
     TelegramError,
 )
 from app.links.bus_access import BusAccess
-from app.links.mailbox_registers import FIRST_LOOK, LAST_LOOK, MailboxRegisters, NoResult
+from app.links.mailbox_registers import MailboxRegisters, NoResult
 from app.links.scan_block import ScanBlock
 from app.links.services import Seen, Service, SetWrite
 from app.links.station import Station
@@ -297,10 +297,10 @@ class MailboxUnit:
         sent, ended = False, loop.time() + self.map.timeout
         try:
             sent = await self._registers.write(encode_request(request))
-            pause, odd = FIRST_LOOK, 0.0
+            odd, looks = 0.0, 0
             while True:
-                await asyncio.sleep(pause)
-                pause = min(2 * pause, LAST_LOOK)
+                await asyncio.sleep(self._registers.pause(looks))
+                looks += 1
                 wrong: LinkError | None = None
                 try:
                     words, said = await self._registers.look(bound)

@@ -14,6 +14,8 @@ from app.registers.pdu import SERVER_FAILURE, WRITE_MULTIPLE
 
 FIRST_LOOK, LAST_LOOK = 0.02, 0.16
 """Pauses between looks whether the answer is there [s], doubling."""
+CHEAP_LOOK, CHEAP_LOOKS = 0.01, 10
+"""Where a look costs the line nothing, the first ones follow each other so [s]: a drive that takes 30 ms is not asked only after 60."""
 SHORT = 10
 """Words that are looked at in one telegram on a serial line, if the answer is no longer."""
 
@@ -34,6 +36,7 @@ class MailboxRegisters:
         self._bus, self._station, self._map = bus, station, map
         self.open = False
         """A request was sent whose answer did not come: the drive may still be at it."""
+        self._cheap = station.link.transport != "rtu"
 
     async def write(self, data: bytes) -> bool:
         """Write the request into the mailbox; True when it may have arrived.
@@ -63,6 +66,14 @@ class MailboxRegisters:
                 raise NoResult(error, job.sent) from error
             self.open = True
             return True
+
+    def pause(self, looks: int) -> float:
+        """Before the next look, after so many [s]."""
+        if self._cheap:
+            if looks < CHEAP_LOOKS:
+                return CHEAP_LOOK
+            looks -= CHEAP_LOOKS - 1
+        return min(FIRST_LOOK * 2.0**looks, LAST_LOOK)
 
     async def look(self, bound: int) -> tuple[list[int], mailbox.Look]:
         """How far the request is; with it as much of the answer as is worth it."""
