@@ -29,6 +29,7 @@ from app.plant.problems import Problem
 from app.plant.retained import RetainedStates
 from app.plant.system import COMMANDS, EVENTS
 from app.plant.texts import Texts
+from app.running.classroom import Classroom
 from app.running.command_ends import CommandEnds
 from app.running.derived import DerivedPoints
 from app.running.modbus_door import ModbusDoor
@@ -112,10 +113,9 @@ class Runtime:
         """Whether the files of both databases are still there."""
         self.access: Access
         """People, sessions and the audit."""
-        self.alarms: AlarmEngine
-        """All alarms."""
-        self.command_ends: CommandEnds
-        """What became of commands."""
+        self.alarms: AlarmEngine  # all alarms
+        self.command_ends: CommandEnds  # what became of commands
+        self.classroom: Classroom  # how far everybody is in their lessons
 
     # ---- start and stop -------------------------------------------------------------------------------
 
@@ -133,10 +133,12 @@ class Runtime:
         await self.recorder.register(())  # the history has the newest schema before a link asks for the last events
         await self.events.load()
         await self.files.load()
+        await self.classroom.load()
         self.supervisor.start("databases", self.files.run)
         self.supervisor.start("people", self.access.watch)
         self.supervisor.start("audit", self.access.audit_watch.run)
         self.supervisor.start("alarms", self.alarms.run)
+        self.supervisor.start("lessons", self.classroom.run)
         self.supervisor.start("alarm journal", self.alarms.journal.run)
         self.plant, self.problems = read_simulated(self.settings.plant)
         for problem in self.problems:
@@ -160,6 +162,7 @@ class Runtime:
         await self.modbus.close()
         self.live.close()
         await self.alarms.close()
+        await self.classroom.write()
         with suppress(StorageError):
             await self.derived.keep()
         await self.events.close()
@@ -184,6 +187,7 @@ class Runtime:
         self.events = Events(self.history, self.clock, told.changed, (RecordFold(),))
         self.ring_events = RingEvents(self.alarms, self.events)
         self.command_ends = CommandEnds(self.access, self.alarms, self.events, self.clock, lambda: self.plant)
+        self.classroom = Classroom(self.db, self.tags, self.clock, self.alarms, lambda: self.plant)
         self.derived = DerivedPoints(self.tags, self.clock, retained)
         self._memories = SimulatedMemories(retained, lambda: self.sim)
         self.files = DatabaseWatch(
@@ -234,14 +238,11 @@ class Runtime:
         gate.take(machines)
         gate.subscribe(self._operated.changed)
         gate.subscribe_ends(self.command_ends.ended)
+        gate.subscribe_ends(self.classroom.ended)
         return gate
 
     def _link(self, link: Link, machines: list[Equipment], bus: Bus | None) -> RegisterLink:
-        made = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus))
-        made.events.take = self.ring_events.take
-        made.events.last_seen = self.ring_events.last_seen
-        made.events.stored_up_to = self.ring_events.stored_up_to
-        return made
+        return self.ring_events.follow(RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus)))
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
         return self.desks.serve(SimPlant(plant, self.clock, links=links, memories=self._memories.found), self.tags)
@@ -347,8 +348,8 @@ class Runtime:
             link.renew(new.plant.on_link(name), new.stations.get(name))
         if self.gate is not None:
             self.gate.take(parts.machines)
-        self._numbers = new.numbers
         self.recorder.follow(self.points.values(), new.numbers)
+        self._numbers = new.numbers
         self.modbus.follow(new.sim)
         for name in gone:
             self.alarms.system.report("link_down", active=False, params={"link": name})

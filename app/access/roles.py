@@ -130,6 +130,7 @@ KIND_PERMISSION: Mapping[str, str] = {
     "parameters": "diagnose",  # to read; writing asks for "configure"
     "communication": "diagnose",
     "storage": "diagnose",
+    "lessons": "operate",
     "instructor": "instruct",
     "users": "administer",
     "audit": "audit",

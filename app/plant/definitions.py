@@ -9,6 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from app.plant.actions import Action
+from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
 from app.profidrive.parameter_access.parameter import DriveParameter
@@ -574,15 +575,14 @@ class Plant:
     folder: Path
     name: Texts
     timezone: str
-    languages: Sequence[str]
-    """The first is the plant's default."""
+    languages: Sequence[str]  # the first is the plant's default
     areas: Mapping[str, Texts]
     links: Mapping[str, Link]
     equipment: Mapping[str, Equipment]
     types: Mapping[str, EquipmentType]
-    texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """Language → key → text, for the alarm rows of the plant file."""
+    texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # language → key → text, for its alarm rows
     flow: Sequence[tuple[str, str]] = ()  # material flows from the first machine of each to the second
+    lessons: Mapping[str, Lesson] = field(default_factory=dict)  # by name (plant/lessons.py)
     records: Mapping[str, RecordKind] = field(init=False, compare=False)
     """What its machines keep of their history, by name: no two of its types name a kind alike."""
 

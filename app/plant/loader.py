@@ -5,6 +5,7 @@ from pathlib import Path
 
 from app.plant import types
 from app.plant.definitions import Plant, Texts
+from app.plant.lessons import LessonFiles
 from app.plant.plant_files.alarms import read_plant_alarm
 from app.plant.plant_files.couplings import couple
 from app.plant.plant_files.flow import read_flow
@@ -56,11 +57,12 @@ class _PlantReader:
         self._languages = PlantLanguages(known, known)
         self._types = TypesUsed(type_folder, self._languages)
         self._sequences = SequenceFiles(folder, lambda table, key: self._languages.label(table, key, required=True))
+        self._lessons = LessonFiles(folder, lambda table, key, must: self._languages.label(table, key, required=must))
         self._machines = Machines(self._types, self._sequences, self._languages)
 
     @property
     def problems(self) -> list[Problem]:
-        return [*self._source.problems, *self._sequences.problems, *self._types.problems]
+        return [*self._source.problems, *self._sequences.problems, *self._types.problems, *self._lessons.problems]
 
     def read(self) -> Plant | None:
         if self._source.problems:
@@ -85,12 +87,14 @@ class _PlantReader:
         for row in root.rows("alarms"):
             read_plant_alarm(row, machines, self._languages, texts)
         flow = read_flow(root.table("picture"), machines)
+        self._lessons.read(self._types.usable)
         root.done()
         for item in machines.found.values():
             if item.area not in areas:
                 areas[item.area] = self._area_of_type(item.area, item.type.texts)
         named = tuple(self._languages.named)
-        return Plant(self._folder, name, timezone, named, areas, links, machines.found, self._types.usable, texts, flow)
+        kinds, lessons = self._types.usable, self._lessons.found
+        return Plant(self._folder, name, timezone, named, areas, links, machines.found, kinds, texts, flow, lessons)
 
     def _head(self, root: Table) -> tuple[dict[str, str], str]:
         """`[plant]`: name and time zone; its languages are known from then on."""

@@ -12,6 +12,9 @@ COMMANDS = "commands"
 EVENTS = "events"
 """`sys.events.<equipment>` counts changes of what is kept of its events."""
 
+LESSONS, CLASS = "lessons", "class"
+"""`sys.lessons.class` counts changes of how far anybody is in a lesson."""
+
 FRAME: Sequence[tuple[str, Kind, str, int, float]] = (
     ("loop_lag", Kind.ANALOG, "ms", 1, 20.0),
     ("tasks_failed", Kind.STEP, "", 0, 0.0),
@@ -63,6 +66,7 @@ def system_points(plant: Plant | None, statistics: Iterable[str] = ()) -> list[P
     """All points of the system: the frame's, and one for each name in `statistics` (`sys.link.<link>.…`)."""
     points = [system_point(*row) for row in (*FRAME, *HISTORY)]
     points += [system_point(f"{COMMANDS}.{key}", label=COMMANDS) for key in (plant.equipment if plant else ())]
+    points.append(system_point(f"{LESSONS}.{CLASS}", label=LESSONS))
     for name in statistics:
         key = name.removeprefix(f"{SYSTEM}.")
         last = key.rpartition(".")[2]

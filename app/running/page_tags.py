@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from app.alarms.definitions import frame_names
 from app.plant.definitions import Equipment, Plant
-from app.plant.system import COMMANDS, EVENTS, FRAME, HISTORY, SYSTEM
+from app.plant.system import CLASS, COMMANDS, EVENTS, FRAME, HISTORY, LESSONS, SYSTEM
 
 MOST_NAMED = 200
 """Tags that a page may name itself."""
@@ -54,6 +54,8 @@ def _names(kind: str, plant: Plant, known: Collection[str]) -> list[str]:
             return [name for name in known if name.startswith(f"{SYSTEM}.")]
         case "events" | "records":
             return [name for key in plant.equipment if (name := f"{SYSTEM}.{EVENTS}.{key}") in known]
+        case "lessons":
+            return [f"{SYSTEM}.{LESSONS}.{CLASS}"]
         case "storage":
             return [f"{SYSTEM}.{key}" for key, *_ in HISTORY]
     raise KeyError(kind)
@@ -64,6 +66,7 @@ def _of_machine(item: Equipment, plant: Plant, *, whole: bool) -> list[str]:
     names = [point.name for point in item.points.values() if whole or not point.table]
     names.append(f"{SYSTEM}.{COMMANDS}.{item.id}")
     names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")
+    names.append(f"{SYSTEM}.{LESSONS}.{CLASS}")
     if whole and item.machine in plant.equipment:
         names += [point.name for point in plant.equipment[item.machine].points.values() if not point.table]
     return names

@@ -8,6 +8,7 @@ from contextlib import suppress
 from app.alarms.engine import AlarmEngine
 from app.errors import StorageError
 from app.historian.events import Events
+from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment
 from app.plant.events import RingEvent, RingPosition, earlier
 
@@ -25,6 +26,11 @@ class RingEvents:
         """Deliveries that the history has not taken yet."""
         self._alarms = alarms
         self._history = history
+
+    def follow(self, link: RegisterLink) -> RegisterLink:
+        """`link`, whose rings are taken from now on."""
+        link.events.take, link.events.last_seen, link.events.stored_up_to = self.take, self.last_seen, self.stored_up_to
+        return link
 
     async def take(self, item: Equipment, events: Sequence[RingEvent], lost: int) -> None:
         """Alarms at once, then what is kept.

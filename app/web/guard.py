@@ -49,7 +49,7 @@ UNTOUCHED = ("/static/", "/healthz", "/readyz", "/favicon.ico")
 """Nobody is looked up for these."""
 POLICY_VIOLATION = 1008
 IN_FRAME = frozenset(key for key, *_ in FRAME)
-IN_LISTS = frozenset({"commands", "events", "alarms", "records"})
+IN_LISTS = frozenset({"commands", "events", "alarms", "records", "lessons"})
 """First part of the keys of system points that pages for everybody follow: that something in a list has changed."""
 DENIALS_KEPT = 60.0
 """The same refusal of the same person is written down once in so long [s]."""

@@ -6,7 +6,6 @@ again right before each write. A live device has no such registers; nothing is e
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from fastapi import APIRouter, Request
@@ -14,10 +13,11 @@ from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
-from app.errors import LinkError, Refused
+from app.errors import Refused
 from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment, TrainingWord
 from app.plant.training import text_of_code
+from app.running.instruction import Trainee, Words, look, says_simulated, write
 from app.sim import training
 from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
@@ -25,11 +25,6 @@ from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 
 router = APIRouter()
-
-READ_BACK = 2.0
-"""What was written is looked for in the registers for so long [s]."""
-LOOK_PERIOD = 0.05
-
 
 LINE_FIELDS: Mapping[str, TrainingWord] = {
     name: TrainingWord(register, *training.COMMON_LIMITS[register], unit)
@@ -41,29 +36,13 @@ LINE_FIELDS: Mapping[str, TrainingWord] = {
 }
 DONE = ("fault", "line", "world", "reset")
 
-Words = Mapping[int, int]
-"""Training registers by address, as they were read."""
-
-
-@dataclass(frozen=True, slots=True)
-class Trainee:
-    """A machine as the instructor sees it."""
-
-    item: Equipment
-    link: RegisterLink
-    words: Words | None
-    """None: they could not be read, or the device is not a simulated one."""
-    problem: str = ""
-    """Text key of why."""
-    reason: str = ""
-
 
 @router.get("/instructor", dependencies=[allow("instruct")])
 async def instructor(request: Request) -> Response:
     """All simulated machines, and what is active on each."""
     runtime = view_of(request).runtime(request)
-    items = [item for item in plant_of(request).equipment.values() if _says_simulated(runtime.links[item.link], item)]
-    rows = [_row(request, one) for one in await asyncio.gather(*(_look(request, item) for item in items))]
+    items = [item for item in plant_of(request).equipment.values() if says_simulated(runtime.links[item.link], item)]
+    rows = [_row(request, one) for one in await asyncio.gather(*(look(link_of(request, item), item) for item in items))]
     view = view_of(request)
     title = view.text(request, "instructor.title")
     return view.page(request, "pages/instructor.html", title=title, kind="frame", rows=rows, chosen=None)
@@ -78,7 +57,8 @@ async def machine(request: Request, key: str) -> Response:
 @router.get("/instructor/{key}/active", dependencies=[allow("instruct")])
 async def active(request: Request, key: str) -> Response:
     """What is active on a machine, alone."""
-    one = await _look(request, _item(request, key))
+    item = _item(request, key)
+    one = await look(link_of(request, item), item)
     return view_of(request).fragment(request, "fragments/instructor_active.html", chosen=_row(request, one))
 
 
@@ -167,7 +147,7 @@ async def _do(
     try:
         wanted = words(item)
         new = _told(wanted)
-        old = _told(await _write(request, item, wanted, act))
+        old = _told(await write(link_of(request, item), item, wanted, act))
     except Refused as error:
         refused = error
     await people_access(request).audit.record(
@@ -188,91 +168,6 @@ async def _do(
     return RedirectResponse(f"/instructor/{item.id}?done={act or what}", 303)
 
 
-async def _write(request: Request, item: Equipment, wanted: Mapping[int, int], act: str = "") -> Words:
-    """Write `wanted` and wait until it is read back; what was there before. What acts once cannot be read back.
-
-    Raises:
-        Refused: the device is not simulated, does not answer, or shows something else.
-    """
-    before = await _look(request, item)
-    if before.words is None:
-        raise Refused(before.problem, 409, machine=item.id, cause=before.reason)
-    trained = item.type.training
-    if act in trained.switches:
-        wanted = {register: before.words[register] ^ 1 << (number - 1) for register, number in wanted.items()}
-    try:
-        for first, words in _telegrams(wanted):
-            await before.link.raw_write(item.unit, first, words)
-        if act not in trained.acts:
-            await _confirm(before.link, item, wanted)
-    except LinkError as error:
-        raise Refused("instructor.not_written", 409, cause=str(error)) from error
-    return {address: before.words[address] for address in wanted}
-
-
-async def _confirm(link: RegisterLink, item: Equipment, wanted: Mapping[int, int]) -> None:
-    """Wait until the registers show `wanted`; a count may have run down meanwhile, and a reset leaves no fault and no broken line."""
-    if training.REG_RESET in wanted:
-        wanted = dict.fromkeys((training.REG_MACHINE_FAULT, training.REG_LINE_FAULT, training.REG_LINE_COUNT), 0)
-    loop = asyncio.get_running_loop()
-    until = loop.time() + READ_BACK
-    while True:
-        await asyncio.sleep(LOOK_PERIOD)
-        now = await _area(link, item.unit)
-        if now is not None and _shows(now, wanted):
-            return
-        if loop.time() > until:
-            raise Refused("instructor.not_confirmed", 409)
-
-
-def _shows(now: Words, wanted: Mapping[int, int]) -> bool:
-    count = wanted.get(training.REG_LINE_COUNT, 0)
-    if count and now[training.REG_LINE_COUNT] < count:  # hit some requests already, and is over at 0
-        ran_down = {training.REG_LINE_COUNT: now[training.REG_LINE_COUNT]}
-        if not now[training.REG_LINE_COUNT]:
-            ran_down[training.REG_LINE_FAULT] = 0
-        wanted = {**wanted, **ran_down}
-    return all(now[address] == word for address, word in wanted.items())
-
-
-async def _look(request: Request, item: Equipment) -> Trainee:
-    """Read the whole training area of a machine that its link calls simulated; nobody else is asked."""
-    link = view_of(request).runtime(request).links[item.link]
-    if not _says_simulated(link, item):
-        return Trainee(item, link, None, "instructor.not_simulated")
-    try:
-        words = await _area(link, item.unit)
-    except LinkError as error:
-        return Trainee(item, link, None, "instructor.not_read", str(error))
-    if words is None:
-        return Trainee(item, link, None, "instructor.not_simulated")
-    return Trainee(item, link, words)
-
-
-async def _area(link: RegisterLink, unit: int) -> Words | None:
-    """The training registers, or None when the header is not that of a simulated device."""
-    area = await link.raw_read(unit, training.BASE, training.END - training.BASE)
-    words = dict(enumerate(area, training.BASE))
-    good = words[training.REG_MAGIC] == training.MAGIC and words[training.REG_VERSION] == training.VERSION
-    return words if good and words[training.REG_FLAGS] & training.SIMULATED else None
-
-
-def _says_simulated(link: RegisterLink, item: Equipment) -> bool:
-    station = link.stations.get(item.unit)
-    return link.simulated or (station is not None and station.simulated)
-
-
-def _telegrams(wanted: Mapping[int, int]) -> list[tuple[int, list[int]]]:
-    """Neighbouring registers in one telegram, so that they act in the same step."""
-    telegrams: list[tuple[int, list[int]]] = []
-    for address in sorted(wanted):
-        if telegrams and telegrams[-1][0] + len(telegrams[-1][1]) == address:
-            telegrams[-1][1].append(wanted[address])
-        else:
-            telegrams.append((address, [wanted[address]]))
-    return telegrams
-
-
 def _whole(request: Request, text: str, label: str, limits: tuple[int, int]) -> int:
     """A whole number within `limits`.
 
@@ -291,6 +186,11 @@ def _told(words: Words) -> str:
     return ", ".join(f"0x{address:04X} = {word}" for address, word in sorted(words.items()))
 
 
+def link_of(request: Request, item: Equipment) -> RegisterLink:
+    """The link of a machine."""
+    return view_of(request).runtime(request).links[item.link]
+
+
 def _item(request: Request, key: str) -> Equipment:
     item = plant_of(request).equipment.get(key)
     if item is None:
@@ -301,7 +201,7 @@ def _item(request: Request, key: str) -> Equipment:
 async def _page(request: Request, key: str, refused: Refused | None = None) -> Response:
     view, item = view_of(request), _item(request, key)
     runtime = view.runtime(request)
-    one = await _look(request, item)
+    one = await look(link_of(request, item), item)
     done = request.query_params.get("done", "")
     drawn = view.machine(request, item)
     return view.page(
@@ -339,7 +239,7 @@ async def _hands(request: Request, item: Equipment, act: str = "", refused: Refu
     said = view.text(request, "instructor.confirmed", what=_deed(request, item, act)) if act else ""
     if refused:
         said = view.text(request, refused.reason, **refused.params)
-    one = await _look(request, item)
+    one = await look(link_of(request, item), item)
     return view.fragment(
         request,
         template,

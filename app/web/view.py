@@ -270,6 +270,7 @@ class View:
         area = given.get("area", "")
         path = request.url.path
         person: Person | None = getattr(request.state, "person", None)
+        head, _, machine = str(given.get("kind", "")).partition("/")
         engineering = [
             Tab(text(key), url, _head(path) == url)
             for key, url, needed in ENGINEERING
@@ -301,6 +302,8 @@ class View:
             "nav": self._tabs(texts, plant, lang, path, area)
             + _engineering_tab(text("nav.engineering"), path, engineering),
             "simulated": runtime.simulated,
+            "lesson_here": runtime.classroom.strip(person, machine) if head == "equipment" else None,
+            "has_lessons": bool(runtime.classroom.lessons),
             "counts": self._counts(runtime, text, any(tab.url == "/communication" for tab in engineering)),
             "timezone": zone.key,
             "now": now,

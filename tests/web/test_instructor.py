@@ -140,7 +140,7 @@ def test_nothing_is_shown_as_done_that_was_not_read_back(staff: Staff, monkeypat
     async def lost(unit: int, address: int, words: Any) -> None:
         """A write that nobody acts upon."""
 
-    monkeypatch.setattr("app.web.instructor.READ_BACK", 0.1)
+    monkeypatch.setattr("app.running.instruction.READ_BACK", 0.1)
     monkeypatch.setattr(link_of(staff.client), "raw_write", lost)
     answer = staff.post("/instructor/m1/fault", {"code": "4"})
     assert answer.status_code == 409
