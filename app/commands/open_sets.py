@@ -39,10 +39,13 @@ def open_sets(lines: Iterable[Record], plant: Mapping[str, Equipment]) -> list[P
     return found
 
 
-def values_of(params: Mapping[str, str]) -> list[tuple[str, float, float, float | None, str]]:
-    """The values that a line of a set has: key, former, new, found, where it stands. Those that cannot be read are left out."""
+def values_of(
+    params: Mapping[str, str], most: int = value_set.MOST
+) -> list[tuple[str, float, float, float | None, str]]:
+    """The values that a line of a set has, at most so many: key, former, new, found, where it stands. Those that cannot be read are
+    left out."""
     found = []
-    for number in range(1, value_set.MOST + 1):
+    for number in range(1, most + 1):
         try:
             key, old, new, now, stands = json.loads(params[f"change_{number}"])
             found.append((str(key), float(old), float(new), None if now is None else float(now), str(stands)))

@@ -13,7 +13,7 @@ Nothing here is permanent until it is saved, which is a command of its own (`sav
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -24,6 +24,7 @@ from app.commands.execution import Execution
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, ProgressState, advance
 from app.commands.machine import Machine, SetJob
+from app.commands.open_parameters import OpenParameters
 from app.commands.orders import Order, Task
 from app.commands.parameter_change import (
     KEY,
@@ -116,6 +117,22 @@ class ParameterSets:
             return False
         machine.set.interrupt(CANCELLED)
         return True
+
+    def take_open(self, sets: Iterable[OpenParameters]) -> None:
+        """Sets of a former run whose end is not known: told as such, and what is found of them as soon as it can be read. Nothing is
+        written."""
+        for progress, changes in sets:
+            machine = self._state.machines.get(progress.equipment)
+            if machine is not None:
+                self._state.close(machine, replace(progress, ended=self._state.clock.micros()))
+                try:
+                    work = Work(changes, self._work.mailbox(machine), sent=[changes])
+                except Refused as refusal:
+                    log.error("open parameters not read equipment=%s reason=%s", progress.equipment, refusal)
+                    continue
+                self._state.spawn(
+                    self._work.follow(progress.equipment, progress, work), f"parameters of {progress.equipment}"
+                )
 
     # details
 

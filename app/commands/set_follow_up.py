@@ -104,10 +104,13 @@ def value_now(state: CommandState, machine: Machine, key: str) -> float | None:
     return float(value) if is_good(word) and isinstance(value, int | float) else None
 
 
-def left_open(equipment: str, id: str, person: str, requested: int, changes: Sequence[Change]) -> Progress:
+def left_open(
+    equipment: str, id: str, person: str, requested: int, changes: Sequence[Change],
+    *, key: str = value_set.KEY, label: str = value_set.LABEL,
+) -> Progress:  # fmt: skip
     """A set that was being written when the server was killed, as the audit trail has it."""
     return Progress(
-        id or chance.token_hex(16), equipment, value_set.KEY, value_set.LABEL, person, ProgressState.UNCONFIRMED, requested,
+        id or chance.token_hex(16), equipment, key, label, person, ProgressState.UNCONFIRMED, requested,
         reason=UNREAD, params={"cause": "why.set_killed", **found_params(changes)},
         old=value_set.values_text(changes, old=True), changes=tuple(changes),
     )  # fmt: skip

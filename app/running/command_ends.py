@@ -14,6 +14,8 @@ from app.commands.left_changed import left_changed
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.motion import NOT_RESTORED
 from app.commands.open_commands import NEWEST, open_commands
+from app.commands.open_parameters import OBJECT as OF_PARAMETERS
+from app.commands.open_parameters import open_parameters
 from app.commands.open_sets import NEWEST as NEWEST_SETS
 from app.commands.open_sets import OBJECT, open_sets
 from app.commands.orders import AuditLine
@@ -83,13 +85,16 @@ class CommandEnds:
         audit = self._access.audit
         try:
             of_sets = await audit.find(Filter(object=OBJECT, kind="command"), NEWEST_SETS)
+            of_parameters = await audit.find(Filter(object=OF_PARAMETERS, kind="command"), NEWEST_SETS)
             lines = await audit.find(Filter(kind="command"), NEWEST)
         except StorageError as error:
             log.error("open commands not looked for reason=%s", error)
             return
         sets = open_sets(of_sets, plant.equipment)
         gate.take_open_sets(sets)
-        known = {progress.id for progress in sets}
+        parameters = open_parameters(of_parameters, plant.equipment)
+        gate.parameters.take_open(parameters)
+        known = {progress.id for progress in (*sets, *(one for one, _ in parameters))}
         gate.take_open_commands(open_commands(lines, plant.equipment, self._clock.micros(), known))
         gate.take_left(left_changed(lines, plant.equipment))
 
