@@ -11,6 +11,7 @@ from app import bundled
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.picture import MOST_MACHINES, Picture, arrange
+from app.running.instruction import says_simulated
 from app.web import language, screens
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
@@ -132,14 +133,19 @@ async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
 
 
 def _histories(request: Request, machine: Equipment) -> list[Tab]:
-    """Where one reads what became of things on a machine, and all that it told: the kinds of record of its type, then its events."""
-    texts, lang = view_of(request).runtime(request).texts, language.language_of(request)
+    """Where one reads what became of things on a machine, and all that it told: the kinds of record of its type, then its events;
+    and where an instructor breaks it."""
+    runtime, lang = view_of(request).runtime(request), language.language_of(request)
+    texts = runtime.texts
     records = [
         Tab(texts.of_type(lang, machine.type, f"record.{kind}.title"), f"/records/{quote(kind)}?equipment={machine.id}")
         for kind in machine.type.records
     ]
     told = [Tab(texts.text(lang, "events.title"), f"/equipment/{machine.id}/events")] if has_ring(machine) else []
-    return records + told
+    person = request.state.person
+    trained = person is not None and person.may("instruct") and says_simulated(runtime.links[machine.link], machine)
+    taught = [Tab(texts.text(lang, "instructor.title"), f"/instructor/{quote(machine.id)}")] if trained else []
+    return records + told + taught
 
 
 @router.post("/language", dependencies=[allow("open")])

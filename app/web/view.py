@@ -285,6 +285,7 @@ class View:
         return {
             "kind": "frame",
             "chip": "",
+            "engineering": engineering,
             "pages": engineering if _at(path, engineering) else [],
             "up": "" if path == "/" else "/",
             "crumbs": self._crumbs(texts, plant, lang, path, area),

@@ -70,6 +70,25 @@
   // ---- tabs: where one is stands in view, however narrow the screen ------------------------------------------------
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
 
+  // ---- search, help and the keys that lead somewhere ----------------------------------------------------------------
+  const over = (url) => import(body.dataset.palette).then(({ show }) => show(url));
+  function point() { // the palette named an action: it is pressed here, by hand
+    const wanted = location.hash.startsWith("#do-") && CSS.escape(location.hash.slice(4));
+    if (wanted) for (const name of ["command", "hold", "setpoint"])
+      document.querySelector(`[data-${name}$=".${wanted}"]:not([hidden])`)?.focus({ focusVisible: true });
+  }
+  point();
+  window.addEventListener("hashchange", point);
+  document.addEventListener("click", ({ target }) => { const at = target.closest?.("[data-over]"); if (at) over(at.dataset.over); });
+  document.addEventListener("keydown", (event) => {
+    const { key, ctrlKey, metaKey, altKey, shiftKey } = event, place = { F2: "/", F6: "/trends" }[key];
+    if (altKey || shiftKey || document.querySelector("dialog[open]")) return;
+    if ((ctrlKey || metaKey) && key.toLowerCase() === "k") over("/palette");
+    else if (!ctrlKey && !metaKey && place) location.assign(place);
+    else return;
+    event.preventDefault();
+  });
+
   // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
   const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
   const zone = body.dataset.zone;

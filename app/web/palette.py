@@ -1,0 +1,176 @@
+"""The command palette (Ctrl+K): machines, points, alarms, pages and actions by a few letters of their names.
+
+It only leads somewhere: an action leads to its button on the page of its machine, which is pressed there with all its questions.
+"""
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+
+from app.access.roles import ROLE_PERMISSION, Person, permitted
+from app.plant.definitions import Equipment, EquipmentType, Kind, Plant
+from app.plant.texts import Texts
+from app.web.guard import allow
+from app.web.language import language_of
+from app.web.pages import pages_of, view_of
+from app.web.view import ENGINEERING, PAGES, address_of_area, area_label, areas
+
+router = APIRouter()
+
+MOST = 24
+"""Hits that are shown."""
+LONGEST = 80
+"""Of what is looked for [characters]."""
+KINDS = ("machine", "page", "action", "alarm", "point")
+"""Of equally good hits these come first."""
+SYMBOLS: Mapping[str, str] = {
+    "machine": "i-wrench",
+    "page": "i-right",
+    "action": "i-hand",
+    "alarm": "i-bell",
+    "point": "i-trend",
+}
+OTHER_LETTERS = str.maketrans({"đ": "d", "ß": "ss", "ł": "l", "ø": "o"})
+"""Letters that no mark can be taken from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Something to be found."""
+
+    kind: str
+    label: str
+    detail: str
+    url: str
+    needs: str = "view"
+    """Permission."""
+    letters: str = ""
+    """Label, id and detail, folded."""
+
+
+@router.get("/palette", dependencies=[allow("view")])
+async def palette(request: Request) -> Response:
+    """The dialog, with pages and machines to begin with."""
+    return view_of(request).fragment(
+        request, "fragments/palette.html", places=_found(request, ""), q="", symbols=SYMBOLS
+    )
+
+
+@router.get("/palette/found", dependencies=[allow("view")])
+async def hits(request: Request, q: str = "") -> Response:
+    """What was found, alone."""
+    looked = q.strip()[:LONGEST]
+    found = _found(request, looked)
+    return view_of(request).fragment(request, "fragments/palette_found.html", places=found, q=looked, symbols=SYMBOLS)
+
+
+def folded(text: str) -> str:
+    """`text` in small letters without marks: `Greška` and `greska` are the same."""
+    plain = unicodedata.normalize("NFD", text.casefold().translate(OTHER_LETTERS))
+    return "".join(sign for sign in plain if not unicodedata.combining(sign))
+
+
+def ranked(places: Iterable[Place], looked: str, most: int = MOST) -> list[Place]:
+    """Those that have every word of `looked`, best first: where a word begins before where it only occurs, names before details."""
+    words = folded(looked).split()
+    if not words:
+        return [place for place in places if place.kind in ("machine", "page")][:most]
+    found = [(score, place) for place in places if (score := _score(place, words)) is not None]
+    order = {kind: index for index, kind in enumerate(KINDS)}
+    found.sort(key=lambda one: (one[0], order[one[1].kind], len(one[1].label), one[1].label))
+    return [place for _, place in found[:most]]
+
+
+def _score(place: Place, words: Sequence[str]) -> int | None:
+    """The less the better; None when a word is missing."""
+    label, total = folded(place.label), 0
+    for word in words:
+        if word not in place.letters:
+            return None
+        begins = rf"(^|[^\w]){re.escape(word)}"
+        total += 0 if re.search(begins, label) else 1 if word in label else 2 if re.search(begins, place.letters) else 3
+    return total
+
+
+def _found(request: Request, looked: str) -> list[Place]:
+    view = view_of(request)
+    runtime, person = view.runtime(request), request.state.person
+    if runtime.plant is None:
+        return []
+    places = _places_of(request.app.state, runtime.texts, runtime.plant, language_of(request))
+    return ranked((place for place in places if _may(person, place.needs, runtime.simulated)), looked)
+
+
+def _may(person: Person | None, needs: str, simulated: bool) -> bool:
+    return permitted(person, needs, simulated=simulated)
+
+
+def _places_of(state: object, texts: Texts, plant: Plant, lang: str) -> Sequence[Place]:
+    """All places of a plant in a language, collected once for each reading of the plant."""
+    kept: dict[str, tuple[Plant, Sequence[Place]]] = state.__dict__.setdefault("places", {})
+    known = kept.get(lang)
+    if known is None or known[0] is not plant:
+        known = kept[lang] = (plant, [_with_letters(place) for place in _places(texts, plant, lang)])
+    return known[1]
+
+
+def _with_letters(place: Place) -> Place:
+    text = folded(f"{place.label} {place.detail}")
+    return Place(place.kind, place.label, place.detail, place.url, place.needs, text)
+
+
+def _places(texts: Texts, plant: Plant, lang: str) -> Iterator[Place]:
+    yield from _pages(texts, plant, lang)
+    for item in plant.equipment.values():
+        yield from _of_machine(texts, plant, lang, item)
+
+
+def _pages(texts: Texts, plant: Plant, lang: str) -> Iterator[Place]:
+    yield Place("page", texts.text(lang, "nav.overview"), "", "/")
+    for key, machines in areas(plant).items():
+        if len(machines) > 1:
+            yield Place("page", area_label(texts, plant, lang, key), "", address_of_area(key, machines))
+    for key, url in (*PAGES, ("events.title", "/events")):
+        yield Place("page", texts.text(lang, key), "", url)
+    if plant.lessons:
+        yield Place("page", texts.text(lang, "lessons.title"), "", "/lessons", "operate")
+    for key, url, needed in ENGINEERING:
+        yield Place("page", texts.text(lang, key), texts.text(lang, "nav.engineering"), url, needed)
+    yield Place("page", texts.text(lang, "access.account"), "", "/account", "account")
+
+
+def _of_machine(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Iterator[Place]:
+    name, kind, url = texts.label(lang, item.label) or item.id, item.type, f"/equipment/{quote(item.id)}"
+    machine = f"{name} · {item.id}"
+
+    def text(key: str) -> str:
+        return texts.of_type(lang, kind, key)
+
+    yield Place("machine", name, f"{item.id} · {text(kind.label)}", url)
+    for page in pages_of(kind):
+        if page:
+            yield Place("page", text(f"page.{page}"), machine, f"{url}/page/{page}")
+    yield Place("page", texts.text(lang, "par.title"), machine, f"{url}/parameters", "diagnose")
+    if plant.links[item.link].simulated:
+        instructor = texts.text(lang, "instructor.title")
+        yield Place("page", instructor, machine, f"/instructor/{quote(item.id)}", "instruct")
+    yield from _actions(kind, machine, url, text)
+    for alarm in item.alarms:
+        label = re.sub(r"\s*\{\w+\}", "", text(alarm.label))
+        yield Place("alarm", label, machine, f"/alarms?tab=journal&source={quote(item.id)}&q={quote(label)}")
+    for point in item.points.values():
+        if not point.table:
+            trend = point.history and point.kind in (Kind.ANALOG, Kind.STEP, Kind.BOOL)
+            leads = f"/trends?tags={quote(point.name)}" if trend else url
+            yield Place("point", text(point.label), f"{machine} · {point.name}", leads)
+
+
+def _actions(kind: EquipmentType, machine: str, url: str, text: Callable[[str], str]) -> Iterator[Place]:
+    for command in kind.commands.values():
+        needs = "stop" if command.stop else ROLE_PERMISSION[command.role]
+        yield Place("action", text(command.label), machine, f"{url}#do-{command.key}", needs)
