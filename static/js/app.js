@@ -71,7 +71,8 @@
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
 
   // ---- search, help and the keys that lead somewhere ----------------------------------------------------------------
-  const over = (url) => import(body.dataset.palette).then(({ show }) => show(url));
+  const over = (url) => import(body.dataset.palette)
+    .then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url));
   function point() { // the palette named an action: it is pressed here, by hand
     const wanted = location.hash.startsWith("#do-") && CSS.escape(location.hash.slice(4));
     if (wanted) for (const name of ["command", "hold", "setpoint"])
@@ -79,11 +80,17 @@
   }
   point();
   window.addEventListener("hashchange", point);
-  document.addEventListener("click", ({ target }) => { const at = target.closest?.("[data-over]"); if (at) over(at.dataset.over); });
+  document.addEventListener("click", ({ target }) => {
+    const at = target.closest?.("[data-over]");
+    if (!at) return;
+    for (const menu of menus()) menu.open = false;
+    over(at.dataset.over);
+  });
   document.addEventListener("keydown", (event) => {
     const { key, ctrlKey, metaKey, altKey, shiftKey } = event, place = { F2: "/", F6: "/trends" }[key];
     if (altKey || shiftKey || document.querySelector("dialog[open]")) return;
     if ((ctrlKey || metaKey) && key.toLowerCase() === "k") over("/palette");
+    else if (!ctrlKey && !metaKey && key === "F1") over("/help");
     else if (!ctrlKey && !metaKey && place) location.assign(place);
     else return;
     event.preventDefault();

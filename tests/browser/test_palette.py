@@ -45,6 +45,7 @@ def test_arrows_choose_escape_closes_and_the_same_page_takes_the_focus_too(sit: 
     page.keyboard.press("Escape")
     expect(page.locator(".pal")).to_have_count(0)
     page.keyboard.press("Control+k")
+    expect(page.locator("#pal-q")).to_be_focused()
     page.keyboard.type("reverse fan 1")
     expect(page.locator("#pal-found a").first).to_contain_text("Reverse")
     page.keyboard.press("Enter")
