@@ -42,6 +42,7 @@ SCREENS = {
     "motor": "/equipment/m1",
     "motor-fault": "/equipment/m2",
     "conveyor": "/equipment/c1",
+    "conveyor-ramp": "/equipment/c1/page/ramp?belt=3",
     "conveyor-faceplate": "/equipment/c1/faceplate",
     "conveyor-settings": "/equipment/c1/parameters",
     "sequence": "/equipment/seq1",

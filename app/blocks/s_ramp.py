@@ -1,6 +1,6 @@
 """Jerk-limited ramp: speed follows its target with bounded acceleration and bounded change of acceleration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite, sqrt
 from typing import NamedTuple
 
@@ -52,6 +52,8 @@ class SRamp:
     """[U]"""
     acceleration: float = 0.0
     """[U/s]"""
+    followed: tuple[tuple[float, float], ...] = field(default=(), init=False, repr=False, compare=False)
+    """What the last step went through: (jerk [U/s²], duration [s]) of each phase."""
 
     def __post_init__(self) -> None:
         self._check()
@@ -107,15 +109,18 @@ class SRamp:
         plan = _plan(self.speed, self.acceleration, target, self.acceleration_limit, self.jerk)
         if sum(phase.duration for phase in plan) <= dt * (1 + _NOISE):
             self.speed, self.acceleration = float(target), 0.0
+            self.followed = plan
             return
-        left = dt
+        left, followed = dt, []
         for jerk, duration in plan:
             t = min(left, duration)
             self.speed += t * (self.acceleration + t * jerk / 2)
             self.acceleration += t * jerk
+            followed.append((jerk, t))
             left -= t
             if left <= 0:
                 break
+        self.followed = tuple(followed)
 
     def _check(self) -> None:
         for name in ("acceleration_limit", "jerk"):

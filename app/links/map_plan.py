@@ -48,18 +48,19 @@ def plan_map(
             table = item.type.tables[key]
             words = TABLE_HEAD + slots * table.row
             cells, rest = _inside(rest, table.address, words)
-            if TABLE_HEAD + table.row > fast:
+            most = fast if table.scan is Scan.FAST else slow
+            if TABLE_HEAD + table.row > most:
                 unreadable += cells
                 continue
             first, others = 0, list(cells)
             while first < slots:
                 head = TABLE_HEAD if first == 0 else 0
-                rows = Rows(item.id, table, slots, first, min((fast - head) // table.row, slots - first))
+                rows = Rows(item.id, table, slots, first, min((most - head) // table.row, slots - first))
                 begin = table.address + TABLE_HEAD - head + first * table.row
                 count = head + rows.rows * table.row
                 cells, others = _inside(others, begin, count)
                 cuts = tuple(head + row * table.row for row in range(rows.rows) if head + row)
-                readings.append(Reading(Block(begin, count, cuts=cuts, again=True), Scan.FAST, cells, rows))
+                readings.append(Reading(Block(begin, count, cuts=cuts, again=True), table.scan, cells, rows))
                 first += rows.rows
             rest += others
     plain = plan(rest, device, cost, learned)

@@ -78,6 +78,8 @@ class PlcUnit:
         self.orders = Orders(bus, station, self.clock)
         self.crc: int | None = None
         """Check sum of its configuration."""
+        self.minor = plc_map.MINOR
+        """Minor version of its map."""
         self._bus = bus
         self._station = station
         self._told = ""
@@ -202,6 +204,7 @@ class PlcUnit:
         restarted = self.clock.header(words, 0, asked, self._bus.clock.micros())
         crc = words[plc_map.AT_CRC] << 16 | words[plc_map.AT_CRC + 1]
         changed, self.crc = self.crc is not None and crc != self.crc, crc
+        self.minor = words[plc_map.AT_MINOR]
         station = self._station
         if changed:
             log.warning("configuration of the device changed link=%s unit=%d crc=%#010x", *self._where, crc)
@@ -220,15 +223,15 @@ class PlcUnit:
             return Seen.NOTHING
         if block.rows.first == 0:
             table = block.rows.table
+            if self.minor < table.since:
+                return self._refuse_table(block, f"table {table.key} came with map {plc_map.MAJOR}.{table.since}")
             generation, _, count, size = words[: plc_map.TABLE_HEAD]
             if generation % 2:
                 return Seen.TORN
             if size != table.row:
                 reason = f"a row of table {table.key} has {size} words, expected {table.row}"
-                for each in self._of_table(block):
-                    self._bus.refuse(self._station, each, reason)
                 self._tell(reason)
-                return Seen.NOTHING
+                return self._refuse_table(block, reason)
             if count > block.rows.slots:
                 self._tell(f"table {table.key} has {count} rows in use, the plant file only {block.rows.slots}")
             self._count(block, count, started)
@@ -236,6 +239,11 @@ class PlcUnit:
         if unknown:
             return Seen.TORN
         return Seen.PARTLY if torn else Seen.WHOLE
+
+    def _refuse_table(self, head: TableBlock, reason: str) -> Seen:
+        for each in self._of_table(head):
+            self._bus.refuse(self._station, each, reason)
+        return Seen.NOTHING
 
     def _count(self, head: TableBlock, count: int, started: float) -> None:
         """The head counts so many rows: what lies behind is not read, what is new at once."""
@@ -256,14 +264,7 @@ class PlcUnit:
                 self._bus.publish(self._station, block, [0] * block.block.count, started)
 
     def _of_table(self, head: TableBlock) -> list[TableBlock]:
-        rows = head.rows
-        return [
-            block
-            for block in self._station.blocks
-            if isinstance(block, TableBlock)
-            and block.rows.table.key == rows.table.key
-            and block.rows.equipment == rows.equipment
-        ]
+        return [block for block in self._station.blocks if isinstance(block, TableBlock) and block.is_beside(head)]
 
     # signs of life
 

@@ -30,6 +30,11 @@ class TableBlock(ScanBlock):
         self.wanted = rows.first == 0
         self._cells: list[list[_Cell]] = []
 
+    def is_beside(self, other: "TableBlock") -> bool:
+        """Whether both are of one table of one machine."""
+        rows, others = self.rows, other.rows
+        return rows.table.key == others.table.key and rows.equipment == others.equipment
+
     def settle(self, words: list[int]) -> tuple[bool, bool]:
         """Put `words` right: rows that are not counted are emptied, a row that was being changed becomes what it was before.
 

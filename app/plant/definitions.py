@@ -352,17 +352,17 @@ class Interventions:
 class TableMap:
     """A table of the device: fixed slots, of which the first `count` are read. Each cell is a point `<key>_<slot>_<column>`, slots from 1.
 
-    A row begins with its id (u32), its generation and its state, and ends with the generation again. `<key>_generation`, `<key>_capacity`
-    and `<key>_count` are points, too.
+    A row of `row` words begins with its id (u32), its generation and its state, and ends with the generation again. The three words of its
+    head are points, too. `capacity`: a number, or an option of the equipment; `since`: least minor version of the map that has it.
     """
 
     key: str
     address: int
     row: int
-    """Words per row."""
     capacity: str
-    """A number, or the name of an option of the equipment."""
     columns: Sequence[str] = ()
+    scan: Scan = Scan.FAST
+    since: int = 0
     interventions: Interventions | None = None
     """What its rows are, if they are that."""
 

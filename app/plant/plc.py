@@ -12,6 +12,8 @@
     address = 0x0800
     row = 24                                            words per row
     capacity = "product_slots"                          a number, or an option of the equipment
+    scan = "slow"                                       how often it is read: fast (as it stands), or slow
+    since = 2                                           minor version of the map that it came with; as it stands, 0
     [product.columns.head]                              as in points.toml, with `offset` in the row instead of `address`
     offset = 4
     type = "f32"
@@ -33,11 +35,11 @@ The points that they lie on are read in plant/type_files/tables.py.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from app.plant.definitions import Device, Image, PlcMap, Register, TableMap
+from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap
 from app.plant.tables import MISSING, Plain, Table, one_of
 from app.records.event import WORDS
 from app.records.snapshot import TYPES, Field, Layout, words_of
-from app.registers.plc_map import TABLE_HEAD
+from app.registers.plc_map import MINOR, TABLE_HEAD
 
 KEY = r"[a-z][a-z0-9_]*"
 LARGEST_CODE = 0xFFFF
@@ -160,7 +162,9 @@ def read_table(
     if address + TABLE_HEAD + most * row > 0x10000:
         table.note("address", f"0x{address:04X}", f"room for {most} rows of {row} words up to 0xFFFF")
     columns = table.table("columns", required=True, expected="[<table>.columns.<name>] for each column")
-    return TableMap(key, address, row, str(capacity), tuple(columns.data))
+    scan = Scan(table.text("scan", Scan.FAST.value, choices=[Scan.FAST.value, Scan.SLOW.value]))
+    since = table.whole("since", 0, low=0, high=MINOR)
+    return TableMap(key, address, row, str(capacity), tuple(columns.data), scan, since)
 
 
 def capacity_of(table: TableMap, options: Mapping[str, object]) -> int:

@@ -4,7 +4,7 @@ The same knots go to the live script as `data-map` (`value:place value:place …
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 BAND = (0.35, 0.65)
@@ -158,6 +158,46 @@ class Scale:
         step = (self.labels[1] - self.labels[0]) / 5 if len(self.labels) > 2 else (self.high - self.low) / 5
         count = int((self.high - self.low) / step + 1e-9)
         return tuple(self.low + step * index for index in range(count + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A rectangle of a drawing with its scales; places in the drawing's units, to a tenth."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    across: tuple[float, float]
+    """Ends of the horizontal scale [EU]."""
+    up: tuple[float, float]
+    """Ends of the vertical scale, lower one first [EU]."""
+
+    @property
+    def right(self) -> float:
+        """Right border."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        """Lower border."""
+        return self.top + self.height
+
+    def x(self, value: float) -> float:
+        """Place of a value of the horizontal scale."""
+        low, high = self.across
+        return round(self.left + (value - low) / (high - low) * self.width, 1)
+
+    def y(self, value: float) -> float:
+        """Place of a value of the vertical scale."""
+        low, high = self.up
+        return round(self.bottom - (value - low) / (high - low) * self.height, 1)
+
+    def path(self, points: Iterable[tuple[float, float]]) -> str:
+        """The line through `points` that are inside, as SVG writes it; empty when there is none."""
+        (left, right), (low, high) = self.across, self.up
+        inside = [(x, y) for x, y in points if left <= x <= right and low <= y <= high]
+        return "M" + "L".join(f"{self.x(x)} {self.y(y)}" for x, y in inside) if inside else ""
 
 
 def round_steps(low: float, high: float, most: int) -> tuple[float, ...]:

@@ -308,3 +308,16 @@ def test_the_facts_never_run_into_each_other(sit: Sit, lang: str) -> None:
         assert page.evaluate(OVERLAPS) == 0, size
         closing = page.locator(".c-stat .lab .push").first
         assert closing.evaluate("one => one.getBoundingClientRect().width") > 40, "there is room to read it"
+
+
+def test_a_stop_is_drawn_beside_the_start_without_a_reload(sit: Sit) -> None:
+    page = sit()
+    run(page)
+    page.goto(page.url + "/page/ramp?belt=2")
+    start, stop = page.locator(".c-curves > section").all()
+    expect(start.locator(".c-trace")).to_have_count(3, timeout=30_000)
+    before = stop.locator("header").inner_text()
+    page.click(".zone .stop")
+    expect(stop.locator("header")).not_to_have_text(before, timeout=30_000)
+    expect(stop.locator(".c-trace")).to_have_count(3, timeout=30_000)
+    expect(stop.locator(".c-ramp-facts dd").first).to_have_text(re.compile(r"[1-9][\d.]*\s–\s0\.0"), timeout=30_000)

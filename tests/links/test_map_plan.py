@@ -1,5 +1,7 @@
 """The reads of a Pogon PLC: every image is one telegram, no row is cut."""
 
+from dataclasses import replace
+
 from app.links.map_plan import plan_map
 from app.links.planner import NETWORK_OVERHEAD, Part, Rows
 from app.plant.definitions import Scan
@@ -8,6 +10,7 @@ from tests.links.plc_devices import (
     CONFIGURATION,
     DEVICE,
     MAP,
+    ROWS,
     SETTINGS,
     SETTINGS_WORDS,
     STATUS,
@@ -31,6 +34,9 @@ def test_every_image_is_one_read_and_no_row_is_cut() -> None:
         (TABLE + 4 + 15 * 8, 15 * 8),
         (TABLE + 4 + 30 * 8, 10 * 8),
     ]
+    seldom = replace(small(), type=replace(small().type, tables={"thing": replace(ROWS, scan=Scan.SLOW)}))
+    slow = [r.scan for r in plan_map([seldom], DEVICE, MAP, NETWORK_OVERHEAD).readings if isinstance(r.part, Rows)]
+    assert [r.scan for r in rows] == 3 * [Scan.FAST] and slow == 3 * [Scan.SLOW]
     placed = [p.name for r in readings for p in r.points]
     assert sorted(placed) == sorted(p.name for p in small().points.values())
     assert readings[0].part is Part.HEADER, "a silent unit is asked for its first word"

@@ -1,6 +1,7 @@
 """Header, images and tables of a Pogon PLC: what is published is whole, and is of the right device."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
@@ -13,11 +14,13 @@ from tests.links.devices import until
 from tests.links.plc_devices import (
     CONFIGURATION,
     KINDS,
+    ROWS,
     STATUS,
     STATUS_WORDS,
     SmallPlc,
     once,
     plant,
+    small,
 )
 
 SIMULATED = int(Origin.SIMULATED)
@@ -166,6 +169,20 @@ async def test_a_newer_minor_version_is_fine() -> None:
     device.header[plc_map.AT_MINOR] = 9
     async with plant(device) as (line, _):
         await until(lambda: is_good(line.quality("p.counter")))
+
+
+async def test_a_table_that_is_younger_than_the_map_of_the_device_is_bad_whatever_stands_there() -> None:
+    device = SmallPlc()
+    device.put(7)
+    device.header[plc_map.AT_MINOR] = 1
+    machine = small()
+    machine = replace(machine, type=replace(machine.type, tables={"thing": replace(ROWS, since=2)}))
+    async with plant(device, equipment=[machine]) as (line, _):
+        await until(lambda: is_good(line.quality("p.counter")) and line.quality("p.thing_1_id") == WRONG)
+        assert line.value("p.thing_1_id") is None and line.value("p.thing_generation") is None
+    device.header[plc_map.AT_MINOR] = 2
+    async with plant(device, equipment=[machine]) as (line, _):
+        await until(lambda: line.value("p.thing_1_id") == 7)
 
 
 async def test_after_a_restart_and_after_another_configuration_what_is_read_once_is_read_again() -> None:

@@ -168,6 +168,8 @@ MISTAKES = [
     ("device", "staging = 0x0240", "", "plc.staging", "a whole number"),
     ("device", "max_write = 123", "max_write = 15", "plc", "function 16"),
     ("device", "write_functions = [6, 16]", "write_functions = [6]", "plc", "function 16"),
+    ("tables", "row = 16", 'row = 16\nscan = "once"', "product.scan", "one of fast, slow"),
+    ("tables", "row = 16", "row = 16\nsince = 99", "product.since", "a whole number from 0 to"),
     ("events", '1 = "arrived"', '0 = "arrived"', "events.0", "a code from 1 to 65535"),
     ("events", '1 = "arrived"', '70000 = "arrived"', "events.70000", "a code from 1 to 65535"),
     ("events", '1 = "arrived"', "1 = 5", "events.1", "a key"),

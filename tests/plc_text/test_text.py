@@ -126,7 +126,7 @@ def test_the_page_names_the_words_that_each_type_needs_and_files_that_are_there(
     told = (FOLDER / "README.md").read_text("utf-8")
     for kind in KINDS:
         page = read_page(kind)
-        slots = {"product": 20, "step": 64, "fall": 16, "force": 32}
+        slots = {"product": 20, "ramp": 6, "step": 64, "fall": 16, "force": 32}
         ends = [at + words for at, words in page.covered()]
         ends += [page.rows_at + 59 * page.row_words - 0]
         ends += [table.address + 4 + slots[table.name] * table.words for table in page.tables]

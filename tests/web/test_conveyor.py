@@ -106,7 +106,16 @@ def press_until_a_product_stands(person: Operator, machine: str, head: str, leng
 
 @pytest.mark.parametrize("lang", LANGUAGES)
 @pytest.mark.parametrize(
-    "path", ["/equipment/c1", "/equipment/c1/faceplate", "/", "/equipment/c1/part/products", "/equipment/c1/part/first"]
+    "path",
+    [
+        "/equipment/c1",
+        "/equipment/c1/faceplate",
+        "/",
+        "/equipment/c1/part/products",
+        "/equipment/c1/part/first",
+        "/equipment/c1/page/ramp",
+        "/equipment/c2/page/ramp?belt=3",
+    ],
 )
 def test_every_page_of_a_line_is_whole_in_every_language(crew: Staff, line: TestClient, lang: str, path: str) -> None:
     crew.have(crew.enter("ivana", "engineer"))
@@ -154,6 +163,24 @@ def _in_their_order(line: TestClient) -> None:
     assert ids == sorted(ids, reverse=True), "first in, furthest along"
     page = line.get("/equipment/c1/part/products").text
     assert re.findall(r'data-product="(\d+)"', page)
+
+
+def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(crew: Staff, line: TestClient) -> None:
+    crew.have(crew.enter("ivana", "engineer"))
+    line.cookies.set("pogon_lang", "en")
+    assert until(lambda: value(line, "c1.ramp_1_state") == 2, 30), "its first start is over"
+    for belt, asked in ((1, "1"), (1, "0"), (3, "3"), (3, "99"), (1, "x")):
+        page = line.get(f"/equipment/c1/page/ramp?belt={asked}").text
+        assert re.search(rf'href="\?belt={belt}" aria-current="true"', page)
+        assert f"/equipment/c1/part/ramp?belt={belt}" in page
+    drawn = line.get("/equipment/c1/part/ramp?belt=1").text
+    for lane in ("speed", "acceleration", "jerk"):
+        assert re.search(rf'c-trace-{lane}" d="M[\d.]+ [\d.]+L', drawn)
+    told = re.findall(r'<dd class="num">(.*?)</dd>', drawn, re.DOTALL)
+    assert [" ".join(one.split()) for one in told] == ["0.0 – 30.0 %", "0.75 s", "7.1 mm", "60.0 %/s", "240 %/s²"]
+    assert until(lambda: value(line, "c2.ramp_generation") is not None, 10)
+    never = line.get("/equipment/c2/part/ramp?belt=1").text
+    assert "No start since" in never and "No stop since" in never and "c-trace" not in never
 
 
 def test_only_the_page_of_the_line_carries_every_cell(line: TestClient) -> None:

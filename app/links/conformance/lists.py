@@ -123,7 +123,10 @@ async def tables(subject: Subject) -> None:
     """The heads, and that head and rows come in the telegrams that the host reads them in."""
     if not subject.kind.tables:
         raise Skipped("none")
+    assert subject.first
     for table in subject.kind.tables.values():
+        if subject.first.words[plc_map.AT_MINOR] < table.since:
+            continue
         found = await _table(subject, table)
         generation, capacity, count, size = found.head
         require(size == table.row, at(table.address + 3, size), f"{table.row}")

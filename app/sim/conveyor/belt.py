@@ -3,6 +3,8 @@
 from enum import IntEnum
 from math import exp
 
+from app.blocks.pulse_speed import LONGEST, pulse_speed
+from app.blocks.ramp_record import RampRecorder
 from app.blocks.s_ramp import SRamp
 from app.blocks.speed_selector import SpeedSelector
 from app.sim.conveyor.machine import DRIVE_TIME
@@ -15,8 +17,8 @@ IMPLAUSIBLE, PULSES_OFF = 0.6, 0.3
 """An encoder has failed when it differs by more than this part of the way in the jam time, and this [mm]."""
 DRIVEN = 1.0
 """A drive with a setpoint above this must turn [%]."""
-SPEED_SCANS = 25
-"""Scans over which speeds are measured: one pulse more or less is 0.4 mm/s or 0.41 % then, less than the dead-band of the points."""
+KEPT = LONGEST + 1
+"""Scans of which the counts are kept: speeds are measured over them."""
 MOVED_SCANS = 10
 """A belt that gave a pulse in so many scans moves."""
 FOLLOW = 1 - exp(-DT / DRIVE_TIME)
@@ -48,6 +50,7 @@ class Belt:
         "moved",
         "pulses",
         "ramp",
+        "record",
         "selector",
         "source",
         "target",
@@ -56,6 +59,7 @@ class Belt:
     def __init__(self, pulses: int, acceleration: float, jerk: float) -> None:
         """`pulses` of the encoder now; `acceleration` [%/s], `jerk` [%/s²]."""
         self.ramp = SRamp(acceleration, jerk)
+        self.record = RampRecorder()
         self.selector = SpeedSelector()
         self.source = Source.NONE
         self.target = 0.0
@@ -65,7 +69,7 @@ class Belt:
         """In this scan [mm]."""
         self.jammed = False
         self.encoder_fault = False
-        self._history = [pulses] * SPEED_SCANS
+        self._history = [pulses] * KEPT
         self._model = 0.0
         """Speed that the ramp must have given by now [mm/s]."""
         self._differs = 0.0
@@ -78,19 +82,29 @@ class Belt:
         """Read the encoder in scan `step`; `pulse_length` [mm]."""
         self.moved = (pulses - self.pulses) * pulse_length
         self.pulses = pulses
-        self._history[step % SPEED_SCANS] = pulses
+        self._history[step % KEPT] = pulses
 
     def speed(self, pulse_length: float, step: int) -> float:
-        """Measured over the last scans [mm/s]."""
-        oldest = self._history[(step + 1) % SPEED_SCANS]
-        return (self.pulses - oldest) * pulse_length / ((SPEED_SCANS - 1) * DT)
+        """Measured [mm/s]."""
+        at = step % KEPT + 1
+        counts = (*self._history[:at][::-1], *self._history[at:][::-1])
+        return pulse_speed(counts) * pulse_length / DT
 
     def moves(self, step: int) -> bool:
         """It is driven, or has moved in the last scans."""
         ramp = self.ramp
-        return bool(
-            ramp.speed or ramp.acceleration or self._history[(step - MOVED_SCANS + 1) % SPEED_SCANS] != self.pulses
-        )
+        return bool(ramp.speed or ramp.acceleration or self._history[(step - MOVED_SCANS + 1) % KEPT] != self.pulses)
+
+    def follow(self, dt: float, time: int, *, supplied: bool) -> None:
+        """Let the ramp go on to the target for `dt` [s] at `time` [µs]; without supply it is at 0 at once."""
+        ramp, target = self.ramp, self.target
+        if not supplied or self.jammed:
+            self.record.cut(ramp, time)
+            ramp.reset()
+        elif ramp.speed != target or ramp.acceleration:
+            self.record.begin(target, ramp, time)
+            ramp.step(target, dt)
+            self.record.follow(ramp)
 
     def stop_distance(self) -> float:
         """[% s], signed."""

@@ -49,17 +49,15 @@ class BeltDrives:
         chosen = line.hold // (1 << BELT_BITS) & 7 or 7
         waits = (follow.buffer_full, False, follow.brake)
         for number, belt in enumerate(line.belts):
-            ramp = belt.ramp
             hold = automatic and waits[number]
             by_hand = manual if chosen >> number & 1 else 0.0
             active = (stop, gap, hold, by_hand != 0.0, automatic and not gap and not hold)
             selected = belt.selector.step(active, (0.0, 0.0, 0.0, by_hand, values["automatic_speed"]))
             belt.source, belt.target = SELECTIONS[selected.selection], selected.value
-            if not self.enabled or belt.jammed:
-                ramp.reset()
-            elif ramp.speed != belt.target or ramp.acceleration:
-                ramp.step(belt.target, line.dt)
-            self.setpoints[number] = ramp.speed
+            belt.follow(line.dt, line.time, supplied=self.enabled)
+            self.setpoints[number] = belt.ramp.speed
+        if line.moving or not self.enabled or line.faulty:
+            line.name_ramps()
 
     def reset(self) -> None:
         """Try again what a jam or an encoder stopped, and tell that it is over."""

@@ -2,9 +2,10 @@
 
 from math import nan
 
+from app.blocks.ramp_record import PHASES
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import BELTS, SENSORS
-from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, ROW_IMAGE, STATUS_IMAGE
+from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, RAMP_IMAGE, ROW_IMAGE, STATUS_IMAGE
 from app.sim.conveyor.state import LineState
 
 
@@ -109,6 +110,17 @@ def row(plc: LineState, slot: int) -> bytes:
         product.entered_us,
         mark,
     )
+
+
+def ramp(plc: LineState, slot: int) -> bytes:
+    """The row of a slot (from 0) of the table of ramps."""
+    belt, is_stop = divmod(slot, 2)
+    recorder, mark = plc.belts[belt].record, plc.generation
+    record = recorder.stop if is_stop else recorder.start
+    if record is None:
+        return RAMP_IMAGE.pack(0, mark, 0, 0, *(nan,) * 8, mark)
+    phases = [number for phase in record.phases for number in phase] + [0.0] * 2 * (PHASES - len(record.phases))
+    return RAMP_IMAGE.pack(slot + 1, mark, record.state, record.began, record.speed, record.acceleration, *phases, mark)
 
 
 def _facts(plc: LineState) -> int:

@@ -44,6 +44,8 @@ from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
     FORWARD,
+    RAMP_WORDS,
+    RAMPS,
     REVERSE,
     ROW_WORDS,
     SETTINGS,
@@ -101,6 +103,7 @@ class VirtualConveyor(LineState):
         given = dict(settings or {})
         require_settings(given)
         self.table = Table(TABLE, ROW_WORDS, slots, lambda slot: images.row(self, slot))
+        self.ramps = Table(RAMPS, RAMP_WORDS, 2 * BELTS, lambda slot: images.ramp(self, slot))
         self.scale = self.geometry.full_speed / 100
         self._machine_options = {"shortest": shortest, "longest": longest, "interval": interval}
         super().__init__(
@@ -112,7 +115,7 @@ class VirtualConveyor(LineState):
                 Image(CONFIGURATION, 64, lambda: images.configuration(self)),
             ),
             configuration=CONFIGURATION,
-            tables=(self.table,),
+            tables=(self.ramps, self.table),
             capacities=(BELTS, SENSORS, slots, EVENT_CAPACITY, len(SETTINGS)),
             faults=FAULTS,
             words={
@@ -313,4 +316,5 @@ class VirtualConveyor(LineState):
         self._taken = self.machine.unloaded
         self._take_settings()
         self.renew_table()
+        self.ramps.clear()
         self.event(ConveyorEvent.POWER_UP, value=self.boots)

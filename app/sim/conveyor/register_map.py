@@ -12,9 +12,9 @@ from app.registers.plc_map import long_words, real
 from app.sim.conveyor.machine import BELTS, SENSORS
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
-STATUS, CONFIGURATION, SETTINGS_AT, STAGING, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0800
+STATUS, CONFIGURATION, SETTINGS_AT, STAGING, RAMPS, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0260, 0x0800
 BELT_AT, BELT_WORDS = STATUS + 48, 14
-ROW_WORDS = 24
+ROW_WORDS, RAMP_WORDS = 24, 25
 
 SETTINGS: Sequence[Setting] = (
     Setting("automatic_speed", 30.0, 5.0, 100.0),
@@ -206,6 +206,22 @@ ROW: Mapping[str, RegisterPlace] = MappingProxyType(
     }
 )
 """Cells of a row of the product table, from its first word."""
+RAMP: Mapping[str, RegisterPlace] = MappingProxyType(
+    {
+        "id": RegisterPlace(0, "u32"),
+        "state": RegisterPlace(3),
+        "began": RegisterPlace(4, "u64"),
+        "speed": RegisterPlace(8, "f32"),
+        "acceleration": RegisterPlace(10, "f32"),
+        "duration_1": RegisterPlace(12, "f32"),
+        "jerk_1": RegisterPlace(14, "f32"),
+        "duration_2": RegisterPlace(16, "f32"),
+        "jerk_2": RegisterPlace(18, "f32"),
+        "duration_3": RegisterPlace(20, "f32"),
+        "jerk_3": RegisterPlace(22, "f32"),
+    }
+)
+"""Cells of a row of the table of ramps: slot 2n − 1 is the last start of belt n, slot 2n its last stop; the id is the slot."""
 
 FORWARD, REVERSE, BELT_BITS = 1, 2, 4
 """Hold-to-run: bits 0 and 1, then a bit per belt from bit 4."""
@@ -213,6 +229,7 @@ FORWARD, REVERSE, BELT_BITS = 1, 2, 4
 STATUS_IMAGE = Struct(">9HIffIIHHIIQfIIIIIffI" + 3 * "fffif4H" + "5H")
 CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHf50x")
 ROW_IMAGE = Struct(">IHHfffHHfIfHQH")
+RAMP_IMAGE = Struct(">IHHQ8fH")
 """How the images, without their generations, and a row are packed."""
 
 

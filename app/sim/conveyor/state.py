@@ -34,6 +34,8 @@ class LineState(VirtualPlc):
     """In which the belts are driven by hand: 1 forward, −1 reverse, 0 not at all."""
     table: Table
     """The products."""
+    ramps: Table
+    """The last start and stop of every belt."""
     scale: float
     """Speed of a belt at one per cent [mm/s per %]."""
 
@@ -66,6 +68,14 @@ class LineState(VirtualPlc):
     def report(self, event: TrackingEvent) -> None:
         """Put what tracking found into the ring."""
         self.event(event.code, event.source, event.value, words_of(event.id, event.second, event.value2))
+
+    def name_ramps(self) -> None:
+        """A belt has started or stopped for the first time since power-up: its row is there."""
+        for number, belt in enumerate(self.belts):
+            for slot, record in ((2 * number, belt.record.start), (2 * number + 1, belt.record.stop)):
+                if record and not self.ramps.ids[slot]:
+                    self.ramps.ids[slot] = slot + 1
+                    self.ramps.generation = self.ramps.generation + 2 & 0xFFFE
 
     def renew_table(self) -> None:
         """Products have come, gone or changed places."""

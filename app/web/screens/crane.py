@@ -1,6 +1,6 @@
 """The tests of the thesis as its page draws them: curves in panels of one drawing, over the numbers of the thesis."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import ceil, floor
@@ -17,46 +17,7 @@ from app.sim.crane.thesis import (
     run_positioner,
     run_sequence,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """A rectangle of a drawing with its scales; places in the drawing's units, to a tenth."""
-
-    left: float
-    top: float
-    width: float
-    height: float
-    across: tuple[float, float]
-    """Ends of the horizontal scale [EU]."""
-    up: tuple[float, float]
-    """Ends of the vertical scale, lower one first [EU]."""
-
-    @property
-    def right(self) -> float:
-        """Right border."""
-        return self.left + self.width
-
-    @property
-    def bottom(self) -> float:
-        """Lower border."""
-        return self.top + self.height
-
-    def x(self, value: float) -> float:
-        """Place of a value of the horizontal scale."""
-        low, high = self.across
-        return round(self.left + (value - low) / (high - low) * self.width, 1)
-
-    def y(self, value: float) -> float:
-        """Place of a value of the vertical scale."""
-        low, high = self.up
-        return round(self.bottom - (value - low) / (high - low) * self.height, 1)
-
-    def path(self, points: Iterable[tuple[float, float]]) -> str:
-        """The line through `points` that are inside, as SVG writes it; empty when there is none."""
-        (left, right), (low, high) = self.across, self.up
-        inside = [(x, y) for x, y in points if left <= x <= right and low <= y <= high]
-        return "M" + "L".join(f"{self.x(x)} {self.y(y)}" for x, y in inside) if inside else ""
+from app.web.drawing import Panel
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,18 +1,24 @@
 """Belts follow their ramps, and their pulses."""
 
+from struct import pack, unpack_from
+
 import pytest
 
+from app.blocks.ramp_record import RampState
 from app.sim import training
-from app.sim.conveyor.machine import Geometry
+from app.sim.conveyor.machine import EMERGENCY_STOP, Geometry
 from app.sim.conveyor.register_map import (
+    RAMP,
+    RAMP_WORDS,
+    RAMPS,
     ConveyorCommand,
     ConveyorEvent,
     ConveyorState,
     Motor,
     Source,
 )
-from tests.sim.conveyor.bench import TOLERANCE, line, running
-from tests.sim.conveyor.line import Witness
+from tests.sim.conveyor.bench import SIMULATION, TOLERANCE, line, running
+from tests.sim.conveyor.line import TestLine, Witness
 
 
 async def test_speeds_follow_the_ramp_and_say_where_they_come_from() -> None:
@@ -95,3 +101,58 @@ async def test_slip_is_corrected_at_the_next_sensor_and_told(belt: int) -> None:
     witness.worst = 0
     on.go(5)
     assert witness.worst < 2
+
+
+@pytest.mark.parametrize("geometry", [Geometry(), SIMULATION])
+async def test_at_an_even_speed_one_pulse_is_not_news(geometry: Geometry) -> None:
+    on = line(settings={"automatic_speed": 33.3}, geometry=geometry)
+    await on.start()
+    on.go(2.5)
+    told = []
+    for _ in range(100):
+        on.go(0.11)
+        told.append((await on.status())["belt_speed_1"])
+    assert max(told) - min(told) < 0.25, "half of the dead-band of the point"
+    assert told[-1] == pytest.approx(0.333 * geometry.full_speed, abs=0.15)
+
+
+async def test_the_last_start_and_stop_of_each_belt_are_in_the_table() -> None:
+    on = line(settings={})
+    assert on.device.read(3, RAMPS, 4)[1:] == [6, 0, RAMP_WORDS]
+    await on.start()
+    on.go(0.3)
+    assert ramp(on, 1)["state"] == RampState.RUNNING
+    assert on.device.read(3, RAMPS, 4)[2] == 5, "the starts of three belts, of which the last is row 5"
+    on.go(2)
+    start = ramp(on, 3)
+    assert (start["id"], start["state"], start["speed"], start["acceleration"]) == (3, RampState.COMPLETE, 0, 0)
+    # 30 % with 60 %/s and 240 %/s²: a/j rising, v/a − a/j constant, a/j falling
+    assert [start[f"duration_{n}"] for n in (1, 2, 3)] == pytest.approx([0.25, 0.25, 0.25], abs=1e-5)
+    assert [start[f"jerk_{n}"] for n in (1, 2, 3)] == [240, 0, -240]
+    await on.done(ConveyorCommand.STOP)
+    on.go(2)
+    stop = ramp(on, 4)
+    assert (stop["id"], stop["state"], stop["speed"]) == (4, RampState.COMPLETE, 30)
+    assert [stop[f"jerk_{n}"] for n in (1, 2, 3)] == [-240, 0, 240]
+    assert stop["began"] > start["began"] + 2_000_000
+    on.device.power_cycle()
+    assert on.device.read(3, RAMPS, 4)[2] == 0
+
+
+async def test_an_emergency_stop_is_a_stop_without_a_ramp() -> None:
+    on = line(settings={})
+    await on.start()
+    on.go(2)
+    on.device.machine.fault = EMERGENCY_STOP
+    on.go(0.1)
+    stop = ramp(on, 2)
+    assert (stop["state"], stop["speed"], stop["duration_1"]) == (RampState.CUT_OFF, 30, 0)
+
+
+def ramp(on: TestLine, slot: int) -> dict[str, float]:
+    """A row of the table of ramps."""
+    words = on.device.read(3, RAMPS + 4 + (slot - 1) * RAMP_WORDS, RAMP_WORDS)
+    assert words[2] == words[-1] and words[2] % 2 == 0
+    data = pack(f">{RAMP_WORDS}H", *words)
+    codes = {"u16": ">H", "u32": ">I", "u64": ">Q", "f32": ">f"}
+    return {key: unpack_from(codes[place.type], data, 2 * place.address)[0] for key, place in RAMP.items()}

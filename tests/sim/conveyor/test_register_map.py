@@ -1,7 +1,9 @@
 """The virtual conveyor and the type's data were each written from the manual: here they are laid side by side, word by word."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import pytest
 
 from app.blocks import product_tracking as tracking
 from app.blocks.mode_control import Mode
@@ -39,7 +41,7 @@ def value(plc: VirtualConveyor, kind: EquipmentType, key: str) -> Value:
 def test_each_knows_what_the_other_knows_at_the_same_place() -> None:
     kind = line()
     mine = {key: point.register for key, point in kind.points.items() if point.register}
-    heads = {f"product_{name}" for name in ("generation", "capacity", "count")}
+    heads = {f"{table}_{name}" for table in kind.tables for name in ("generation", "capacity", "count")}
     assert set(conveyor.REGISTERS) - set(mine) == set(ONLY_THERE)
     assert set(mine) - set(conveyor.REGISTERS) == heads
     for key in set(mine) & set(conveyor.REGISTERS):
@@ -54,12 +56,13 @@ def test_each_knows_what_the_other_knows_at_the_same_place() -> None:
         assert (register.scale, register.offset, register.order) == (1, 0, "abcd"), key
 
 
-def test_a_row_has_the_same_cells_at_the_same_words() -> None:
-    first = line().tables["product"].address + plc_map.TABLE_HEAD
-    mine = {key: cell.point.register for key, cell in _data.columns["product"].items()}
-    assert set(mine) == set(conveyor.ROW)
+@pytest.mark.parametrize(("table", "cells"), [("product", conveyor.ROW), ("ramp", conveyor.RAMP)])
+def test_a_row_has_the_same_cells_at_the_same_words(table: str, cells: Mapping[str, conveyor.RegisterPlace]) -> None:
+    first = line().tables[table].address + plc_map.TABLE_HEAD
+    mine = {key: cell.point.register for key, cell in _data.columns[table].items()}
+    assert set(mine) == set(cells)
     for key, register in mine.items():
-        place = conveyor.ROW[key]
+        place = cells[key]
         assert register
         assert (register.address - first, register.type, register.mask or 0) == (place.address, place.type, place.mask)
         assert register.scale == (0.001 if key == "age" else 1), f"{key}: only the age is told in ms and shown in s"
