@@ -1,12 +1,13 @@
 """Help on every page (F1): what it is, what one can do there, what colours and signs mean; of a machine what its type says of itself."""
 
 from collections.abc import Mapping
+from urllib.parse import quote
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
 from app.plant.definitions import Plant
-from app.web.guard import allow
+from app.web.guard import allow, person_of
 from app.web.language import language_of
 from app.web.view import View
 
@@ -42,6 +43,28 @@ async def help_on(request: Request, of: str = "/") -> Response:
     return view.fragment(
         request, "fragments/help.html", topic=topic, about=_about(request, runtime.plant, machine), keys=KEYS
     )
+
+
+@router.get("/welcome", dependencies=[allow("account")])
+async def welcome(request: Request) -> Response:
+    """What somebody who is here for the first time may do next."""
+    view: View = request.app.state.view
+    plant, person = view.runtime(request).plant, person_of(request)
+    steps = [(name, url) for name, url, needed in _first_steps(plant) if person.may(needed)]
+    return view.page(request, "pages/welcome.html", title=view.text(request, "welcome.title"), steps=steps)
+
+
+def _first_steps(plant: Plant | None) -> list[tuple[str, str, str]]:
+    """Text key, address, permission."""
+    machine = next(iter(plant.equipment), "") if plant else ""
+    simulated = plant is not None and any(link.simulated for link in plant.links.values())
+    return [
+        *([("machine", f"/equipment/{quote(machine)}", "operate")] if machine else []),
+        *([("lessons", "/lessons", "operate")] if plant and plant.lessons and simulated else []),
+        *([("instructor", "/instructor", "instruct")] if simulated else []),
+        ("users", "/users", "administer"),
+        ("plant", "/", "view"),
+    ]
 
 
 def subject(address: str) -> tuple[str, str]:

@@ -130,7 +130,7 @@ async def first(request: Request) -> Response:
         )
     except Refused as refused:
         return first_sheet(request, refused, given)
-    return welcomed(request, signed_in, "/")
+    return welcomed(request, signed_in, "/welcome")
 
 
 @router.post("/session/active", dependencies=[allow("open")])
@@ -162,7 +162,7 @@ async def change_password(request: Request) -> Response:
         )
     except Refused as refused:
         return await account_sheet(request, refused)
-    response = RedirectResponse("/account?done=password" if not person.must_change else "/", 303)
+    response = RedirectResponse("/account?done=password" if not person.must_change else "/welcome", 303)
     session_cookie(response, request, sid)
     return response
 

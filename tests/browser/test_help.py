@@ -56,3 +56,16 @@ def test_help_and_search_are_in_reach_of_a_finger_and_of_a_screen_reader(sit: Si
     expect(page.locator("#pal-q")).to_be_focused()
     wrong = page.evaluate("axe.run('.pal').then((all) => all.violations.map((one) => one.id))")
     assert wrong == []
+
+
+def test_paper_has_what_is_read_and_nothing_that_is_pressed(sit: Sit) -> None:
+    page = sit()
+    page.emulate_media(media="print")
+    expect(page.locator("h1")).to_be_visible()
+    expect(page.locator(".m-vals, main table").first).to_be_visible()
+    for gone in (".tabs", ".zone", ".banner", ".head-r", ".foot"):
+        expect(page.locator(gone)).to_be_hidden()
+    assert page.evaluate("getComputedStyle(document.querySelector('main')).overflowY") == "visible"
+    page.locator("html").evaluate("(html) => { html.dataset.theme = 'dark'; }")
+    assert page.evaluate("getComputedStyle(document.querySelector('h1')).color") == "rgb(20, 20, 20)", "no white ink"
+    page.emulate_media(media="screen")

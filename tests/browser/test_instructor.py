@@ -59,7 +59,7 @@ def engineer(sit: Sit, server: PogonServer, folder: Path) -> Page:
 def test_a_fault_is_caused_seen_and_its_cause_cleared(engineer: Page) -> None:
     page = engineer
     page.click(".tabs a[href='/communication']")
-    page.click("a[href='/instructor']")
+    page.click(".tabs a[href='/instructor']")
     page.click("a[href='/instructor/m1']")
     expect(page.locator(".in-live")).to_contain_text("Running forward")
     page.get_by_text("ESP – external fault").click()

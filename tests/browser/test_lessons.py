@@ -41,7 +41,7 @@ def test_a_step_ticks_itself_off_on_the_page_of_the_machine_and_in_the_lesson(le
 def test_nothing_of_a_lesson_is_cut(learner: Page, server: PogonServer, lang: str) -> None:
     speak(learner, lang, server.url)
     found: list[str] = []
-    for path in ("/lessons", "/lessons/motor", "/equipment/m2"):
+    for path in ("/welcome", "/lessons", "/lessons/motor", "/equipment/m2"):
         learner.goto(server.url + path, wait_until="load")
         expect(learner.locator("body")).to_have_attribute("data-live", "live")
         learner.evaluate("document.fonts.ready.then(() => 1)")

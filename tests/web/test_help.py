@@ -11,6 +11,8 @@ from app.web.help import PAGES, subject
 from app.web.view import ENGINEERING
 from app.web.view import PAGES as TABS
 from tests.demo_plant import DEMO, MACHINES
+from tests.web.operating import Operator
+from tests.web.people import Staff
 
 LANGUAGES = ("hr", "en", "de", "cs")
 
@@ -68,3 +70,19 @@ def test_an_address_that_is_none_gives_the_general_help(client: TestClient) -> N
     page = client.get("/help", params={"of": "/equipment/<script>"}).text
     assert "<script>" not in page
     assert "About this machine" not in page
+
+
+def test_the_first_page_offers_what_one_may_do_and_every_way_is_there(demo: TestClient) -> None:
+    staff = Staff(demo)
+    for role, offered in {
+        "viewer": {"/"},
+        "operator": {"/equipment/m1", "/lessons", "/"},
+        "engineer": {"/equipment/m1", "/lessons", "/instructor", "/"},
+        "admin": {"/users", "/"},
+    }.items():
+        person = Operator(staff, f"new-{role}", (role,))
+        page = person.get("/welcome", fragment=False).text
+        found = set(re.findall(r'<li><a href="([^"]+)"', page))
+        assert found == offered, role
+        for url in found:
+            assert person.get(url, fragment=False).status_code == 200, url

@@ -59,7 +59,7 @@ def test_a_newcomer_sees_the_plant_types_the_code_and_may_do_everything(start: S
     differ = staff.post("/first", {**form, "again": "something else"})
     assert differ.status_code == 422
     answer = staff.post("/first", form)
-    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert (answer.status_code, answer.headers["location"]) == (303, "/welcome")
     staff.have(sid_of(answer))
     assert client.get("/users").status_code == 200
     assert client.get("/first").headers["location"] == "/signin"
