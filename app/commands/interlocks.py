@@ -4,7 +4,7 @@ A condition that is not known (a bad value) counts as not met. Every reason is a
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from app.plant import expression
 from app.plant.definitions import (
@@ -63,6 +63,8 @@ class Prepared:
     """Points read from the device that anything about the command uses."""
     parts: "Sequence[Prepared]" = ()
     """Of a set of setpoints each of them; empty for what is one command."""
+    released: "Prepared | None" = None
+    """What tells that a hold-to-run is over, as the feedback of a Stop would; None = the machine's Stop does."""
 
     @property
     def roles(self) -> Sequence[str]:
@@ -91,7 +93,18 @@ def prepare(item: Equipment, command: Command) -> Prepared:
     for sentence in (sentence for write in command.writes for sentence in (write.when, write.after) if sentence):
         names |= expression.parse(sentence).names
     watched = sources(item.points, feedback.names if feedback else ())
-    return Prepared(command, setpoint, point, permissives, interlocks, feedback, watched, sources(item.points, names))
+    released = prepare(item, replace(command, feedback=command.released, released="")) if command.released else None
+    return Prepared(
+        command,
+        setpoint,
+        point,
+        permissives,
+        interlocks,
+        feedback,
+        watched,
+        sources(item.points, names),
+        released=released,
+    )
 
 
 def setting(item: Equipment, setpoint: Setpoint) -> Command:

@@ -133,7 +133,7 @@ class HeldMotion:
         job.let_go(self._state.clock.monotonic())
         self._state.changed(lease.equipment)
         self._state.spawn(
-            self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
+            self._sending.write_stop(machine, job, self._release(machine, job), _stands(machine, job)),
             f"release {lease.equipment}",
         )
 
@@ -154,7 +154,7 @@ class HeldMotion:
         limit = STOP_LIMIT
         if job.echoed and machine.stop:
             limit = max(STOP_LIMIT, job.progress.limit)
-        stands = job.since is not None and self._state.readings.stands(machine, machine.stop, job.since)
+        stands = job.since is not None and self._state.readings.stands(machine, _stands(machine, job), job.since)
         if waited >= HOLD_AFTER and stands and not job.writing:
             self._finish(machine, job, job.lease)
         elif waited >= limit:
@@ -164,7 +164,7 @@ class HeldMotion:
             self._state.alarm_stop(machine.item.id)
         elif not job.stopping and now - job.last_write >= (HOLD_REPEAT if waited < HOLD_AFTER else STOP_REPEAT):
             self._state.spawn(
-                self._sending.write_stop(machine, job, self._release(machine, job), machine.stop),
+                self._sending.write_stop(machine, job, self._release(machine, job), _stands(machine, job)),
                 f"release {machine.item.id}",
             )
 
@@ -294,6 +294,11 @@ class HeldMotion:
         )
         new = ", ".join(f"{point} = {value:.10g}" for point, value in held.items())
         self._state.audit_lines.line(None, f"{item.id}.{key}", None, new, progress)
+
+
+def _stands(machine: Machine, job: Job) -> Prepared | None:
+    """What tells that the motion is over: its own condition, else what the Stop of the machine is confirmed by."""
+    return job.prepared.released or machine.stop
 
 
 def _parted(command: Command) -> tuple[Sequence[Write], Sequence[Write]]:

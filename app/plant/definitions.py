@@ -180,10 +180,10 @@ class Command:
     hold: bool = False
     """Hold-to-run; `release` is written when it ends."""
     release: Sequence[Write] = ()
+    released: str = ""  # condition that proves that a hold-to-run is over; empty = what the Stop is confirmed by
     moves: bool = True
     """False for what does not make the machine move (reset, setpoint)."""
-    argument: str = ""
-    """Point whose range, unit and decimals the argument has."""
+    argument: str = ""  # point whose range, unit and decimals the argument has
     symbol: str = ""
     code: int = 0
     """Of a Pogon PLC: sent as one command telegram with this code (registers/plc_map.py) instead of `writes`."""

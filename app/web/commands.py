@@ -92,7 +92,7 @@ async def commands(request: Request, key: str) -> HTMLResponse:
     """The command column of one machine as it stands for whoever asks."""
     operation = operation_of(request, key)
     return view_of(request).fragment(
-        request, "fragments/commands.html", operation=operation, equipment=operation.equipment
+        request, "fragments/commands.html", operation=operation, equipment=operation.equipment, elsewhere=True
     )
 
 
@@ -351,6 +351,7 @@ def _answered(
         at=fresh.words.time(operation.runtime.clock.micros()),
         key=key,
         field=field,
+        elsewhere=True,
     )
     if progress is not None:
         response.headers["X-Command"] = progress.id

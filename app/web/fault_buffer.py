@@ -2,7 +2,8 @@
 
 It is read when somebody asks, and from then on by itself when the drive tells a change (status word, first faults, alarm) while
 somebody looks. What was read stays with its time; it is called old as soon as the drive has told something else or could not be read again.
-Of a drive with several axes it is the buffer of the first one, as on the page of its parameters.
+Every drive object has a buffer of its own, the Control Unit too: the page shows that of the drive, the first one beside the Control
+Unit, until another one is chosen.
 """
 
 import asyncio
@@ -40,6 +41,9 @@ TELLING = ("zsw1_fault", "zsw1_alarm", *(f"fault_{place}" for place in range(1, 
 """Points by which a drive tells a change, as far as its type has them."""
 DAY = 86_400_000
 
+DRIVE, LAST_OBJECT = 0, 255
+"""The drive object that the machine is, whatever its number; the highest number."""
+
 Signs = tuple[Value, ...] | None
 """Values of `TELLING`; None = one of them is not known."""
 
@@ -75,13 +79,25 @@ class Buffer:
     """What the drive told when it was asked last."""
     problem: tuple[str, Mapping[str, object]] | None = None
     """Text key and parameters of why the last reading failed."""
-    objects: tuple[int, ...] = ()
     task: asyncio.Task[None] | None = field(default=None, repr=False)
 
     @property
     def reading(self) -> bool:
         """Whether it is being read."""
         return self.task is not None and not self.task.done()
+
+
+@dataclass(slots=True)
+class Buffers:
+    """What was read of one drive, by drive object."""
+
+    objects: tuple[int, ...] = ()
+    """Which ones it has; none = it was not asked yet."""
+    found: dict[int, Buffer] = field(default_factory=dict)
+
+    def of(self, chosen: int) -> Buffer:
+        """That of a drive object; `DRIVE`, whatever its number is."""
+        return self.found.setdefault(chosen, Buffer())
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,36 +129,39 @@ async def page(request: Request, key: str) -> HTMLResponse:
         chip=machine.id,
         up=operation.url,
         message=operation.story,
-        **_drawn(request.app, operation),
+        **_drawn(request.app, operation, _chosen(request.query_params)),
     )
 
 
 @router.get("/equipment/{key}/fault-buffer/rows", dependencies=[allow("view")])
 async def rows(request: Request, key: str) -> HTMLResponse:
     """The lists alone, for a page that is open: read anew when the drive tells something that was not there when it was asked last."""
-    operation = operation_of(request, key)
-    buffer, signs = _buffer(request.app, operation), _signs(operation)
+    operation, chosen = operation_of(request, key), _chosen(request.query_params)
+    buffers, signs = _buffers(request.app, operation), _signs(operation)
+    buffer = buffers.of(chosen)
     if buffer.snapshot is not None and signs is not None and signs != buffer.tried:
-        _begin(operation, buffer)
-    return view_of(request).fragment(request, "fragments/fault_buffer.html", **_drawn(request.app, operation))
+        _begin(operation, buffers, chosen)
+    return view_of(request).fragment(request, "fragments/fault_buffer.html", **_drawn(request.app, operation, chosen))
 
 
 @router.post("/equipment/{key}/fault-buffer/read", dependencies=[allow("view")])
 async def read(request: Request, key: str) -> Response:
     """Read it now; nothing is added to a reading that goes on."""
     operation = operation_of(request, key)
-    form = await fields(request, ())
-    _begin(operation, _buffer(request.app, operation))
+    form = await fields(request, (), ("object",))
+    chosen = _chosen(form)
+    _begin(operation, _buffers(request.app, operation), chosen)
     if not wants_fragment(request):
         return RedirectResponse(form["next"] or f"{operation.url}/fault-buffer", 303)
     await asyncio.sleep(0)  # what is refused at once is told at once
-    return view_of(request).fragment(request, "fragments/fault_buffer.html", **_drawn(request.app, operation))
+    return view_of(request).fragment(request, "fragments/fault_buffer.html", **_drawn(request.app, operation, chosen))
 
 
 # ---- reading --------------------------------------------------------------------------------------------------
 
 
-def _begin(operation: Operation, buffer: Buffer) -> None:
+def _begin(operation: Operation, buffers: Buffers, chosen: int) -> None:
+    buffer = buffers.of(chosen)
     if buffer.reading:
         return
     mailbox = mailbox_of(operation)
@@ -151,8 +170,9 @@ def _begin(operation: Operation, buffer: Buffer) -> None:
     async def work() -> None:
         problem: tuple[str, Mapping[str, object]] | None = None
         try:
-            buffer.objects = buffer.objects or await objects_of(operation, mailbox)
-            buffer.snapshot = await _snapshot(operation, mailbox, drive_among(buffer.objects), signs)
+            buffers.objects = buffers.objects or await objects_of(operation, mailbox)
+            drive = drive_among(buffers.objects) if chosen == DRIVE else chosen
+            buffer.snapshot = await _snapshot(operation, mailbox, drive, signs)
         except Refusal as refusal:
             number = "–" if refusal.number is None else fmt.hexadecimal(refusal.number, 2)
             problem = key_of(refusal.number), {"number": number}
@@ -206,13 +226,23 @@ async def _columns(
     return found
 
 
-def _buffer(app: FastAPI, operation: Operation) -> Buffer:
+def _buffers(app: FastAPI, operation: Operation) -> Buffers:
     """Raises:
     HTTPException: 404, the machine has no fault buffer behind a mailbox.
     """
     if NUMBERS not in operation.equipment.equipment.type.drive_parameters:
         raise HTTPException(404)
-    return kept_of(app, operation, "fault_buffers", Buffer)
+    return kept_of(app, operation, "fault_buffers", Buffers)
+
+
+def _chosen(given: Mapping[str, str]) -> int:
+    """Raises:
+    HTTPException: 422, that is no drive object.
+    """
+    text = given.get("object", "") or str(DRIVE)
+    if not (text.isascii() and text.isdecimal() and int(text) <= LAST_OBJECT):
+        raise HTTPException(422)
+    return int(text)
 
 
 def _signs(operation: Operation) -> Signs:
@@ -225,8 +255,9 @@ def _signs(operation: Operation) -> Signs:
 # ---- words ----------------------------------------------------------------------------------------------------
 
 
-def _drawn(app: FastAPI, operation: Operation) -> dict[str, Any]:
-    buffer, machine = _buffer(app, operation), operation.equipment
+def _drawn(app: FastAPI, operation: Operation, chosen: int) -> dict[str, Any]:
+    buffers, machine = _buffers(app, operation), operation.equipment
+    buffer = buffers.of(chosen)
     found = buffer.snapshot
     now = operation.runtime.clock.micros()
     signs = _signs(operation)
@@ -248,8 +279,22 @@ def _drawn(app: FastAPI, operation: Operation) -> dict[str, Any]:
         "reading": buffer.reading,
         "problem": operation.words.text(*buffer.problem) if buffer.problem and not buffer.reading else "",
         "old": why,
+        "chosen": chosen,
+        "objects": _objects(operation, buffers, chosen),
         "read_at": fmt.moment_or_time(found.time, operation.zone, machine.lang, now) if found else "",
     }
+
+
+def _objects(operation: Operation, buffers: Buffers, chosen: int) -> list[tuple[int, str, bool]]:
+    """Number, name, whether it is shown, of every drive object; none while there is nothing to choose."""
+    if len(buffers.objects) < 2:
+        return []
+    drive, text = drive_among(buffers.objects), operation.equipment.text
+    found = []
+    for one in buffers.objects:
+        name = text("fbuf.control_unit" if one == CONTROL_UNIT else "fbuf.object", n=one)
+        found.append((DRIVE if one == drive else one, name, one == (drive if chosen == DRIVE else chosen)))
+    return found
 
 
 def _row(operation: Operation, found: Snapshot | None, message: Message, letter: str) -> Row:

@@ -1,5 +1,6 @@
 """The gate over every transport to the virtual positioning axis: real telegrams, tasks, read-back, faults."""
 
+import asyncio
 from collections.abc import Mapping
 
 import pytest
@@ -169,3 +170,28 @@ async def test_its_encoder_is_adjusted_where_it_stands_or_the_cause_is_told(
         assert it.drive.actual == pytest.approx(before if cause else 123_000, abs=1)
         assert it.drive.model.values("p2599") == [0 if cause else 123_000]
         assert (progress.state is ProgressState.CONFIRMED) is (not cause)
+
+
+def over(it: Axis) -> bool:
+    progress = it.gate.progress("a1")
+    return progress is not None and progress.over
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+async def test_a_jog_that_is_let_go_is_over_when_the_axis_stands_and_the_drive_stays_enabled(transport: str) -> None:
+    """The Stop of the machine is confirmed by a drive that is switched off; a jog leaves it on."""
+    async with pump(transport, Axis, p2585=-6000, p2586=6000) as it:
+        await it.done("enable")
+        for command, way in (("jog_plus", 1), ("jog_minus", -1)):
+            began, hold = it.drive.actual, it.gate.hold
+            lease = await hold.arm(ANA, "a1", command, nonce=it.gate.nonces.issue(ANA.session))
+            for counter in range(1, 8):
+                hold.keep_alive(lease, counter, ANA.session)
+                await asyncio.sleep(0.15)
+            hold.release(lease, ANA.session)
+            await it.until(lambda: over(it))
+            progress = it.gate.progress("a1")
+            assert progress is not None and progress.command == command
+            assert (progress.state, progress.reason) == (ProgressState.CONFIRMED, "hold.cause.released"), progress
+            assert way * (it.drive.actual - began) > 1000 and not it.drive.positioner.speed
+            assert it.drive.state is State.OPERATION and it.value("zsw1_operation_enabled") == 1

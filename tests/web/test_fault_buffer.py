@@ -174,11 +174,11 @@ def test_it_is_read_again_by_itself_only_when_the_drive_tells_something(client: 
     cause(client, 30005)
     fragment(client)
     pass_time(20)
-    failed = client.app.state.fault_buffers["sinamics", "drives", 1].task  # type: ignore[attr-defined]
+    failed = client.app.state.fault_buffers["sinamics", "drives", 1].of(0).task  # type: ignore[attr-defined]
     assert "could not be read again" in old(fragment(client))
     pass_time(5)
     fragment(client)
-    assert client.app.state.fault_buffers["sinamics", "drives", 1].task is failed  # type: ignore[attr-defined]  # once, not for ever
+    assert client.app.state.fault_buffers["sinamics", "drives", 1].of(0).task is failed  # type: ignore[attr-defined]  # once, not for ever
 
 
 @pytest.mark.parametrize(
@@ -210,8 +210,11 @@ def test_a_late_mailbox_is_waited_for_and_a_second_press_adds_nothing(client: Te
     cause(client, 7452)
     cause(client, MailboxFault.LATE, REG_MAILBOX)
     assert "Reading" in read(client, people, 2)
-    task = client.app.state.fault_buffers["sinamics", "drives", 1].task  # type: ignore[attr-defined]
-    assert "Reading" in read(client, people, 2) and client.app.state.fault_buffers["sinamics", "drives", 1].task is task  # type: ignore[attr-defined]
+    task = client.app.state.fault_buffers["sinamics", "drives", 1].of(0).task  # type: ignore[attr-defined]
+    assert (
+        "Reading" in read(client, people, 2)
+        and client.app.state.fault_buffers["sinamics", "drives", 1].of(0).task is task
+    )  # type: ignore[attr-defined]
     pass_time(40)
     text = fragment(client)
     assert [row[0] for row in shown(text)["s0"]] == ["F07452"] and not alert(text)
@@ -239,3 +242,63 @@ def test_a_link_that_may_not_write_is_asked_nothing(tmp_path: Path) -> None:
         text = read(browser, staff)
         assert alert(text) == "Commands to this link are switched off in the plant file" and shown(text) == {}
         assert browser.app.state.runtime.links["drives"].parameters("d1").waiting == 0  # type: ignore[attr-defined]
+
+
+def test_every_drive_object_has_a_buffer_of_its_own_which_is_chosen_by_name(client: TestClient, people: Staff) -> None:
+    cause(client, 7452)
+    assert "Control Unit" not in fragment(client), "the objects are told with the first reading"
+    read(client, people)
+    first = fragment(client)
+    assert 'aria-current="true">Drive object 2</a>' in first and f'href="{PATH}?object=1">Control Unit</a>' in first
+    assert "F07452" in first
+    chosen = fragment(client, path=f"{PATH}?object=1")
+    assert "Not read yet" in chosen or "F07452" not in chosen
+    assert people.post(f"{PATH}/read", {"object": "1"}).status_code in (200, 303)
+    pass_time(3)
+    of_unit = fragment(client, path=f"{PATH}/rows?object=1")
+    assert 'aria-current="true">Control Unit</a>' in of_unit and "F07452" not in of_unit and "No fault" in of_unit
+    assert 'name="object" value="1"' in of_unit and f"{PATH}/rows?object=1" in of_unit
+    assert "F07452" in fragment(client)
+
+
+def test_the_buffer_of_a_further_axis_is_read_from_it(client: TestClient, people: Staff) -> None:
+    """A drive of two axes behind one Control Unit; the second one has another fault."""
+    model = client.app.state.runtime.sim.devices["d1"].model  # type: ignore[attr-defined]
+    read_one, values = model._read, model.values
+
+    def second(drive_object: int, address: Address) -> object:
+        if drive_object != 3:
+            return read_one(drive_object, address)
+        model.values = lambda code: [30021.0 if code in ("r0945", "r0947") else 0.0, *[0.0] * 63]
+        told = read_one(2, address)
+        model.values = values
+        return told
+
+    model._read, objects = second, list(model.values("p0101"))
+    model._ram["p0101"][:3], model._live = (
+        [1, 2, 3],
+        (lambda live: lambda code: (3,) if code == "r0102" else live(code))(model._live),
+    )
+    try:
+        read(client, people)
+        assert ">Drive object 3</a>" in fragment(client)
+        people.post(f"{PATH}/read", {"object": "3"})
+        pass_time(3)
+        assert "F30021" in fragment(client, path=f"{PATH}/rows?object=3") and "F30021" not in fragment(client)
+    finally:
+        model._ram["p0101"][:] = objects
+        del model._read
+
+
+@pytest.mark.parametrize("object", ["256", "-1", "x", "1.0", "²"])
+def test_what_is_no_drive_object_is_refused(client: TestClient, object: str) -> None:
+    assert client.get(f"{PATH}?object={object}").status_code == 422
+
+
+def test_an_object_that_the_drive_does_not_have_is_told_in_its_own_words(client: TestClient, people: Staff) -> None:
+    people.post(f"{PATH}/read", {"object": "7"})
+    pass_time(3)
+    assert (
+        "0x19" in fragment(client, path=f"{PATH}/rows?object=7")
+        or "drive object" in fragment(client, path=f"{PATH}/rows?object=7").lower()
+    )

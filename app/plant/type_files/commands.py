@@ -48,6 +48,7 @@ class CommandReader:
             stop=table.flag("stop"),
             hold=table.flag("hold"),
             release=tuple(self._writes(table, "release")),
+            released=table.text("released", ""),
             moves=table.flag("moves", True),
             argument=table.text("argument", ""),
             symbol=table.text("symbol", ""),
@@ -110,6 +111,10 @@ class CommandReader:
         if not ordered and command.hold != bool(command.release):
             expected = "what is written when the button is released, for a hold-to-run only"
             table.note("release", command.release, expected)
+        if command.released:
+            self.sentences.add(table, "released", command.released)
+            if not command.hold:
+                table.note("released", command.released, "nothing: only a hold-to-run is released")
         if command.arguments and not command.code:
             table.note("arguments", [argument.name for argument in command.arguments], "a `code` that they go with")
         if command.needs_reason and (command.hold or command.stop):

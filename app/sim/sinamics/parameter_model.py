@@ -11,6 +11,7 @@ What no source tells:
 | interconnection (BICO) | kept without effect; one that names no parameter of the list: 0x83 |
 | p0340 | calculates nothing, and reads 0 again |
 | saving | takes 0.5 s, p0971 and p0977 read 1 meanwhile; both save everything |
+| faults and alarms of the Control Unit | a buffer of its own, in which nothing ever comes |
 | values of different parameters | do not depend on each other |
 """
 
@@ -31,6 +32,9 @@ FLOAT_STEP = 1e-6
 COMMISSIONING = "p0010"
 RAW = {1: Format.BYTE, 2: Format.WORD, 4: Format.DOUBLE_WORD}
 CLEARS, ACKNOWLEDGES = "p0952", "p3981"
+
+MESSAGES, CONTROL_UNIT = "messages", 1
+"""Group of the parameters of which every drive object has its own; the drive object that is no axis."""
 
 Live = Callable[[str], Sequence[float] | None]
 """Code → what the drive shows at this moment, from its first element on; None = nothing of its own."""
@@ -164,10 +168,17 @@ class ParameterModel:
             return Failed(ErrorNumber.NO_DESCRIPTION if described else ErrorNumber.NO_TEXT)
         if (wrong := _wrong_index(parameter, address)) is not None:
             return wrong
-        values = self.numbers(drive_object) if parameter.code == "r0980" else self.values(parameter.code)
+        values = self._values_in(drive_object, parameter)
         values = [*values, *(0.0,) * parameter.elements]
         picked = values[address.subindex : address.subindex + address.elements]
         return Values(parameter.format, tuple(_told(parameter.format, value) for value in picked))
+
+    def _values_in(self, drive_object: int, parameter: DriveParameter) -> Sequence[float]:
+        if parameter.code == "r0980":
+            return self.numbers(drive_object)
+        if parameter.group == MESSAGES and drive_object == CONTROL_UNIT and len(self._objects) > 1:
+            return ()
+        return self.values(parameter.code)
 
     def _write(self, drive_object: int, address: Address, block: Values) -> Result:
         parameter = self._found(drive_object, address)
