@@ -81,14 +81,16 @@ class LessonFiles:
             self._sources.append(source)
             if source.problems:
                 continue
-            root = source.table()
+            root, name = source.table(), path.stem
+            if not own and name in self.found:  # another type has one that is called so
+                name = f"{next(iter(kinds))}_{name}"
             if not _named(path.stem):
                 root.note("", Plain(path.name), "a name of small letters, digits and _ with .toml")
-            elif path.stem in self.found:
+            elif name in self.found:
                 root.note("", Plain(path.stem), "a name that no other lesson of the plant has")
-            lesson = self._lesson(path.stem, root, kinds, own=own)
+            lesson = self._lesson(name, root, kinds, own=own)
             if not source.problems:
-                self.found[path.stem] = lesson
+                self.found[name] = lesson
         if len(paths) > MOST_LESSONS:
             self._sources[-1].note((), Plain(f"{len(paths)} files"), f"at most {MOST_LESSONS} lessons in one folder")
 

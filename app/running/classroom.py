@@ -34,7 +34,7 @@ progress_table = Table(
     "lesson_progress",
     pogon_tables,
     Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
-    Column("lesson", String(32), primary_key=True),
+    Column("lesson", String(80), primary_key=True),
     Column("state", JSON, nullable=False),
 )
 """A course (running/course.py) by person and lesson."""

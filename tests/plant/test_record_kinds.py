@@ -158,7 +158,6 @@ def test_two_types_of_a_plant_cannot_name_a_kind_of_records_alike(tmp_path: Path
     """One list, one address, one table of texts and columns would be of both."""
     for name in ("conveyor", "belt"):
         shutil.copytree(types.EQUIPMENT / "conveyor", tmp_path / "types" / name)
-    shutil.rmtree(tmp_path / "types" / "belt" / "lessons")  # their names, too, are of the plant
     if renamed:
         for file in (tmp_path / "types" / "belt").glob("*.toml"):
             file.write_text(file.read_text("utf-8").replace("passage", "transfer"), "utf-8")
@@ -169,6 +168,7 @@ def test_two_types_of_a_plant_cannot_name_a_kind_of_records_alike(tmp_path: Path
         assert problems == []
         assert plant is not None
         assert list(plant.records) == ["passage", "transfer"]
+        assert sorted(plant.lessons) == ["belt_conveyor", "conveyor"]
         assert plant.records is plant.records, "computed once"
     else:
         assert [str(one) for one in problems] == [

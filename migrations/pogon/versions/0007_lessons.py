@@ -13,7 +13,7 @@ def upgrade() -> None:
     op.create_table(
         "lesson_progress",
         sa.Column("person", sa.Integer(), sa.ForeignKey("person.id", ondelete="CASCADE"), nullable=False),
-        sa.Column("lesson", sa.String(32), nullable=False),
+        sa.Column("lesson", sa.String(80), nullable=False),
         sa.Column("state", sa.JSON(), nullable=False),
         sa.PrimaryKeyConstraint("person", "lesson", name="pk_lesson_progress"),
     )
