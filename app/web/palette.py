@@ -3,6 +3,7 @@
 It only leads somewhere: an action leads to its button on the page of its machine, which is pressed there with all its questions.
 """
 
+import asyncio
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,8 +25,8 @@ router = APIRouter()
 
 MOST = 24
 """Hits that are shown."""
-LONGEST = 80
-"""Of what is looked for [characters]."""
+LONGEST, MOST_WORDS = 80, 6
+"""Of what is looked for [characters, words]."""
 KINDS = ("machine", "page", "action", "alarm", "point")
 """Of equally good hits these come first."""
 SYMBOLS: Mapping[str, str] = {
@@ -50,14 +51,16 @@ class Place:
     needs: str = "view"
     """Permission."""
     letters: str = ""
-    """Label, id and detail, folded."""
+    """Label, id and detail, folded; a blank before every word."""
+    name: str = ""
+    """The label alone, the same."""
 
 
 @router.get("/palette", dependencies=[allow("view")])
 async def palette(request: Request) -> Response:
     """The dialog, with pages and machines to begin with."""
     return view_of(request).fragment(
-        request, "fragments/palette.html", places=_found(request, ""), q="", symbols=SYMBOLS
+        request, "fragments/palette.html", places=await _found(request, ""), q="", symbols=SYMBOLS
     )
 
 
@@ -65,7 +68,7 @@ async def palette(request: Request) -> Response:
 async def hits(request: Request, q: str = "") -> Response:
     """What was found, alone."""
     looked = q.strip()[:LONGEST]
-    found = _found(request, looked)
+    found = await _found(request, looked)
     return view_of(request).fragment(request, "fragments/palette_found.html", places=found, q=looked, symbols=SYMBOLS)
 
 
@@ -77,7 +80,7 @@ def folded(text: str) -> str:
 
 def ranked(places: Iterable[Place], looked: str, most: int = MOST) -> list[Place]:
     """Those that have every word of `looked`, best first: where a word begins before where it only occurs, names before details."""
-    words = folded(looked).split()
+    words = folded(looked).split()[:MOST_WORDS]
     if not words:
         return [place for place in places if place.kind in ("machine", "page")][:most]
     found = [(score, place) for place in places if (score := _score(place, words)) is not None]
@@ -88,21 +91,19 @@ def ranked(places: Iterable[Place], looked: str, most: int = MOST) -> list[Place
 
 def _score(place: Place, words: Sequence[str]) -> int | None:
     """The less the better; None when a word is missing."""
-    label, total = folded(place.label), 0
-    for word in words:
-        if word not in place.letters:
-            return None
-        begins = rf"(^|[^\w]){re.escape(word)}"
-        total += 0 if re.search(begins, label) else 1 if word in label else 2 if re.search(begins, place.letters) else 3
-    return total
+    letters, name = place.letters, place.name
+    if not all(word in letters for word in words):
+        return None
+    return sum(0 if f" {word}" in name else 1 if word in name else 2 if f" {word}" in letters else 3 for word in words)
 
 
-def _found(request: Request, looked: str) -> list[Place]:
+async def _found(request: Request, looked: str) -> list[Place]:
     view = view_of(request)
     runtime, person = view.runtime(request), request.state.person
     if runtime.plant is None:
         return []
-    places = _places_of(request.app.state, runtime.texts, runtime.plant, language_of(request))
+    lang = language_of(request)
+    places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
     return ranked((place for place in places if _may(person, place.needs, runtime.simulated)), looked)
 
 
@@ -120,8 +121,9 @@ def _places_of(state: object, texts: Texts, plant: Plant, lang: str) -> Sequence
 
 
 def _with_letters(place: Place) -> Place:
-    text = folded(f"{place.label} {place.detail}")
-    return Place(place.kind, place.label, place.detail, place.url, place.needs, text)
+    name = " " + re.sub(r"\W+", " ", folded(place.label))
+    letters = f"{name} {folded(place.detail)}"
+    return Place(place.kind, place.label, place.detail, place.url, place.needs, letters, name)
 
 
 def _places(texts: Texts, plant: Plant, lang: str) -> Iterator[Place]:
