@@ -80,7 +80,7 @@ def folded(text: str) -> str:
 
 def ranked(places: Iterable[Place], looked: str, most: int = MOST) -> list[Place]:
     """Those that have every word of `looked`, best first: where a word begins before where it only occurs, names before details."""
-    words = folded(looked).split()[:MOST_WORDS]
+    words = list(dict.fromkeys(folded(looked).split()))[:MOST_WORDS]
     if not words:
         return [place for place in places if place.kind in ("machine", "page")][:most]
     found = [(score, place) for place in places if (score := _score(place, words)) is not None]
@@ -104,7 +104,8 @@ async def _found(request: Request, looked: str) -> list[Place]:
         return []
     lang = language_of(request)
     places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
-    return ranked((place for place in places if _may(person, place.needs, runtime.simulated)), looked)
+    mine = (place for place in places if _may(person, place.needs, runtime.simulated))
+    return await asyncio.to_thread(ranked, mine, looked)
 
 
 def _may(person: Person | None, needs: str, simulated: bool) -> bool:
