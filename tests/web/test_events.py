@@ -284,8 +284,9 @@ def test_from_its_screen_one_comes_to_what_became_of_things_on_a_machine_and_to_
         assert ways[item.id] == [
             *(f"/records/{kind}?equipment={item.id}" for kind in item.type.records),
             *([f"/equipment/{item.id}/events"] if has_ring(item) else []),
+            f"/instructor/{item.id}",  # all of them are simulated
         ]
         for url, text in found:
             assert f"<h1>{text}</h1>" in get(staff, url).text
-    assert ways["m1"] == [] and ways["cc1"][-1] == "/equipment/cc1/events" and len(ways["cc1"]) > 1
+    assert len(ways["m1"]) == 1 and ways["cc1"][-2] == "/equipment/cc1/events" and len(ways["cc1"]) > 2
     staff.client.cookies.delete("pogon_lang")
