@@ -189,7 +189,6 @@ export class Chart {
       this.plot?.destroy();
       this.shape = shape;
       this.plot = new uPlot(this.layout(width, height, pens, scales, room), [null, ...(pens.length ? pens : this.pens.slice(0, 1)).map(() => [[], []])], this.element);
-      this.plot.over.dataset.over = "";
     } else if (this.plot.width !== width || this.plot.height !== height) this.plot.setSize({ width, height });
     const data = [null, ...pens.map((pen) => this.points(pen))];
     if (!pens.length) data.push([[], []]);

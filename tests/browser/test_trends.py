@@ -197,13 +197,18 @@ def test_dragging_pauses_and_one_press_goes_back_to_live(page: Page, server: Pog
     show(page, server, "tags=m1.speed&span=10m")
     edge = page.locator("[data-live-edge]")
     expect(edge).to_have_attribute("aria-pressed", "true")
-    over = page.locator("[data-over]").bounding_box()
+    over = page.locator(".u-over").bounding_box()
     assert over
     x, y = over["x"] + over["width"] / 2, over["y"] + over["height"] / 2
     page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 200, y, steps=4)
-    reload_of(page, lambda: page.mouse.up())
+
+    def drag() -> None:  # curves come while the button is still held when the mouse rests, and none when it is let go
+        page.mouse.down()
+        page.mouse.move(x + 200, y, steps=4)
+        page.wait_for_timeout(400)
+        page.mouse.up()
+
+    reload_of(page, drag)
     expect(edge).to_have_attribute("aria-pressed", "false")
     expect(edge).to_contain_text(re.compile("Natrag na uživo|Back to live"))
     stopped = page.evaluate(VIEW)
@@ -236,7 +241,7 @@ def test_buttons_and_keys_move_and_zoom(page: Page, server: PogonServer) -> None
 
 def test_a_box_on_the_axis_zooms_into_it(page: Page, server: PogonServer) -> None:
     show(page, server, "tags=m1.speed&span=8h")
-    over = page.locator("[data-over]").bounding_box()
+    over = page.locator(".u-over").bounding_box()
     assert over
     y = over["y"] + over["height"] + 12
     page.mouse.move(over["x"] + over["width"] * 0.25, y)
@@ -246,6 +251,17 @@ def test_a_box_on_the_axis_zooms_into_it(page: Page, server: PogonServer) -> Non
     reload_of(page, lambda: page.mouse.up())
     assert span(page) == pytest.approx(2 * 3600, rel=0.02)
     expect(page.locator(".t-box")).to_have_count(0)
+
+
+def test_a_press_on_the_curves_sets_a_ruler_and_opens_nothing(page: Page, server: PogonServer) -> None:
+    asked: list[str] = []
+    show(page, server, "tags=m1.speed&span=8h")
+    page.on("request", lambda request: asked.append(urlsplit(request.url).path))
+    reload_of(page, page.locator(".u-over").click)
+    expect(page.locator(".t-ruler:visible")).to_have_count(1)
+    expect(page.locator("dialog[open]")).to_have_count(0)
+    assert "/trends" not in asked
+    expect(page.locator("[data-trend][data-state=ready]")).to_be_attached()
 
 
 def test_two_rulers_give_the_numbers_between_them(page: Page, server: PogonServer) -> None:
