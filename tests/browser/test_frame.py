@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.station import AXE, small
+from tests.browser.station import AXE, SIZES, serving, small
 from tests.conftest import PogonServer
 
 EVIL = """<b id="in" hx-on:click="window.bad = 1" data-hx-on:click="window.bad = 2"
@@ -203,3 +203,18 @@ def test_a_panel_without_tabs_has_a_menu_of_them(page: Page, server: PogonServer
         expect(link).to_be_in_viewport(ratio=1)
     page.click(".places a[href='/alarms']")
     expect(page).to_have_url(f"{server.url}/alarms")
+
+
+def test_a_plant_that_cannot_start_shows_each_mistake_whole(page: Page, tmp_path: Path) -> None:
+    """Also where there is only one: the row is what the page is for."""
+    (small(tmp_path, "m1") / "plant" / "plant.toml").write_text(
+        (tmp_path / "plant" / "plant.toml").read_text("utf-8").replace('"eura_e800"', '"eura_e900"'), "utf-8"
+    )
+    with serving(tmp_path, people={}) as server:
+        for width, height in SIZES.values():
+            page.set_viewport_size({"width": width, "height": height})
+            page.goto(server.url)
+            row = page.locator(".problems tbody tr").first
+            expect(row).to_contain_text("eura_e900")
+            table = page.locator(".problems")
+            assert table.evaluate("box => box.clientHeight >= box.firstElementChild.offsetHeight"), (width, height)
