@@ -72,7 +72,8 @@
 
   // ---- search, help and the keys that lead somewhere ----------------------------------------------------------------
   const over = (url) => import(body.dataset.palette)
-    .then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url));
+    .then(({ show }) => show(url === "/help" ? `/help?of=${encodeURIComponent(location.pathname)}` : url))
+    .catch(() => { say(line.dataset.network, "error"); });
   function point() { // the palette named an action: it is pressed here, by hand
     const wanted = location.hash.startsWith("#do-") && CSS.escape(location.hash.slice(4));
     if (wanted) for (const name of ["command", "hold", "setpoint"])

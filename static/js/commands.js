@@ -76,7 +76,8 @@ export async function take(answer, near) {
   return asks;
 }
 
-function told(text, kind, time) {
+/** Say `text` in the message line, to who hears the page, too. */
+export function told(text, kind, time) {
   const place = document.getElementById("message");
   place.setAttribute("role", kind === "error" ? "alert" : "status");
   say(text, kind);
@@ -476,7 +477,7 @@ document.addEventListener("keydown", (event) => {
 // ---- dialogs: below the alarm banner, which stays in reach ------------------------------------------------------------------------------------
 
 /** Open a dialog over the page; returns what closes it. */
-function open(dialog) {
+export function open(dialog) {
   const overlay = document.getElementById("overlay"), back = document.activeElement;
   const scrim = document.createElement("div");
   scrim.className = "scrim";

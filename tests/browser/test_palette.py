@@ -1,9 +1,11 @@
 """Somebody finds their way by the keyboard alone: Ctrl+K, a few letters, Enter; an action is only led to, never done."""
 
+import re
+import time
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.browser.station import LANGUAGES, Sit, lay_out, serving, small, speak
 from tests.browser.test_layout import BOTH, SIZES
@@ -52,8 +54,55 @@ def test_arrows_choose_escape_closes_and_the_same_page_takes_the_focus_too(sit: 
     expect(page.locator("[data-command='m1.reverse']")).to_be_focused()
     page.keyboard.press("F2")
     expect(page).to_have_url(page.url.split("/equipment")[0] + "/")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")  # a page that is only on its way hears no key
     page.keyboard.press("F6")
     expect(page.locator("h1")).to_have_text("Trends")
+
+
+def hold_back(page: Page, what: str) -> list[Route]:
+    """What is asked for at such addresses from now on; nobody answers until each is continued."""
+    held: list[Route] = []
+    page.route(what, lambda route: held.append(route))
+    return held
+
+
+def wait_for(page: Page, held: list[Route], number: int) -> None:
+    end = time.monotonic() + 15
+    while len(held) < number:
+        assert time.monotonic() < end, [route.request.url for route in held]
+        page.wait_for_timeout(50)
+
+
+def test_it_opens_however_late_the_other_scripts_come(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    held = hold_back(page, "**/js/commands.*.js")
+    page.reload(wait_until="commit")
+    wait_for(page, held, 1)
+    while not page.evaluate("Boolean(window.pogon)"):
+        page.wait_for_timeout(50)  # the keys are heard
+    page.keyboard.press("Control+k")
+    page.wait_for_timeout(500)
+    held[0].continue_()
+    expect(page.locator("#pal-q")).to_be_focused()
+    page.unroute_all()
+
+
+def test_keys_wait_until_what_was_typed_is_found_and_no_letter_is_lost(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    page.keyboard.press("Control+k")
+    expect(page.locator("#pal-q")).to_be_focused()
+    held = hold_back(page, "**/palette/found*")
+    page.keyboard.type("fan 2", delay=250)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Enter")
+    wait_for(page, held, 1)
+    expect(page).to_have_url(re.compile("/equipment/m1$"))
+    held[0].continue_()
+    wait_for(page, held, 2)
+    expect(page).to_have_url(re.compile("/equipment/m1$"))
+    held[1].continue_()
+    expect(page).to_have_url(re.compile("/equipment/m2$"))
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
