@@ -160,7 +160,7 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     run(page)
     fault(page, "c1", 2)
     expect(page.locator(".c-first")).to_contain_text(
-        re.compile(r"Stopped: belt 2 jammed\s*\d\d:\d\d:\d\d\.\d{3}"), timeout=30_000
+        re.compile(r"Stopped: section 2, belt jammed\s*\d\d:\d\d:\d\d\.\d{3}"), timeout=30_000
     )
     expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\bjam\b"))
     expect(page.locator(".c-belt").nth(0)).not_to_have_class(re.compile(r"\bjam\b"))

@@ -135,7 +135,7 @@ def test_a_port_that_is_not_there_is_told_in_words(staff: Staff) -> None:
     [
         ("en", "3 parity and 5 framing errors", "no telegram: compare baud rate, parity"),
         ("de", "3 Paritäts- und 5 Rahmenfehler", "kein Telegramm: Baudrate, Parität"),
-        ("hr", "pogrešaka pariteta: 3, pogrešaka okvira: 5", "nije telegram: usporedite brzinu"),
+        ("hr", "grešaka pariteta: 3, grešaka okvira: 5", "nije telegram: usporedite brzinu"),
         ("cs", "chyb parity: 3, chyb rámce: 5", "není telegram: porovnejte rychlost"),
     ],
 )

@@ -341,8 +341,8 @@ def test_a_jam_is_caused_stops_the_line_and_is_told_as_the_first_cause(crew: Sta
     try:
         assert until(lambda: value(line, "c1.motor_2") == 4 and value(line, "c1.first_out"))
         told = words(line.get("/equipment/c1/part/first").text)
-        assert re.match(r"first Stopped: belt 2 jammed \d\d:\d\d:\d\d\.\d{3}", told)
-        assert "Belt 2 jams" in line.get("/instructor/c1/active").text
+        assert re.match(r"first Stopped: section 2, belt jammed \d\d:\d\d:\d\d\.\d{3}", told)
+        assert "Section 2: belt jams" in line.get("/instructor/c1/active").text
     finally:
         crew.post("/instructor/c1/fault", {"code": "0"})
 
