@@ -27,6 +27,7 @@ from app.web import (
     events,
     factor,
     fault_buffer,
+    favourites,
     forces,
     guard,
     health,
@@ -92,6 +93,7 @@ def create_app(settings: Settings, clock: Clock | None = None, threads: Threads 
 def dress(app: FastAPI, settings: Settings) -> None:
     """Give `app` our pages, our errors and the layer around everything; every route must say who may use it."""
     app.state.view = View(Assets(bundled("static")))
+    app.state.view.around.append(favourites.around)
     rooms = (
         pages,
         socket,
@@ -120,6 +122,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         instructor,
         lessons,
         palette,
+        favourites,
         help,
         communication,
         forces,

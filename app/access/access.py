@@ -14,6 +14,7 @@ from app.access.audit.watch import AuditWatch
 from app.access.factors import Factors
 from app.access.first_code import FirstCode
 from app.access.former import check_former
+from app.access.kept import Kept
 from app.access.keys import check_files, lock, read_key
 from app.access.keys import prepare as prepare_files
 from app.access.own_account import OwnAccount
@@ -90,6 +91,7 @@ class Access:
             self._tell,
         )
         self.own = OwnAccount(db, self.audit, self.sessions, self.passwords, self.throttle, accounts, self._tell)
+        self.kept = Kept(db, clock)
         self.people = People(
             db,
             self.audit,
@@ -111,6 +113,7 @@ class Access:
     async def start(self, version: str = "") -> str:
         """Note the start; returns the one-time code while there is no account, else nothing."""
         await self.sessions.load()
+        await self.kept.load()
         await self.audit.begin()
         await self.factors.check()
         await self.audit.record("server.started", None, version=version, install=self.audit.install)

@@ -1,6 +1,6 @@
 """Tables of `pogon.db` about people and what they did. Times are integer µs UTC."""
 
-from sqlalchemy import BigInteger, Boolean, Column, ForeignKey, Index, Integer, String, Table, Text
+from sqlalchemy import JSON, BigInteger, Boolean, Column, ForeignKey, Index, Integer, String, Table, Text
 
 from app.db import pogon_tables
 
@@ -69,6 +69,16 @@ recovery_table = Table(
     pogon_tables,
     Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
     Column("hash", String(64), primary_key=True),
+)
+
+kept_table = Table(
+    "kept",
+    pogon_tables,
+    Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
+    Column("kind", String(16), primary_key=True),
+    Column("name", String(200), primary_key=True),
+    Column("since", BigInteger, nullable=False),
+    Column("value", JSON, nullable=False),
 )
 
 audit_table = Table(

@@ -7,16 +7,17 @@ import asyncio
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
-from app.access.roles import ROLE_PERMISSION, Person, permitted
+from app.access.kept import FAVOURITE
+from app.access.roles import ROLE_PERMISSION, permitted
 from app.plant.definitions import Equipment, EquipmentType, Kind, Plant
 from app.plant.texts import Texts
-from app.web.guard import allow
+from app.web.guard import allow, people_access
 from app.web.language import language_of
 from app.web.pages import pages_of, view_of
 from app.web.view import ENGINEERING, PAGES, address_of_area, area_label, areas
@@ -27,9 +28,10 @@ MOST = 24
 """Hits that are shown."""
 LONGEST, MOST_WORDS = 80, 6
 """Of what is looked for [characters, words]."""
-KINDS = ("machine", "page", "action", "alarm", "point")
+KINDS = (FAVOURITE.name, "machine", "page", "action", "alarm", "point")
 """Of equally good hits these come first."""
 SYMBOLS: Mapping[str, str] = {
+    FAVOURITE.name: "i-star",
     "machine": "i-wrench",
     "page": "i-right",
     "action": "i-hand",
@@ -82,7 +84,7 @@ def ranked(places: Iterable[Place], looked: str, most: int = MOST) -> list[Place
     """Those that have every word of `looked`, best first: where a word begins before where it only occurs, names before details."""
     words = list(dict.fromkeys(folded(looked).split()))[:MOST_WORDS]
     if not words:
-        return [place for place in places if place.kind in ("machine", "page")][:most]
+        return [place for place in places if place.kind in (FAVOURITE.name, "machine", "page")][:most]
     found = [(score, place) for place in places if (score := _score(place, words)) is not None]
     order = {kind: index for index, kind in enumerate(KINDS)}
     found.sort(key=lambda one: (one[0], order[one[1].kind], len(one[1].label), one[1].label))
@@ -104,12 +106,19 @@ async def _found(request: Request, looked: str) -> list[Place]:
         return []
     lang = language_of(request)
     places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
-    mine = (place for place in places if _may(person, place.needs, runtime.simulated))
-    return await asyncio.to_thread(ranked, mine, looked)
+    mine = (place for place in places if permitted(person, place.needs, simulated=runtime.simulated))
+    marked = people_access(request).kept.of(person.id, FAVOURITE) if person is not None else {}
+    return await asyncio.to_thread(ranked, _marked(mine, list(marked)), looked)
 
 
-def _may(person: Person | None, needs: str, simulated: bool) -> bool:
-    return permitted(person, needs, simulated=simulated)
+def _marked(places: Iterable[Place], favourites: Sequence[str]) -> list[Place]:
+    """`places` with those that somebody marked as favourites first."""
+    order = {url: index for index, url in enumerate(favourites)}
+    found = [
+        replace(place, kind=FAVOURITE.name) if place.url in order and place.kind in ("machine", "page") else place
+        for place in places
+    ]
+    return sorted(found, key=lambda one: order[one.url] if one.kind == FAVOURITE.name else len(order))
 
 
 def _places_of(state: object, texts: Texts, plant: Plant, lang: str) -> Sequence[Place]:
@@ -118,6 +127,18 @@ def _places_of(state: object, texts: Texts, plant: Plant, lang: str) -> Sequence
     known = kept.get(lang)
     if known is None or known[0] is not plant:
         known = kept[lang] = (plant, [_with_letters(place) for place in _places(texts, plant, lang)])
+    return known[1]
+
+
+def destinations(state: object, texts: Texts, plant: Plant, lang: str) -> Mapping[str, Place]:
+    """Machines and pages by address, collected once for each reading of the plant."""
+    kept: dict[str, tuple[Plant, Mapping[str, Place]]] = state.__dict__.setdefault("destinations", {})
+    known = kept.get(lang)
+    if known is None or known[0] is not plant:
+        places = list(_pages(texts, plant, lang))
+        for item in plant.equipment.values():
+            places += _pages_of(texts, plant, lang, item)
+        known = kept[lang] = (plant, {place.url: place for place in places})
     return known[1]
 
 
@@ -154,14 +175,7 @@ def _of_machine(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Itera
     def text(key: str) -> str:
         return texts.of_type(lang, kind, key)
 
-    yield Place("machine", name, f"{item.id} · {text(kind.label)}", url)
-    for page in pages_of(kind):
-        if page:
-            yield Place("page", text(f"page.{page}"), machine, f"{url}/page/{page}")
-    yield Place("page", texts.text(lang, "par.title"), machine, f"{url}/parameters", "diagnose")
-    if plant.links[item.link].simulated:
-        instructor = texts.text(lang, "instructor.title")
-        yield Place("page", instructor, machine, f"/instructor/{quote(item.id)}", "instruct")
+    yield from _pages_of(texts, plant, lang, item)
     yield from _actions(kind, machine, url, text)
     for alarm in item.alarms:
         label = re.sub(r"\s*\{\w+\}", "", text(alarm.label))
@@ -171,6 +185,20 @@ def _of_machine(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Itera
             trend = point.history and point.kind in (Kind.ANALOG, Kind.STEP, Kind.BOOL)
             leads = f"/trends?tags={quote(point.name)}" if trend else url
             yield Place("point", text(point.label), f"{machine} · {point.name}", leads)
+
+
+def _pages_of(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Iterator[Place]:
+    """A machine and its pages."""
+    name, kind, url = texts.label(lang, item.label) or item.id, item.type, f"/equipment/{quote(item.id)}"
+    machine = f"{name} · {item.id}"
+    yield Place("machine", name, f"{item.id} · {texts.of_type(lang, kind, kind.label)}", url)
+    for page in pages_of(kind):
+        if page:
+            yield Place("page", texts.of_type(lang, kind, f"page.{page}"), machine, f"{url}/page/{page}")
+    yield Place("page", texts.text(lang, "par.title"), machine, f"{url}/parameters", "diagnose")
+    if plant.links[item.link].simulated:
+        instructor = texts.text(lang, "instructor.title")
+        yield Place("page", instructor, machine, f"/instructor/{quote(item.id)}", "instruct")
 
 
 def _actions(kind: EquipmentType, machine: str, url: str, text: Callable[[str], str]) -> Iterator[Place]:

@@ -7,7 +7,7 @@ bring (app/web/screens) everywhere, and the names of `_surroundings` on a page.
 
 import asyncio
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import CodeType
@@ -174,6 +174,9 @@ def _referenced(environment: Environment, name: str) -> list[str]:
     return COMPILED.names[source]
 
 
+Around = Callable[[Request, str], Mapping[str, Any]]
+
+
 class View:
     """Renders pages and fragments."""
 
@@ -182,6 +185,8 @@ class View:
         self.build = assets.build
         self._environments: dict[str, tuple[Texts, Environment]] = {}
         self._product = Texts.read()
+        self.around: list[Around] = []
+        """What parts of the house add to every frame: asked with the request and the language."""
 
     def page(self, request: Request, template: str, *, status: int = 200, title: str, **context: Any) -> HTMLResponse:
         """`template` in the frame. `title` is the one h1; `kind` says which live page it is (running/page_tags.py), `area` which tab."""
@@ -227,6 +232,8 @@ class View:
         }
         if frame:
             values |= self._surroundings(request, lang, context)
+            for around in self.around:
+                values |= around(request, lang)
         return Drawn(environment, template, values | context, status)
 
     def _environment(self, texts: Texts, lang: str) -> Environment:

@@ -1,0 +1,93 @@
+"""Each person marks pages with a star: they stand in the menu and first in the search, and outlive the server."""
+
+import re
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.access.kept import FAVOURITE
+from tests.web.operating import Operator
+from tests.web.people import Staff
+from tests.web.test_palette import hits
+
+
+@pytest.fixture(scope="module")
+def staff(demo: TestClient) -> Staff:
+    demo.pass_time(2)
+    return Staff(demo)
+
+
+def in_menu(page: str) -> list[str]:
+    menu = re.search(r'<div id="favourites"[^>]*>(.*?)</div>', page, re.DOTALL)
+    assert menu
+    return re.findall(r'<a href="([^"]*)"', menu[1])
+
+
+def pressed(page: str) -> str:
+    star = re.search(r'id="star"[^>]*aria-pressed="(\w+)"', page)
+    return star[1] if star else "none"
+
+
+def test_a_star_puts_a_page_into_the_menu_and_first_into_the_search_and_takes_it_out(staff: Staff) -> None:
+    zoe = Operator(staff, "zoe", ("operator",))
+    assert pressed(zoe.get("/equipment/m2", fragment=False).text) == "false"
+    answer = zoe.post("/favourites", at="/equipment/m2", on="1")
+    assert (answer.status_code, pressed(answer.text), in_menu(answer.text)) == (200, "true", ["/equipment/m2"])
+    zoe.post("/favourites", at="/trends", on="1")
+    page = zoe.get("/equipment/m2", fragment=False).text
+    assert (pressed(page), in_menu(page)) == ("true", ["/equipment/m2", "/trends"])
+    assert [url for url, _ in hits(zoe.get("/palette").text)][:2] == ["/equipment/m2", "/trends"]
+    assert hits(zoe.get("/palette/found?q=fan").text)[0] == ("/equipment/m2", "Fan 2")
+    answer = zoe.post("/favourites", at="/equipment/m2", on="")
+    assert (pressed(answer.text), in_menu(answer.text)) == ("false", ["/trends"])
+    zoe.post("/favourites", at="/trends", on="")
+
+
+def test_it_is_ones_own_and_names_the_page_in_ones_language(staff: Staff) -> None:
+    Operator(staff, "ana", ("operator",)).post("/favourites", at="/alarms", on="1")
+    iva = Operator(staff, "iva", ("operator",), "hr")
+    assert in_menu(iva.get("/alarms", fragment=False).text) == []
+    iva.post("/favourites", at="/equipment/c1", on="1")
+    assert re.search(
+        r'href="/equipment/c1">.*?<span hx-ignore>Pokretna traka 1', iva.get("/alarms", fragment=False).text, re.S
+    )
+
+
+def test_only_a_page_that_one_may_see_can_be_marked(staff: Staff) -> None:
+    ana = Operator(staff, "ana", ("operator",))
+    for at in ("/users", "/nowhere", "https://evil.test/", "//evil.test", ""):
+        answer = ana.post("/favourites", at=at, on="1")
+        assert answer.status_code == 422, at
+    assert "/nowhere" in ana.post("/favourites", at="/nowhere", on="1").text
+    assert pressed(ana.get("/", fragment=False).text) == "none", "home is a button already"
+    staff.have()
+    assert pressed(staff.client.get("/equipment/m2").text) == "none", "a guest keeps nothing"
+    assert staff.post("/favourites", {"at": "/trends", "on": "1"}).status_code in (303, 401, 403)
+
+
+def test_as_many_as_fit_a_menu(staff: Staff) -> None:
+    eva = Operator(staff, "eva", ("operator", "engineer"))
+    urls = [url for url, _ in hits(eva.get("/palette").text) if url != "/"]
+    machine_pages = [f"/equipment/{one}/parameters" for one in ("m1", "m2", "c1", "cc1", "seq1", "cr1", "a1")]
+    answers = [eva.post("/favourites", at=at, on="1") for at in dict.fromkeys(urls + machine_pages)]
+    codes = [answer.status_code for answer in answers]
+    assert codes[: FAVOURITE.most] == [200] * FAVOURITE.most
+    assert codes[FAVOURITE.most] == 409
+    assert str(FAVOURITE.most) in answers[FAVOURITE.most].text
+
+
+def test_what_is_kept_is_read_back_from_the_database(staff: Staff) -> None:
+    ida = Operator(staff, "ida", ("operator",))
+    ida.post("/favourites", at="/alarms", on="1")
+    ida.post("/favourites", at="/equipment/m1", on="1")
+    staff.access.kept._all.clear()
+    staff.wait(staff.access.kept.load)
+    assert in_menu(ida.get("/alarms", fragment=False).text) == ["/alarms", "/equipment/m1"]
+
+
+def test_without_script_it_comes_back_to_the_page(staff: Staff) -> None:
+    staff.enter("ada")
+    answer = staff.client.request("GET", "/equipment/m1")
+    assert answer.status_code == 200
+    sent = staff.post("/favourites", {"at": "/equipment/m1", "on": "1"}, **{"Sec-Fetch-Site": "same-origin"})
+    assert (sent.status_code, sent.headers["location"]) == (303, "/equipment/m1")
