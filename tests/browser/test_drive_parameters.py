@@ -1,14 +1,16 @@
 """Drive parameters in two browsers: one writes and saves while the other reads, each with a list of its own."""
 
+import csv
 import re
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from app import bundled
-from tests.browser.station import PASSWORD, Sit, serving, take
+from tests.browser.station import PASSWORD, Sit, origin, serving, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/d2/drive-parameters?group=ramp"
@@ -46,11 +48,11 @@ def test_one_writes_and_saves_while_the_other_reads(sit: Sit) -> None:
     take(page)
     choose(page, "p1120", "7.5")
     choose(page, "p1121", "8")
-    expect(page.locator("#dw [data-element='2:p1120'] input[name=value]")).to_have_value(
+    expect(page.locator("#dw [data-element$=':p1120'] input[name=value]")).to_have_value(
         "7.5"
     )  # what was typed is kept
     review(page)
-    expect(page.locator("#dw [data-element='2:p1120'] .rv-v")).to_have_text(re.compile(r"5\s*7\.5\s*s"))
+    expect(page.locator("#dw [data-element$=':p1120'] .rv-v")).to_have_text(re.compile(r"5\s*7\.5\s*s"))
     other.locator(".dp-read button").click()
     order(page, "write")
     expect(page.locator("#dw [data-result='1:p1120']")).to_have_attribute("data-done", "yes", timeout=20_000)
@@ -70,3 +72,39 @@ def test_one_writes_and_saves_while_the_other_reads(sit: Sit) -> None:
     expect(page.locator("#dw .dw-save")).to_contain_text("Nothing unsaved", timeout=20_000)
     page.locator(".dp-read button").click()
     expect(page.locator("tr[data-code=p1120] td.r").first).to_contain_text("7.5", timeout=20_000)
+
+
+def test_a_set_goes_home_comes_back_changed_and_is_compared_reviewed_and_written(sit: Sit, tmp_path: Path) -> None:
+    page = sit()
+    take(page)
+    page.locator(".dp-read button").click()
+    expect(page.locator("tr[data-code=p1135] td.r").first).to_have_text(re.compile(r"\d"), timeout=20_000)
+    page.locator(".p-head a[href$='/compare']").click()
+    with page.expect_download() as saved:
+        page.locator("a[href$='export.csv']").click()
+    home = saved.value.path().read_text("utf-8-sig")
+    [old] = [line for line in home.splitlines() if ";p1135;" in line]
+    cells = next(csv.DictReader([home.splitlines()[0], old], delimiter=";"))
+    changed = tmp_path / "changed.csv"
+    changed.write_text(home.replace(old, ";".join((cells | {"value": "4.5"}).values())), "utf-8")
+
+    # a file with a mistake is refused whole, with its line
+    wrong = tmp_path / "wrong.csv"
+    wrong.write_text(home.replace(old, ";".join((cells | {"value": "fast"}).values())), "utf-8")
+    page.set_input_files("#dc-file", wrong)
+    expect(page.locator("#dc .dc-wrong li")).to_contain_text("fast")
+    assert page.locator("#dc .dc-table").count() == 0
+
+    page.set_input_files("#dc-file", changed)
+    row = page.locator("#dc tr[data-same=no]")
+    expect(row).to_have_count(1, timeout=20_000)
+    expect(row).to_contain_text("4.5")
+    page.locator("#dc .dp-read button").click()
+    expect(page.locator("#dw [data-element$=':p1135'] input[name=value]")).to_have_value("4.5")
+    review(page)
+    order(page, "write")
+    expect(page.locator("#dw [data-result$=':p1135']")).to_have_attribute("data-done", "yes", timeout=20_000)
+    page.goto(f"{origin(page)}/equipment/d2/drive-parameters/compare")
+    page.set_input_files("#dc-file", changed)
+    expect(page.locator("#dc [role=alert], #dc td[colspan]")).to_be_visible(timeout=20_000)
+    expect(page.locator("#dc tr[data-same=no]")).to_have_count(0)

@@ -48,7 +48,7 @@ def test_bytes_are_twice_the_registers_and_these_are_the_ones_of_the_map() -> No
         plc_map.HOLD,
         plc_map.EVENTS,
         plc_map.EVENT_ROWS,
-        _data.type.tables["product"].address,
+        *(table.address for table in _data.type.tables.values()),
     }
     assert all(byte == 2 * register for register, byte in rows.items())
 
