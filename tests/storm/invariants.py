@@ -9,6 +9,7 @@ from sqlalchemy import select
 
 from app.access.tables import audit_table
 from app.alarms.lifecycle import TRANSITIONS, Entry
+from app.alarms.shelf import unpacked
 from app.alarms.tables import journal_table, state_table
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
@@ -411,7 +412,22 @@ async def alarms_follow_the_table(c: Checker) -> None:
                 f"{row.alarm}: {row.event} from {row.before}, it was {stands.get(row.alarm, 'A')}",
             )
         stands[row.alarm] = row.after
-    kept = await runtime.db.read(lambda connection: connection.execute(select(state_table.c.alarm)).scalars().all())
+    written = Counter((row.alarm, row.event) for row in rows)
+    if lost := c.world.hidden - written:
+        raise Fell("alarms_follow_the_table", f"not in the journal though somebody was told so: {dict(lost)}")
+    states = await runtime.db.read(
+        lambda connection: connection.execute(select(state_table.c.alarm, state_table.c.hiding)).all()
+    )
+    for alarm, hiding in states:
+        shelf, service = unpacked(hiding)
+        watch = runtime.alarms._index.get(alarm)
+        if watch is not None and (watch.shelf, watch.service) != (shelf, service):
+            raise Fell(
+                "alarms_follow_the_table", f"{alarm} is hidden by {watch.shelf} and {watch.service}, kept: {hiding}"
+            )
+        if shelf is not None and shelf.until < c.world.clock.micros() - UNDER_WAY * 1e6:
+            raise Fell("alarms_follow_the_table", f"{alarm} is still shelved after its time: {hiding}")
+    kept = [alarm for alarm, _ in states]
     left = {alarm for alarm, state in stands.items() if state != "A"}
     if left != set(kept):
         raise Fell("alarms_follow_the_table", f"states {sorted(set(kept) ^ left)} are not those of the journal")

@@ -21,6 +21,14 @@ from tests.virtual import inline
 KEY = re.compile(r'<p class="mono u-key"[^>]*>([A-Z2-7 ]+)</p>')
 CODES = re.compile(r"<li>([0-9A-Z]{4}(?:-[0-9A-Z]{4}){3})</li>")
 """As the page of the second factor shows them."""
+FORMS = {
+    "shelve": "shelve",
+    "once": "shelve",
+    "unshelve": "unshelve",
+    "take_out": "take-out",
+    "put_back": "put-back",
+}
+"""How somebody hides an alarm → the form for it."""
 REFUSED = {401, 403, 404}
 """Answers to a Stop of somebody who may not, or of a machine that is not there."""
 
@@ -295,6 +303,17 @@ class WebWorld(World):
         if standing and self.sids.get(who):
             occurrence = standing[number % len(standing)].occurrence
             await self._send(who, "/alarms/acknowledge", occurrence=[str(occurrence)])
+
+    async def _do_hide(self, who: str, number: int, how: str, minutes: int) -> None:
+        id = self._hidable(number, how)
+        if not id or not self.sids.get(who):
+            return
+        form = {"alarm": id}
+        if how not in ("unshelve", "put_back"):
+            form["reason"] = "a storm comes"
+        if how in ("shelve", "once"):
+            form |= {"minutes": str(minutes), "once": "1" if how == "once" else ""}
+        await self._send(who, f"/alarms/{FORMS[how]}", **form)
 
     async def _do_roles(self, who: str, roles: tuple[str, ...]) -> None:
         if who != "ada":

@@ -8,6 +8,7 @@ import hashlib
 import logging
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from app.access.passwords import Cost, Passwords
 from app.access.roles import Person, permissions_of
 from app.clock import ManualClock
 from app.commands.lifecycle import Progress
-from app.errors import PogonError
+from app.errors import PogonError, StorageError
 from app.plant.definitions import Command, Equipment, Plant
 from app.plant.loader import read_plant
 from app.registers import plc_map
@@ -122,6 +123,8 @@ class World:
     """Id of every order → when [s], machine, command."""
     sets: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Id of every set of setpoints → what it wanted to write."""
+    hidden: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Alarm and what the journal says of it → how often somebody was told that it is put aside, or back."""
     refused_stops: list[tuple[str, str, int]] = field(default_factory=list)
     lives: int = 0
     """Servers that were started."""
@@ -577,6 +580,36 @@ class World:
         if person and standing and person.may("acknowledge"):
             await self.runtime.alarms.acknowledge([standing[number % len(standing)].occurrence], person)
 
+    async def _do_hide(self, who: str, number: int, how: str, minutes: int) -> None:
+        """Somebody puts an alarm aside, or brings one back; what is in the journal then is kept in mind."""
+        person, id = await self.person(who), self._hidable(number, how)
+        if not id or person is None or not person.may("configure" if how in ("take_out", "put_back") else "shelve"):
+            return
+        alarms = self.runtime.alarms
+        match how:
+            case "shelve" | "once":
+                alarms.hiding.shelve(id, person, minutes * 60.0, "a storm comes", once=how == "once")
+            case "unshelve":
+                alarms.hiding.unshelve(id, person)
+            case "take_out":
+                alarms.hiding.take_out(id, person, "a storm comes")
+            case "put_back":
+                alarms.hiding.put_back(id, person)
+        with suppress(StorageError):
+            await alarms.journal.flush()
+            self.hidden[id, HIDDEN_AS[how]] += 1
+
+    def _hidable(self, number: int, how: str) -> str:
+        """An alarm that can be put aside, more often one that stands, or one that can be brought back; nothing when there is none."""
+        if self.down:
+            return ""
+        alarms = self.runtime.alarms
+        listed = alarms.list.hidden() if how in ("unshelve", "put_back") else alarms.list.active()
+        found = [one.id for one in listed]
+        if how not in ("unshelve", "put_back") and (not found or number % 3 == 0):
+            found = [watch.id for watch in alarms._index]
+        return found[number % len(found)] if found else ""
+
     async def _do_program(self, who: str, machine: str, number: int, seconds: float) -> None:
         """A program with a token of somebody; without browsers there is no interface that it could use."""
 
@@ -743,6 +776,14 @@ class World:
 
 SWEPT = 0.3
 """A server that stood still has looked at all values again [s]."""
+HIDDEN_AS = {
+    "shelve": "SHELVED",
+    "once": "SHELVED",
+    "unshelve": "UNSHELVED",
+    "take_out": "OOS_ON",
+    "put_back": "OOS_OFF",
+}
+"""How somebody hides an alarm → what the journal calls it."""
 ALONE = ("kill", "restart", "stall", "reload", "redefine", "power", "line", "clock")
 """Nothing else happens meanwhile, or it takes no time."""
 PATIENCE = 2.0
