@@ -3,6 +3,15 @@
     [actions.orders.run_forward]                        device.toml of the type
     commands = [{ command = "set_frequency", value = "frequency" }, { command = "forward" }]
 
+    [actions.orders.carry]                              one with an end of its own
+    commands = [{ command = "start_cycle" }]            a step gives every argument of the command by its name
+    done = "step_state == 4"                            over the type's points: it is over and did what it should
+    failed = "step_state == 5"                          it is over and did not
+    suspend = "suspend"                                 commands that have it stand still and go on; else Stop, and it is given again
+    stands = "moving == 0"                              suspended, it may go on from then on
+    resume = "resume"
+    stop = "abort"                                      the command that ends it; else the type's Stop
+
 A command goes through the gate as a person's does; `value` names what a step gives for it. Only what an operator may ask without a
 reason, a password or a held button can be an action.
 """
@@ -18,6 +27,8 @@ class ActionCommand:
     """Of the type."""
     value: str = ""
     """Name of the value that a step gives as its argument; empty = it takes none."""
+    arguments: tuple[str, ...] = ()
+    """Names of the values that a step gives as arguments of a code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +37,24 @@ class Action:
 
     key: str
     commands: tuple[ActionCommand, ...]
+    done: str = ""
+    """Sentence over the type's points: it has ended well; empty = it has no end of its own, confirmed is all there is to wait for."""
+    failed: str = ""
+    """It has ended otherwise."""
+    suspend: str = ""
+    """Command that has it stand still so that `resume` lets it go on; empty = the type's Stop, and then it is given again."""
+    resume: str = ""
+    stands: str = ""
+    """Sentence: what was suspended may go on; empty = at once."""
+    stop: str = ""
+    """Command that ends it; empty = the type's Stop."""
 
     @property
     def values(self) -> tuple[str, ...]:
         """Names of the values that a step gives."""
-        return tuple(each.value for each in self.commands if each.value)
+        return tuple(name for each in self.commands for name in ((each.value,) if each.value else each.arguments))
+
+    @property
+    def adjusts(self) -> bool:
+        """Whether it only sets values: what the machine did before goes on."""
+        return all(each.value for each in self.commands)

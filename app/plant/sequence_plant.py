@@ -10,7 +10,7 @@
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
-from app.plant.definitions import Command, Equipment, Kind, Link, Scan
+from app.plant.definitions import Equipment, Kind, Link, Scan, Type
 from app.plant.sequence_definition import SequenceOrder
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.orders import expected_action
@@ -76,13 +76,22 @@ def check_order(
             expected = f"a value of {order.action}: " + one_of(list(action.values), name)
             table.note(f"values.{name}", value, expected)
     for each in action.commands:
+        command = machine.type.commands[each.command]
         if each.value in order.values:
-            _check_range(table, each.value, order.values[each.value], machine.type.commands[each.command], machine)
+            low, high = (_widest(machine, command.argument, end) for end in ("low", "high"))
+            _check_range(table, each.value, order.values[each.value], low, high, machine)
+        for argument in command.arguments:
+            if argument.name in order.values:
+                value = order.values[argument.name]
+                _check_range(table, argument.name, value, _number(argument.low), _number(argument.high), machine)
+                if argument.type is not Type.F32 and not value.is_integer():
+                    table.note(f"values.{argument.name}", value, "a whole number")
 
 
-def _check_range(table: Table, name: str, value: float, command: Command, machine: Equipment) -> None:
+def _check_range(
+    table: Table, name: str, value: float, low: float | None, high: float | None, machine: Equipment
+) -> None:
     """The widest range that there can be; narrower limits that are set in the drive are the gate's."""
-    low, high = (_widest(machine, command.argument, end) for end in ("low", "high"))
     if (low is not None and value < low) or (high is not None and value > high):
         ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
         table.note(f"values.{name}", value, f"a number {ends} for {machine.id}")
@@ -98,6 +107,11 @@ def _widest(machine: Equipment, key: str, end: str) -> float | None:
     if text in machine.points:
         bound = getattr(machine.points[text], end)
         return None if bound is None else float(bound)
+    return _number(text)
+
+
+def _number(text: str) -> float | None:
+    """A limit that is a number; None = none, or one that the machine knows."""
     try:
         return float(text)
     except ValueError:

@@ -146,7 +146,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         options.check_whole(head, counting)
     setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
-    orders = read_orders(head.table("actions").table("orders"), commands)
+    orders = read_orders(head.table("actions").table("orders"), commands, sentences)
     check_interventions(table_file, tables, points=points.found, commands=commands, records=kinds)
     guards = files.open("interlocks.toml")
     permissives, interlocks = read_guards(guards, sentences)

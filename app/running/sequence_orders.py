@@ -8,8 +8,9 @@ plant file says.
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from math import isfinite, nan
 
 from app import chance
@@ -18,12 +19,13 @@ from app.commands.gate import Gate
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.orders import Writer
 from app.errors import Refused
-from app.plant.actions import ActionCommand
+from app.plant.actions import Action, ActionCommand
 from app.plant.definitions import Equipment, Plant
+from app.plant.expression import Reading, parse
 from app.plant.sequence_definition import SequenceOrder
 from app.sim.plant import SimPlant
 from app.tags.database import TagDatabase
-from app.tags.quality import is_good
+from app.tags.quality import NO_DATA, is_good
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +34,9 @@ SESSION = "sequence-"
 OPERATOR = frozenset({"operator"})
 LIVE = "why.sequence_live"
 TOO_SOON = "why.too_soon"
+LOOK = 0.1
+"""Between two looks at whether an action has ended [s]."""
+UNSEEN: Reading = (None, NO_DATA)
 
 
 def is_sequence(person: Person) -> bool:
@@ -56,120 +61,290 @@ def point_of(tags: TagDatabase) -> Callable[[str], float]:
 class GivenOrders:
     """Commands of one step under way."""
 
-    orders: Sequence[SequenceOrder]
+    orders: list[SequenceOrder]
     open: int
-    """Orders that are not confirmed yet."""
+    """Orders that are not over yet."""
     refused: int = 0
+    order: SequenceOrder | None = None
+    """The first that failed."""
     reason: str = ""
-    """Text key of why the first failed."""
+    """Text key of why."""
     params: Mapping[str, object] = field(default_factory=dict)
-    tasks: list[asyncio.Task[None]] = field(default_factory=list)
 
     @property
     def pending(self) -> bool:
-        """Whether some are not confirmed yet."""
+        """Whether some are not over yet."""
         return self.open > 0 and not self.refused
 
-    def fail(self, order: SequenceOrder, reason: str, params: Mapping[str, object]) -> None:
-        """`order` was refused or not confirmed; the first one counts."""
+    def fail(self, number: int, reason: str, params: Mapping[str, object]) -> None:
+        """Order `number`, from 1, was refused, not confirmed or not done; the first one counts."""
         if not self.refused:
-            self.refused, self.reason, self.params = self.orders.index(order) + 1, reason, params
+            self.refused, self.order, self.reason, self.params = number, self.orders[number - 1], reason, params
+
+
+class Stage(Enum):
+    """How far an order is."""
+
+    WAITING = 0
+    SENT = 1
+    """Its last command was asked: the machine does it, or will in a moment."""
+    DONE = 2
+    """Confirmed, and of an action with an end of its own: it has ended."""
+
+
+@dataclass(slots=True)
+class _Carried:
+    """One order of this run."""
+
+    order: SequenceOrder
+    action: Action
+    given: GivenOrders
+    number: int
+    stage: Stage = Stage.WAITING
+
+    @property
+    def moves(self) -> bool:
+        """Whether the machine perhaps does something for it: it was given, and has not ended by itself."""
+        return self.stage is Stage.SENT or (self.stage is Stage.DONE and not self.action.done)
 
 
 class SequenceDesk:
-    """Carries the commands of one sequence through the gate."""
+    """Carries the commands of one sequence through the gate.
 
-    def __init__(self, item: Equipment, gate: Gate, plant: Plant, writers: Mapping[str, Writer]) -> None:
+    What a run has a machine do is kept as a list of orders: one that is confirmed takes the place of those before it, unless it only
+    sets a value or has an end of its own.
+    """
+
+    def __init__(
+        self, item: Equipment, gate: Gate, plant: Plant, writers: Mapping[str, Writer], tags: TagDatabase | None
+    ) -> None:
         self.person = _person(item, plant)
-        self.last: GivenOrders | None = None
-        """What was given last; its reason stays for the page."""
-        self._gate, self._plant, self._writers = gate, plant, writers
+        self.failed: GivenOrders | None = None
+        """What was refused, not confirmed or not done last; its reason stays for the page."""
+        self.gate = gate
+        self._plant, self._writers, self._tags = plant, writers, tags
         self._waits: dict[str, asyncio.Future[Progress]] = {}
         self._number, self._prefix = 0, chance.token_hex(8)
-        self._stops: set[asyncio.Task[None]] = set()
-        self.close = gate.subscribe_ends(self._ended)
-        """Ends it."""
+        self._carried: dict[str, list[_Carried]] = {}
+        """Machine → what this run has it do, in order."""
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._halts: dict[str, asyncio.Task[None]] = {}
+        """Machines that are being stopped or suspended: nothing is given to them meanwhile."""
+        self._paused: set[str] = set()
+        """Machines that stand still by the `suspend` of an action and go on by its `resume`."""
+        self._close = gate.subscribe_ends(self._ended)
+
+    def renew(self, item: Equipment, gate: Gate, plant: Plant) -> None:
+        """Go on in the plant as it was read again."""
+        self.person, self._plant = _person(item, plant), plant
+        if gate is not self.gate:
+            self._close()
+            self.gate, self._close = gate, gate.subscribe_ends(self._ended)
+
+    @property
+    def pending(self) -> bool:
+        """Whether an order is not over yet."""
+        return any(one.stage is not Stage.DONE for held in self._carried.values() for one in held)
 
     def give(self, orders: Sequence[SequenceOrder]) -> GivenOrders:
-        """Give `orders`: those of one machine one after the other, machines side by side. What was under way is given up."""
-        self._give_up()
-        given = self.last = GivenOrders(tuple(orders), len(orders))
+        """Give `orders`: those of one machine one after the other, machines side by side."""
+        given = GivenOrders(list(orders), len(orders))
+        for number, order in enumerate(orders, 1):
+            item = self._plant.equipment.get(order.machine)
+            action = item.type.orders.get(order.action) if item else None
+            if action is None:
+                self._fail(given, number, "fb.failed", {})  # it was there when the plant was read
+                return given
+            self._carried.setdefault(order.machine, []).append(_Carried(order, action, given, number))
         for machine in dict.fromkeys(order.machine for order in orders):
-            mine = [order for order in orders if order.machine == machine]
-            given.tasks.append(asyncio.ensure_future(self._follow(given, mine)))
+            self._go(machine)
         return given
 
-    def stop(self, machines: Sequence[str]) -> None:
-        """Give up what is under way, and stop `machines`: each by the Stop of its type, which the gate repeats until it is read back."""
-        self._give_up()
-        for machine in machines:
-            self._keep(self._stop(machine))
+    def suspend(self) -> None:
+        """Everything of this run stands still: by the action's `suspend` where it goes on from there, else by the Stop of the type."""
+        self._halt(self._suspend)
 
-    def leave(self, machines: Sequence[str]) -> None:
-        """The run is over: its control of `machines` is free."""
-        for machine in machines:
-            if self._gate.control.holds(self.person, machine):
-                self._gate.control.release(self.person, machine)
+    def resume(self) -> GivenOrders:
+        """What stood still goes on. After a Stop what has no end of its own is given again, and what had not ended."""
+        again = GivenOrders([], 0)
+        for machine, held in self._carried.items():
+            for one in held if machine not in self._paused else ():
+                if one.stage is Stage.SENT:
+                    one.stage = Stage.WAITING
+                elif one.stage is Stage.DONE and not one.action.done:
+                    again.orders.append(one.order)
+                    again.open += 1
+                    one.given, one.number, one.stage = again, again.open, Stage.WAITING
+            self._go(machine)
+        return again
 
-    def _give_up(self) -> None:
-        for task in self.last.tasks if self.last else ():
+    def stop(self) -> None:
+        """Stop every machine that still does something for this run: by the action's `stop`, else by the Stop of its type, which the
+        gate repeats until it is read back."""
+        self._halt(self._end)
+        self._carried = {}
+
+    def leave(self) -> None:
+        """The run is over: its control of its machines is free."""
+        machines = list(self._carried)
+        self._carried, self._paused = {}, set()
+        for machine in machines:
+            self._free(machine)
+
+    def _free(self, machine: str) -> None:
+        if machine not in self._carried and self.gate.control.holds(self.person, machine):
+            self.gate.control.release(self.person, machine)
+
+    def _go(self, machine: str) -> None:
+        before = self._tasks.get(machine)
+        if before is None or before.done():
+            self._tasks[machine] = asyncio.ensure_future(self._follow(machine))
+
+    def _halt(self, how: Callable[[str, Sequence[_Carried]], Coroutine[None, None, None]]) -> None:
+        for task in self._tasks.values():
             task.cancel()
+        self._tasks = {}
+        for machine, held in self._carried.items():
+            self._halts[machine] = asyncio.ensure_future(
+                self._after(self._halts.get(machine), machine, how, list(held))
+            )
 
-    def _keep(self, work: Coroutine[None, None, None]) -> None:
-        task = asyncio.ensure_future(work)
-        self._stops.add(task)
-        task.add_done_callback(self._stops.discard)
+    async def _after(
+        self,
+        before: asyncio.Task[None] | None,
+        machine: str,
+        how: Callable[[str, Sequence[_Carried]], Coroutine[None, None, None]],
+        held: Sequence[_Carried],
+    ) -> None:
+        if before is not None:
+            before.cancel()
+            await asyncio.wait([before])
+        try:
+            await how(machine, held)
+        except Exception:
+            log.exception("stop by a sequence failed sequence=%s machine=%s", self.person.name, machine)
+        self._free(machine)
 
-    async def _follow(self, given: GivenOrders, orders: Sequence[SequenceOrder]) -> None:
-        for order in orders:
-            if given.refused:
+    async def _follow(self, machine: str) -> None:
+        halt = self._halts.get(machine)
+        if halt is not None:
+            await asyncio.wait([halt])
+        held = self._carried.get(machine, [])
+        while one := next((each for each in held if each.stage is not Stage.DONE), None):
+            if one.given.refused:
                 return
             try:
-                await self._carry_out(order)
+                await self._carry_out(one)
             except Refused as refusal:
-                given.fail(order, refusal.reason, refusal.params)
+                self._fail(one.given, one.number, refusal.reason, refusal.params)
                 return
             except Exception:
-                log.exception("order of a sequence failed sequence=%s order=%s", self.person.name, order)
-                given.fail(order, "fb.failed", {})
+                log.exception("order of a sequence failed sequence=%s order=%s", self.person.name, one.order)
+                self._fail(one.given, one.number, "fb.failed", {})
                 return
-            given.open -= 1
+            one.stage = Stage.DONE
+            one.given.open -= 1
+            held[:] = [each for each in held if each is one or not _replaces(one, each)]
 
-    async def _carry_out(self, order: SequenceOrder) -> None:
-        """Every command of the action, each confirmed before the next.
+    def _fail(self, given: GivenOrders, number: int, reason: str, params: Mapping[str, object]) -> None:
+        given.fail(number, reason, params)
+        self.failed = given
+
+    async def _carry_out(self, one: _Carried) -> None:
+        """Every command of the action, each confirmed before the next, and its end if it has one.
+
+        Raises:
+            Refused: the gate said no, nothing confirmed it, or it ended otherwise.
+        """
+        item = self._plant.equipment[one.order.machine]
+        if one.stage is Stage.SENT and item.id in self._paused:
+            self._paused.discard(item.id)
+            if self._true(item, one.action.done) is not True:
+                await self._confirmed(item, ActionCommand(one.action.resume), one.order)
+        else:
+            *first, last = one.action.commands
+            for command in first:
+                await self._confirmed(item, command, one.order)
+            one.stage = Stage.SENT
+            await self._confirmed(item, last, one.order)
+        if one.action.done:
+            await self._ended_well(item, one.action)
+
+    async def _ended_well(self, item: Equipment, action: Action) -> None:
+        """Wait for the end of an action, by what was read since it was confirmed.
+
+        Raises:
+            Refused: it ended otherwise.
+        """
+        if await self._first_true(item, action.done, action.failed) != action.done:
+            raise Refused("why.order_ended", 409, machine=item.id)
+
+    async def _first_true(self, item: Equipment, *sentences: str) -> str:
+        """Wait until one of `sentences` is true by what was read from now on; which one."""
+        loop = asyncio.get_running_loop()
+        since = loop.time()
+        wanted = [text for text in sentences if text]
+        names = {f"{item.id}.{name}" for text in wanted for name in parse(text).names}
+        while True:
+            if self._fresh(names, loop.time() - since):
+                for text in wanted:
+                    if self._true(item, text) is True:
+                        return text
+            await asyncio.sleep(LOOK)
+
+    def _fresh(self, names: Iterable[str], age: float) -> bool:
+        tags = self._tags
+        return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
+
+    def _true(self, item: Equipment, sentence: str) -> bool | None:
+        def look(name: str) -> Reading:
+            handle = self._tags.handles.get(f"{item.id}.{name}") if self._tags else None
+            return (
+                (self._tags.value(handle), self._tags.quality(handle)) if self._tags and handle is not None else UNSEEN
+            )
+
+        return parse(sentence).true(look)
+
+    async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
+        """Ask for one command and wait until it is confirmed.
 
         Raises:
             Refused: the gate said no, or nothing confirmed it.
         """
-        item = self._plant.equipment[order.machine]
         if not self._writers[item.link].simulated:
             raise Refused(LIVE, 409, machine=item.id)
-        for command in item.type.orders[order.action].commands:
-            progress = await self._ask_in_time(item, command, order.values.get(command.value))
-            if progress.state is not ProgressState.CONFIRMED:
-                raise Refused(progress.reason or progress.text, 409, **progress.params)
+        progress = await self._ask_in_time(item, command, order.values if order else {})
+        if progress.state is not ProgressState.CONFIRMED:
+            raise Refused(progress.reason or progress.text, 409, **progress.params)
 
-    async def _ask_in_time(self, item: Equipment, command: ActionCommand, value: float | None) -> Progress:
+    async def _ask_in_time(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         """As `_ask`; a pulse that was given a moment ago waits until its pause is over, once."""
         try:
-            return await self._ask(item, command, value)
+            return await self._ask(item, command, values)
         except Refused as refusal:
             seconds = refusal.params.get("seconds")
             if refusal.reason != TOO_SOON or not isinstance(seconds, int | float):
                 raise
             await asyncio.sleep(seconds + 0.1)
-        return await self._ask(item, command, value)
+        return await self._ask(item, command, values)
 
-    async def _ask(self, item: Equipment, command: ActionCommand, value: float | None) -> Progress:
+    async def _ask(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         self._number += 1
         id = f"{self._prefix}-{self._number}"
         ended = self._waits[id] = asyncio.get_running_loop().create_future()
         try:
             if not item.type.commands[command.command].stop:
-                self._gate.control.take(self.person, item.id)
-            nonce = self._gate.nonces.issue(self.person.session)
-            asked = await self._gate.ask(
-                self.person, item.id, command.command, argument=value, id=id, nonce=nonce, confirmed=True
+                self.gate.control.take(self.person, item.id)
+            nonce = self.gate.nonces.issue(self.person.session)
+            asked = await self.gate.ask(
+                self.person,
+                item.id,
+                command.command,
+                argument=values.get(command.value),
+                arguments={name: values[name] for name in command.arguments},
+                id=id,
+                nonce=nonce,
+                confirmed=True,
             )
             return asked if asked.over else await ended
         finally:
@@ -180,17 +355,58 @@ class SequenceDesk:
         if waiting is not None and not waiting.done():
             waiting.set_result(progress)
 
+    # ---- standing still and ending --------------------------------------------------------------------
+
+    async def _suspend(self, machine: str, held: Sequence[_Carried]) -> None:
+        under_way = next((one for one in held if one.stage is Stage.SENT), None)
+        action = under_way.action if under_way is not None and under_way.action.suspend else None
+        if action is not None and (machine in self._paused or await self._done(machine, action.suspend)):
+            self._paused.add(machine)
+            if action.stands:
+                await self._first_true(self._plant.equipment[machine], action.stands)
+            return
+        if any(one.moves for one in held):
+            await self._stop(machine)
+
+    async def _end(self, machine: str, held: Sequence[_Carried]) -> None:
+        last = next((one for one in reversed(held) if one.moves), None)
+        if last is None or (last.action.stop and await self._done(machine, last.action.stop)):
+            return
+        self._free(machine)  # a Stop needs no control
+        await self._stop(machine)
+
+    async def _done(self, machine: str, command: str) -> bool:
+        """Whether the machine did `command`."""
+        try:
+            await self._confirmed(self._plant.equipment[machine], ActionCommand(command))
+        except Refused as refusal:
+            log.warning(
+                "%s by a sequence refused sequence=%s machine=%s reason=%s",
+                command, self.person.name, machine, refusal.reason,
+            )  # fmt: skip
+            return False
+        return True
+
     async def _stop(self, machine: str) -> None:
         item = self._plant.equipment[machine]
         stop = next((key for key, command in item.type.commands.items() if command.stop), "")
-        if not stop or not self._writers[item.link].simulated:
+        if not stop:
             return
         try:
-            await self._gate.ask(self.person, machine, stop, confirmed=True)
+            await self._confirmed(item, ActionCommand(stop))
         except Refused as refusal:  # the audit has it, and the gate alarms a Stop that nobody confirms
             log.warning(
                 "stop by a sequence refused sequence=%s machine=%s reason=%s", self.person.name, machine, refusal.reason
             )
+
+
+def _replaces(one: _Carried, former: _Carried) -> bool:
+    """Whether `former`, which is over, need not be given again once `one` is confirmed."""
+    if former.stage is not Stage.DONE:
+        return False
+    if one.action.adjusts:
+        return former.action.key == one.action.key
+    return bool(former.action.done) or not one.action.done
 
 
 class SequenceDesks:
@@ -200,11 +416,12 @@ class SequenceDesks:
         self, gate: Callable[[], Gate | None], plant: Callable[[], Plant | None], writers: Mapping[str, Writer]
     ) -> None:
         self._gate, self._plant, self._writers = gate, plant, writers
-        self._desks: dict[str, tuple[Plant, Gate, SequenceDesk]] = {}
+        self._tags: TagDatabase | None = None
+        self._desks: dict[str, tuple[Plant, SequenceDesk]] = {}
 
     def serve(self, sim: SimPlant, tags: TagDatabase) -> SimPlant:
         """`sim`, whose sequences see the plant by its tags and command it by the gate from now on."""
-        sim.point, sim.desk = point_of(tags), self.of
+        sim.point, sim.desk, self._tags = point_of(tags), self.of, tags
         return sim
 
     def of(self, sequence: str) -> SequenceDesk | None:
@@ -212,27 +429,23 @@ class SequenceDesks:
         gate, plant = self._gate(), self._plant()
         if gate is None or plant is None or sequence not in plant.equipment:
             return None
-        known = self._desks.get(sequence)
-        if known is None or known[0] is not plant or known[1] is not gate:
-            if known is not None:
-                known[2].close()
-            known = self._desks[sequence] = (
-                plant,
-                gate,
-                SequenceDesk(plant.equipment[sequence], gate, plant, self._writers),
-            )
-        return known[2]
+        read, desk = self._desks.get(sequence, (None, None))
+        if desk is None:
+            desk = SequenceDesk(plant.equipment[sequence], gate, plant, self._writers, self._tags)
+        elif read is not plant or desk.gate is not gate:
+            desk.renew(plant.equipment[sequence], gate, plant)
+        self._desks[sequence] = plant, desk
+        return desk
 
     def known(self, sequence: str) -> SequenceDesk | None:
-        """The desk of a sequence that commanded something since the plant was read; None = it did not."""
+        """The desk of a sequence that commanded something since the server was started; None = it did not."""
         found = self._desks.get(sequence)
-        return found[2] if found else None
+        return found[1] if found else None
 
     def failure(self, sequence: str) -> GivenOrders | None:
-        """What was refused or not confirmed last, with its reason; None = nothing."""
-        known = self._desks.get(sequence)
-        given = known[2].last if known else None
-        return given if given is not None and given.refused else None
+        """What was refused, not confirmed or not done last, with its reason; None = nothing."""
+        desk = self.known(sequence)
+        return desk.failed if desk else None
 
 
 def _person(item: Equipment, plant: Plant) -> Person:

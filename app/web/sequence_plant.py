@@ -52,8 +52,17 @@ class SequencePlant:
                 if value is not None and point
                 else ""
             )
-            said.append(f"{view.label} {written}".rstrip())
+            said.append(f"{view.label} {written}".rstrip() + self._arguments(order, machine, each.command))
         return f"{machine.label}: {', '.join(said)}"
+
+    def _arguments(self, order: SequenceOrder, machine: EquipmentView, command: str) -> str:
+        """What goes with a code: ` (from 1, to 2)`."""
+        said = []
+        for one in machine.equipment.type.commands[command].arguments:
+            if one.name in order.values:
+                written = fmt.quantity(order.values[one.name], one.decimals, one.unit, self.equipment.lang)
+                said.append(f"{machine.t(one.label)} {written}")
+        return f" ({', '.join(said)})" if said else ""
 
     @property
     def _desk(self) -> SequenceDesk | None:
@@ -69,10 +78,10 @@ class SequencePlant:
     def failure(self) -> str:
         """Why it was not carried out, as the gate said; empty after a restart of the server (the audit has it)."""
         desk = self._desk
-        given = desk.last if desk else None
-        if given is None or not given.refused:
+        given = desk.failed if desk else None
+        if given is None or given.order is None:
             return ""
-        machine = self.equipment.other(given.orders[given.refused - 1].machine) or self.equipment
+        machine = self.equipment.other(given.order.machine) or self.equipment
         plant = self.equipment.runtime.plant
         filled = fmt.parameters(given.params, self.equipment.lang, self.equipment.text)
         if isinstance(since := given.params.get("since"), int):
@@ -85,7 +94,7 @@ class SequencePlant:
     def pending(self) -> bool:
         """Whether commands of the active step are not confirmed yet."""
         desk = self._desk
-        return desk is not None and desk.last is not None and desk.last.pending
+        return desk is not None and desk.pending
 
     @property
     def held(self) -> bool | None:

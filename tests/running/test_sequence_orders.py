@@ -1,9 +1,10 @@
 """A sequence that this server runs commands any machine of the plant the way a person does, and every machine's points decide about it."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from app.access.roles import Person, permissions_of
@@ -87,6 +88,7 @@ key = "drive_there"
 label = "The drive is there"
 when = "m1.status in (0, 1, 2, 3)"
 """
+NONE: Mapping[str, str] = MappingProxyType({})
 ANA = Person(7, "ana", "Ana Kos", frozenset({"operator"}), permissions_of({"operator"}), "session-of-ana")
 
 
@@ -127,6 +129,7 @@ class Hall:
             await asyncio.sleep(0.02)
 
     async def started(self) -> "Hall":
+        await asyncio.sleep(1)
         await self.until(
             lambda: self.device.permissives.missing(1, 0) < 0 and self.device.permissives.missing(0, 0) < 0
         )
@@ -141,10 +144,13 @@ class Hall:
 
 
 @asynccontextmanager
-async def hall(folder: Path, work: str = FEED, plant: str = PLANT, **settings: Any) -> AsyncIterator[Hall]:
+async def hall(
+    folder: Path, work: str = FEED, plant: str = PLANT, others: Mapping[str, str] = NONE, **settings: Any
+) -> AsyncIterator[Hall]:
     (folder / "plant" / "sequences").mkdir(parents=True)
     (folder / "plant" / "plant.toml").write_text(plant, "utf-8")
-    (folder / "plant" / "sequences" / "work.toml").write_text(work, "utf-8")
+    for name, text in {"work": work, **others}.items():
+        (folder / "plant" / "sequences" / f"{name}.toml").write_text(text, "utf-8")
     runtime = Runtime(Settings(plant=folder / "plant", data=folder / "data", **settings), loop_clock(), inline)
     await runtime.start()
     try:

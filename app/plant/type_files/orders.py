@@ -7,11 +7,28 @@ from app.plant.actions import Action, ActionCommand
 from app.plant.definitions import Command
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
+from app.plant.type_files.sentences import Sentences
 
 
-def read_orders(table: Table, commands: Mapping[str, Command]) -> dict[str, Action]:
+def read_orders(table: Table, commands: Mapping[str, Command], sentences: Sentences) -> dict[str, Action]:
     """The declared actions by name. `table`: `[actions.orders]`."""
-    return {name: Action(name, tuple(_commands(name, row, commands))) for name, row in table.tables()}
+    return {name: _action(name, row, commands, sentences) for name, row in table.tables()}
+
+
+def _action(name: str, row: Table, known: Mapping[str, Command], sentences: Sentences) -> Action:
+    commands = tuple(_commands(name, row, known))
+    done, failed, stands = (row.text(key, "") for key in ("done", "failed", "stands"))
+    for key, text in (("done", done), ("failed", failed), ("stands", stands)):
+        if text:
+            sentences.add(row, key, text)
+    plain = [key for key, command in known.items() if _may(command) and not (command.argument or command.arguments)]
+    ways = [row.text(key, "", choices=plain) if row.has(key) else "" for key in ("suspend", "resume", "stop")]
+    if failed and not done:
+        row.note("done", MISSING, "a sentence that says when it has ended well: failed says when not")
+    if bool(ways[0]) != bool(ways[1]):
+        row.note("resume" if ways[0] else "suspend", MISSING, "both suspend and resume, or none")
+    row.done()
+    return Action(name, commands, done, failed, suspend=ways[0], resume=ways[1], stands=stands, stop=ways[2])
 
 
 def _commands(name: str, row: Table, known: Mapping[str, Command]) -> Iterator[ActionCommand]:
@@ -27,13 +44,12 @@ def _commands(name: str, row: Table, known: Mapping[str, Command]) -> Iterator[A
             expected = f"a name for what {key} is given" if argument else f"no value: {key} takes none"
             each.note("value", value or MISSING, expected)
         each.done()
-        yield ActionCommand(key, value)
-    row.done()
+        yield ActionCommand(key, value, tuple(one.name for one in known[key].arguments) if key in known else ())
 
 
 def _may(command: Command) -> bool:
-    """Whether an operator may ask it with a click, and at most one number."""
-    return command.role == "operator" and not (command.hold or command.needs_reason or command.arguments)
+    """Whether an operator may ask it with a click, and perhaps numbers."""
+    return command.role == "operator" and not (command.hold or command.needs_reason)
 
 
 def expected_action(actions: Mapping[str, Action], type: str, name: str) -> str:
