@@ -46,6 +46,7 @@ from app.web import (
     socket,
     storage,
     terminal,
+    trend_views,
     trends,
     users,
 )
@@ -127,6 +128,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         communication,
         forces,
         trends,
+        trend_views,
     )
     for router in (*(part.router for part in rooms), *description.ROUTERS):
         app.router.routes.extend(router.routes)  # as they are: `include_router` would build each of them anew

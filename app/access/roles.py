@@ -20,6 +20,8 @@ PERMISSIONS: Mapping[str, frozenset[str]] = {
     "account": ALL,  # one's own password, sessions, language
     "factor": ALL,  # one's own second factor
     "export": ALL,
+    "views": ALL,  # one's own views of trends, and those that others share
+    "share": frozenset({"operator", "engineer", "admin"}),  # one's own view of trends with all
     "stop": OPERATING,  # Stop and release; also after idling
     "acknowledge": OPERATING,  # acknowledge, silence, comment
     "operate": OPERATING,  # start, setpoint, mode, sequence, hold-to-run

@@ -6,12 +6,11 @@ and `to`, the rulers `a` and `b`, the selected pen `pen`, pens that are `off`, a
 """
 
 import asyncio
-import re
-from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, urlencode
+from urllib.parse import urlencode
 
 import orjson
 from fastapi import APIRouter, Request
@@ -21,12 +20,12 @@ from sqlalchemy import Connection
 from app.alarms import journal
 from app.alarms.journal import Filter
 from app.alarms.lifecycle import Entry
-from app.errors import ConfigurationError, Refused, StorageError
+from app.errors import Refused, StorageError
 from app.historian import query
 from app.historian.aggregate import aggregate
-from app.historian.export import moment
+from app.historian.saved_views import SavedViews
 from app.historian.store import GAP_AFTER
-from app.plant.definitions import Kind, Plant, Point
+from app.plant.definitions import Kind, Point
 from app.web import format as fmt
 from app.web.alarms import drawing
 from app.web.guard import allow, check_points, may_read
@@ -34,13 +33,24 @@ from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 from app.web.points import PointView, point_view
 from app.web.signin import zone_of
+from app.web.trend_address import (
+    AXES,
+    MOST_PENS,
+    PRESETS,
+    first_pens,
+    names_of,
+    opened,
+    query_of,
+    range_asked,
+    view_asked,
+)
+from app.web.trend_views import views_of
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
 
 router = APIRouter()
 
-MOST_PENS = 8
 MOST_SPARKS = 200
 """Sparklines of one page."""
 SPARK_SPAN = 600_000_000
@@ -49,13 +59,6 @@ SPARK_WIDTH = 120
 MOST_FOUND = 80
 """Points that the picker lists; more ask for a narrower search."""
 MOST_MARKS = 200
-PRESETS = ("10m", "1h", "8h", "24h", "7d")
-DEFAULT_SPAN = "10m"
-UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
-SHORTEST = 1
-LONGEST = 3660 * 86400
-"""Of a span [s]."""
-AXES = ("auto", "fit", "scale")
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,16 +96,14 @@ class Pen:
 
 @router.get("/trends", dependencies=[allow("view")])
 async def trends(request: Request) -> Response:
-    """The page; an address without any tag shows the first machine."""
-    plant = plant_of(request)
+    """The page; an address without any tag shows what one looked at last, the first time the speeds of all drives."""
+    plant_of(request)
     view = view_of(request)
-    if "tags" not in request.query_params and (first := _of_first_machine(plant)):
-        return RedirectResponse(
-            f"/trends?{urlencode([('tags', ','.join(first)), *request.query_params.multi_items()])}", 303
-        )
+    if "tags" not in request.query_params and (begun := await _beginning(request)):
+        return RedirectResponse(f"/trends?{begun}", 303)
     pens = await _pens(request)
     query_of = request.query_params
-    wanted = _view(request)
+    wanted = view_asked(request.query_params, _runtime(request).clock.micros(), zone_of(request))
     person = request.state.person
     text = partial(view.text, request)
     tags = [pen.point.name for pen in pens]
@@ -110,6 +111,7 @@ async def trends(request: Request) -> Response:
         "pens": [pen.data for pen in pens],
         "selected": query_of.get("pen", "") if query_of.get("pen", "") in tags else (tags[0] if tags else ""),
         **wanted,
+        "keeps": person is not None and person.may("views"),
         "texts": {
             key: text(f"trend.{key}")
             for key in ("ruler", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality", "points",
@@ -122,7 +124,6 @@ async def trends(request: Request) -> Response:
         title=text("trend.title"),
         kind=f"tags/{','.join(tags)}",
         pens=pens,
-        several=len({pen.machine for pen in pens}) > 1,
         most=MOST_PENS,
         presets=[(name, _span_label(name)) for name in PRESETS],
         span=wanted["name"],
@@ -130,6 +131,8 @@ async def trends(request: Request) -> Response:
         axis=wanted["axis"],
         trend=orjson.dumps(data).decode(),
         may_export=person is not None and person.may("export"),
+        views=await views_of(request) if person is not None and person.may("views") else None,
+        here=request.url.query,
         add=f"/trends/points?{urlencode({'tags': ','.join(tags)})}",
         zone_name=zone_of(request).key,
     )
@@ -140,7 +143,7 @@ async def points(request: Request) -> Response:
     """Points that can be drawn, by machine, those that fit the search `q`; a fragment for the picker."""
     plant, view = plant_of(request), view_of(request)
     wanted = request.query_params.get("q", "").strip().casefold()[:80]
-    chosen = _names(request)
+    chosen = names_of(request.query_params)
     groups: list[tuple[str, str, list[tuple[str, str, str, bool]]]] = []
     left = MOST_FOUND
     for equipment in plant.equipment.values():
@@ -164,7 +167,7 @@ async def points(request: Request) -> Response:
         more=max(0, -left),
         full=len(chosen) >= MOST_PENS,
         most=MOST_PENS,
-        link=lambda name: _link({"tags": ",".join([*chosen, name])}),
+        link=lambda name: f"/trends?{query_of({'tags': ','.join([*chosen, name])})}",
     )
 
 
@@ -270,22 +273,31 @@ async def _read(runtime: "Runtime", work: Any) -> Any:
         raise Refused("trend.unavailable", 503) from error
 
 
-def _of_first_machine(plant: Plant) -> list[str]:
-    """Up to three values with a normal band of the plant's first machine that has some."""
-    for item in plant.equipment.values():
-        names = [one.name for one in item.points.values() if one.kind is Kind.ANALOG and one.normal and one.history]
-        if names:
-            return names[:3]
-    return []
+async def _beginning(request: Request) -> str:
+    """The query to begin with; what the address does say (a span) wins."""
+    runtime, person, asked = _runtime(request), request.state.person, request.query_params
+    said = [(key, value) for key, value in asked.multi_items() if key != "tags"]
+
+    def usable(name: str) -> bool:
+        point = runtime.points.get(name)
+        return point is not None and _drawable(point) and may_read(request, point)
+
+    if person is not None and person.may("views") and not said:
+        last = ""
+        with suppress(StorageError):
+            last = await SavedViews(runtime.db, runtime.access.audit, runtime.clock).last(person)
+        if begun := opened(last, usable, runtime.clock.micros(), zone_of(request)):
+            return begun
+    first = first_pens(plant_of(request))
+    return query_of([("tags", ",".join(first)), *said]) if first else ""
 
 
-def _names(request: Request) -> list[str]:
-    named = [name.strip() for text in request.query_params.getlist("tags") for name in text.split(",")]
-    return list(dict.fromkeys(name for name in named if name))
+def _range(request: Request) -> tuple[int, int]:
+    return range_asked(request.query_params, _runtime(request).clock.micros(), zone_of(request))
 
 
 def _known(request: Request, most: int) -> list[str]:
-    names = _names(request)
+    names = names_of(request.query_params)
     if not names:
         raise Refused("trend.error.no_tags", 422)
     if len(names) > most:
@@ -301,7 +313,7 @@ async def _pens(request: Request) -> list[Pen]:
         Refused: 422, more than 8, a tag that nobody knows, one that cannot be drawn.
     """
     view, runtime, lang = view_of(request), _runtime(request), language_of(request)
-    names = _names(request)
+    names = names_of(request.query_params)
     if len(names) > MOST_PENS:
         raise Refused("trend.error.too_many", 422, n=len(names), most=MOST_PENS)
     check_points(request, names)
@@ -340,57 +352,6 @@ def _drawable(point: Point) -> bool:
     return point.history and point.kind is not Kind.TEXT and point.unit != "time"
 
 
-def _view(request: Request) -> dict[str, Any]:
-    """The part of time and how it is drawn: `span` [s] when live, else `from` and `to` [µs UTC]; rulers.
-
-    Raises:
-        Refused: 422, one of them cannot be read.
-    """
-    asked = request.query_params
-    now, zone = _runtime(request).clock.micros(), zone_of(request)
-    out: dict[str, Any] = {
-        "now": now,
-        "span": None,
-        "from": None,
-        "to": None,
-        "name": "",
-        "axis": asked.get("axis", AXES[0]),
-    }
-    if out["axis"] not in AXES:
-        raise Refused("trend.error.axis", 422, value=out["axis"][:40], expected=", ".join(AXES))
-    if asked.get("from", "") or asked.get("to", ""):
-        out["from"], out["to"] = _range(request)
-    else:
-        name = asked.get("span", "") or DEFAULT_SPAN
-        found = re.fullmatch(r"(\d{1,9})([smhd])", name, re.ASCII)
-        seconds = int(found[1]) * UNITS[found[2]] if found else 0
-        if not SHORTEST <= seconds <= LONGEST:
-            raise Refused("trend.error.span", 422, value=name[:40])
-        out["span"], out["name"] = seconds, name
-    for ruler in ("a", "b"):
-        out[ruler] = _moment(asked.get(ruler, ""), zone, now) if asked.get(ruler, "") else None
-    return out
-
-
-def _range(request: Request) -> tuple[int, int]:
-    now, zone = _runtime(request).clock.micros(), zone_of(request)
-    asked = request.query_params
-    begin = _moment(asked.get("from", "") or "-1h", zone, now)
-    end = _moment(asked.get("to", "") or "now", zone, now)
-    if end <= begin:
-        raise Refused("trend.error.range", 422)
-    if end - begin > LONGEST * 1_000_000:
-        raise Refused("trend.error.long", 422, days=LONGEST // 86400)
-    return begin, end
-
-
-def _moment(text: str, zone: Any, now: int) -> int:
-    try:
-        return moment(text, zone, now)
-    except ConfigurationError as error:
-        raise Refused("trend.error.time", 422, value=text[:40]) from error
-
-
 def _held(connection: Connection, number: int, time: int, alive: int) -> list[Any] | None:
     """What held at `time`: value and quality level; None when nothing was recorded then."""
     found = query.at(connection, number, time)
@@ -412,10 +373,6 @@ def _line(columns: query.Columns) -> list[tuple[int, float | None]]:
 
 def _span_label(name: str) -> str:
     return f"{name[:-1]}{fmt.SPACE}{'min' if name[-1] == 'm' else name[-1]}"
-
-
-def _link(parts: Mapping[str, str] | Sequence[tuple[str, str]]) -> str:
-    return f"/trends?{urlencode(parts, safe=',', quote_via=quote)}"
 
 
 def _json(content: object) -> Response:

@@ -13,8 +13,7 @@ const { lang, zone } = page;
 const LIMIT = 60000; // of an answer [ms]
 const LEAST = 1e6, MOST = 3660 * 86400e6, SETTLED = 150;
 const UNITS = { s: 1e6, m: 60e6, h: 3600e6, d: 86400e6 };
-const several = new Set(begun.pens.map((pen) => pen.machine)).size > 1;
-for (const pen of begun.pens) pen.name = several && pen.machine ? `${pen.machine} · ${pen.label}` : pen.label;
+for (const pen of begun.pens) pen.name = pen.machine ? `${pen.machine} · ${pen.label}` : pen.label;
 
 const state = {
   live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
@@ -48,9 +47,21 @@ function address(tags = begun.pens.map((pen) => pen.tag)) {
 let written = 0;
 function remember() {
   clearTimeout(written);
-  written = setTimeout(() => history.replaceState(null, "", address()), 100);
+  const path = address(), here = path.slice("/trends?".length);
+  written = setTimeout(() => history.replaceState(null, "", path), 100);
+  for (const field of all("[data-view]")) if (field.value !== here) field.value = here;
+  if (begun.keeps) keep(here);
   const link = one("[data-export]");
   if (link) link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
+}
+
+/** Where one was last, for the next time that one comes: told when the view has rested. */
+let kept = "", keeping = 0;
+function keep(here) {
+  if (here === kept) return;
+  kept = here;
+  clearTimeout(keeping);
+  keeping = setTimeout(() => window.pogon.commands.post("/trends/last", { view: here }), 1500);
 }
 
 // ---- fetching -------------------------------------------------------------------------------------------------

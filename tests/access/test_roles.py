@@ -21,6 +21,8 @@ TABLE = {
     "account": (True, True, True, True),
     "factor": (True, True, True, True),
     "export": (True, True, True, True),
+    "views": (True, True, True, True),
+    "share": (False, True, True, True),
     "stop": (False, True, True, False),
     "acknowledge": (False, True, True, False),
     "operate": (False, True, True, False),

@@ -255,9 +255,12 @@ def test_a_sparkline_leads_to_its_trend(client: TestClient) -> None:
     assert '<a href="/trends">Trends</a>' in text
 
 
-def test_an_address_without_tags_shows_the_first_machine_and_keeps_the_rest(client: TestClient) -> None:
+def test_an_address_without_tags_shows_the_speeds_of_all_drives_and_keeps_the_rest(client: TestClient) -> None:
     answer = client.get("/trends?span=1h", follow_redirects=False)
-    assert (answer.status_code, answer.headers["location"]) == (
-        303,
-        "/trends?tags=m1.frequency%2Cm1.voltage%2Cm1.current&span=1h",
-    )
+    drives = "m1.speed,m2.speed,cr1.hoist_1_speed,cr1.hoist_2_speed,cr1.trolley_1_speed,cr1.bridge_1_speed,a1.speed"
+    assert (answer.status_code, answer.headers["location"]) == (303, f"/trends?tags={drives}&span=1h")
+
+
+def test_every_pen_names_its_machine(client: TestClient) -> None:
+    text = client.get("/trends?tags=m1.speed").text
+    assert re.search(r"data-select[^>]*>.*?<span>Fan 1 · \s*Speed</span>", text, re.DOTALL)

@@ -1,0 +1,220 @@
+"""Views of trends that people keep under a name, for themselves or for all, and where each was last: in `pogon.db`.
+
+A view is the address of the page without its path. What it may say is for the page to check; here it is a text that belongs to somebody.
+What others see is audited: when a view is shared, and what becomes of it while it is.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    Connection,
+    ForeignKey,
+    Integer,
+    String,
+    Table,
+    Text,
+    UniqueConstraint,
+    delete,
+    func,
+    insert,
+    select,
+    update,
+)
+
+from app.access.audit.audit import Audit
+from app.access.audit.line import Entry, printable
+from app.access.roles import Person
+from app.access.tables import person_table
+from app.clock import Clock
+from app.db import Database, pogon_tables
+from app.errors import Refused
+
+T = TypeVar("T")
+
+LONGEST_NAME = 60
+LONGEST_VIEW = 2000
+MOST_VIEWS = 50
+"""Of one person."""
+
+view_table = Table(
+    "trend_view",
+    pogon_tables,
+    Column("id", Integer, primary_key=True),
+    Column("person", ForeignKey("person.id", ondelete="CASCADE"), nullable=False),
+    Column("name", String(LONGEST_NAME), nullable=False),
+    Column("query", Text, nullable=False),
+    Column("shared", Boolean, nullable=False),
+    Column("changed", BigInteger, nullable=False),
+    UniqueConstraint("person", "name", name="uq_trend_view_name"),
+    sqlite_autoincrement=True,
+)
+last_table = Table(
+    "trend_last",
+    pogon_tables,
+    Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
+    Column("query", Text, nullable=False),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SavedView:
+    """One of them."""
+
+    id: int
+    person: int
+    """Whose it is."""
+    owner: str
+    """Their name as it is shown."""
+    name: str
+    query: str
+    shared: bool
+
+
+class SavedViews:
+    """The views of everybody, each changed by its owner alone."""
+
+    def __init__(self, db: Database, audit: Audit, clock: Clock) -> None:
+        self._db = db
+        self._audit = audit
+        self._clock = clock
+
+    async def of(self, person: Person) -> Sequence[SavedView]:
+        """Those that `person` may use: their own, then what others share, each by name."""
+        table, people = view_table, person_table
+        asked = (
+            select(
+                table.c.id, table.c.person, people.c.display, people.c.name, table.c.name, table.c.query, table.c.shared
+            )
+            .join(people, people.c.id == table.c.person)
+            .where((table.c.person == person.id) | table.c.shared)
+            .order_by(table.c.person != person.id, func.lower(table.c.name), table.c.id)
+        )
+        rows = await self._db.read(lambda connection: connection.execute(asked).all())
+        return [SavedView(row[0], row[1], row[2] or row[3], *row[4:]) for row in rows]
+
+    async def save(self, person: Person, name: str, query: str) -> None:
+        """Keep `query` as `name`, for oneself.
+
+        Raises:
+            Refused: 422, the name is empty or too long, or there are 50 already; 409, one's own view has this name.
+        """
+        called = _checked(name)
+
+        def work(connection: Connection) -> None:
+            own = connection.execute(select(view_table.c.name).where(view_table.c.person == person.id)).scalars().all()
+            _free(called, own)
+            if len(own) >= MOST_VIEWS:
+                raise Refused("trend.error.views", 422, most=MOST_VIEWS)
+            row = {
+                "person": person.id,
+                "name": called,
+                "query": query,
+                "shared": False,
+                "changed": self._clock.micros(),
+            }
+            connection.execute(insert(view_table).values(**row))
+
+        await self._db.write(work)
+
+    async def rename(self, person: Person, number: int, name: str) -> None:
+        """Call one's own view otherwise.
+
+        Raises:
+            Refused: as `save`; 404, it is not one's own.
+        """
+        called = _checked(name)
+
+        def others(connection: Connection) -> None:
+            own = view_table.c.person == person.id, view_table.c.id != number
+            _free(called, connection.execute(select(view_table.c.name).where(*own)).scalars().all())
+
+        await self._change(person, number, "renamed", others, name=called)
+
+    async def replace(self, person: Person, number: int, query: str) -> None:
+        """Have one's own view show `query` from now on.
+
+        Raises:
+            Refused: 404, it is not one's own.
+        """
+        await self._change(person, number, "changed", query=query)
+
+    async def share(self, person: Person, number: int, shared: bool) -> None:
+        """Let everybody use one's own view, or nobody else any more.
+
+        Raises:
+            Refused: 404, it is not one's own.
+        """
+        await self._change(person, number, "shared" if shared else "unshared", shared=shared)
+
+    async def remove(self, person: Person, number: int) -> None:
+        """Delete one's own view.
+
+        Raises:
+            Refused: 404, it is not one's own.
+        """
+
+        def work(connection: Connection) -> tuple[None, list[Entry]]:
+            before = _own(connection, person, number)
+            connection.execute(delete(view_table).where(view_table.c.id == number))
+            return None, [self._audit.entry("trend.deleted", person, before.name)] if before.shared else []
+
+        await self._audit.with_entries(work)
+
+    async def last(self, person: Person) -> str:
+        """The view that `person` had last; empty when there was none."""
+        asked = select(last_table.c.query).where(last_table.c.person == person.id)
+        return str(await self._db.read(lambda connection: connection.execute(asked).scalar()) or "")
+
+    async def remember(self, person: Person, query: str) -> None:
+        """`person` looks at `query` now."""
+
+        def work(connection: Connection) -> None:
+            connection.execute(delete(last_table).where(last_table.c.person == person.id))
+            connection.execute(insert(last_table).values(person=person.id, query=query))
+
+        await self._db.write(work)
+
+    async def _change(
+        self,
+        person: Person,
+        number: int,
+        deed: str,
+        check: Callable[[Connection], None] = lambda _connection: None,
+        **values: object,
+    ) -> None:
+        def work(connection: Connection) -> tuple[None, list[Entry]]:
+            before = _own(connection, person, number)
+            check(connection)
+            changed = view_table.c.id == number
+            connection.execute(update(view_table).where(changed).values(**values, changed=self._clock.micros()))
+            entries = []
+            if before.shared or values.get("shared"):
+                old, new = (before.name, values["name"]) if "name" in values else ("", "")
+                entries = [self._audit.entry(f"trend.{deed}", person, before.name, old=old, new=new)]
+            return None, entries
+
+        await self._audit.with_entries(work)
+
+
+def _own(connection: Connection, person: Person, number: int) -> SavedView:
+    row = connection.execute(select(view_table).where(view_table.c.id == number)).first()
+    if row is None or row.person != person.id:  # that another has one with this number is nobody's business
+        raise Refused("trend.error.no_view", 404)
+    return SavedView(row.id, row.person, person.name, row.name, row.query, row.shared)
+
+
+def _checked(name: str) -> str:
+    called = " ".join(name.split())
+    if not called or len(called) > LONGEST_NAME or printable(called, LONGEST_NAME) != called:
+        raise Refused("trend.error.view_name", 422, most=LONGEST_NAME)
+    return called
+
+
+def _free(name: str, taken: Sequence[str]) -> None:
+    if name.casefold() in {one.casefold() for one in taken}:
+        raise Refused("trend.error.name_taken", 409, name=name)
