@@ -4,7 +4,6 @@ import csv
 import io
 import re
 from collections.abc import AsyncIterator
-from datetime import datetime
 from typing import Any
 from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
@@ -19,7 +18,7 @@ from app.clock import to_datetime, to_micros
 from app.commands.open_sets import values_of
 from app.errors import Refused
 from app.web import format as fmt
-from app.web import language
+from app.web import language, typed_time
 from app.web.guard import allow, fields, people_access, person_of
 from app.web.signin import moment, view_of, zone_of
 
@@ -140,7 +139,7 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
 
 
 def read_time(request: Request, text: str, field: str) -> int | None:
-    """What a `datetime-local` field sends, in the plant's zone; a time that names its own offset keeps it.
+    """What a field for a time says (typed_time.py), in the plant's zone; a time that names its own offset keeps it.
 
     Raises:
         Refused: 422, it is none, or cannot be written in UTC and in the plant's zone.
@@ -149,12 +148,18 @@ def read_time(request: Request, text: str, field: str) -> int | None:
         return None
     zone = zone_of(request)
     try:
-        typed = datetime.fromisoformat(text)
+        typed = typed_time.read(text, end=field == "until")
         found = to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone))
         to_datetime(found).astimezone(zone)
         return found
     except (ValueError, OverflowError) as error:
-        raise Refused("access.form_field", 422, field=field) from error
+        view = view_of(request)
+        now = to_datetime(view.runtime(request).clock.micros()).astimezone(zone)
+        example = f"{typed_time.written_day(now, language.language_of(request))} {now:%H:%M}"
+        told = text[: typed_time.LONGEST]
+        raise Refused(
+            "frame.time_wrong", 422, text=told, form=view.text(request, "frame.time_form"), example=example
+        ) from error
 
 
 def _row(request: Request, line: Record) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Help on every page (F1): what it is, what one can do there, what colours and signs mean; of a machine what its type says of itself."""
 
 from collections.abc import Mapping
+from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
@@ -36,13 +37,17 @@ KEYS: tuple[tuple[str, str], ...] = (
 
 @router.get("/help", dependencies=[allow("view")])
 async def help_on(request: Request, of: str = "/") -> Response:
-    """The help on the page at the address `of`."""
+    """The help on the page at the address `of`: to be shown over it, or a page of its own for who opened the address."""
     view: View = request.app.state.view
-    runtime = view.runtime(request)
     topic, machine = subject(of)
-    return view.fragment(
-        request, "fragments/help.html", topic=topic, about=_about(request, runtime.plant, machine), keys=KEYS
-    )
+    said: dict[str, Any] = {
+        "topic": topic,
+        "about": _about(request, view.runtime(request).plant, machine),
+        "keys": KEYS,
+    }
+    if "hx-request" in request.headers:
+        return view.fragment(request, "fragments/help.html", **said)
+    return view.page(request, "pages/help.html", title=view.text(request, "help.title"), **said)
 
 
 @router.get("/welcome", dependencies=[allow("account")])

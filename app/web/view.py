@@ -30,6 +30,7 @@ from app.plant.definitions import Equipment, EquipmentType, Plant
 from app.plant.texts import Texts
 from app.running.page_tags import force_names
 from app.web import format as fmt
+from app.web import typed_time
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.drawing import Scale
@@ -258,6 +259,8 @@ class View:
             "label": partial(texts.label, lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
+            "typed_time": lambda typed: typed_time.shown(typed, lang),
+            "TIME_PATTERN": typed_time.PATTERN,
             "Scale": Scale,
             "marks_json": marks_json,
             **template_names(),

@@ -353,9 +353,12 @@ function tools() {
     moveRuler("b", snapped(from + ((to - from) * 2) / 3));
   });
   one("[data-axis]")?.addEventListener("change", ({ target }) => { state.axis = target.value; draw(); });
-  const own = one("#own-range"), local = (at) => {
-    const shifted = new Date(at / 1000 + format.offset(at, zone) * 60000);
-    return shifted.toISOString().slice(0, 19);
+  const own = one("#own-range"), local = (at) => `${format.date(at, zone, lang)} ${format.clockTime(at, zone)}`;
+  const wallOf = (text) => { // as app/web/typed_time.py
+    const typed = /^(\d{1,2})[./-] ?(\d{1,2})[./-] ?(\d{4})\.?(?:[ ,]+(\d{1,2})[:.](\d{2})(?:[:.](\d{2}))?)?$/.exec(text.trim());
+    if (!typed) return Date.parse(`${text.trim()}Z`);
+    const [day, month, year, ...time] = typed.slice(1).map((part) => Number(part ?? 0)), at = Date.UTC(year, month - 1, day, ...time);
+    return new Date(at).getUTCDate() === day && new Date(at).getUTCMonth() === month - 1 ? at : NaN;
   };
   one(".t-range > summary").addEventListener("click", () => {
     const [from, to] = view();
@@ -365,7 +368,7 @@ function tools() {
   own.addEventListener("submit", (event) => {
     event.preventDefault();
     const [from, to] = ["from", "to"].map((name) => {
-      const wall = Date.parse(own.elements[name].value + "Z") * 1000, guess = wall - format.offset(wall, zone) * 60e6;
+      const wall = wallOf(own.elements[name].value) * 1000, guess = wall - format.offset(wall, zone) * 60e6;
       return wall - format.offset(guess, zone) * 60e6;
     });
     const wrong = !(to > from);

@@ -328,7 +328,7 @@ def test_pens_are_added_and_removed_without_losing_the_view(page: Page, server: 
 def test_an_own_range_is_read_in_the_plants_zone(page: Page, server: PogonServer) -> None:
     show(page, server, "tags=m1.speed&span=1h")
     page.locator(".t-range summary").click()
-    page.locator("#own-range [name=from]").fill("2026-10-25T01:00:00")
+    page.locator("#own-range [name=from]").fill("25/10/2026 01:00")
     page.locator("#own-range [name=to]").fill("2026-10-25T04:00:00")
     page.locator("#own-range button").click()
     wait_for(page, lambda: span(page) == 4 * 3600)

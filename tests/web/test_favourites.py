@@ -91,3 +91,9 @@ def test_without_script_it_comes_back_to_the_page(staff: Staff) -> None:
     assert answer.status_code == 200
     sent = staff.post("/favourites", {"at": "/equipment/m1", "on": "1"}, **{"Sec-Fetch-Site": "same-origin"})
     assert (sent.status_code, sent.headers["location"]) == (303, "/equipment/m1")
+
+
+def test_a_page_that_says_what_is_wrong_has_no_star(staff: Staff) -> None:
+    ana = Operator(staff, "ana", ("operator",))
+    wrong = ana.get("/audit?since=yesterday", fragment=False)
+    assert (wrong.status_code, pressed(wrong.text)) == (422, "none")
