@@ -46,6 +46,7 @@ from app.web import (
     socket,
     storage,
     terminal,
+    trend_notes,
     trend_views,
     trends,
     users,
@@ -129,6 +130,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         forces,
         trends,
         trend_views,
+        trend_notes,
     )
     for router in (*(part.router for part in rooms), *description.ROUTERS):
         app.router.routes.extend(router.routes)  # as they are: `include_router` would build each of them anew

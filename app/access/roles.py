@@ -21,6 +21,7 @@ PERMISSIONS: Mapping[str, frozenset[str]] = {
     "factor": ALL,  # one's own second factor
     "export": ALL,
     "views": ALL,  # one's own views of trends, and those that others share
+    "annotate": OPERATING,  # notes on trends
     "share": frozenset({"operator", "engineer", "admin"}),  # one's own view of trends with all
     "stop": OPERATING,  # Stop and release; also after idling
     "acknowledge": OPERATING,  # acknowledge, silence, comment

@@ -22,6 +22,7 @@ from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
 from app.historian import query
+from app.historian.notes import Note
 from app.historian.query import Recorded
 from app.historian.store import GAP_AFTER, MINUTE
 from app.tags.quality import Origin, name, origin
@@ -74,6 +75,8 @@ class ExportSettings:
     created: int = 0
     """[µs UTC]."""
     simulated: bool = False
+    notes: Sequence[Note] = ()
+    """What people wrote of this time."""
 
     def check(self) -> None:
         """Refuse what cannot be.
@@ -263,6 +266,9 @@ class Export(Sheet):
         yield f"tags: {' '.join(settings.tags)}"
         if not settings.interval:
             yield "flags: S simulated, F forced, M substituted, L local"
+        for note in settings.notes:
+            about = f" {note.machine}" if note.machine else ""
+            yield f"note: {iso(note.time, settings.zone)}{about} ({note.author}): {note.text}"
 
     def _samples(self) -> Iterator[str]:
         points, separator = self._points, self._separator

@@ -5,6 +5,7 @@ import logging
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
@@ -23,6 +24,7 @@ from app.plant.definitions import Kind, Point
 from app.web.errors import answer
 from app.web.guard import address_of, allow, check_points, person_of
 from app.web.language import language_of
+from app.web.trend_notes import lines_for_export
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -92,7 +94,8 @@ async def export(request: Request) -> Response:
     It is streamed: nothing of it is kept here, and a browser that gives up ends it.
     """
     runtime, person = runtime_of(request), person_of(request)
-    made = Export(_export_settings(request, runtime))
+    asked = _export_settings(request, runtime)
+    made = Export(replace(asked, notes=await lines_for_export(request, asked.tags, asked.begin, asked.end)))
     try:
         await read(runtime, made.open)
     except ConfigurationError as error:

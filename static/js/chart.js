@@ -30,7 +30,7 @@ export class Chart {
   constructor(element, pens, options) {
     Object.assign(this, { element, options, pens, zone: options.zone, lang: options.lang, mini: !!options.mini });
     for (const pen of pens) Object.assign(pen, { series: null, fresh: [], items: [] });
-    Object.assign(this, { from: 0, to: 1, now: 0, axis: "auto", selected: pens[0]?.tag, rulers: {}, marks: [], plot: null, shape: "" });
+    Object.assign(this, { from: 0, to: 1, now: 0, axis: "auto", selected: pens[0]?.tag, rulers: {}, marks: [], notes: [], plot: null, shape: "" });
     element.chart = this;
     new ResizeObserver(() => this.draw()).observe(element);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
@@ -351,6 +351,7 @@ export class Chart {
     else {
       this.gapLabels(plot);
       this.markers(plot);
+      this.flags(plot);
       this.names(plot);
       this.strip(plot);
       this.alarms(plot);
@@ -524,6 +525,24 @@ export class Chart {
       ctx.textBaseline = "middle";
       ctx.fillStyle = this.colour(`--alm-${priority}-on`);
       ctx.fillText(String(priority), x, y + (priority === 2 ? 1.5 : priority === 3 ? -1 : 0.5) * ratio);
+    }
+  }
+
+  /** Notes: a rule with a numbered flag at the top, as the list beside numbers them. */
+  flags(plot) {
+    const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+    for (const { at, number } of this.notes) {
+      if (at < this.from || at > this.to) continue;
+      const x = plot.valToPos(at / 1e6, "x", true), wide = (10 + 7 * number.length) * ratio, right = x + wide > bbox.left + bbox.width;
+      ctx.strokeStyle = ctx.fillStyle = this.colour("--outline");
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([]);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      ctx.fillRect(right ? x - wide : x, bbox.top, wide, 18 * ratio);
+      this.text(plot, number, x + ((right ? -1 : 1) * wide) / 2, bbox.top + 9.5 * ratio, { align: "center", colour: "--inset", strong: true });
     }
   }
 

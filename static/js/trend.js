@@ -96,6 +96,7 @@ async function load() {
     const [table, marks] = await Promise.all([
       fetched(`/trends/table?tags=${tags}&from=${Math.floor(first)}&to=${Math.ceil(last)}`, mine.signal),
       fetched(`/trends/marks?${range}`, mine.signal),
+      notes(range, mine.signal),
     ]);
     fill(table);
     chart.marks = marks.marks;
@@ -108,6 +109,38 @@ async function load() {
   } catch (error) {
     if (error.name !== "AbortError") tell("error", error.cause ? error.message : texts.unavailable);
   }
+}
+
+/** The notes of the range: their list, and their marks on the curves. What somebody types meanwhile stays. */
+async function notes(range, signal) {
+  const place = one("[data-notes-place]"), typed = place?.querySelector("[name=text]")?.value;
+  if (!place || typed) return;
+  const answer = await fetch(`/trends/notes?${range}`, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
+  if (!answer.ok) return;
+  place.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
+  window.htmx.process(place);
+}
+
+const local = (at) => `${format.date(at, zone, lang)} ${format.clockTime(at, zone)}`;
+
+/** Flags are those of the list, however it came; a new note is of cursor A, else of now or the middle of what is seen. */
+function annotations() {
+  const place = one("[data-notes-place]");
+  if (!place) return;
+  const time = () => {
+    const field = place.querySelector("[name=time]"), [from, to] = view();
+    if (field) field.value = local(state.a ?? (state.live ? now() : (from + to) / 2));
+  };
+  new MutationObserver(() => {
+    chart.notes = [...place.querySelectorAll("[data-note]")].map((item) => ({ at: Number(item.dataset.at), number: item.dataset.note }));
+    time();
+    draw();
+  }).observe(place, { childList: true });
+  one("[data-notes]").addEventListener("toggle", time);
+  place.addEventListener("click", ({ target }) => {
+    const at = Number(target.closest("[data-note-at]")?.dataset.noteAt);
+    if (at) moveRuler("a", at);
+  });
 }
 
 function tell(how, words) {
@@ -353,7 +386,7 @@ function tools() {
     moveRuler("b", snapped(from + ((to - from) * 2) / 3));
   });
   one("[data-axis]")?.addEventListener("change", ({ target }) => { state.axis = target.value; draw(); });
-  const own = one("#own-range"), local = (at) => `${format.date(at, zone, lang)} ${format.clockTime(at, zone)}`;
+  const own = one("#own-range");
   const wallOf = (text) => { // as app/web/typed_time.py
     const typed = /^(\d{1,2})[./-] ?(\d{1,2})[./-] ?(\d{4})\.?(?:[ ,]+(\d{1,2})[:.](\d{2})(?:[:.](\d{2}))?)?$/.exec(text.trim());
     if (!typed) return Date.parse(`${text.trim()}Z`);
@@ -458,6 +491,7 @@ if (chart) {
   pointers();
   tools();
   pens();
+  annotations();
   follow();
   if (!state.live) state.paused = performance.now();
   canvas.addEventListener("drawn", placeRulers);

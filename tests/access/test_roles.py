@@ -22,6 +22,7 @@ TABLE = {
     "factor": (True, True, True, True),
     "export": (True, True, True, True),
     "views": (True, True, True, True),
+    "annotate": (False, True, True, False),
     "share": (False, True, True, True),
     "stop": (False, True, True, False),
     "acknowledge": (False, True, True, False),

@@ -1,0 +1,123 @@
+"""Notes on trends: marks on the curves, listed beside them. Who is not signed in reads none: they may name somebody."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+from starlette.datastructures import QueryParams
+
+from app.clock import to_micros
+from app.errors import Refused, StorageError
+from app.historian.notes import LONGEST_NOTE, Note, Notes
+from app.web import format as fmt
+from app.web import typed_time
+from app.web.guard import allow, fields, person_of
+from app.web.language import language_of
+from app.web.pages import plant_of, view_of
+from app.web.signin import zone_of
+from app.web.trend_address import names_of, range_asked
+
+router = APIRouter(prefix="/trends")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A note as it is drawn."""
+
+    number: int
+    """Its sign on the curves and in the list, from 1."""
+    note: Note
+    time: str
+    machine: str
+    deletable: bool
+    """By whoever looks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """The notes of a range as they are drawn, and what a new one asks for."""
+
+    lines: Sequence[Line]
+    machines: Sequence[tuple[str, str]]
+    """Id and name of those that a note may be about."""
+    range: str
+    """Tags, from, to, as they were asked for."""
+    may_write: bool
+    longest: int = LONGEST_NOTE
+    problem: str = ""
+    typed: str = ""
+
+
+@router.get("/notes", dependencies=[allow("account")])
+async def notes(request: Request) -> Response:
+    """The notes about the machines of `tags` and about all between `from` and `to`, as a fragment."""
+    return await _drawn(request, request.url.query)
+
+
+@router.post("/notes", dependencies=[allow("annotate")])
+async def add(request: Request) -> Response:
+    """Write a note at a time, in the plant's zone when it says no other."""
+    given = await fields(request, ["time", "text", "machine", "range"])
+
+    async def work(kept: Notes) -> None:
+        plant, machine = plant_of(request), given["machine"]
+        if machine and machine not in plant.equipment:
+            raise Refused("trend.error.note_machine", 422, machine=machine[:64])
+        await kept.add(person_of(request), _time(request, given["time"]), machine, given["text"])
+
+    return await _do(request, given, work)
+
+
+@router.post("/notes/{number:int}/delete", dependencies=[allow("annotate")])
+async def remove(request: Request, number: int) -> Response:
+    """Delete one's own note; an engineer those of others, too."""
+    given = await fields(request, ["range"])
+    return await _do(request, given, lambda kept: kept.remove(person_of(request), number))
+
+
+async def lines_for_export(request: Request, tags: Sequence[str], begin: int, end: int) -> list[Note]:
+    """The notes that belong to an export of `tags`; none when they cannot be read."""
+    with suppress(StorageError):
+        return list(await _notes(request).find({tag.partition(".")[0] for tag in tags}, begin, end))
+    return []
+
+
+def _notes(request: Request) -> Notes:
+    runtime = view_of(request).runtime(request)
+    return Notes(runtime.db, runtime.access.audit, runtime.clock)
+
+
+def _time(request: Request, text: str) -> int:
+    """What a field for a time says, in the plant's zone when it names no offset."""
+    try:
+        typed = typed_time.read(text)
+        return to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone_of(request)))
+    except (ValueError, OverflowError) as error:
+        raise Refused("trend.error.time", 422, value=text[:40]) from error
+
+
+async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], Awaitable[None]]) -> Response:
+    problem = ""
+    try:
+        await work(_notes(request))
+    except Refused as refused:
+        problem = view_of(request).text(request, refused.reason, **refused.params)
+    return await _drawn(request, given["range"], problem, given.get("text", "") if problem else "")
+
+
+async def _drawn(request: Request, wanted: str, problem: str = "", typed: str = "") -> Response:
+    view, runtime, person = view_of(request), view_of(request).runtime(request), person_of(request)
+    asked, now, zone = QueryParams(wanted[:2000]), runtime.clock.micros(), zone_of(request)
+    begin, end = range_asked(asked, now, zone)
+    ids = list(dict.fromkeys(name.partition(".")[0] for name in names_of(asked)))
+    plant, lang = plant_of(request), language_of(request)
+    known = {key: view.machine(request, plant.equipment[key]).label for key in ids if key in plant.equipment}
+    lines = [
+        Line(number, one, fmt.date_time(one.time, zone, lang, now), known.get(one.machine, one.machine),
+             one.may_be_deleted_by(person))
+        for number, one in enumerate(await _notes(request).find(ids, begin, end), 1)
+    ]  # fmt: skip
+    sheet = Sheet(lines, list(known.items()), wanted[:2000], person.may("annotate"), problem=problem, typed=typed)
+    return view.fragment(request, "fragments/trend_notes.html", notes=sheet)

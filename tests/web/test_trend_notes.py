@@ -1,0 +1,150 @@
+"""Notes on trends: who writes, reads and deletes them, what they are about, and that an export has them."""
+
+import html
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.access.audit.search import Filter
+from app.historian import store
+from app.historian.notes import note_table
+from app.tags.quality import GOOD
+from tests.migrated import differences
+from tests.web.people import Staff
+
+HX = {"HX-Request": "true"}
+BEGIN = 1_772_949_600_000_000
+"""2026-03-08T06:00Z."""
+RANGE = urlencode({"tags": "m1.speed", "from": BEGIN, "to": BEGIN + 3_600_000_000})
+
+
+@pytest.fixture(scope="module")
+def crew(demo: TestClient) -> Iterator[Staff]:
+    crew = Staff(demo)
+    runtime = demo.app.state.runtime  # type: ignore[attr-defined]
+
+    def fill(connection: Any) -> None:
+        number = store.register(connection, [runtime.points["m1.speed"]])["m1.speed"]
+        store.append(connection, [(number, BEGIN, 1000.0, None, GOOD)], BEGIN, BEGIN + 60_000_000)
+
+    crew.wait(runtime.history.write, fill)
+    yield crew
+
+
+@pytest.fixture
+def staff(crew: Staff) -> Staff:
+    enter(crew, "writer", "operator")
+    return crew
+
+
+def enter(staff: Staff, name: str, *roles: str) -> None:
+    staff.enter(name, *roles)
+    staff.client.cookies.set("pogon_lang", "en")
+
+
+def write(staff: Staff, text: str, time: str = "08.03.2026 07:10:00", machine: str = "m1") -> Any:
+    return staff.post("/trends/notes", {"text": text, "time": time, "machine": machine, "range": RANGE}, **HX)
+
+
+def listed(answer: Any) -> dict[str, tuple[int, int]]:
+    """Text → time and number (0: it may not be deleted by who looks)."""
+    found: dict[str, tuple[int, int]] = {}
+    for item in re.findall(r"<li data-note(.*?)</li>", answer.text, re.DOTALL):
+        text, at = re.search(r"<span hx-ignore>([^<]*)", item), re.search(r'data-at="(\d+)"', item)
+        number = re.search(r"/trends/notes/(\d+)/delete", item)
+        assert text and at
+        found[html.unescape(text[1])] = int(at[1]), int(number[1]) if number else 0
+    return found
+
+
+def told(answer: Any) -> str:
+    found = re.search(r'role="alert".*?<span>([^<]*)</span>', answer.text, re.DOTALL)
+    return html.unescape(found[1]) if found else ""
+
+
+def seen(staff: Staff, query: str = RANGE) -> dict[str, tuple[int, int]]:
+    return listed(staff.client.get(f"/trends/notes?{query}", headers=HX))
+
+
+def test_the_migration_makes_the_table(tmp_path: Path) -> None:
+    assert differences(tmp_path, note_table) == []
+
+
+def test_a_note_stands_at_its_time_in_the_plants_zone_and_is_written_down(staff: Staff) -> None:
+    answer = write(staff, "Bearing <b>greased</b>")
+    assert listed(answer)["Bearing <b>greased</b>"][0] == BEGIN + 600_000_000
+    assert "<b>greased" not in answer.text
+    (line,) = staff.wait(staff.access.audit.find, Filter(kind="trend.noted", object="m1"))[:1]
+    assert (line.person, line.new) == ("writer", "Bearing <b>greased</b>")
+
+
+def test_a_note_is_seen_with_its_machine_or_with_all_and_within_its_range(staff: Staff) -> None:
+    write(staff, "of the first fan")
+    write(staff, "of everything", machine="")
+    assert {"of the first fan", "of everything"} <= set(seen(staff))
+    other = seen(staff, RANGE.replace("m1.speed", "m2.speed"))
+    assert "of everything" in other and "of the first fan" not in other
+    assert seen(staff, urlencode({"tags": "m1.speed", "from": BEGIN, "to": BEGIN + 600_000_000})) == {}
+
+
+def test_its_author_or_an_engineer_deletes_a_note_and_nobody_else(staff: Staff) -> None:
+    write(staff, "first")
+    write(staff, "second")
+    numbers = {text: number for text, (_, number) in seen(staff).items()}
+    enter(staff, "colleague", "operator")
+    assert seen(staff)["first"][1] == 0
+    refused = staff.post(f"/trends/notes/{numbers['first']}/delete", {"range": RANGE}, **HX)
+    assert "Only who wrote a note, or an engineer" in told(refused) and "first" in listed(refused)
+    enter(staff, "chief", "engineer")
+    assert "first" not in listed(staff.post(f"/trends/notes/{numbers['first']}/delete", {"range": RANGE}, **HX))
+    enter(staff, "writer")
+    assert "second" not in listed(staff.post(f"/trends/notes/{numbers['second']}/delete", {"range": RANGE}, **HX))
+    assert "gone already" in told(staff.post(f"/trends/notes/{numbers['second']}/delete", {"range": RANGE}, **HX))
+    lines = staff.wait(staff.access.audit.find, Filter(kind="trend.note_deleted"))
+    assert {(line.person, line.old) for line in lines} >= {("chief", "first"), ("writer", "second")}
+
+
+def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: Staff) -> None:
+    write(staff, "to be read")
+    enter(staff, "watcher", "viewer")
+    text = staff.client.get(f"/trends/notes?{RANGE}", headers=HX).text
+    assert "to be read" in text and "<form" not in text
+    assert write(staff, "mine").status_code == 403
+    staff.have()
+    assert staff.client.get(f"/trends/notes?{RANGE}", headers=HX).status_code == 401
+    assert "trend-notes" not in staff.client.get("/trends?tags=m1.speed").text
+
+
+@pytest.mark.parametrize(
+    ("text", "time", "machine", "words"),
+    [
+        ("  ", "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
+        ("x" * 301, "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
+        ("a\u202eb", "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
+        ("soon", "2999-03-09T07:10", "m1", "must not be in the future"),
+        ("when", "breakfast", "m1", "The time “breakfast” cannot be read"),
+        ("where", "2026-03-08T07:10", "m9", "The machine “m9” is not in the plant"),
+    ],
+)
+def test_what_is_no_note_is_refused_in_words_and_stays_in_its_field(
+    staff: Staff, text: str, time: str, machine: str, words: str
+) -> None:
+    answer = write(staff, text, time, machine)
+    assert words in told(answer)
+    assert f'value="{text}"' in answer.text
+
+
+def test_an_export_has_the_notes_of_its_time_before_the_values(staff: Staff) -> None:
+    write(staff, "=HYPERLINK(1); oiled")
+    query = urlencode({"tags": "m1.speed", "from": BEGIN, "to": BEGIN + 3_600_000_000, "locale": "en"})
+    text = staff.client.get(f"/history/export.csv?{query}").text
+    (line,) = [line for line in text.splitlines() if "oiled" in line]
+    assert line == '"# note: 2026-03-08T07:10:00.000+01:00 m1 (writer): =HYPERLINK(1); oiled"'
+    assert text.index(line) < text.index("time_utc")
+    later = query.replace(str(BEGIN), str(BEGIN + 1_800_000_000), 1)
+    assert "oiled" not in staff.client.get(f"/history/export.csv?{later}").text
