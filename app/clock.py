@@ -3,6 +3,7 @@
 import time
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
+from zoneinfo import ZoneInfo
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -72,3 +73,10 @@ def to_micros(moment: datetime) -> int:
 def to_datetime(micros: int) -> datetime:
     """µs since 1970 UTC as an aware UTC datetime, exact."""
     return EPOCH + timedelta(microseconds=micros)
+
+
+def local_day(micros: int, zone: ZoneInfo) -> tuple[int, int]:
+    """Beginning and end of the day of `micros` in `zone` [µs UTC]: midnight to midnight, 23 to 25 hours."""
+    date = to_datetime(micros).astimezone(zone).date()
+    begin, end = (datetime(day.year, day.month, day.day, tzinfo=zone) for day in (date, date + timedelta(days=1)))
+    return to_micros(begin), to_micros(end)

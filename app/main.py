@@ -36,6 +36,7 @@ from app.web import (
     instructor,
     jog_speeds,
     lessons,
+    overview,
     pages,
     palette,
     parameters,
@@ -97,6 +98,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
     app.state.view = View(Assets(bundled("static")))
     app.state.view.around.append(favourites.around)
     rooms = (
+        overview,
         pages,
         socket,
         alarm_hiding,

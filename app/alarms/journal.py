@@ -252,6 +252,12 @@ def newest(connection: Connection, alarms: Iterable[str]) -> dict[str, Record]:
     return {row.alarm: _record(row._mapping) for row in rows}
 
 
+def by_number(connection: Connection, numbers: Iterable[int]) -> dict[int, Record]:
+    """The records of these numbers that are there."""
+    rows = connection.execute(select(journal_table).where(journal_table.c.seq.in_(list(numbers))))
+    return {row.seq: _record(row._mapping) for row in rows}
+
+
 def count(connection: Connection, wanted: Filter) -> int:
     """How many records `wanted` lets through."""
     found: int = connection.execute(_filtered(select(func.count()).select_from(journal_table), wanted)).scalar_one()

@@ -12,6 +12,7 @@ from app.plant.actions import Action
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
+from app.plant.today import Figures
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.records.kind import RecordKind
 from app.records.snapshot import Layout
@@ -494,7 +495,7 @@ class EquipmentType:
     """What its machines are drawn as, in static/symbols.svg."""
     tile: frozenset[str] = frozenset()
     """Keys of the points that its tile on the overview draws: of the others a page of many machines is not told."""
-
+    today: Figures = field(default_factory=dict)  # what is told of a day of its machines
     picture: PictureData | None = None  # None: the picture of the plant shows names and alarms only
 
     @property
@@ -523,8 +524,7 @@ class Equipment:
     """Of an equipment that runs one."""
     machine: str = ""
     """Equipment whose signals and actions its sequence uses; empty = none."""
-    preset: str = ""
-    """Preset of the type that its options come from; empty = none."""
+    preset: str = ""  # of the type, that its options come from; empty = none
     was: str = ""
     """Its first name, where it has another one now; empty = it still has it."""
 

@@ -16,10 +16,9 @@ it may miss something.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import datetime, time, timedelta
 from zoneinfo import ZoneInfo
 
-from app.clock import to_datetime, to_micros
+from app.clock import local_day, to_datetime
 from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.definitions import Plant, Point
@@ -179,10 +178,8 @@ class Derivation:
     def _turn_day(self, time_us: int) -> bool:
         if self._begin <= time_us < self._midnight:
             return False
-        local = to_datetime(time_us).astimezone(self._zone)
-        self._day = local.date().isoformat()
-        self._begin = to_micros(datetime.combine(local.date(), time(), self._zone))
-        self._midnight = to_micros(datetime.combine(local.date() + timedelta(days=1), time(), self._zone))
+        self._day = to_datetime(time_us).astimezone(self._zone).date().isoformat()
+        self._begin, self._midnight = local_day(time_us, self._zone)
         return True
 
     def _compute(self, state: _State, now: int) -> tuple[Value, int]:

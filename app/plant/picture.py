@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-WIDTH = 3
-"""Machines without a flow that stand side by side; more where the flow needs more columns."""
+WIDTH, MANY, WIDTH_OF_MANY = 3, 7, 4
+"""Machines without a flow that stand side by side, from `MANY` on one more; still more where the flow needs more columns."""
 MOST_COLUMNS = 8
 MOST_MACHINES = 48
 """Of a picture: a larger plant has its tiles only."""
@@ -54,7 +54,10 @@ def arrange(machines: Sequence[str], pairs: Iterable[Pair]) -> Picture:
     known = set(machines)
     joined = [pair for pair in dict.fromkeys(pairs) if set(pair) <= known and pair[0] != pair[1]]
     depth = _depths(machines, joined)
-    columns = max([*(depth[id] + 1 for id in machines), min(WIDTH, len(machines))], default=0)
+    columns = max(
+        [*(depth[id] + 1 for id in machines), min(WIDTH if len(machines) < MANY else WIDTH_OF_MANY, len(machines))],
+        default=0,
+    )
     rows: list[list[str]] = []
     loose: list[str] = []
     for group in _groups(machines, joined):

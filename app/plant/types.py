@@ -54,6 +54,8 @@ from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
 from app.plant.type_files.tables import read_tables
 from app.plant.type_files.texts import flatten
+from app.plant.type_files.today import read_today
+from app.plant.type_files.today import text_keys as today_keys
 from app.profidrive.parameter_access.parameter import DriveParameter
 
 EQUIPMENT = Path(__file__).resolve().parent.parent / "equipment"
@@ -157,6 +159,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     check_commands(guards, "permissives", permissives, commands, name)
     check_commands(guards, "interlocks", interlocks, commands, name)
     training = read_training(files.open("training.toml"), tuple(points.found))
+    today = read_today(files.open("today.toml"), {key: data.point for key, data in points.found.items()}, kinds)
     known = files.open("parameters.toml")
     if device.parameters:
         found = {key: data.point for key, data in points.found.items()}
@@ -206,6 +209,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
         kin=kin.name,
         drive_parameters=parameters_known,
         symbol=symbol,
+        today=today,
         tile=read_tile(head, tile, points.found),
         picture=read_picture(picture, tile) if picture is not None else None,
     )
@@ -242,3 +246,4 @@ def text_keys(data: TypeData) -> Iterator[str]:
         yield from register_parameters.text_keys(kind.device.parameters)
     yield from plc.text_keys(kind.events, kind.reasons, kind.snapshot)
     yield from record_kinds.text_keys(kind.records)
+    yield from today_keys(kind.today)

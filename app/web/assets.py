@@ -57,9 +57,10 @@ JOINED = {
             ),
             *("plot", "operation", "screens/faceplate"),
         )
-    )
+    ),
+    "css/glance.css": ("css/screens/overview.css", "css/screens/plant_picture.css", "css/mimic.css"),
 }
-"""Several files that are fetched as one, in their order: what all pages need."""
+"""Several files that are fetched as one, in their order: what all pages need, and what the overview and areas do."""
 HASHED = re.compile(r"^(?P<stem>.+)\.(?P<hash>[0-9a-f]{12})(?P<suffix>\.[a-z0-9]+)$")
 
 

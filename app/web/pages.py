@@ -1,4 +1,4 @@
-"""The pages that are not about one subject: overview, area, machine; language and theme; static files and health."""
+"""The pages that are not about one subject: machine; language and theme; static files and health."""
 
 from typing import Annotated
 from urllib.parse import quote
@@ -10,14 +10,13 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
-from app.plant.picture import MOST_MACHINES, Picture, arrange
 from app.running.instruction import says_simulated
 from app.web import language, screens
 from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
 from app.web.operation import Operation
 from app.web.tables import tables_of
-from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, Tab, View, address_of_area, area_label, areas
+from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, Tab, View, address_of_area, areas
 
 router = APIRouter()
 
@@ -41,38 +40,6 @@ def plant_of(request: Request) -> Plant:
     if plant is None:
         raise PlantBroken
     return plant
-
-
-@router.get("/", dependencies=[allow("view")])
-async def overview(request: Request) -> HTMLResponse:
-    """Tiles of all machines."""
-    plant, view = plant_of(request), view_of(request)
-    machines = [view.machine(request, equipment) for equipment in plant.equipment.values()]
-    title = view.runtime(request).texts.label(language.language_of(request), plant.name)
-    picture = picture_of(plant)
-    return view.page(
-        request, "pages/overview.html", title=title, kind="overview", machines=machines, plant_picture=picture
-    )
-
-
-def picture_of(plant: Plant) -> Picture | None:
-    """The machines in their flow, each sequence before the machine that it moves; None for a plant of one machine, or of too many."""
-    if not 1 < len(plant.equipment) <= MOST_MACHINES:
-        return None
-    moved = [(item.id, item.machine) for item in plant.equipment.values() if item.machine]
-    return arrange(list(plant.equipment), [*plant.flow, *moved])
-
-
-@router.get("/area/{key}", dependencies=[allow("view")])
-async def area(request: Request, key: str) -> HTMLResponse:
-    """Tiles of the machines of one area."""
-    plant, view = plant_of(request), view_of(request)
-    members = areas(plant).get(key)
-    if members is None:
-        raise HTTPException(404)
-    machines = [view.machine(request, equipment) for equipment in members]
-    title = area_label(view.runtime(request).texts, plant, language.language_of(request), key)
-    return view.page(request, "pages/overview.html", title=title, kind="overview", area=key, machines=machines)
 
 
 @router.get("/equipment/{key}", dependencies=[allow("view")])

@@ -1,0 +1,182 @@
+"""What a machine did in a part of a day, from what was recorded: figures that its type declares (plant/today.py).
+
+A figure says what was seen, and whether that was all: time in which nothing was recorded, or a value was bad, is not filled with guesses. A
+counter of a device goes on while nobody looks, so only what it did before it was first seen is not known; one that is derived here stands
+still meanwhile.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from sqlalchemy import Connection
+
+from app.historian import query
+from app.historian.aggregate import aggregate
+from app.historian.record_query import RecordFilter, times
+from app.historian.store import GAP_AFTER, MINUTE
+from app.plant.definitions import Equipment
+from app.plant.today import Figure, How
+
+TOLERATED = 60_000_000
+"""So much of a day in all may be missing from a figure that is called whole [µs]: it is read in minutes, and a restart takes seconds."""
+Span = tuple[int, int]
+"""Begin and end [µs UTC]."""
+Step = tuple[float, float, float]
+"""First, greatest and last value of a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """One figure."""
+
+    value: float | None
+    """[s] of times, [kWh] of energy, else a number; None: nothing was seen."""
+    whole: bool
+    """Whether nothing of the time is missing: else it is the least that it can be (of a mean: of what is known)."""
+
+
+@dataclass(slots=True)
+class Day:
+    """What machines did."""
+
+    begin: int
+    """[µs UTC]"""
+    end: int
+    off: Sequence[Span] = ()
+    """When nothing was recorded of any machine."""
+    amounts: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
+    """Machine → name of the figure → what it is."""
+    unknown: Mapping[str, Sequence[Span]] = field(default_factory=dict)
+    """Machine → when it was not seen besides."""
+
+
+def read_day(connection: Connection, machines: Iterable[Equipment], begin: int, end: int) -> Day:
+    """The figures of `machines` from `begin` to `end` (without it) [µs UTC]."""
+    off = _off(connection, begin, end)
+    day = Day(begin, end, _long(off))
+    amounts, unknown = dict[str, Mapping[str, Amount]](), dict[str, Sequence[Span]]()
+    numbers = {name: one.number for name, one in query.recorded(connection).items()}
+    for item in machines:
+        figures = item.type.today.values()
+        if not figures:
+            continue
+        amounts[item.id] = {one.name: _amount(connection, item, one, numbers, begin, end) for one in figures}
+        seen = next((numbers.get(item.points[one.of].id) for one in figures if one.how is How.TIME), None)
+        missing = [(begin, end)] if seen is None else _missing(connection, seen, begin, end)
+        unknown[item.id] = _long(_without(missing, off))
+    day.amounts, day.unknown = amounts, unknown
+    return day
+
+
+def _amount(
+    connection: Connection, item: Equipment, figure: Figure, numbers: Mapping[str, int], begin: int, end: int
+) -> Amount:
+    if figure.how is How.MEAN:
+        kind = item.type.records[figure.record]
+        _, spread = times(connection, kind, RecordFilter(item.id, begin, end), figure.outcome)
+        return Amount(spread.mean, True)
+    point = item.points[figure.of]
+    number = numbers.get(point.id)
+    if number is None:
+        return Amount(None, False)
+    if figure.how is How.COUNT:
+        return counted(connection, number, begin, end, goes_on=point.derived is None)
+    found = aggregate(connection, number, begin, end)
+    if found.mean is None:
+        return Amount(None, False)
+    area = found.mean * found.good / 1e6
+    return Amount(area if figure.how is How.TIME else area / 3600, end - begin - found.good <= TOLERATED)
+
+
+def counted(connection: Connection, number: int, begin: int, end: int, *, goes_on: bool) -> Amount:
+    """By how much a counter went up; `goes_on`: it counts on in its device also while it is not seen."""
+    before = _held(connection, number, begin)
+    whole, last, total = before is not None, before, 0.0
+    for first, high, latest in _steps(connection, number, begin, end):
+        for value in (first, latest) if latest >= first else (first, high, latest):
+            if last is not None:
+                total += value - last if value >= last else value
+            last = value
+    if last is None:
+        return Amount(None, False)
+    if not whole:  # it may have been seen from the first minute on
+        found = query.page(connection, number, begin - 1, begin + TOLERATED, 1)
+        whole = bool(found) and found[0][1] is not None
+    if not goes_on:
+        whole = whole and end - begin - aggregate(connection, number, begin, end).good <= TOLERATED
+    return Amount(total, whole and _held(connection, number, end) is not None)
+
+
+def _held(connection: Connection, number: int, time: int) -> float | None:
+    """What a point was just before `time`."""
+    found = query.at(connection, number, time - 1)
+    if found is None or time - found[0] > GAP_AFTER or found[2] & 3 > 1 or not isinstance(found[1], int | float):
+        return None
+    return found[1]
+
+
+def _steps(connection: Connection, number: int, begin: int, end: int) -> Iterator[Step]:
+    """What a point was, minute by minute where those are written, else sample by sample."""
+    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = 'minute'").scalar() or 0
+    inner, outer = -(-begin // MINUTE) * MINUTE, min(end, mark) // MINUTE * MINUTE
+    if inner >= outer:
+        inner = outer = end
+    yield from _of_samples(connection, number, begin, inner)
+    rows = connection.exec_driver_sql(
+        "SELECT first, low, high, last FROM minute WHERE point = ? AND t >= ? AND t < ? ORDER BY t",
+        (number, inner, outer),
+    )
+    for first, low, high, last in rows:
+        if high is not None:  # else the whole minute was bad
+            yield (low if first is None else first), high, (high if last is None else last)
+    yield from _of_samples(connection, number, outer, end)
+
+
+def _of_samples(connection: Connection, number: int, begin: int, end: int) -> Iterator[Step]:
+    if begin < end:
+        for _, value, quality in query.page(connection, number, begin - 1, end, -1):
+            if isinstance(value, int | float) and quality & 3 < 2:
+                yield value, value, value
+
+
+def _missing(connection: Connection, number: int, begin: int, end: int) -> list[Span]:
+    """When a point that is stored at every change was not known."""
+    if end - begin - aggregate(connection, number, begin, end).good <= TOLERATED:
+        return []
+    before, rows = query.at(connection, number, begin - 1), query.page(connection, number, begin - 1, end, -1)
+    known: list[Span] = []
+    held = [] if before is None else [(begin, before[1], before[2], before[0])]
+    samples = [*held, *((time, value, quality, time) for time, value, quality in rows)]
+    for index, (time, value, quality, since) in enumerate(samples):
+        then = samples[index + 1][0] if index + 1 < len(samples) else end
+        if value is not None and quality & 3 == 0:
+            known.append((time, min(then, since + GAP_AFTER)))
+    return _without([(begin, end)], known)
+
+
+def _off(connection: Connection, begin: int, end: int) -> list[Span]:
+    """When no recorder ran."""
+    runs = connection.exec_driver_sql(
+        "SELECT start, alive FROM run WHERE alive > ? AND start < ? ORDER BY start", (begin, end)
+    )
+    return _without([(begin, end)], [(start, alive) for start, alive in runs])
+
+
+def _without(spans: Iterable[Span], others: Sequence[Span]) -> list[Span]:
+    """What of `spans` lies in none of `others`; both in order."""
+    left: list[Span] = []
+    for at, last in spans:
+        for begin, end in others:
+            if begin >= last:
+                break
+            if begin > at:
+                left.append((at, begin))
+            at = max(at, end)
+        if at < last:
+            left.append((at, last))
+    return left
+
+
+def _long(spans: Sequence[Span]) -> list[Span]:
+    """Those that are worth telling."""
+    return [(begin, end) for begin, end in spans if end - begin > TOLERATED]
