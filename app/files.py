@@ -6,6 +6,7 @@ our business. Each is one line, and nothing of its content is shown.
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -76,6 +77,34 @@ def read_text(path: Path, most: int, *, inside: Path | None = None) -> str:
     except UnicodeDecodeError as error:
         found = f"byte 0x{error.object[error.start]:02x}"
         raise UnusableFile(path, found, expected, error.object[: error.start].count(b"\n") + 1) from error
+
+
+def exchange_file(path: Path, content: bytes) -> None:
+    """Put `content` in the place of the file `path`: whole or not at all, whatever happens meanwhile; who may read it stays as it was.
+
+    Raises:
+        OSError: it was not done (disk full, no right); the file is as before.
+    """
+    real = Path(os.path.realpath(path))
+    beside = real.with_name(f".{real.name}.new")
+    handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            os.fchmod(file.fileno(), stat.S_IMODE(real.stat().st_mode))
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(real)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+    with suppress(OSError):  # the name is on the disk as well
+        folder = os.open(real.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 def _check(path: Path, mode: int) -> None:

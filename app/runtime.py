@@ -46,6 +46,7 @@ from app.running.plant_files import PlantFiles
 from app.running.plant_tasks import PlantTasks
 from app.running.revisions import Revisions
 from app.running.ring_events import RingEvents
+from app.running.sequence_drafts import SequenceDrafts
 from app.running.sequence_orders import SequenceDesks, is_sequence
 from app.running.session_watch import SessionWatch
 from app.running.simulated_memories import SimulatedMemories
@@ -86,6 +87,7 @@ class Runtime:
         self.plant_files = PlantFiles(
             settings.plant, self.tags, lambda: self.access.audit, running=lambda: self.plant, take=self._take_plant
         )
+        self.drafts = SequenceDrafts(settings.plant, lambda: self.db, self.clock)
         self.sweep = Sweep(
             self.tags,
             self.clock,
@@ -96,7 +98,6 @@ class Runtime:
         self.desks = SequenceDesks(lambda: self.gate, lambda: self.plant, self.links)
         self._operated = Revisions(self.tags, self.clock, COMMANDS, block=1)
         self._numbers: Mapping[str, int] = {}
-
         # from `start` on
         self.db: Database
         """`pogon.db`."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from app.plant import types
 from app.plant.definitions import Plant, Texts
@@ -23,14 +24,19 @@ TRANSPORTS = ("memory", "tcp", "rtu")
 
 
 def read_plant(
-    folder: Path, *, type_folder: Path = types.EQUIPMENT, transports: Sequence[str] = TRANSPORTS
+    folder: Path,
+    *,
+    type_folder: Path = types.EQUIPMENT,
+    transports: Sequence[str] = TRANSPORTS,
+    drafts: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Plant | None, list[Problem]]:
     """Read `folder`/plant.toml with the equipment types and the sequences (plant/sequences.py) it names.
 
     The plant is None exactly when there are problems. A text that lacks a language is no problem: it is shown with its language mark.
+    `drafts`: sequence → the text that is read in place of its file.
     """
     try:
-        reader = _PlantReader(Path(folder), type_folder, transports)
+        reader = _PlantReader(Path(folder), type_folder, transports, drafts)
         try:
             plant = reader.read()
         except Enough:
@@ -49,14 +55,16 @@ def shortened(problems: list[Problem]) -> list[Problem]:
 
 
 class _PlantReader:
-    def __init__(self, folder: Path, type_folder: Path, transports: Sequence[str]) -> None:
+    def __init__(self, folder: Path, type_folder: Path, transports: Sequence[str], drafts: Mapping[str, str]) -> None:
         self._folder = folder
         self._transports = transports
         self._source = Source(folder / PLANT_FILE, PLANT_FILE, inside=folder)
         known = languages()
         self._languages = PlantLanguages(known, known)
         self._types = TypesUsed(type_folder, self._languages)
-        self._sequences = SequenceFiles(folder, lambda table, key: self._languages.label(table, key, required=True))
+        self._sequences = SequenceFiles(
+            folder, lambda table, key: self._languages.label(table, key, required=True), drafts
+        )
         self._lessons = LessonFiles(folder, lambda table, key, must: self._languages.label(table, key, required=must))
         self._machines = Machines(self._types, self._sequences, self._languages)
 

@@ -47,6 +47,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from zlib import crc32
 
@@ -116,8 +117,10 @@ class _File:
 class SequenceFiles:
     """The definition files of one plant folder; each is read once, with all its mistakes."""
 
-    def __init__(self, folder: Path, label: ReadLabel) -> None:
+    def __init__(self, folder: Path, label: ReadLabel, drafts: Mapping[str, str] = MappingProxyType({})) -> None:
+        """`drafts`: name → the text that is read in place of its file."""
         self.folder = folder / FOLDER
+        self._drafts = drafts
         self._label = label
         self._files: dict[str, _File] = {}
         self._checked: set[object] = set()
@@ -221,7 +224,12 @@ class SequenceFiles:
     # ---- one file -------------------------------------------------------------------------------------
 
     def _read(self, name: str) -> _File:
-        source = Source(self.folder / f"{name}.toml", f"{FOLDER}/{name}.toml", inside=self.folder.parent)
+        source = Source(
+            self.folder / f"{name}.toml",
+            f"{FOLDER}/{name}.toml",
+            inside=self.folder.parent,
+            draft=self._drafts.get(name),
+        )
         file = _File(source, SequenceDefinition(name, {}, ()))
         if source.problems:
             return file

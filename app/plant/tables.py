@@ -44,16 +44,18 @@ class Enough(Exception):
 class Source:
     """One TOML file and the problems found in it. Reading never raises; noting more than `STOP_AT` mistakes does (`Enough`).
 
-    `inside`: links may not lead out of this folder.
+    `inside`: links may not lead out of this folder. `draft`: what somebody would write in the file, read in its place.
     """
 
-    def __init__(self, path: Path, name: str, *, optional: bool = False, inside: Path | None = None) -> None:
+    def __init__(
+        self, path: Path, name: str, *, optional: bool = False, inside: Path | None = None, draft: str | None = None
+    ) -> None:
         self.name = name
         self.problems: list[Problem] = []
         self.data: dict[str, Any] = {}
         self._lines: list[str] = []
         try:
-            text = read_text(path, LARGEST_FILE, inside=inside)
+            text = read_text(path, LARGEST_FILE, inside=inside) if draft is None else draft
         except MissingFile as error:
             if not optional:
                 self.note((), error.found, "a TOML file")

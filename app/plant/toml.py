@@ -21,7 +21,7 @@ LONGEST_TEXT = 4_000
 WHOLE_NUMBERS = range(-(2**63), 2**63)
 """As TOML promises them."""
 
-_TOKEN = re.compile(
+TOKEN = re.compile(
     r'''"""(?:[^"\\]|\\.|"(?!""))*+"""(?:"{0,2})|\'\'\'(?:[^']|'(?!''))*+\'\'\'(?:'{0,2})'''  # texts over many lines
     r"""|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|\#[^\n]*+"""
     r"""|(?P<word>[\w+-]++)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<count>[,=])|(?P<dot>\.)|[^\S\n]++|.""",
@@ -62,7 +62,7 @@ def _check_outline(text: str) -> None:
     """One pass over the signs of `text`, before anything is built of them."""
     depth = dots = values = 0
     after_dot = False
-    for token in _TOKEN.finditer(text):
+    for token in TOKEN.finditer(text):
         kind = token.lastgroup
         if kind == "open":
             depth += 1

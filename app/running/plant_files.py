@@ -2,23 +2,29 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from app.access.audit.audit import Audit
 from app.access.roles import Person
 from app.commands.interlocks import met, stopped
+from app.errors import UnusableFile
+from app.files import exchange_file, read_bytes
 from app.plant.changes import Change, compare, digest
 from app.plant.definitions import Plant
 from app.plant.problems import Problem
 from app.plant.sequences import RUNNING
+from app.plant.toml import LARGEST_FILE
 from app.sim.plant import read_simulated
 from app.tags.batch import Value
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA
 
 log = logging.getLogger(__name__)
+
+NO_DRAFTS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +69,72 @@ class PlantFiles:
         """Read the plant files and compare them with what runs; nothing is changed."""
         return (await self._look())[1]
 
+    async def check(self, drafts: Mapping[str, str]) -> list[Problem]:
+        """What would be wrong with the plant files if the definitions of sequences `drafts` were as they say."""
+        return (await asyncio.to_thread(read_simulated, self._folder, None, drafts))[1]
+
+    async def review(self, drafts: Mapping[str, str]) -> Reading:
+        """As `look`, with `drafts` in place of the definitions of sequences that they name."""
+        return (await self._look(drafts))[1]
+
+    async def take_definition(
+        self, person: Person, path: Path, text: str, confirm: str, reason: str, address: str = "", *, former: str
+    ) -> Reading:
+        """Write `text` in the definition `path` of a sequence and take the plant files with it, as `reload` does.
+
+        Refused while the sequence runs, and when the file is not `former` any more. The file is exchanged as a whole; when the plant does
+        not take it, it is as before. Each try is one line of the audit.
+        """
+        async with self._reloading:
+            name, running = path.stem, self._running()
+            plant, reading = await self._look({name: text})
+            if reading.problems:
+                reading = replace(reading, refused="plant.refused.problems")
+            elif running is None or plant is None:
+                reading = replace(reading, refused="editor.refused.no_plant")
+            elif busy := self._who_runs(running, name):
+                reading = replace(reading, refused="editor.refused.runs", error=", ".join(busy))
+            elif reading.digest != confirm:
+                reading = replace(reading, refused="plant.refused.other")
+            else:
+                reading = await self._written(plant, person, reading, path, text, former)
+            await self._audit().record(
+                "plant.edited",
+                person,
+                name,
+                new=" · ".join(detail for change in reading.changes for detail in change.details)[:400],
+                result="ok" if reading.done else "refused",
+                reason=reason if reading.done else reading.refused,
+                address=address,
+                changes=len(reading.changes),
+            )
+            return reading
+
+    async def _written(
+        self, plant: Plant, person: Person, reading: Reading, path: Path, text: str, former: str
+    ) -> Reading:
+        try:
+            before = await asyncio.to_thread(read_bytes, path, LARGEST_FILE, inside=self._folder)
+            if before.decode("utf-8-sig").replace("\r\n", "\n") != former:
+                return replace(reading, refused="editor.refused.overtaken")
+            lines = text.replace("\n", "\r\n") if b"\r\n" in before else text
+            await asyncio.to_thread(exchange_file, path, lines.encode())
+        except (OSError, UnicodeDecodeError, UnusableFile) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            return replace(reading, refused="editor.refused.not_written", error=why)
+        taken = await self._taken(plant, person, reading)
+        if not taken.done:
+            try:
+                await asyncio.to_thread(exchange_file, path, before)
+            except OSError as error:
+                log.error("definition not put back file=%s reason=%s", path, error.strerror)
+                return replace(taken, refused="editor.refused.not_put_back")
+        return taken
+
+    def _who_runs(self, plant: Plant, definition: str) -> list[str]:
+        runs = self._running_sequences(plant)
+        return [id for id in runs if (one := plant.equipment[id].sequence) is not None and one.name == definition]
+
     async def reload(self, person: Person | None, confirm: str, address: str = "") -> Reading:
         """Take the plant files if their changes are still those with the digest `confirm`; a running plant is never taken down.
 
@@ -101,8 +173,8 @@ class PlantFiles:
         log.info("plant reloaded changes=%d by=%s", len(reading.changes), person.name if person else "-")
         return replace(reading, done=True)
 
-    async def _look(self) -> tuple[Plant | None, Reading]:
-        plant, problems = await asyncio.to_thread(read_simulated, self._folder)
+    async def _look(self, drafts: Mapping[str, str] = NO_DRAFTS) -> tuple[Plant | None, Reading]:
+        plant, problems = await asyncio.to_thread(read_simulated, self._folder, None, drafts)
         running = self._running()
         if plant is None:
             return None, Reading(tuple(problems))

@@ -41,9 +41,13 @@ PACE_WINDOW = 5.0
 """Over which the pace is measured [s]."""
 
 
-def read_simulated(folder: Path, factories: Mapping[str, Factory] | None = None) -> tuple[Plant | None, list[Problem]]:
+def read_simulated(
+    folder: Path,
+    factories: Mapping[str, Factory] | None = None,
+    drafts: Mapping[str, str] = MappingProxyType({}),
+) -> tuple[Plant | None, list[Problem]]:
     """A plant folder as `read_plant` reads it; what the virtual devices of its simulated links do not take is a problem, too."""
-    plant, problems = read_plant(folder)
+    plant, problems = read_plant(folder, drafts=drafts)
     if plant is None:
         return None, problems
     for item in plant.equipment.values():

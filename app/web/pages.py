@@ -110,6 +110,8 @@ def _histories(request: Request, machine: Equipment) -> list[Tab]:
     ]
     told = [Tab(texts.text(lang, "events.title"), f"/equipment/{machine.id}/events")] if has_ring(machine) else []
     person = request.state.person
+    if machine.sequence and person is not None and person.may("configure"):
+        told.append(Tab(texts.text(lang, "editor.title"), f"/equipment/{quote(machine.id)}/definition"))
     trained = person is not None and person.may("instruct") and says_simulated(runtime.links[machine.link], machine)
     taught = [Tab(texts.text(lang, "instructor.title"), f"/instructor/{quote(machine.id)}")] if trained else []
     return records + told + taught

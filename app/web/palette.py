@@ -74,6 +74,16 @@ async def hits(request: Request, q: str = "") -> Response:
     return view_of(request).fragment(request, "fragments/palette_found.html", places=found, q=looked, symbols=SYMBOLS)
 
 
+async def points_found(request: Request, looked: str, most: int = MOST) -> list[Place]:
+    """Points of the plant that have every word of `looked`, best first; their names are the last part of their details."""
+    runtime = view_of(request).runtime(request)
+    if runtime.plant is None or not looked.strip():
+        return []
+    places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, language_of(request))
+    points = [place for place in places if place.kind == "point"]
+    return await asyncio.to_thread(ranked, points, looked.strip()[:LONGEST], most)
+
+
 def folded(text: str) -> str:
     """`text` in small letters without marks: `Greška` and `greska` are the same."""
     plain = unicodedata.normalize("NFD", text.casefold().translate(OTHER_LETTERS))
@@ -196,6 +206,8 @@ def _pages_of(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Iterato
         if page:
             yield Place("page", texts.of_type(lang, kind, f"page.{page}"), machine, f"{url}/page/{page}")
     yield Place("page", texts.text(lang, "par.title"), machine, f"{url}/parameters", "diagnose")
+    if item.sequence:
+        yield Place("page", texts.text(lang, "editor.title"), machine, f"{url}/definition", "configure")
     if plant.links[item.link].simulated:
         instructor = texts.text(lang, "instructor.title")
         yield Place("page", instructor, machine, f"/instructor/{quote(item.id)}", "instruct")

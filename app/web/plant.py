@@ -42,7 +42,7 @@ def _page(request: Request, reading: Reading, status: int = 200, refused: str = 
         title=view.text(request, "plant.title"),
         kind="frame",
         reading=reading,
-        changes=[_drawn(request, change) for change in reading.changes],
+        changes=[drawn(request, change) for change in reading.changes],
         folder=str(runtime.settings.plant),
         running=runtime.plant,
         refused=view.text(request, refused) if refused else "",
@@ -50,7 +50,8 @@ def _page(request: Request, reading: Reading, status: int = 200, refused: str = 
     )
 
 
-def _drawn(request: Request, change: Change) -> dict[str, Any]:
+def drawn(request: Request, change: Change) -> dict[str, Any]:
+    """A change as its page shows it."""
     text = view_of(request).text
     return {
         "text": text(

@@ -12,6 +12,7 @@ from app.logs import security
 SECURITY_KINDS = (
     "signin.", "session.", "person.", "password.", "token.", "factor.", "access.", "audit.", "backup.", "clock.", "server.",
     "plant.reloaded",
+    "plant.edited",
 )  # fmt: skip
 """Beginnings of the kinds of lines that the log tells as security events, too."""
 GRAVE_KINDS = (
