@@ -5,11 +5,14 @@ samples. Values hold as the recorder means it: until the next sample, and no lon
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 from sqlalchemy import Connection
 
 from app.historian import query, sealed
 from app.historian.store import GAP_AFTER, HOUR, MINUTE
+
+Column = Literal["low", "high"]
 
 BY_MINUTES = 2 * HOUR
 BY_HOURS = 72 * HOUR
@@ -62,6 +65,62 @@ def aggregate(connection: Connection, number: int, begin: int, end: int) -> Aggr
     table = "hour" if end - begin > BY_HOURS else "minute" if end - begin > BY_MINUTES else "sample"
     _add(connection, number, begin, end, table, out)
     return out
+
+
+def first_time(
+    connection: Connection, number: int, begin: int, end: int, value: float, column: Column
+) -> tuple[int, int] | None:
+    """When the point first had `value`, the `column` of its aggregate from `begin` to `end`: [µs UTC], twice the same where a sample tells.
+
+    Where only roll-ups are left it is the minute or the hour, from and to. None: no such value is stored.
+    """
+    before = sealed.last(connection, number, begin - 1)
+    if before is not None and before[1] == value and before[3] & 3 < 2 and before[0] >= begin - GAP_AFTER:
+        return begin, begin
+    table = "hour" if end - begin > BY_HOURS else "minute" if end - begin > BY_MINUTES else "sample"
+    return _find(connection, number, begin, end, value, column, table)
+
+
+def _find(
+    connection: Connection, number: int, begin: int, end: int, value: float, column: str, table: str
+) -> tuple[int, int] | None:
+    if begin >= end:
+        return None
+    if table == "sample":
+        return _find_sample(connection, number, begin, end, value)
+    unit, finer = (HOUR, "minute") if table == "hour" else (MINUTE, "sample")
+    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (table,)).scalar() or 0
+    inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
+    if inner >= outer:
+        return _find(connection, number, begin, end, value, column, finer)
+    if found := _find(connection, number, begin, inner, value, column, finer):
+        return found
+    row = connection.exec_driver_sql(
+        f"SELECT t FROM {table} WHERE point = ? AND t >= ? AND t < ? AND {column} = ? ORDER BY t LIMIT 1",
+        (number, inner, outer, value),
+    ).first()
+    if row is None:
+        return _find(connection, number, outer, end, value, column, finer)
+    return _find(connection, number, row[0], row[0] + unit, value, column, finer) or (row[0], row[0] + unit)
+
+
+def _find_sample(connection: Connection, number: int, begin: int, end: int, value: float) -> tuple[int, int] | None:
+    since = begin
+    for first, last in [*sealed.spans(connection, number, begin, end), (end, end - 1)]:
+        first, last = max(first, begin), min(last + 1, end)
+        row = connection.exec_driver_sql(
+            "SELECT min(t) FROM sample WHERE point = ? AND t >= ? AND t < ? AND v = ? AND q & 3 < 2",
+            (number, since, first, value),
+        ).scalar()
+        if row is not None:
+            return row, row
+        if first < last:
+            part = sealed.together(connection, number, first, last)
+            for at in range(len(part)):
+                if part.number(at) == value and part.qualities[at] & 3 < 2:
+                    return part.times[at], part.times[at]
+        since = last
+    return None
 
 
 def _add(connection: Connection, number: int, begin: int, end: int, table: str, out: Aggregate) -> None:

@@ -22,7 +22,7 @@ from app.alarms.journal import Filter
 from app.alarms.lifecycle import Entry
 from app.errors import Refused, StorageError
 from app.historian import query
-from app.historian.aggregate import aggregate
+from app.historian.aggregate import Aggregate, Column, aggregate, first_time
 from app.historian.saved_views import SavedViews
 from app.historian.store import GAP_AFTER
 from app.plant.definitions import Kind, Point
@@ -59,6 +59,8 @@ SPARK_WIDTH = 120
 MOST_FOUND = 80
 """Points that the picker lists; more ask for a narrower search."""
 MOST_MARKS = 200
+RECORDER_SILENT = 15_000_000
+"""The recorder tells that it lives more often than so [µs]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ async def trends(request: Request) -> Response:
         "keeps": person is not None and person.may("views"),
         "texts": {
             key: text(f"trend.{key}")
-            for key in ("ruler", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality", "points",
+            for key in ("ruler", "lacking", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality", "points",
                         "chart", "visible", "between", "paused")
         },
     }  # fmt: skip
@@ -173,32 +175,19 @@ async def points(request: Request) -> Response:
 
 @router.get("/trends/table", dependencies=[allow("view")])
 async def table(request: Request) -> Response:
-    """Per tag between `from` and `to`: low, high, mean, share of good time, and what held at both ends (the rulers)."""
+    """Per tag between `from` and `to`: low and high with when they first were (from and to, the same where a sample tells), the mean
+    weighted by time of what was good, the share of good time and the time that is `lacking` [µs], and what held at both ends (the rulers).
+
+    What the recorder did not see is lacking, also when it has stopped since; only what is still to come is not.
+    """
     runtime = _runtime(request)
-    names, (begin, end) = _known(request, MOST_PENS), _range(request)
+    names, (begin, end), now = _known(request, MOST_PENS), _range(request), runtime.clock.micros()
 
     def work(connection: Connection) -> list[dict[str, Any]]:
-        rows: list[dict[str, Any]] = []
         alive = query.alive(connection)
-        for name in names:
-            found = query.find(connection, name)
-            if found is None:
-                rows.append({"tag": name, "a": None, "b": None, "low": None, "high": None, "mean": None, "good": 0.0})
-                continue
-            numbers = aggregate(connection, found.number, begin, end)
-            length = max(1, min(end, alive) - begin)
-            rows.append(
-                {
-                    "tag": name,
-                    "a": _held(connection, found.number, begin, alive),
-                    "b": _held(connection, found.number, end, alive),
-                    "low": numbers.low,
-                    "high": numbers.high,
-                    "mean": numbers.mean,
-                    "good": min(1.0, numbers.good / length),
-                }
-            )
-        return rows
+        known = min(end, alive)
+        seen = known if now - alive < RECORDER_SILENT else min(end, now)
+        return [_statistics(connection, name, begin, end, known, max(0, seen - begin)) for name in names]
 
     return _json({"from": begin, "to": end, "rows": await _read(runtime, work)})
 
@@ -350,6 +339,24 @@ async def _pens(request: Request) -> list[Pen]:
 
 def _drawable(point: Point) -> bool:
     return point.history and point.kind is not Kind.TEXT and point.unit != "time"
+
+
+def _statistics(connection: Connection, name: str, begin: int, end: int, known: int, length: int) -> dict[str, Any]:
+    """One row of the table: known up to `known`, and `length` of the range is past [µs]."""
+    found, numbers = query.find(connection, name), Aggregate()
+    row: dict[str, Any] = {"tag": name, "a": None, "b": None, "low_at": None, "high_at": None}
+    if found is not None and known > begin:
+        numbers = aggregate(connection, found.number, begin, known)
+        extremes: tuple[tuple[Column, float | None], ...] = (("low", numbers.low), ("high", numbers.high))
+        for column, value in extremes:
+            if value is not None:
+                row[f"{column}_at"] = first_time(connection, found.number, begin, known, value, column)
+    if found is not None:
+        row |= {ruler: _held(connection, found.number, at, known) for ruler, at in (("a", begin), ("b", end))}
+    good = min(numbers.good, length)
+    share = good / length if length else 0.0
+    numbers_of = {"low": numbers.low, "high": numbers.high, "mean": numbers.mean}
+    return row | numbers_of | {"good": share, "lacking": length - good}
 
 
 def _held(connection: Connection, number: int, time: int, alive: int) -> list[Any] | None:

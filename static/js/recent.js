@@ -1,5 +1,4 @@
 // The last ten minutes of a page: what sparklines show before the page was opened, and the small trend of a machine. One request for all.
-import { Chart } from "./chart.js";
 import { page } from "./values.js";
 
 const SPAN = 600e6, AGAIN = 60000, LIMIT = 15000;
@@ -23,7 +22,7 @@ export async function sparklines(root = document) {
   } catch { /* the history is down: the curves grow from what arrives */ }
 }
 
-function panel(element) {
+function panel(element, Chart) {
   const pens = JSON.parse(element.dataset.panel);
   const chart = new Chart(element, pens, { zone, lang, mini: true, texts: {} });
   const load = async () => {
@@ -52,12 +51,22 @@ function panel(element) {
 }
 
 let panels = [];
+
+/** The program that draws curves comes only to pages that have some. */
+async function begin() {
+  const elements = [...document.querySelectorAll("[data-panel]")];
+  if (!elements.length) return;
+  const { Chart } = await import("./chart.js");
+  panels = elements.map((element) => panel(element, Chart));
+  for (const load of panels) load();
+}
+
 const loadAll = () => { sparklines(); for (const load of panels) load(); };
 let since = 0;
 document.addEventListener("pogon:frame", ({ detail }) => {
   const first = !heard[0], back = performance.now() - heard[1] > 3000;
   heard = [detail.time, performance.now()];
-  if (first) panels = [...document.querySelectorAll("[data-panel]")].map(panel);
+  if (first) begin();
   if (first || back || performance.now() - since > AGAIN) { since = performance.now(); loadAll(); }
 });
 document.addEventListener("pogon:drawn", () => sparklines());

@@ -271,6 +271,14 @@ function placeRulers() {
   one("[data-table-title]").textContent = state.a !== null && state.b !== null ? texts.between : texts.visible;
 }
 
+/** When a value first was: to the second where a sample tells, else the minute or the hour that it was in. */
+function when(at) {
+  if (!at) return "";
+  const day = format.date(at[0], zone, lang, { year: false }), [from, to] = at.map((one) => format.clockTime(one, zone, { seconds: at[0] === at[1] }));
+  const clock = at[0] === at[1] ? from : `${from}–${to}`;
+  return day === format.date(now(), zone, lang, { year: false }) ? clock : `${day} ${clock}`;
+}
+
 function fill({ rows }) {
   const both = state.a !== null && state.b !== null && state.a !== state.b, turned = both && state.a > state.b;
   for (const row of rows) {
@@ -285,7 +293,12 @@ function fill({ rows }) {
       delta: both && numbers && a?.[0] != null && b?.[0] != null ? words(b[0] - a[0]) : "–",
       low: words(row.low), high: words(row.high), mean: numbers ? words(row.mean) : "–", good: format.number(row.good * 100, 1, lang),
     };
-    for (const cell of line.querySelectorAll("[data-cell]")) cell.textContent = cells[cell.dataset.cell];
+    const below = { low: when(row.low_at), high: when(row.high_at), good: row.lacking > 5e5 ? texts.lacking.replace("{time}", format.duration(row.lacking / 1e6, lang)) : "" };
+    for (const cell of line.querySelectorAll("[data-cell]")) {
+      cell.textContent = cells[cell.dataset.cell];
+      const more = below[cell.dataset.cell];
+      if (more) cell.append(Object.assign(document.createElement("small"), { textContent: more }));
+    }
   }
   canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
 }

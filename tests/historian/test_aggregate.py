@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.historian.aggregate import aggregate
+from app.historian.aggregate import Column, aggregate, first_time
 from app.historian.store import GAP_AFTER, HOUR, MINUTE
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE
@@ -32,6 +32,15 @@ def by_hand(rows: list[RawRow], begin: int, end: int) -> tuple[float | None, flo
     return low, high, mean, good
 
 
+def first_by_hand(rows: list[RawRow], begin: int, end: int, value: float) -> int:
+    """When `value` first held."""
+    for i, (time, held, quality) in enumerate(rows):
+        until = min(rows[i + 1][0] if i + 1 < len(rows) else end, time + GAP_AFTER, end)
+        if held == value and quality & 3 != 2 and until > max(time, begin):
+            return max(time, begin)
+    raise AssertionError(f"{value} never held")
+
+
 @settings(max_examples=120, deadline=None)
 @given(histories(), st.integers(-HOUR, 2 * HOUR), st.one_of(st.integers(1, 3 * HOUR), st.just(100 * HOUR)))
 def test_low_high_mean_and_good_time_are_those_of_the_samples(rows: list[RawRow], shift: int, length: int) -> None:
@@ -40,7 +49,16 @@ def test_low_high_mean_and_good_time_are_those_of_the_samples(rows: list[RawRow]
         fill(connection, as_rows(rows))
         roll_up_all(connection, rows[-1][0] + 2 * HOUR)
         got = aggregate(connection, 1, begin, begin + length)
+        extremes: tuple[tuple[Column, float | None], ...] = (("low", got.low), ("high", got.high))
+        at: dict[str, tuple[int, int] | None] = {
+            column: first_time(connection, 1, begin, begin + length, value, column)
+            for column, value in extremes
+            if value is not None
+        }
     low, high, mean, good = by_hand(rows, begin, begin + length)
+    for column, value in (("low", low), ("high", high)):
+        if value is not None:
+            assert at[column] == (first_by_hand(rows, begin, begin + length, value),) * 2
     assert (got.low, got.high) == (low, high)
     assert got.good == pytest.approx(good, abs=2)
     assert got.mean == (None if mean is None else pytest.approx(mean, rel=1e-6, abs=1e-6))
@@ -70,3 +88,16 @@ def test_nothing_recorded_is_nothing_and_an_empty_range_is_refused() -> None:
         assert (got.low, got.mean, got.good, got.count) == (None, None, 0, 0)
         with pytest.raises(ValueError, match="must end after it begins"):
             aggregate(connection, 1, BEGIN, BEGIN)
+
+
+def test_where_only_roll_ups_are_left_an_extreme_was_within_a_minute() -> None:
+    rows: list[RawRow] = [(BEGIN + second * 1_000_000, 1.0, GOOD) for second in range(0, 4 * 3600, 10)]
+    rows[70] = (rows[70][0], 9.0, GOOD)
+    with fresh() as connection:
+        fill(connection, as_rows(rows))
+        roll_up_all(connection, rows[-1][0] + 2 * HOUR)
+        connection.exec_driver_sql("DELETE FROM sample")
+        connection.exec_driver_sql("DELETE FROM block")
+        minute = rows[70][0] // MINUTE * MINUTE
+        assert first_time(connection, 1, BEGIN, BEGIN + 3 * HOUR, 9.0, "high") == (minute, minute + MINUTE)
+        assert first_time(connection, 1, BEGIN, BEGIN + 3 * HOUR, 5.0, "high") is None

@@ -176,6 +176,28 @@ def test_the_table_has_the_numbers_between_two_moments(client: TestClient) -> No
     assert row["good"] == pytest.approx(0.9)
     assert row["a"] == [1000.0, 0]
     assert row["b"] == [1200.0, 0]
+    assert (row["low_at"], row["high_at"]) == ([BEGIN, BEGIN], [BEGIN + 360_000_000] * 2)
+    assert row["lacking"] == 60_000_000
+
+
+def test_time_that_nobody_recorded_is_lacking_and_time_to_come_is_not(client: TestClient) -> None:
+    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN - 600_000_000}&to={END}").json()["rows"]
+    assert row["good"] == pytest.approx(0.45) and row["lacking"] == 660_000_000
+    assert row["mean"] == pytest.approx((5 * 1000 + 4 * 1200) / 9), "what is lacking is not counted as zero"
+    now = client.get("/trends/table?tags=m1.speed&from=-10s&to=now").json()
+    (ahead,) = client.get(f"/trends/table?tags=m1.speed&from={now['from']}&to={now['to'] + 3_600_000_000}").json()[
+        "rows"
+    ]
+    assert ahead["lacking"] < 20_000_000
+
+
+def test_when_the_recorder_has_stopped_what_came_after_is_lacking(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.web.trends.query.alive", lambda _connection: END)
+    path = f"/trends/table?tags=m1.speed&from={BEGIN}&to={END + 600_000_000}"
+    (row,) = client.get(path).json()["rows"]
+    assert row["good"] == pytest.approx(0.45) and row["lacking"] == 660_000_000
 
 
 def test_a_ruler_in_a_gap_has_no_value(client: TestClient) -> None:
@@ -185,7 +207,8 @@ def test_a_ruler_in_a_gap_has_no_value(client: TestClient) -> None:
 
 def test_a_tag_without_history_has_empty_numbers(client: TestClient) -> None:
     rows = client.get(f"/trends/table?tags=m1.speed,x.y&from={BEGIN}&to={END}").json()["rows"]
-    assert rows[1] == {"tag": "x.y", "a": None, "b": None, "low": None, "high": None, "mean": None, "good": 0.0}
+    nothing = dict.fromkeys(("a", "b", "low", "high", "low_at", "high_at", "mean"))
+    assert rows[1] == nothing | {"tag": "x.y", "good": 0.0, "lacking": END - BEGIN}
 
 
 def test_alarms_of_the_machines_in_view_are_marked(client: TestClient, staff: Staff) -> None:
