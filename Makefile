@@ -39,6 +39,7 @@ check: setup $(VENV)/.test ## format, lint, types, import rows, templates, langu
 	$(BIN)/python tools/check_purity.py
 	$(BIN)/python tools/check_house.py
 	$(BIN)/python tools/check_texts.py
+	$(BIN)/python tools/check_words.py
 
 fix: $(VENV)/.test ## format and sort
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format .
