@@ -16,7 +16,18 @@ from app.web.errors import PlantBroken
 from app.web.guard import allow, people_access
 from app.web.operation import Operation
 from app.web.tables import tables_of
-from app.web.view import PROFILE_COOKIE, PROFILES, THEME_COOKIE, THEMES, Tab, View, address_of_area, areas
+from app.web.view import (
+    PANEL,
+    PANEL_COOKIE,
+    PROFILE_COOKIE,
+    PROFILES,
+    THEME_COOKIE,
+    THEMES,
+    Tab,
+    View,
+    address_of_area,
+    areas,
+)
 
 router = APIRouter()
 
@@ -132,12 +143,18 @@ async def set_theme(
     request: Request,
     to: Annotated[str, Form()] = "",
     profile: Annotated[str, Form()] = "",
+    panel: Annotated[str, Form()] = "",
     next: Annotated[str, Form()] = "/",
 ) -> Response:
-    """Keep the choice of colours or of the size of the panel and go back to where it was made."""
-    chosen = {THEME_COOKIE: to, PROFILE_COOKIE: profile}
+    """Keep the choice of colours, of the size of the panel or of panel mode and go back to where it was made."""
+    chosen = {THEME_COOKIE: to, PROFILE_COOKIE: profile, PANEL_COOKIE: panel}
     chosen = {name: value for name, value in chosen.items() if value}
-    if not chosen or (to and to not in THEMES) or (profile and profile not in PROFILES):
+    if (
+        not chosen
+        or (to and to not in THEMES)
+        or (profile and profile not in PROFILES)
+        or (panel and panel not in PANEL)
+    ):
         raise HTTPException(400)
     if to and request.state.person is not None:
         await people_access(request).own.prefer(request.state.person, theme=to)

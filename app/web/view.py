@@ -34,7 +34,7 @@ from app.web import typed_time
 from app.web.alarm_view import Drawing, marks_json
 from app.web.assets import Assets
 from app.web.drawing import Scale
-from app.web.language import HTML, NAMES, language_of
+from app.web.language import HTML, NAMES, YEAR, language_of
 from app.web.points import EquipmentView, live_texts
 from app.web.screens import template_names
 
@@ -45,6 +45,11 @@ THEMES = ("light", "dark", "auto")
 THEME_COOKIE = "pogon_theme"
 PROFILES = ("desk", "panel-10", "panel-9", "panel-7", "gloves")
 PROFILE_COOKIE = "pogon_profile"
+PANEL_COOKIE = "pogon_panel"
+"""Panel mode: a screen that is only touched, without the bars of a browser."""
+PANEL = ("0", "1")
+KEYPAD = ("back", "enter", "shift", "space", "close", "clear", "sign")
+"""Keys on the screen that have a sign and no letter."""
 
 PIECE = 8192
 """So much of a page is drawn in a turn of the loop [characters]: some 4 ms."""
@@ -235,7 +240,11 @@ class View:
             values |= self._surroundings(request, lang, context)
             for around in self.around:
                 values |= around(request, lang)
-        return Drawn(environment, template, values | context, status)
+        drawn = Drawn(environment, template, values | context, status)
+        if frame and (panel := request.query_params.get("panel")) in PANEL:
+            secure = request.url.scheme == "https"
+            drawn.set_cookie(PANEL_COOKIE, panel, max_age=YEAR, httponly=True, samesite="lax", secure=secure)
+        return drawn
 
     def _environment(self, texts: Texts, lang: str) -> Environment:
         known = self._environments.get(lang)
@@ -304,6 +313,8 @@ class View:
             "themes": [(name, text(f"theme.{name}"), "") for name in THEMES],
             "profile": profile if profile in PROFILES else PROFILES[0],
             "profiles": [(name, text(f"panel.{name}"), "") for name in PROFILES],
+            "kiosk": panel_mode(request),
+            "keypad_texts": {key: text(f"own.key.{key}") for key in KEYPAD},
             "languages": [(code, NAMES.get(code, code), HTML.get(code, code)) for code in texts.languages],
             "html_lang": HTML.get(lang, lang),
             "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",
@@ -381,6 +392,12 @@ class View:
             for symbol, key, names, look in COUNTS
             if all(name in tags for name in names)
         ]
+
+
+def panel_mode(request: Request) -> bool:
+    """Whether this browser is a panel: the address says so now (`?panel=1`), or it was said before."""
+    asked = request.query_params.get("panel", "")
+    return (asked if asked in PANEL else request.cookies.get(PANEL_COOKIE, "")) == "1"
 
 
 def _head(path: str) -> str:

@@ -1,0 +1,136 @@
+// Panel mode: a screen that is only touched gets its keys from the page itself. A field that takes a number gets a numeric keypad, any
+// other one a keyboard in the letters of the language. Both write into the field as a keyboard does, and leave Stop and alarms in sight.
+const place = document.getElementById("keypad"), texts = JSON.parse(place.dataset.texts), { lang } = document.body.dataset;
+const LETTERS = {
+  en: ["qwertyuiop", "asdfghjkl", "zxcvbnm"],
+  hr: ["qwertzuiopšđ", "asdfghjklčćž", "yxcvbnm"],
+  de: ["qwertzuiopü", "asdfghjklöä", "yxcvbnmß"],
+  cs: ["ěščřžýáíéúů", "qwertzuiopď", "asdfghjklťň", "yxcvbnmó"],
+};
+const SIGNS = ["1234567890", "-/:;()&@\"", ".,?!'+=#%_"];
+const NUMBER = ["789", "456", "123"];
+const FIELDS = "input:not([type=checkbox], [type=radio], [type=file], [type=hidden], [type=submit]), textarea";
+const SPOKEN = { "⌫": "back", "⏎": "enter", "⇧": "shift", "␣": "space", "✕": "close", "C": "clear", "±": "sign" };
+let field = null, kind = "", upper = false, signs = false;
+
+const numeric = (one) => one.type === "number" || ["decimal", "numeric"].includes(one.dataset.mode) || one.classList.contains("moment");
+const fraction = () => (lang === "en" ? "." : ",");
+
+document.addEventListener("focusin", ({ target }) => {
+  if (!target.matches?.(FIELDS) || target.readOnly || target.disabled) return hide();
+  target.dataset.mode ??= target.getAttribute("inputmode") ?? "";
+  target.inputMode = "none"; // the keys of the system stay away
+  field = target;
+  kind = numeric(field) ? "number" : "text";
+  upper = signs = false;
+  if (kind === "number" && !field.classList.contains("moment")) field.select();
+  draw();
+});
+document.addEventListener("focusout", ({ relatedTarget }) => { if (!relatedTarget?.matches?.(FIELDS)) hide(); });
+document.addEventListener("input", ({ target }) => { if (target === field) told(); });
+document.querySelector("[data-go-back]")?.addEventListener("click", () => history.back());
+if (document.activeElement?.matches(FIELDS)) document.activeElement.dispatchEvent(new FocusEvent("focusin", { bubbles: true }));
+
+function hide() {
+  field = null;
+  place.hidden = true;
+  delete document.body.dataset.keypad;
+}
+
+function draw() {
+  const rows = kind === "number" ? numbers() : letters();
+  const head = document.createElement("div"), name = document.createElement("span"), value = document.createElement("output");
+  head.className = "kp-head";
+  name.textContent = field.labels?.[0]?.innerText.trim() || field.getAttribute("aria-label") || field.placeholder || "";
+  head.append(name, value, key("✕"));
+  place.replaceChildren(head, ...rows.map((row) => {
+    const line = document.createElement("div");
+    line.className = "kp-row";
+    line.append(...row.map(key));
+    return line;
+  }));
+  place.dataset.kind = kind;
+  place.hidden = false;
+  place.removeAttribute("data-seen");
+  place.toggleAttribute("data-seen", kind === "text" && seen());
+  document.body.dataset.keypad = kind;
+  told();
+  field.scrollIntoView({ block: "nearest" });
+}
+
+/** The field itself is in sight: what it says need not be said again. */
+function seen() {
+  const { left, top, width, height } = field.getBoundingClientRect();
+  return document.elementFromPoint(left + width / 2, top + height / 2) === field;
+}
+
+function numbers() {
+  const moment = field.classList.contains("moment");
+  const last = moment ? [lang === "en" ? "/" : ".", "0", ":"] : ["±", "0", field.dataset.mode === "numeric" || field.type === "number" ? "C" : fraction()];
+  return [[...NUMBER[0], "⌫"], [...NUMBER[1], moment ? "␣" : "C"], [...NUMBER[2], "⏎"], last];
+}
+
+function letters() {
+  const rows = (signs ? SIGNS : LETTERS[lang] ?? LETTERS.en).map((row) => [...(upper ? row.toUpperCase() : row)]);
+  rows.at(-1).unshift("⇧");
+  rows.at(-1).push("⌫");
+  return [...rows, ["✕", signs ? "abc" : "123", ",", "␣", ".", "⏎"]];
+}
+
+function key(sign) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.tabIndex = -1;
+  button.textContent = sign;
+  button.dataset.key = sign;
+  if (SPOKEN[sign]) button.setAttribute("aria-label", texts[SPOKEN[sign]]);
+  if (sign === "⇧") button.setAttribute("aria-pressed", String(upper));
+  return button;
+}
+
+/** What is typed, above the keys: they may lie over the field. */
+function told() {
+  const value = place.querySelector("output");
+  if (value && field) value.textContent = field.type === "password" ? "•".repeat(field.value.length) : field.value;
+}
+
+place.addEventListener("pointerdown", (event) => event.preventDefault()); // the field keeps the focus
+place.addEventListener("click", ({ target }) => {
+  const sign = target.closest("[data-key]")?.dataset.key;
+  if (!sign || !field) return;
+  if (sign === "✕") return field.blur();
+  if (sign === "⏎") return enter();
+  if (sign === "⇧" || sign === "123" || sign === "abc") {
+    if (sign === "⇧") upper = !upper; else signs = !signs;
+    return draw();
+  }
+  write(sign === "␣" ? " " : sign);
+  if (upper) { upper = false; draw(); }
+});
+
+/** Put `sign` where the cursor is, as a key does. */
+function write(sign) {
+  const { value, maxLength } = field, whole = field.type === "number"; // such a field tells no cursor
+  let from = whole ? value.length : field.selectionStart, to = whole ? value.length : field.selectionEnd, put = sign;
+  if (whole && field.fresh !== value && sign !== "⌫") from = 0; // the first digit takes the place of what was there
+  if (sign === "C") [from, to, put] = [0, value.length, ""];
+  else if (sign === "±") [from, to, put] = /^[-−]/.test(value) ? [0, 1, ""] : [0, 0, "-"];
+  else if (sign === "⌫") [from, put] = [from === to ? Math.max(0, from - 1) : from, ""];
+  const next = value.slice(0, from) + put + value.slice(to);
+  if (maxLength >= 0 && next.length > maxLength && next.length > value.length) return;
+  field.value = next;
+  field.fresh = field.value;
+  const at = sign === "±" ? next.length : from + put.length;
+  if (!whole) field.setSelectionRange(at, at);
+  field.dispatchEvent(new Event("input", { bubbles: true }));
+}
+
+function enter() {
+  const down = new KeyboardEvent("keydown", { key: "Enter", bubbles: true, cancelable: true }), { form } = field;
+  const go = field.dispatchEvent(down);
+  if (!field) return; // the press closed what it was in
+  if (field.matches("textarea")) return write("\n");
+  field.dispatchEvent(new Event("change", { bubbles: true }));
+  if (go && form) form.requestSubmit();
+  if (go) field?.blur();
+}

@@ -1,0 +1,92 @@
+"""A panel that is only touched: keys on the screen write setpoints and reasons, Stop stays in sight, and nobody else loads them."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.browser.station import Sit, let_go, serving, small, take
+from tests.conftest import PogonServer
+
+WHO, HOME = "ivana", "/"
+COVERED = """() => { const stop = document.querySelector('.zone .stop'), { left, top, width, height } = stop.getBoundingClientRect();
+  return [0.1, 0.5, 0.9].some((x) => !stop.contains(document.elementFromPoint(left + width * x, top + height / 2))); }"""
+"""Whether something lies over Stop."""
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    with serving(small(tmp_path_factory.mktemp("panel"), "m1", "m2")) as running:
+        yield running
+
+
+def tap(page: Page, keys: str) -> None:
+    for key in keys:
+        page.locator(f"#keypad [data-key='{key}']").click()
+
+
+def test_a_setpoint_is_typed_on_the_screen_and_stop_stays_in_sight(sit: Sit) -> None:
+    page = sit(path="/equipment/m2?panel=1")
+    take(page)
+    keypad, field = (
+        page.locator("#keypad"),
+        page.locator("[data-setpoint='m2.set_frequency'] input[name=argument]").first,
+    )
+    expect(keypad).to_be_hidden()
+    field.click()
+    expect(keypad).to_be_visible()
+    expect(keypad).to_contain_text("Frequency setpoint")
+    for width, height in ((1280, 800), (800, 480), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        assert not page.evaluate(COVERED), width
+    page.set_viewport_size({"width": 1280, "height": 800})
+    field.click()
+    field.select_text()
+    tap(page, "411")
+    tap(page, "⌫")
+    tap(page, ".5")
+    expect(field).to_have_value("41.5")
+    expect(keypad.locator("output")).to_have_text("41.5")
+    tap(page, "⏎")
+    expect(keypad).to_be_hidden()
+    card = page.locator("[data-review='m2.set_frequency'] button").first
+    expect(page.locator("#message").or_(card).first).to_be_visible()
+    if card.count():
+        card.click()
+    expect(field).to_have_value("41.50")
+    let_go(page)
+
+
+def test_words_are_typed_in_the_letters_of_the_language(sit: Sit) -> None:
+    page = sit(path="/equipment/m1?panel=1", lang="hr")
+    page.keyboard.press("Control+k")
+    expect(page.locator("#pal-q")).to_be_focused()
+    tap(page, "⇧Ž")
+    expect(page.locator("#pal-q")).to_have_value("Ž")
+    tap(page, "⌫")
+    tap(page, "ventilator␣")
+    page.locator("#keypad [data-key='123']").click()
+    tap(page, "2")
+    expect(page.locator("#pal-q")).to_have_value("ventilator 2")
+    tap(page, "⏎")
+    expect(page).to_have_url(re.compile("/equipment/m2$"))
+
+
+def test_it_holds_for_this_browser_until_it_is_ended_and_others_load_none_of_it(sit: Sit, server: PogonServer) -> None:
+    asked: list[str] = []
+    page = sit(path="/equipment/m1")
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    expect(page.locator("[data-go-back]")).to_have_count(0)
+    page.goto(f"{server.url}/alarms?panel=1")
+    page.goto(f"{server.url}/account")
+    page.locator("[data-go-back]").click()
+    expect(page).to_have_url(re.compile("/alarms"))
+    page.goto(f"{server.url}/account")
+    page.get_by_role("button", name="Switch off").click()
+    expect(page.locator("[data-go-back]")).to_have_count(0)
+    asked.clear()
+    page.goto(f"{server.url}/equipment/m1")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    assert not [url for url in asked if "keypad" in url]
