@@ -35,6 +35,8 @@ STATE_NAMES: Mapping[AlarmState, str] = {
 """State → `alarm.state.<name>`."""
 MOST_MACHINES = 8
 """Rows of the summary; a plant with more machines is counted by area."""
+MOST_OF_AREA = 8
+"""Alarms that are named beside an area; its list has the others."""
 
 
 class Surroundings(Protocol):
@@ -291,12 +293,12 @@ class Drawing:
             "marks": symbols(engine.list.active()) if may_view else {"of": {}, "area": {}, "part": {}, "point": {}},
         }
 
-    def summary(self) -> dict[str, object]:
-        """Alarms by machine or area, the last three, the last 24 hours."""
-        active = self.runtime.alarms.list.active()
+    def summary(self, area: str = "") -> dict[str, object]:
+        """Alarms by machine or area, the last three, the last 24 hours; of one `area` by machine, the last few."""
+        active = [one for one in self.runtime.alarms.list.active() if not area or (one.equipment and one.area == area)]
         plant = self.runtime.plant
-        machines = list(plant.equipment.values()) if plant else []
-        by_machine = len(machines) <= MOST_MACHINES
+        machines = [item for item in (plant.equipment.values() if plant else ()) if not area or item.area == area]
+        by_machine = bool(area) or len(machines) <= MOST_MACHINES
         rows: dict[str, tuple[str, dict[int, int]]] = {}
         for item in machines:
             key = item.id if by_machine else item.area
@@ -304,12 +306,15 @@ class Drawing:
             if plant and not by_machine and item.area in plant.areas:
                 label = self.texts.label(self.lang, plant.areas[item.area]) or key
             rows.setdefault(key, (label, dict.fromkeys(PRIORITIES, 0)))
-        rows[SYSTEM] = (self._("alarm.system.name"), dict.fromkeys(PRIORITIES, 0))
+        if not area:
+            rows[SYSTEM] = (self._("alarm.system.name"), dict.fromkeys(PRIORITIES, 0))
         for one in active:
             rows[(one.equipment if by_machine else one.area) if one.equipment else SYSTEM][1][one.priority] += 1
-        newest = sorted(active, key=lambda one: -one.first_true)[:3]
+        newest = sorted(active, key=lambda one: -one.first_true)[: MOST_OF_AREA if area else 3]
         told = self.runtime.alarms.annunciations.times
         return {
+            "area": area,
+            "title": self._("alarm.of_area" if area else "alarm.by_area"),
             "rows": [(label, [counts[one] for one in PRIORITIES]) for label, counts in rows.values()],
             "newest": [(self.row(one), fmt.clock_time(one.first_true, self.zone, seconds=False)) for one in newest],
             "told": len(told),

@@ -380,9 +380,9 @@ async def banner(request: Request) -> Response:
 
 
 @router.get("/alarms/summary", dependencies=[allow("view")])
-async def summary(request: Request) -> Response:
-    """Alarms by area, the last three, the last 24 hours."""
-    return _view(request).fragment(request, "fragments/alarm_summary.html", summary=drawing(request).summary())
+async def summary(request: Request, area: str = "") -> Response:
+    """Alarms by area, the last three, the last 24 hours; or those of one area."""
+    return _view(request).fragment(request, "fragments/alarm_summary.html", summary=drawing(request).summary(area))
 
 
 # ---- the journal ------------------------------------------------------------------------------------------

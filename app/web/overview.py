@@ -1,5 +1,6 @@
 """The plant at a glance: its picture, today's figures, a tile of every machine; the same of one area."""
 
+from collections.abc import Sequence
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
@@ -41,12 +42,21 @@ async def today(request: Request, area: str = "") -> HTMLResponse:
     return view_of(request).fragment(request, "fragments/today.html", today=await drawn(request, members))
 
 
-def picture_of(plant: Plant) -> Picture | None:
-    """The machines in their flow, each sequence before the machine that it moves; None for a plant of one machine, or of too many."""
-    if not 1 < len(plant.equipment) <= MOST_MACHINES:
+def picture_of(plant: Plant, machines: Sequence[Equipment]) -> Picture | None:
+    """`machines` in their flow, each sequence before the machine that it moves; None for one machine, or too many."""
+    if not 1 < len(machines) <= MOST_MACHINES:
         return None
-    moved = [(item.id, item.machine) for item in plant.equipment.values() if item.machine]
-    return arrange(list(plant.equipment), [*plant.flow, *moved])
+    moved = [(item.id, item.machine) for item in machines if item.machine]
+    return arrange([item.id for item in machines], [*plant.flow, *moved])
+
+
+def flow_of(plant: Plant, area: str, machines: Sequence[Equipment]) -> Picture | None:
+    """The picture of an area: of those of its machines that the flow joins; None where it joins none."""
+    picture = picture_of(plant, machines)
+    if not area or picture is None:
+        return picture
+    joined = {id for pair in picture.lines for id in pair}
+    return picture_of(plant, [item for item in machines if item.id in joined])
 
 
 async def _page(request: Request, members: list[Equipment], area: str, title: str) -> HTMLResponse:
@@ -58,7 +68,7 @@ async def _page(request: Request, members: list[Equipment], area: str, title: st
         kind="overview",
         area=area,
         machines=[view.machine(request, item) for item in members],
-        plant_picture=None if area else picture_of(plant),
+        plant_picture=flow_of(plant, area, members),
         today=await drawn(request, members),
         today_url=f"/today?area={quote(area)}" if area else "/today",
     )

@@ -319,7 +319,7 @@ class View:
             "html_lang": HTML.get(lang, lang),
             "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",
             "alarms": alarms,
-            "summary": drawing.summary() if given.get("kind") == "overview" else None,
+            "summary": drawing.summary(area) if given.get("kind") == "overview" else None,
             "plant_label": texts.label(lang, plant.name) if plant else "Pogon",
             "nav": self._tabs(texts, plant, lang, path, area)
             + _engineering_tab(text("nav.engineering"), path, engineering),

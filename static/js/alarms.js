@@ -208,7 +208,7 @@ news?.addEventListener("signal", listen);
 document.addEventListener("pogon:drawn", mark);
 document.addEventListener("htmx:after:swap", mark);
 const summary = document.getElementById("alarm-summary");
-const renewSummary = renewing(() => "/alarms/summary", (html) => summary.replaceChildren(...parsed(html).body.childNodes));
+const renewSummary = renewing(() => summary.dataset.url, (html) => summary.replaceChildren(...parsed(html).body.childNodes));
 if (summary) document.getElementById("alarm-changes")?.addEventListener("signal", renewSummary);
 mark();
 listen();

@@ -322,6 +322,15 @@ def test_the_summary_counts_by_machine(hall: Hall) -> None:
     assert lines == {**calm, "Fan 2": ["1"], "System": ["1"]}
 
 
+def test_the_summary_of_an_area_has_its_machines_and_alarms_only(hall: Hall) -> None:
+    hall.tell("stop_unconfirmed", "m2")
+    hall.tell("stop_unconfirmed", "c1")
+    drives, lines = hall.page("/alarms/summary?area=drives"), hall.page("/alarms/summary?area=conveyors")
+    assert re.findall(r'<th scope="row">(.*?)</th>', drives) == ["Fan 1", "Fan 2", "Axis 1"]
+    assert re.findall(r'<th scope="row">(.*?)</th>', lines) == ["Conveyor 1"]
+    assert drives.count("<li>") == lines.count("<li>") == 1 and 'href="/alarms?area=drives"' in drives
+
+
 def test_a_new_alarm_changes_the_tag_that_pages_listen_to(hall: Hall) -> None:
     tags = hall.runtime.tags
     virtual.pass_time(0.6)
