@@ -6,7 +6,7 @@ For tests the fixtures in conftest.py see to it; a process without pytest says `
 import os
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
@@ -82,13 +82,18 @@ _types: dict[tuple[object, ...], tuple[types.TypeData, list[Problem]]] = {}
 
 
 def read_once(
-    name: str, languages: Sequence[str], folder: Path = EQUIPMENT, *, spoken: Sequence[str] | None = None
+    name: str,
+    languages: Sequence[str],
+    folder: Path = EQUIPMENT,
+    *,
+    spoken: Sequence[str] | None = None,
+    given: Mapping[str, float] | None = None,
 ) -> tuple[types.TypeData, list[Problem]]:
     """In place of `types.read_type`: the product's own types are read once per process, types in folders of tests each time."""
     if folder != EQUIPMENT:
-        return _read_type(name, languages, folder, spoken=spoken)
-    asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken))
+        return _read_type(name, languages, folder, spoken=spoken, given=given)
+    asked = (name, tuple(languages), spoken if spoken is None else tuple(spoken), frozenset((given or {}).items()))
     if asked not in _types:
-        _types[asked] = _read_type(name, languages, folder, spoken=spoken)
+        _types[asked] = _read_type(name, languages, folder, spoken=spoken, given=given)
     data, problems = _types[asked]
     return data, [*problems]

@@ -117,16 +117,24 @@ def pages() -> dict[Path, str]:
     """File → its text, for every type that is a Pogon PLC."""
     found: dict[Path, str] = {}
     for name in types.names():
-        data, problems = types.read_type(name, [LANGUAGE])
-        if problems:
-            raise SystemExit("\n".join(map(str, problems)))
+        data = _read(name, {})
         if data.type.device.plc:
+            most = {option: data.type.ranges[option][1] for option in data.counted}
             found[FOLDER / f"{name}.md"] = page(data)
+            if most:
+                found[FOLDER / f"{name}_more.md"] = more(data, _read(name, most))
     return found
 
 
+def _read(name: str, given: Mapping[str, float]) -> TypeData:
+    data, problems = types.read_type(name, [LANGUAGE], given=given)
+    if problems:
+        raise SystemExit("\n".join(map(str, problems)))
+    return data
+
+
 def page(data: TypeData) -> str:
-    """The whole map of one type."""
+    """The whole map of one type, as many rows of each kind as its options say where a plant file says nothing."""
     kind = data.type
     assert kind.device.plc
     parts = [
@@ -141,6 +149,34 @@ def page(data: TypeData) -> str:
         *(part for table in kind.tables.values() for part in _table(data, table)),
         "## Training",
         TRAINING.format(training=kind.device.training),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def more(data: TypeData, most: TypeData) -> str:
+    """What a machine that has `most` of everything serves beside the map of `data`."""
+    usual, kind = data.type, most.type
+    assert usual.device.plc and kind.device.plc
+    ranges = {option: usual.ranges[option] for option in sorted(data.counted)}
+    numbers = ", ".join(f"{low:g} to {high:g} {option}" for option, (low, high) in ranges.items())
+    known = [image.address for image in usual.device.plc.images]
+    held = [(key, one) for key, one in kind.commands.items() if one.hold_bits and key not in usual.commands]
+    rows = [(f"0x{command.hold_bits:04X}", f"`{key}`", _text(kind, command.label)) for key, command in held]
+    parts = [
+        f"# Register map: {_text(kind, kind.label)}, more of everything",
+        f"Made by `make registers` like [{kind.name}.md]({kind.name}.md), the map of the usual machine: do not edit.",
+        f"The plant file says how many there are: {numbers}. A machine with fewer than the usual one serves the usual map with 0 or NaN "
+        "in the places of what it lacks. One with more serves the following beside it, each image of which it needs a part as a whole, "
+        "with 0 or NaN in the places that it does not use.",
+        *(part for image in kind.device.plc.images if image.address not in known for part in _image(kind, image)),
+        "## Hold-to-run",
+        _grid(("bits", "name", "meaning"), rows),
+        "## Tables",
+        *(
+            f"`{key}` is at 0x{table.address:04X} where the usual map has no room for it, with at most {table.capacity} rows."
+            for key, table in kind.tables.items()
+            if table.address != usual.tables[key].address
+        ),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -362,7 +398,7 @@ def _block(kind: EquipmentType, file: str, table: str) -> list[str]:
     for line in _lines(kind, file):
         if line.startswith("# "):
             block.append(line[2:])
-        elif line == f"[{table}]":
+        elif _names(line, table):
             return [" ".join(block)] if block else []
         else:
             block = []
@@ -375,10 +411,16 @@ def _note(kind: EquipmentType, file: str, table: str, *keys: str) -> str:
     here = False
     for line in _lines(kind, file):
         if line.startswith("["):
-            here = line == f"[{table}]"
-        elif here and (found := re.match(rf"(?:{wanted}) = \w+\s+# (.+)", line)):
+            here = _names(line, table)
+        elif here and (found := re.match(rf"(?:{wanted}) = (?:\w+|\{{.*\}})\s+# (.+)", line)):
             return found[1]
     return ""
+
+
+def _names(line: str, table: str) -> bool:
+    """Whether `line` is the head of `table`, also of one that stands for many (plant/type_files/repeats.py)."""
+    name = line[1:-1].replace('"', "") if line.startswith("[") else ""
+    return bool(name) and re.fullmatch(r"\d+".join(map(re.escape, re.split(r"\{[^}]*\}", name))), table) is not None
 
 
 def _notes(kind: EquipmentType, file: str, table: str) -> dict[str, str]:

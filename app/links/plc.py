@@ -68,6 +68,12 @@ def header_fault(words: Sequence[int], map: PlcMap) -> str:
     return ""
 
 
+def younger_image(map: PlcMap, address: int, minor: int) -> str:
+    """Why the image at `address` is none of a device with this minor version of the map; empty when it may be."""
+    since = next((image.since for image in map.images if image.address == address), 0)
+    return f"the image at 0x{address:04X} came with map {plc_map.MAJOR}.{since}" if minor < since else ""
+
+
 class PlcUnit:
     """One unit that is a Pogon PLC."""
 
@@ -76,10 +82,8 @@ class PlcUnit:
         self.clock = DeviceClock()
         self.events = EventReader(bus, station, self.clock)
         self.orders = Orders(bus, station, self.clock)
-        self.crc: int | None = None
-        """Check sum of its configuration."""
-        self.minor = plc_map.MINOR
-        """Minor version of its map."""
+        self.crc: int | None = None  # check sum of its configuration
+        self.minor = plc_map.MINOR  # of its map
         self._bus = bus
         self._station = station
         self._told = ""
@@ -169,6 +173,9 @@ class PlcUnit:
             case Part.IMAGE:
                 self._pulse.image(block.block.address, words, started)
                 self._judge()
+                if younger := younger_image(self.map, block.block.address, self.minor):
+                    self._bus.refuse(self._station, block, younger)
+                    return Seen.NOTHING
                 return Seen.WHOLE if plc_map.is_whole(words) else Seen.TORN
             case Part.RING:
                 head = head_of(words)

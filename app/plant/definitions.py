@@ -277,6 +277,7 @@ class Image:
 
     address: int
     words: int
+    since: int = 0  # least minor version of the map that has it
 
 
 class UnitService:
@@ -491,8 +492,7 @@ class EquipmentType:
     """Type whose texts, drive parameters and style sheets it has, too."""
     drive_parameters: Mapping[str, DriveParameter] = field(default_factory=dict)
     """What is known of the parameters of its drives, by code."""
-    symbol: str = "e-machine"
-    """What its machines are drawn as, in static/symbols.svg."""
+    symbol: str = "e-machine"  # what its machines are drawn as, in static/symbols.svg
     tile: frozenset[str] = frozenset()
     """Keys of the points that its tile on the overview draws: of the others a page of many machines is not told."""
     today: Figures = field(default_factory=dict)  # what is told of a day of its machines

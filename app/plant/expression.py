@@ -35,7 +35,7 @@ Age = Callable[[str], float | None]
 """Gives the age of a point by its key [s]."""
 
 ARGUMENT = "argument"
-LONGEST = 500
+LONGEST = 4000  # a sentence over thirty-two sensors is long
 DEEPEST = 24
 EXPECTED = "numbers, names of points, + - * /, comparisons, and/or/not, in (…), abs min max good bad age"
 

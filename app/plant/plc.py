@@ -4,7 +4,7 @@
     type_code = 10                                      word 3 of the header
     status = "state"                                    point that commands expect to be as the person saw it
     events = true                                       it has an event ring
-    images = [{ address = 0x0100, words = 96 }]         generation first and last
+    images = [{ address = 0x0100, words = 96 }]         generation first and last; `since` as with tables
     settings = { address = 0x0200, words = 34 }         generation, count, values, generation
     staging = 0x0240
 
@@ -94,7 +94,9 @@ def read_plc(head: Table, device: Device) -> PlcMap | None:
 
 
 def _image(table: Table) -> Image:
-    image = Image(table.whole("address"), table.whole("words", low=3, high=MOST_WORDS))
+    image = Image(
+        table.whole("address"), table.whole("words", low=3, high=MOST_WORDS), table.whole("since", 0, low=0, high=MINOR)
+    )
     if image.address + image.words > 0x10000:
         table.note("words", image.words, "an image that ends at 0xFFFF")
     table.done()

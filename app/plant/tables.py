@@ -53,6 +53,8 @@ class Source:
         self.name = name
         self.problems: list[Problem] = []
         self.data: dict[str, Any] = {}
+        self.written: Mapping[tuple[str, ...], str] = {}
+        """Path of a key that a reader made of another one → that one, as it stands in the file."""
         self._lines: list[str] = []
         try:
             text = read_text(path, LARGEST_FILE, inside=inside) if draft is None else draft
@@ -95,7 +97,7 @@ class Source:
         if not path or not self._lines:
             return None
         whole, begun = self._places
-        wanted = tuple(path)
+        wanted = tuple(self.written.get(tuple(path[: at + 1]), part) for at, part in enumerate(path))
         if wanted in begun:
             return begun[wanted]
         return next(

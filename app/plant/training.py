@@ -13,8 +13,9 @@
     [acts.put]                              what acts once and reads 0
     [switches.sensor]                       bits that are turned over one by one
 
-The texts are `training.<key>` of each of them, `training.fault.<code>` or `….<tens>x` with {n} for its last digit, and what the
-trainee sees then: `training.sees.<code>`, `….<tens>x` or `….any`. The registers are those of the virtual device
+The texts are `training.<key>` of each of them, `training.fault.<code>` or `….<tens>x` with {n} for its last digit (from 100 on
+`….<hundreds>xx` with {n} for its last two), and what the trainee sees then: `training.sees.<code>`, `….<tens>x` or `….any`.
+The registers are those of the virtual device
 (sim/<type>/training.py); a test holds both against each other.
 """
 
@@ -57,8 +58,9 @@ def text_keys(training: Training) -> Iterator[str]:
 
 
 def text_of_code(texts: Mapping[str, Mapping[str, str]], table: str, code: int) -> str:
-    """The key below `table` that speaks of `code`: of itself, of its tens, of any; empty when no language has one."""
-    keys = (f"{table}.{code}", f"{table}.{code // 10}x", f"{table}.any")
+    """The key below `table` that speaks of `code`: of itself, of its tens, hundreds, of any; empty when no language has one."""
+    wider = f"{table}.{code // 100}xx" if code >= 100 else f"{table}.{code // 10}x"
+    keys = (f"{table}.{code}", wider, f"{table}.any")
     return next((key for key in keys if any(key in own for own in texts.values())), "")
 
 

@@ -23,6 +23,8 @@ may depend on what the device says: `when` it is written at all, `after` what, a
 A type whose device.toml says `kin = "sinamics"` has the drive parameters, texts and style sheets of that type, too; its
 own win.
 
+Rows that a machine has as many of as an option says are written once (plant/type_files/repeats.py).
+
 A missing file but device.toml and points.toml means: there are none of these. Names of text keys follow the keys: `point.speed`,
 `command.stop`, `alarm.overcurrent.label`, `argument.head`, of all cells of a column `point.product.head`; what stands under `label` in the
 data wins.
@@ -31,7 +33,9 @@ data wins.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
+from app.errors import ConfigurationError
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
 from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
@@ -50,6 +54,7 @@ from app.plant.type_files.options import read_options
 from app.plant.type_files.orders import read_orders
 from app.plant.type_files.points import Points
 from app.plant.type_files.registers import check_registers
+from app.plant.type_files.repeats import Repeats, read_repeats, written_out
 from app.plant.type_files.sentences import Sentences
 from app.plant.type_files.setpoints import read_setpoints
 from app.plant.type_files.tables import read_tables
@@ -70,13 +75,19 @@ def names(folder: Path = EQUIPMENT) -> list[str]:
 
 
 def read_type(
-    name: str, languages: Sequence[str], folder: Path = EQUIPMENT, *, spoken: Sequence[str] | None = None
+    name: str,
+    languages: Sequence[str],
+    folder: Path = EQUIPMENT,
+    *,
+    spoken: Sequence[str] | None = None,
+    given: Mapping[str, float] | None = None,
 ) -> tuple[TypeData, list[Problem]]:
     """Read the folder of type `name`; the data is only of use when there are no problems.
 
-    Of `languages` its texts are read where it has them; of those `spoken` (else of all) it must have them.
+    Of `languages` its texts are read where it has them; of those `spoken` (else of all) it must have them. Its repeated rows are as many
+    as the options `given` say, else as the defaults of its options do.
     """
-    files = _Files(folder / name, name)
+    files = _Files(folder / name, name, given or {})
     data = _read(files, languages, languages if spoken is None else spoken)
     return data, [problem for source in files.sources for problem in source.problems]
 
@@ -84,15 +95,28 @@ def read_type(
 class _Files:
     """The files of one type that were opened, and so the mistakes in them."""
 
-    def __init__(self, folder: Path, name: str) -> None:
+    def __init__(self, folder: Path, name: str, given: Mapping[str, float] = MappingProxyType({})) -> None:
         self.folder = folder
         self.name = name
         self.sources: list[Source] = []
+        self.repeats = Repeats({}, {})
+        """Known once device.toml was opened."""
+        self.given = given
 
     def open(self, name: str, *, optional: bool = True) -> Table:
         """The file `name` as a table; only one that is not `optional` must be there."""
         source = Source(self.folder / name, f"{self.name}/{name}", optional=optional)
         self.sources.append(source)
+        if name == "device.toml" and "repeats" in source.data:
+            try:
+                self.repeats = read_repeats(source.data, self.given)
+            except ConfigurationError as error:
+                source.note(("repeats",), "given", str(error))
+        if self.repeats:
+            # of texts all that any machine may need: they are looked up by the name of the type, too
+            numbers = self.repeats.most if name.startswith("texts.") else self.repeats.numbers
+            written = written_out(source.data, numbers)
+            source.data, source.written = written.data, written.names
         return source.table()
 
 
@@ -122,13 +146,14 @@ def _kin(head: Table, files: _Files, languages: Sequence[str]) -> _Kin:
 def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> TypeData:
     name = files.name
     head = files.open("device.toml", optional=False)
+    head.raw("repeats")
     device = read_device(head.table("device"))
     label, area = head.text("label", "type"), head.text("area", "")
     symbol = head.text("symbol", "e-machine", pattern=SYMBOL, expected="a symbol of static/symbols.svg: e-…")
     sequence = head.flag("sequence")
     options = read_options(head, name, sequence=sequence)
     actions, simulation_presets = read_actions(head, sequence=sequence), read_simulation_presets(head)
-    option_checks = tuple(read_option_checks(head, options))
+    option_checks = tuple(read_option_checks(head, options, usual=not files.given))
     device = replace(device, services=read_services(head, device))
     tile = head.items("tile", ()) if head.has("tile") else ()
     kin = _kin(head, files, languages)
@@ -215,7 +240,9 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     )
     codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
     parameters = {key: codes if takes else frozenset() for key, takes in options.parameters.items()}
-    return TypeData(kind, points.found, options.choices, parameters, options.numbers, columns, option_checks)
+    return TypeData(
+        kind, points.found, options.choices, parameters, options.numbers, columns, option_checks, files.repeats.options
+    )
 
 
 def text_keys(data: TypeData) -> Iterator[str]:

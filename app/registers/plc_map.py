@@ -22,7 +22,7 @@ from struct import pack, unpack
 
 MAGIC = 0x5047
 MAJOR = 1
-MINOR = 2
+MINOR = 3
 """1: an event says which command caused it (word 16 of its row). 2: a conveyor keeps the last start and stop of its belts."""
 
 HEADER = 0

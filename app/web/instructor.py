@@ -303,10 +303,10 @@ def _machine_sees(request: Request, item: Equipment, code: int) -> str:
 
 
 def _coded(request: Request, item: Equipment, table: str, code: int) -> str:
-    """Text of a code, else of its tens with {n} for its last digit, else of any; empty when there is none."""
+    """Text of a code, else of its tens or hundreds with {n} for what is behind them, else of any; empty when there is none."""
     key = text_of_code(item.type.texts, table, code)
     texts = view_of(request).runtime(request).texts
-    return texts.of_type(language_of(request), item.type, key, n=code % 10) if key else ""
+    return texts.of_type(language_of(request), item.type, key, n=code % (10 if code < 100 else 100)) if key else ""
 
 
 def _row(request: Request, one: Trainee) -> dict[str, Any]:

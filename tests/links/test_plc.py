@@ -185,6 +185,22 @@ async def test_a_table_that_is_younger_than_the_map_of_the_device_is_bad_whateve
         await until(lambda: line.value("p.thing_1_id") == 7)
 
 
+async def test_an_image_that_is_younger_than_the_map_of_the_device_is_bad_whatever_stands_there() -> None:
+    device = SmallPlc()
+    machine = small()
+    map = machine.type.device.plc
+    assert map
+    younger = replace(map, images=[replace(image, since=3) for image in map.images])
+    machine = replace(machine, type=replace(machine.type, device=replace(machine.type.device, services=(younger,))))
+    device.header[plc_map.AT_MINOR] = 2
+    async with plant(device, equipment=[machine]) as (line, _):
+        await until(lambda: line.quality("p.counter") == WRONG)
+        assert line.value("p.counter") is None
+    device.header[plc_map.AT_MINOR] = 3
+    async with plant(device, equipment=[machine]) as (line, _):
+        await until(lambda: is_good(line.quality("p.counter")))
+
+
 async def test_after_a_restart_and_after_another_configuration_what_is_read_once_is_read_again() -> None:
     device = SmallPlc()
     async with plant(device) as (line, _):

@@ -278,7 +278,10 @@ def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType)
 
 def test_every_text_key_of_the_data_exists_in_every_language(line: EquipmentType) -> None:
     product = {f"table.{name}" for name in ("generation", "capacity", "count")}
-    wanted = set(types.text_keys(_data)) | {"area", *(setpoint.group for setpoint in line.setpoints.values())}
+    most, problems = types.read_type("conveyor", LANGUAGES, given={"belts": 16, "sensors": 32})
+    assert problems == []
+    wanted = {"area", *types.text_keys(_data), *types.text_keys(most)}
+    wanted |= {setpoint.group for setpoint in line.setpoints.values()}
     for language in LANGUAGES:
         assert wanted - product - set(line.texts[language]) == set(), language
         assert {
@@ -356,6 +359,7 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         "resolution": 1650,
         "slots": 20,
         "product_slots": 20,
+        **{"belts": 3, "device_belts": 3, "sensors": 4, "device_sensors": 4},
         **{f"sensor_position_{n}": 100.0 * n for n in (1, 2, 3, 4)},
         **{f"sensor_{n}": 100 * n for n in (1, 2, 3, 4)},
     }
@@ -396,14 +400,10 @@ def test_a_line_of_other_measures_is_fine_when_they_go_together(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('expression = "sensor_1 < sensor_2"', 'expression = "sensor_1 < sensor_9"', "sensor_9 is none"),
-        (
-            'expression = "sensor_1 < sensor_2"',
-            'expression = "sensor_1 > sensor_2"',
-            "holds for the options of default",
-        ),
-        ('option = "sensor_2"', 'option = "sensor_9"', "sensor_2"),
-        ("which is {sensor_1} mm", "which is {sensor_9} mm", "options in braces only"),
+        ('"sensor_{later-1} < sensor_{later}"', '"sensor_1 < sensor_9"', "sensor_9 is none"),
+        ('"sensor_{later-1} < sensor_{later}"', '"sensor_1 > sensor_{later}"', "holds for the options of default"),
+        ('option = "sensor_{later}"', 'option = "sensor_9"', "sensor_2"),
+        ("which is {sensor_{later-1}} mm", "which is {sensor_9} mm", "options in braces only"),
         ("sensor_1 = 150 ", "sensor_1 = 250 ", "holds for the options of simulation"),
     ],
 )

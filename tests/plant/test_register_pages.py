@@ -67,5 +67,5 @@ def test_the_header_has_the_words_and_types_that_a_device_sends() -> None:
         for n in range(int(count or 1)):
             told[first + n] = kind
     assert at == plc_map.HEADER_WORDS and told == device
-    for page in registers.pages().values():
+    for page in (text for path, text in registers.pages().items() if not path.stem.endswith("_more")):
         assert "| 19–22 | u64 | step number" in page

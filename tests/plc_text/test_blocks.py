@@ -167,10 +167,11 @@ def test_time_and_steps_carry_into_the_upper_half() -> None:
     header.KeptLow, header.StepLow = 0xFFFFFFF0, 0xFFFFFFFF
     header(CycleMicros=0x20, HostTimeout=100, Regs=regs)
     assert (header.TimeHigh, header.TimeLow) == (1, 0x10)
+    assert regs.W[0:3] == [plc_map.MAGIC, plc_map.MAJOR, plc_map.MINOR]
     assert regs.W[11:15] == [0, 1, 0, 0x10] and regs.W[19:23] == [0, 1, 0, 0]
     assert not header.HostSilent
-    header(CycleMicros=200_000, Regs=regs)
-    assert header.HostSilent
+    header(CycleMicros=200_000, MapMinor=1, Regs=regs)
+    assert header.HostSilent and regs.W[2] == 1
     regs.W[9] = 77
     header(CycleMicros=200_000, Regs=regs)
     assert not header.HostSilent

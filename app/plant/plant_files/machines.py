@@ -75,6 +75,10 @@ class Machines:
         if data is None:
             self.unread.add(key)
             return  # its other keys cannot be judged before its type is known
+        data = self._types.variant(data, table)
+        if data is None:
+            self.unread.add(key)
+            return
         preset = table.text("preset", "", choices=list(data.type.presets)) if data.type.presets else ""
         definition, machine = self._sequence(table) if data.type.sequence else (None, "")
         if data.type.sequence and definition is None:

@@ -8,7 +8,7 @@ from app.plant.definitions import EquipmentType
 from app.plant.derive import order_problem
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.problems import Problem
-from app.plant.tables import Plain
+from app.plant.tables import Plain, Table
 from app.plant.type_files.data import TypeData
 
 
@@ -21,19 +21,46 @@ class TypesUsed:
         self._folder = folder
         self._languages = languages
         self._read: dict[str, TypeData | None] = {}
+        self._variants: dict[tuple[str, frozenset[tuple[str, float]]], TypeData | None] = {}
 
     def get(self, name: str) -> TypeData | None:
         """The type `name`; None when its files have problems."""
         if name not in self._read:
-            data, problems = types.read_type(name, self._languages.known, self._folder, spoken=self._languages.spoken)
-            circle = "" if problems else order_problem(data.type.points)
-            if circle:
-                expected = "derived points that do not depend on each other"
-                problems = [Problem(f"{name}/points.toml", "derived", circle, expected)]
+            data, problems = self._of(name, {})
             problems = problems or list(self._taken(name, data.type))
             self.problems += problems
             self._read[name] = None if problems else data
         return self._read[name]
+
+    def variant(self, usual: TypeData, table: Table) -> TypeData | None:
+        """The type of a machine that `table` describes, as many of its repeated rows as the options there say; `usual` where they say
+        nothing else, or what cannot be (that is told where the options are read)."""
+        counted = {option: table.data[option] for option in usual.counted if option in table.data}
+        preset = usual.type.presets.get(str(table.data.get("preset", "")), {})
+        counted |= {option: preset[option] for option in usual.counted - counted.keys() if option in preset}
+        for option, value in counted.items():
+            low, high = usual.type.ranges[option]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high or value % 1:
+                return usual
+        given = {option: float(value) for option, value in counted.items() if value != usual.type.options[option]}
+        if not given:
+            return usual
+        key = usual.type.name, frozenset(given.items())
+        if key not in self._variants:
+            data, problems = self._of(usual.type.name, given)
+            self.problems += problems
+            self._variants[key] = None if problems else data
+        return self._variants[key]
+
+    def _of(self, name: str, given: Mapping[str, float]) -> tuple[TypeData, list[Problem]]:
+        data, problems = types.read_type(
+            name, self._languages.known, self._folder, spoken=self._languages.spoken, given=given
+        )
+        circle = "" if problems else order_problem(data.type.points)
+        if circle:
+            expected = "derived points that do not depend on each other"
+            problems = [Problem(f"{name}/points.toml", "derived", circle, expected)]
+        return data, problems
 
     def _taken(self, name: str, kind: EquipmentType) -> Iterator[Problem]:
         """Kinds of records that another type has named so: one list, one address and one table of texts cannot be of both."""

@@ -33,3 +33,5 @@ class TypeData:
     columns: Mapping[str, Mapping[str, PointData]] = field(default_factory=dict)
     """Table → column → the cell of slot 1, its key still that of the column."""
     checks: Sequence[OptionCheck] = ()
+    counted: frozenset[str] = frozenset()
+    """Options by which rows of the type are repeated: with other values it is another set of points, commands, alarms."""

@@ -85,8 +85,9 @@ def read_options(head: Table, owner: str, *, sequence: bool) -> Options:
     return options
 
 
-def read_checks(head: Table, options: Options) -> Iterator[OptionCheck]:
-    """`[[checks]]`: what must hold between options; the defaults, and every preset, must meet them."""
+def read_checks(head: Table, options: Options, *, usual: bool = True) -> Iterator[OptionCheck]:
+    """`[[checks]]`: what must hold between options; the defaults, and every preset, must meet them unless the type is not as it is
+    `usual`ly, with other numbers of repeated rows, whose options a plant file must tell."""
     defaults = options.defaults
     for row in head.rows("checks"):
         check = OptionCheck(row.text("expression"), row.text("option", choices=list(defaults)), row.text("expected"))
@@ -96,7 +97,7 @@ def read_checks(head: Table, options: Options) -> Iterator[OptionCheck]:
         except (LookupError, ValueError) as error:
             row.note("expected", check.expected, f"options in braces only ({error})")
             continue
-        for name, given in {"default": {}, **options.presets}.items():
+        for name, given in ({"default": {}, **options.presets} if usual else {}).items():
             if not row.source.problems and not check.holds({**defaults, **given}):
                 row.note("expression", check.expression, f"a sentence that holds for the options of {name}")
         row.done()

@@ -1,4 +1,4 @@
-"""A conveyor of three belts as a virtual PLC: the line, its program and its registers."""
+"""A conveyor as a virtual PLC: the line, its program and its registers."""
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
@@ -21,19 +21,19 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     world = {key: given.pop(key) for key in ("interval", "shortest", "longest") if key in given}
     arrivals = bool(given.pop("arrivals", 1.0))
 
-    def measure(key: str, default: float) -> float:
+    def measure(key: str, default: float = 0.0) -> float:
         return number(key, item.options.get(key, default))
 
     plain = Geometry()
-    ends = [measure(f"belt_{n}_end", plain.belt_ends[n - 1]) for n in (1, 2)]
-    sensors = [measure(f"sensor_{n}", plain.sensors[n - 1]) for n in (1, 2, 3, 4)]
+    belts, sensors = round(measure("belts", plain.belts)), round(measure("sensors", len(plain.sensors)))
     geometry = Geometry(
-        (ends[0], ends[1], measure("line_length", plain.length)),
-        (sensors[0], sensors[1], sensors[2], sensors[3]),
+        (*(measure(f"belt_{n}_end") for n in range(1, belts)), measure("line_length", plain.length)),
+        tuple(measure(f"sensor_{n}") for n in range(1, sensors + 1)),
         measure("roller_radius", plain.roller_radius),
         measure("rated_speed", plain.rated_speed),
         round(measure("resolution", float(plain.resolution))),
         bool(measure("intact_is_one", float(plain.intact_is_one))),
+        tuple(measure(f"belt_{n}_share", 100.0) for n in range(1, belts + 1)),
     )
     try:
         return VirtualConveyor(

@@ -1,9 +1,8 @@
-"""The three drives of the conveyor: which speed each belt is given, the ramp to it, and what their supervision finds."""
+"""The drives of the conveyor: which speed each belt is given, the ramp to it, and what their supervision finds."""
 
 from app.sim.conveyor.belt import Finding
-from app.sim.conveyor.machine import BELTS
 from app.sim.conveyor.plausibility import make_belt_uncertain
-from app.sim.conveyor.register_map import BELT_BITS, ConveyorEvent, Source
+from app.sim.conveyor.register_map import BELT_BITS, BELT_NUMBER, ConveyorEvent, Source
 from app.sim.conveyor.state import LineState
 
 SELECTIONS = (Source.NONE, Source.STOP, Source.GAP, Source.UNLOADING, Source.MANUAL, Source.AUTOMATIC)
@@ -17,7 +16,7 @@ class BeltDrives:
 
     def __init__(self, line: LineState) -> None:
         self._line = line
-        self.setpoints = [0.0] * BELTS
+        self.setpoints = [0.0] * line.geometry.belts
         """Of the drives [%]."""
         self.enabled = True
         """They have supply."""
@@ -46,13 +45,15 @@ class BeltDrives:
         if line.direction:
             asked = line.hold_argument
             manual = line.direction * (min(asked, FASTEST_BY_HAND) if asked > 0 else values["manual_speed"])
-        chosen = line.hold // (1 << BELT_BITS) & 7 or 7
-        waits = (follow.buffer_full, False, follow.brake)
+        few, other = line.hold >> BELT_BITS & 7, line.hold >> BELT_NUMBER & 31
+        chosen = few | 1 << other >> 1 or -1
+        speed, shares = values["automatic_speed"] / 100, line.geometry.speed_shares
+        last = len(line.belts) - 1
         for number, belt in enumerate(line.belts):
-            hold = automatic and waits[number]
+            hold = automatic and ((number == 0 and follow.buffer_full) or (number == last and follow.brake))
             by_hand = manual if chosen >> number & 1 else 0.0
             active = (stop, gap, hold, by_hand != 0.0, automatic and not gap and not hold)
-            selected = belt.selector.step(active, (0.0, 0.0, 0.0, by_hand, values["automatic_speed"]))
+            selected = belt.selector.step(active, (0.0, 0.0, 0.0, by_hand, speed * shares[number]))
             belt.source, belt.target = SELECTIONS[selected.selection], selected.value
             belt.follow(line.dt, line.time, supplied=self.enabled)
             self.setpoints[number] = belt.ramp.speed

@@ -15,9 +15,9 @@ class GapStop:
         self._age = 0.0
         """For so long the belts have stood [s]."""
         self._speed = nan
-        """Setpoint of automatic that `_way` was computed for [%]; NaN = none."""
-        self._way = 0.0
-        """On which a belt that starts and stops at once comes to a stop [mm]."""
+        """Setpoint of automatic that `_ways` were computed for [%]; NaN = none."""
+        self._ways: tuple[float, ...] = ()
+        """On which each belt that starts and stops at once comes to a stop [mm]."""
 
     def settings_changed(self) -> None:
         """The ramps are others now."""
@@ -49,12 +49,22 @@ class GapStop:
         line, values = self._line, self._line.settings
         speed = values["automatic_speed"]
         if speed != self._speed:
-            ramp = SRamp(values["acceleration"], values["jerk"], speed)
-            self._speed, self._way = speed, ramp.stop_distance() * line.scale
+            acceleration, jerk = values["acceleration"], values["jerk"]
+            self._speed, self._ways = (
+                speed,
+                tuple(
+                    SRamp(acceleration, jerk, speed * share / 100).stop_distance() * line.scale
+                    for share in line.geometry.speed_shares
+                ),
+            )
         if self._age + 1e-9 < values["restart_delay"]:
             return False
-        way, follow = self._way, line.tracking
-        gap = follow.gap_with((0.0 if follow.buffer_full else way, way, 0.0 if follow.brake else way))
+        ways, follow = list(self._ways), line.tracking
+        if follow.buffer_full:
+            ways[0] = 0.0
+        if follow.brake:
+            ways[-1] = 0.0
+        gap = follow.gap_with(ways)
         return gap is None or not gap.stop
 
     def _release(self) -> None:

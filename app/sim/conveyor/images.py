@@ -1,43 +1,43 @@
 """What the conveyor's PLC shows: status and configuration image, and the rows of the product table, packed as the map says."""
 
+from collections.abc import Sequence
 from math import nan
 
 from app.blocks.ramp_record import PHASES
-from app.sim.conveyor import training as own
-from app.sim.conveyor.machine import BELTS, SENSORS
-from app.sim.conveyor.register_map import CONFIGURATION_IMAGE, RAMP_IMAGE, ROW_IMAGE, STATUS_IMAGE
+from app.sim.conveyor.belt import Belt
+from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS, MOST_BELTS, MOST_SENSORS
+from app.sim.conveyor.register_map import (
+    CONFIGURATION_IMAGE,
+    MORE_BELTS_IMAGE,
+    MORE_CONFIGURATION_IMAGE,
+    MORE_FIRST,
+    MORE_STATUS_IMAGE,
+    RAMP_IMAGE,
+    ROW_IMAGE,
+    SHARES_IMAGE,
+    STATUS_IMAGE,
+)
 from app.sim.conveyor.state import LineState
+
+_FEW = 0b1111
+"""Sensors and areas that the first status image has bits for."""
 
 
 def status(plc: LineState) -> bytes:
     """The status image."""
     follow, machine, first = plc.tracking, plc.machine, plc.first_out.first
     gap = follow.gap
-    length, scale = plc.geometry.pulse_length, plc.geometry.full_speed / 100
-    speeds = [belt.speed(length, plc.steps) for belt in plc.belts]
-    belts = [
-        number
-        for belt, speed in zip(plc.belts, speeds, strict=True)
-        for number in (
-            belt.target,
-            speed / scale,
-            abs(belt.stop_distance()) * scale,
-            belt.pulses,
-            speed,
-            belt.motor,
-            belt.source,
-            0,
-            0,
-        )
-    ]
+    few = plc.belts[:FEW_BELTS]
+    belts = [number for belt in few for number in (*_belt(plc, belt), 0, 0)]
+    belts += [0] * 9 * (FEW_BELTS - len(few))
     return STATUS_IMAGE.pack(
         plc.state,
         plc.modes.mode,
         _facts(plc),
         _alarms(plc),
-        machine.beams,
-        machine.raw_inputs,
-        follow.areas,
+        machine.beams & _FEW,
+        machine.raw_inputs & _FEW,
+        follow.areas & _FEW,
         len(follow.products),
         0,
         follow.next_id,
@@ -56,7 +56,7 @@ def status(plc: LineState) -> bytes:
         follow.lost,
         follow.unexpected,
         follow.corrections,
-        speeds[0],
+        plc.belts[0].speed(plc.geometry.pulse_length, plc.steps),
         follow.greatest_correction,
         0,
         *belts,
@@ -72,12 +72,12 @@ def configuration(plc: LineState) -> bytes:
     """The configuration image."""
     measures = plc.geometry
     return CONFIGURATION_IMAGE.pack(
-        BELTS,
-        SENSORS,
+        measures.belts,
+        len(measures.sensors),
         len(plc.line.area_ends),
-        *measures.belt_ends,
-        *measures.sensors,
-        *measures.area_ends,
+        *_filled(measures.belt_ends, 0, FEW_BELTS),
+        *_filled(measures.sensors, 0, FEW_SENSORS),
+        *_filled(measures.area_ends, 0, FEW_BELTS + 1),
         measures.length,
         measures.roller_radius,
         measures.rated_speed,
@@ -86,6 +86,46 @@ def configuration(plc: LineState) -> bytes:
         plc.line.slots,
         measures.pulse_length,
     )
+
+
+def more_status(plc: LineState) -> bytes:
+    """The status image of a wide line: faults, beams, inputs and areas of all, belts 4–11."""
+    machine, faults = plc.machine, plc.tracking.sensor_faults
+    belts = plc.belts[FEW_BELTS:MORE_FIRST]
+    return MORE_STATUS_IMAGE.pack(
+        _bits(*(belt.jammed for belt in plc.belts)),
+        _bits(*(belt.encoder_fault for belt in plc.belts)),
+        *(word for bits in (faults, machine.beams, machine.raw_inputs, plc.tracking.areas) for word in _words(bits)),
+        0,
+        *(number for belt in belts for number in _belt(plc, belt)),
+        *(0,) * 7 * (MORE_FIRST - FEW_BELTS - len(belts)),
+        0,
+    )
+
+
+def more_belts(plc: LineState) -> bytes:
+    """The status image of belts 12–16."""
+    belts = plc.belts[MORE_FIRST:]
+    told = [number for belt in belts for number in _belt(plc, belt)]
+    return MORE_BELTS_IMAGE.pack(0, *told, *(0,) * 7 * (MOST_BELTS - MORE_FIRST - len(belts)), 0)
+
+
+def more_configuration(plc: LineState) -> bytes:
+    """The configuration image of a wide line: belts from 4, sensors and areas from 5."""
+    measures = plc.geometry
+    return MORE_CONFIGURATION_IMAGE.pack(
+        0,
+        *_filled(measures.belt_ends, FEW_BELTS, MOST_BELTS),
+        *_filled(measures.sensors, FEW_SENSORS, MOST_SENSORS),
+        *_filled(measures.area_ends, FEW_BELTS + 1, MOST_BELTS + 1),
+        0,
+    )
+
+
+def shares(plc: LineState) -> bytes:
+    """What each belt of a wide line goes in automatic."""
+    told = [round(share) for share in plc.geometry.speed_shares]
+    return SHARES_IMAGE.pack(*told, *(0,) * (MOST_BELTS - len(told)))
 
 
 def row(plc: LineState, slot: int) -> bytes:
@@ -115,8 +155,8 @@ def row(plc: LineState, slot: int) -> bytes:
 def ramp(plc: LineState, slot: int) -> bytes:
     """The row of a slot (from 0) of the table of ramps."""
     belt, is_stop = divmod(slot, 2)
-    recorder, mark = plc.belts[belt].record, plc.generation
-    record = recorder.stop if is_stop else recorder.start
+    recorder, mark = plc.belts[belt].record if belt < len(plc.belts) else None, plc.generation
+    record = None if recorder is None else recorder.stop if is_stop else recorder.start
     if record is None:
         return RAMP_IMAGE.pack(0, mark, 0, 0, *(nan,) * 8, mark)
     phases = [number for phase in record.phases for number in phase] + [0.0] * 2 * (PHASES - len(record.phases))
@@ -135,20 +175,40 @@ def _facts(plc: LineState) -> int:
         plc.tracking.uncertain,
         plc.tracking.buffer_full,
         any(belt.ramp.speed < 0 for belt in plc.belts),
-        plc.training[own.REG_SENSORS] != 0,
+        plc.machine.pressed != 0,
     )
 
 
 def _alarms(plc: LineState) -> int:
     faults = plc.tracking.sensor_faults
+    few, none = plc.belts[:FEW_BELTS], (False,) * (FEW_BELTS - len(plc.belts))
     return _bits(
-        *(belt.jammed for belt in plc.belts),
-        *(belt.encoder_fault for belt in plc.belts),
+        *(belt.jammed for belt in few),
+        *none,
+        *(belt.encoder_fault for belt in few),
+        *none,
         plc.tracking.outside_present,
         plc.tracking.lost_present,
         plc.tracking.buffer_full,
-        *(faults >> sensor & 1 for sensor in range(SENSORS)),
+        *(faults >> sensor & 1 for sensor in range(FEW_SENSORS)),
     )
+
+
+def _belt(plc: LineState, belt: Belt) -> tuple[float, ...]:
+    speed, scale = belt.speed(plc.geometry.pulse_length, plc.steps), plc.scale
+    distance = abs(belt.stop_distance()) * scale
+    return belt.target, speed / scale, distance, belt.pulses, speed, belt.motor, belt.source
+
+
+def _filled(ends: Sequence[float], first: int, behind: int) -> tuple[float, ...]:
+    """`ends` from index `first` to `behind`, NaN for what the line has not."""
+    found = tuple(ends[first:behind])
+    return (*found, *(nan,) * (behind - first - len(found)))
+
+
+def _words(bits: int) -> tuple[int, int]:
+    """First and second word of so many bits."""
+    return bits & 0xFFFF, bits >> 16
 
 
 def _bits(*flags: bool | int) -> int:

@@ -1,4 +1,4 @@
-"""The conveyor as it really is: three belts with inertia, products that slip, bump and arrive by chance, light barriers, encoders.
+"""The conveyor as it really is: belts with inertia, products that slip, bump and arrive by chance, light barriers, encoders.
 
 The program behind the virtual PLC sees none of this but pulses, beams and the torque limit of each drive.
 
@@ -9,20 +9,20 @@ The program behind the virtual PLC sees none of this but pulses, beams and the t
 | slip | each product loses 0–0.4 % of its way; while a belt slips, 3 mm more, once in 300 mm of belt, so 1 or 2 % |
 | two belts | a product on both moves by each belt's part of its length |
 | infeed | runs with belt 1 forward and keeps 30 mm between products; what backs out at the start is gone |
-| end | what hangs over the end of belt 3 by more than half falls off |
-| unloader | takes the front-most product within 15 mm of the end, only while told to and while belt 3 stands |
+| end | what hangs over the end of the last belt by more than half falls off |
+| unloader | takes the front-most product within 15 mm of the end, only while told to and while the last belt stands |
 | unloader, reach | less than the shortest product (20 mm): were the front-most gone, the next one would be out of reach |
 | products | cannot pass through one another: the moving one is held back, both are marked |
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from math import exp, floor, pi
+from math import exp, floor, inf, pi
 from random import Random
-from types import MappingProxyType
 
-BELTS, SENSORS = 3, 4
+MOST_BELTS, MOST_SENSORS = 16, 32
 
 DRIVE_TIME = 0.03
 """Time constant of a drive with its belt [s]."""
@@ -42,18 +42,24 @@ STANDS = 1.0
 """The unloader takes from a belt that is slower [%]."""
 
 EMERGENCY_STOP, HOST_OFF = 50, 60
-FAULT_NAMES: Mapping[str, int] = MappingProxyType(
-    {
-        **{f"jam_{belt}": belt for belt in (1, 2, 3)},
-        **{f"slip_{belt}": 10 + belt for belt in (1, 2, 3)},
-        **{f"blind_{sensor}": 20 + sensor for sensor in (1, 2, 3, 4)},
-        **{f"stuck_{sensor}": 30 + sensor for sensor in (1, 2, 3, 4)},
-        **{f"encoder_{belt}": 40 + belt for belt in (1, 2, 3)},
-        "emergency_stop": EMERGENCY_STOP,
-        "host_off": HOST_OFF,
-    }
-)
-"""Machine faults that the instructor can cause (`training`), by name."""
+BELT_FAULTS: Mapping[str, tuple[int, int]] = {"jam": (0, 100), "slip": (10, 200), "encoder": (40, 500)}
+"""Kind → code of belt n less n: of the first three belts, of the others."""
+SENSOR_FAULTS: Mapping[str, tuple[int, int]] = {"blind": (20, 300), "stuck": (30, 400)}
+"""Kind → code of sensor n less n: of the first four sensors, of the others."""
+FEW_BELTS, FEW_SENSORS = 3, 4
+
+
+def fault_names(belts: int, sensors: int) -> dict[str, int]:
+    """Machine faults that the instructor can cause on such a line (`training`), by name."""
+    found: dict[str, int] = {}
+    for table, count, few in ((BELT_FAULTS, belts, FEW_BELTS), (SENSOR_FAULTS, sensors, FEW_SENSORS)):
+        for kind, (first, more) in table.items():
+            found |= {f"{kind}_{n}": n + (first if n <= few else more) for n in range(1, count + 1)}
+    return {**found, "emergency_stop": EMERGENCY_STOP, "host_off": HOST_OFF}
+
+
+FAULT_NAMES = fault_names(FEW_BELTS, FEW_SENSORS)
+"""Of the line of the thesis."""
 FAULTS = tuple(FAULT_NAMES.values())
 
 
@@ -61,8 +67,8 @@ FAULTS = tuple(FAULT_NAMES.values())
 class Geometry:
     """Measures of a line [mm] and its drives."""
 
-    belt_ends: tuple[float, float, float] = (215.0, 445.0, 660.0)
-    sensors: tuple[float, float, float, float] = (100.0, 215.0, 445.0, 560.0)
+    belt_ends: tuple[float, ...] = (215.0, 445.0, 660.0)
+    sensors: tuple[float, ...] = (100.0, 215.0, 445.0, 560.0)
     roller_radius: float = 15.0
     rated_speed: float = 40.0
     """Of the rollers at 100 % [rpm]."""
@@ -70,11 +76,22 @@ class Geometry:
     """Pulses per revolution of a roller."""
     intact_is_one: bool = True
     """Polarity of the light barriers."""
+    shares: tuple[float, ...] = ()
+    """What each belt goes in automatic, as part of the automatic speed [%]; empty = all of it."""
+
+    @property
+    def belts(self) -> int:
+        return len(self.belt_ends)
+
+    @property
+    def speed_shares(self) -> tuple[float, ...]:
+        """One for each belt [%]."""
+        return self.shares or (100.0,) * self.belts
 
     @property
     def length(self) -> float:
         """Of the line [mm]."""
-        return self.belt_ends[2]
+        return self.belt_ends[-1]
 
     @property
     def full_speed(self) -> float:
@@ -87,9 +104,9 @@ class Geometry:
         return 2 * pi * self.roller_radius / self.resolution
 
     @property
-    def area_ends(self) -> tuple[float, float, float, float]:
-        """Areas 1 and 2 are belts 1 and 2; area 3 is belt 3 up to the last sensor, area 4 what remains for unloading."""
-        return (self.belt_ends[0], self.belt_ends[1], self.sensors[3], self.belt_ends[2])
+    def area_ends(self) -> tuple[float, ...]:
+        """An area for each belt; that of the last one ends at the last sensor, and what remains is one more, for unloading."""
+        return (*self.belt_ends[:-1], self.sensors[-1], self.belt_ends[-1])
 
 
 @dataclass(slots=True)
@@ -129,17 +146,18 @@ class Conveyor:
         """`interval`: mean time between two products while belt 1 runs forward [s]; `shortest`, `longest` [mm]."""
         self.geometry = geometry
         self.arrivals, self.interval, self.shortest, self.longest = arrivals, interval, shortest, longest
+        belts = geometry.belts
+        self._faults = {code: name for name, code in fault_names(belts, len(geometry.sensors)).items()}
         self.fault = 0
-        """One of `FAULTS`, 0 = none."""
         self.pressed = 0
         """Sensors interrupted by hand: bit n = sensor n + 1."""
         self.products: list[TrueProduct] = []
         """Front-most first."""
-        self.speeds = [0.0, 0.0, 0.0]
+        self.speeds = [0.0] * belts
         """Of the belts [%], negative to the left."""
-        self.limited = [False, False, False]
+        self.limited = [False] * belts
         """Whether a drive is at its torque limit: an input of the PLC."""
-        self.pulses = [0, 0, 0]
+        self.pulses = [0] * belts
         """Of the encoders: an input of the PLC."""
         self.beams = 0
         """Bit n: something is in the beam of sensor n + 1 (or it says so)."""
@@ -147,9 +165,24 @@ class Conveyor:
         """What became of products, counted: by the infeed, the unloader, by hand, over the end, back over the start, put by hand."""
         self.collisions = 0
         self._random = random
-        self._travel = [0.0, 0.0, 0.0]
-        self._burst = [0.0, 0.0, 0.0]
+        self._travel = [0.0] * belts
+        self._burst = [0.0] * belts
+        self._begins = (-inf, *geometry.belt_ends[:-1])
+        self._ends = (*geometry.belt_ends[:-1], inf)
         self._next = self._interval()
+
+    @property
+    def fault(self) -> int:
+        """One of `fault_names`, 0 = none."""
+        return self._fault
+
+    @fault.setter
+    def fault(self, code: int) -> None:
+        self._fault = code
+        kind, _, number = self._faults.get(code, "").rpartition("_")
+        of = {name: int(number) - 1 if name == kind else -1 for name in (*BELT_FAULTS, *SENSOR_FAULTS)}
+        self._jammed, self._slipping, self._dead = of["jam"], of["slip"], of["encoder"]
+        self._blind, self._stuck = of["blind"], of["stuck"]
 
     # ---- by hand
 
@@ -179,9 +212,9 @@ class Conveyor:
     def step(self, setpoints: list[float], enabled: bool, unload: bool, dt: float) -> None:
         """Advance by `dt` [s]; `setpoints` of the drives [%], `enabled`: they have supply, `unload`: the unloader may take."""
         ways = self._drive(setpoints, enabled, dt)
-        if unload and abs(self.speeds[2]) < STANDS:
+        if unload and abs(self.speeds[-1]) < STANDS:
             self._unload()
-        if self.products and (ways[0] or ways[1] or ways[2]):
+        if self.products and any(ways):
             self._move(ways)
         if self.arrivals and self.speeds[0] > 1.0:
             self._feed(dt)
@@ -189,11 +222,11 @@ class Conveyor:
 
     def _drive(self, setpoints: list[float], enabled: bool, dt: float) -> list[float]:
         """Turn the rollers; the way of each belt [mm]."""
-        geometry, fault = self.geometry, self.fault
+        full, pulse = self.geometry.full_speed / 100, self.geometry.pulse_length
         follow, most, brake = 1 - exp(-dt / DRIVE_TIME), TORQUE_LIMIT * dt, FRICTION * dt
         ways = []
-        for belt in range(BELTS):
-            speed, setpoint = self.speeds[belt], setpoints[belt]
+        for belt, setpoint in enumerate(setpoints):
+            speed = self.speeds[belt]
             if not enabled:
                 speed = max(speed - brake, 0.0) if speed > 0 else min(speed + brake, 0.0)
                 self.limited[belt] = False
@@ -208,39 +241,40 @@ class Conveyor:
                 self.limited[belt] = limited
             else:
                 self.limited[belt] = False
-            if fault == belt + 1:
+            if belt == self._jammed:
                 speed = 0.0
                 self.limited[belt] = enabled and abs(setpoint) > 0.5
             self.speeds[belt] = speed
-            way = speed * geometry.full_speed / 100 * dt
+            way = speed * full * dt
             if way:
-                before = floor(self._travel[belt] / geometry.pulse_length)
+                before = floor(self._travel[belt] / pulse)
                 self._travel[belt] += way
-                if fault != belt + 41:
-                    self.pulses[belt] += floor(self._travel[belt] / geometry.pulse_length) - before
+                if belt != self._dead:
+                    self.pulses[belt] += floor(self._travel[belt] / pulse) - before
             ways.append(way)
         return ways
 
     def _move(self, ways: list[float]) -> None:
-        first, second, third = ways
-        if 11 <= self.fault <= 13:
-            belt = self.fault - 11
-            lost = self._burst_part(belt, ways[belt])
-            first, second, third = (way * (1 - lost) if n == belt else way for n, way in enumerate(ways))
-        end_1, end_2 = self.geometry.belt_ends[0], self.geometry.belt_ends[1]
+        belt = self._slipping
+        if belt >= 0:
+            ways[belt] *= 1 - self._burst_part(belt, ways[belt])
+        begins, ends, last = self._begins, self._ends, len(ways) - 1
         moved = False
         for product in self.products:
             head = product.head
             tail = head - product.length
-            if head <= end_1:
-                way = first
-            elif tail >= end_2:
-                way = third
-            elif tail >= end_1 and head <= end_2:
-                way = second
+            # the belts under its two ends
+            rear, front = bisect_right(ends, tail), bisect_left(ends, head)
+            if rear >= front:
+                way = ways[front if front < last else last]
             else:
-                on_1, on_3 = max(0.0, end_1 - tail), max(0.0, head - end_2)
-                way = (on_1 * first + on_3 * third + (product.length - on_1 - on_3) * second) / product.length
+                way = (
+                    sum(
+                        (min(head, ends[belt]) - max(tail, begins[belt])) * ways[belt]
+                        for belt in range(rear, front + 1)
+                    )
+                    / product.length
+                )
             if way:
                 product.head = head + way * (1 - product.slip)
                 moved = True
@@ -310,26 +344,20 @@ class Conveyor:
 
     def _look(self) -> None:
         """What the light barriers say."""
-        one, two, three, four = self.geometry.sensors
+        sensors = self.geometry.sensors
         beams = self.pressed
         for product in self.products:
             head = product.head
-            tail = head - product.length
-            if tail < one <= head:
-                beams |= 1
-            if tail < two <= head:
-                beams |= 2
-            if tail < three <= head:
-                beams |= 4
-            if tail < four <= head:
-                beams |= 8
-        if 21 <= self.fault <= 24:
-            beams &= ~(1 << self.fault - 21)
-        elif 31 <= self.fault <= 34:
-            beams |= 1 << self.fault - 31
+            first, behind = bisect_right(sensors, head - product.length), bisect_right(sensors, head)
+            if first < behind:
+                beams |= (1 << behind) - (1 << first)
+        if self._blind >= 0:
+            beams &= ~(1 << self._blind)
+        elif self._stuck >= 0:
+            beams |= 1 << self._stuck
         self.beams = beams
 
     @property
     def raw_inputs(self) -> int:
         """The beams as wired: bit n of sensor n + 1."""
-        return self.beams ^ 0b1111 if self.geometry.intact_is_one else self.beams
+        return self.beams ^ (1 << len(self.geometry.sensors)) - 1 if self.geometry.intact_is_one else self.beams

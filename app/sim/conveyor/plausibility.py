@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from app.blocks.product_tracking import Code, Product, ProductState, ProductTracking, TrackingEvent
-from app.sim.conveyor.machine import BELTS, Geometry
+from app.sim.conveyor.machine import Geometry
 
 _CERTAIN = (ProductState.TRACKED, ProductState.OUTSIDE)
 _AT_SENSOR = (Code.HEAD_AT_SENSOR, Code.TAIL_AT_SENSOR, Code.UNEXPECTED)
@@ -80,7 +80,7 @@ def slip_of(event: TrackingEvent, tracking: ProductTracking, geometry: Geometry)
         way = product.length
     else:
         way = end - geometry.sensors[event.source - 2]
-    belt = next((n for n, last in enumerate(geometry.belt_ends, 1) if end - way / 2 <= last), BELTS)
+    belt = next((n for n, last in enumerate(geometry.belt_ends, 1) if end - way / 2 <= last), geometry.belts)
     return belt, 100 * abs(event.value) / way
 
 

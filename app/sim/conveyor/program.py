@@ -15,6 +15,7 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | gap stop, manual | released when nothing is held |
 | modes | choosing one starts nothing; a start counts in automatic only; stop ends the run and keeps the mode |
 | buffer full | in automatic belt 1 waits until a slot is free |
+| speed | each belt has its part of the automatic speed; by hand all go alike |
 | host silent | ends automatic with a ramp; a start is refused as long as it lasts |
 | length | two sensors that differ by more than the sensor tolerance leave a product uncertain until one agrees with the record |
 | sensor that was suspected, S1 when it missed a product | the product of its first edge stays uncertain until the next sensor |
@@ -24,7 +25,7 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | edit, insert | only while the belts stand |
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from random import Random
 
 from app.blocks import product_tracking as tracking
@@ -39,21 +40,28 @@ from app.sim.conveyor.commands import LineCommands
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.first_out import FirstOut
 from app.sim.conveyor.gap_stop import GapStop
-from app.sim.conveyor.machine import BELTS, EMERGENCY_STOP, FAULTS, HOST_OFF, SENSORS, Conveyor, Geometry
+from app.sim.conveyor.machine import EMERGENCY_STOP, FEW_BELTS, HOST_OFF, Conveyor, Geometry, fault_names
 from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
     FORWARD,
+    MORE_BELTS,
+    MORE_CONFIGURATION,
+    MORE_FIRST,
+    MORE_RAMPS,
+    MORE_STATUS,
     RAMP_WORDS,
     RAMPS,
     REVERSE,
     ROW_WORDS,
     SETTINGS,
     SETTINGS_AT,
+    SHARES,
     STAGING,
     STATUS,
     TABLE,
     ConveyorEvent,
+    is_wide,
     require_settings,
     words_of,
 )
@@ -100,10 +108,13 @@ class VirtualConveyor(LineState):
         self.geometry = geometry or Geometry()
         self.line = tracking.LineLayout(self.geometry.belt_ends, self.geometry.sensors, self.geometry.area_ends, slots)
         self._seed, self._start_in = seed, start
+        self._beam_bits = tuple(1 << sensor for sensor in range(len(self.geometry.sensors)))
         given = dict(settings or {})
         require_settings(given)
         self.table = Table(TABLE, ROW_WORDS, slots, lambda slot: images.row(self, slot))
-        self.ramps = Table(RAMPS, RAMP_WORDS, 2 * BELTS, lambda slot: images.ramp(self, slot))
+        belts, sensors = self.geometry.belts, len(self.geometry.sensors)
+        ramps, rows = (MORE_RAMPS, 2 * belts) if belts > FEW_BELTS else (RAMPS, 2 * FEW_BELTS)
+        self.ramps = Table(ramps, RAMP_WORDS, rows, lambda slot: images.ramp(self, slot))
         self.scale = self.geometry.full_speed / 100
         self._machine_options = {"shortest": shortest, "longest": longest, "interval": interval}
         super().__init__(
@@ -113,21 +124,29 @@ class VirtualConveyor(LineState):
             images=(
                 Image(STATUS, 96, lambda: images.status(self)),
                 Image(CONFIGURATION, 64, lambda: images.configuration(self)),
+                *(self._more_images() if is_wide(belts, sensors) else ()),
             ),
             configuration=CONFIGURATION,
             tables=(self.ramps, self.table),
-            capacities=(BELTS, SENSORS, slots, EVENT_CAPACITY, len(SETTINGS)),
-            faults=FAULTS,
+            capacities=(belts, sensors, slots, EVENT_CAPACITY, len(SETTINGS)),
+            faults=tuple(fault_names(belts, sensors).values()),
             words={
                 own.REG_ARRIVALS: int(arrivals),
                 own.REG_INTERVAL: round(interval * 10),
                 own.REG_SHORTEST: round(shortest),
                 own.REG_LONGEST: round(longest),
             },
-            limits=own.LIMITS,
+            limits=own.limits(sensors),
             triggers=(own.REG_REMOVE, own.REG_PUT),
         )
         self._start_up()
+
+    def _more_images(self) -> Iterator[Image]:
+        yield Image(MORE_STATUS, 110, lambda: images.more_status(self))
+        yield Image(MORE_CONFIGURATION, 112, lambda: images.more_configuration(self))
+        yield Image(SHARES, 34, lambda: images.shares(self))
+        if self.geometry.belts > MORE_FIRST:
+            yield Image(MORE_BELTS, 64, lambda: images.more_belts(self))
 
     # ---- one scan
 
@@ -155,12 +174,11 @@ class VirtualConveyor(LineState):
             belt.measure(pulses, length, self.steps)
 
     def _track(self) -> None:
-        first, second, third = self.belts
         scale, beams = self.scale, self.machine.beams
         happened = self.tracking.scan(
-            (first.moved, second.moved, third.moved),
-            (bool(beams & 1), bool(beams & 2), bool(beams & 4), bool(beams & 8)),
-            (first.stop_distance() * scale, second.stop_distance() * scale, third.stop_distance() * scale),
+            [belt.moved for belt in self.belts],
+            [beams & bit != 0 for bit in self._beam_bits],
+            [belt.stop_distance() * scale for belt in self.belts],
             self.time,
         )
         for event in happened:
@@ -281,8 +299,8 @@ class VirtualConveyor(LineState):
             machine.shortest = float(word)
         elif address == own.REG_LONGEST:
             machine.longest = float(word)
-        elif address == own.REG_SENSORS:
-            machine.pressed = word
+        elif address in (own.REG_SENSORS, own.REG_MORE_SENSORS):
+            machine.pressed = words[own.REG_SENSORS] | words[own.REG_MORE_SENSORS] << 16
         elif address == training.REG_MACHINE_FAULT:
             machine.fault = word
 

@@ -9,12 +9,16 @@ from struct import Struct
 from types import MappingProxyType
 
 from app.registers.plc_map import long_words, real
-from app.sim.conveyor.machine import BELTS, SENSORS
+from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
 STATUS, CONFIGURATION, SETTINGS_AT, STAGING, RAMPS, TABLE = 0x0100, 0x0180, 0x0200, 0x0240, 0x0260, 0x0800
 BELT_AT, BELT_WORDS = STATUS + 48, 14
 ROW_WORDS, RAMP_WORDS = 24, 25
+MORE_STATUS, MORE_BELTS, MORE_CONFIGURATION, SHARES, MORE_RAMPS = 0x2000, 0x2080, 0x2100, 0x2180, 0x2200
+"""What a line of more than three belts or four sensors has beside it."""
+MORE_WORDS, MORE_FIRST = 12, 11
+"""Words of a belt there; belts up to this one are in the first image, the others in the second."""
 
 SETTINGS: Sequence[Setting] = (
     Setting("automatic_speed", 30.0, 5.0, 100.0),
@@ -115,9 +119,15 @@ class Motor(IntEnum):
     ENCODER = 5
 
 
-def _places() -> Mapping[str, RegisterPlace]:
+def is_wide(belts: int, sensors: int) -> bool:
+    """Whether a line needs more than the map of three belts and four sensors."""
+    return belts > FEW_BELTS or sensors > FEW_SENSORS
+
+
+def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS) -> Mapping[str, RegisterPlace]:
+    """Every value of such a line that is no cell of a table, by name."""
     u32, i32, f32 = "u32", "i32", "f32"
-    places = {
+    found = {
         **HEADER_PLACES,
         "state": RegisterPlace(STATUS + 1),
         "mode": RegisterPlace(STATUS + 2),
@@ -159,17 +169,32 @@ def _places() -> Mapping[str, RegisterPlace]:
         ),
         (
             4,
-            "jam_1 jam_2 jam_3 encoder_fault_1 encoder_fault_2 encoder_fault_3 tolerance_present lost_present buffer_alarm "
-            "sensor_fault_1 sensor_fault_2 sensor_fault_3 sensor_fault_4",
+            "- - - - - - tolerance_present lost_present buffer_alarm",
         ),
-        (5, "beam_1 beam_2 beam_3 beam_4"),
-        (6, "input_1 input_2 input_3 input_4"),
-        (7, "area_1 area_2 area_3 area_4"),
     ):
-        places |= {name: RegisterPlace(STATUS + word, shift=bit, mask=1) for bit, name in enumerate(names.split())}
-    for n in range(1, BELTS + 1):
+        found |= {
+            name: RegisterPlace(STATUS + word, shift=bit, mask=1)
+            for bit, name in enumerate(names.split())
+            if name != "-"
+        }
+    for name, count, few, word, first, more in (
+        ("jam", belts, FEW_BELTS, 4, 0, 1),
+        ("encoder_fault", belts, FEW_BELTS, 4, 3, 2),
+        ("sensor_fault", sensors, FEW_SENSORS, 4, 9, 3),
+        ("beam", sensors, FEW_SENSORS, 5, 0, 5),
+        ("input", sensors, FEW_SENSORS, 6, 0, 7),
+        ("area", belts + 1, FEW_BELTS + 1, 7, 0, 9),
+    ):
+        for n in range(count):
+            at, bit = (STATUS + word, first + n) if n < few else (MORE_STATUS + more + n // 16, n % 16)
+            found[f"{name}_{n + 1}"] = RegisterPlace(at, shift=bit, mask=1)
+    for n in range(1, belts + 1):
         at = BELT_AT + BELT_WORDS * (n - 1)
-        places |= {
+        if n > MORE_FIRST:
+            at = MORE_BELTS + 2 + MORE_WORDS * (n - MORE_FIRST - 1)
+        elif n > FEW_BELTS:
+            at = MORE_STATUS + 12 + MORE_WORDS * (n - FEW_BELTS - 1)
+        found |= {
             f"speed_setpoint_{n}": RegisterPlace(at, f32),
             f"speed_{n}": RegisterPlace(at + 2, f32),
             f"stop_distance_{n}": RegisterPlace(at + 4, f32),
@@ -178,17 +203,23 @@ def _places() -> Mapping[str, RegisterPlace]:
             f"motor_{n}": RegisterPlace(at + 10),
             f"speed_source_{n}": RegisterPlace(at + 11),
         }
-        places[f"belt_end_{n}"] = RegisterPlace(CONFIGURATION + 2 + 2 * n, f32)
-    for n in range(1, SENSORS + 1):
-        places[f"sensor_position_{n}"] = RegisterPlace(CONFIGURATION + 8 + 2 * n, f32)
-        places[f"area_end_{n}"] = RegisterPlace(CONFIGURATION + 16 + 2 * n, f32)
+    for name, count, few, first, more in (
+        ("belt_end", belts, FEW_BELTS, 4, 2),
+        ("sensor_position", sensors, FEW_SENSORS, 10, 28),
+        ("area_end", belts + 1, FEW_BELTS + 1, 18, 84),
+    ):
+        for n in range(count):
+            at = CONFIGURATION + first + 2 * n if n < few else MORE_CONFIGURATION + more + 2 * (n - few)
+            found[f"{name}_{n + 1}"] = RegisterPlace(at, f32)
+    if is_wide(belts, sensors):
+        found |= {f"device_belt_{n}_share": RegisterPlace(SHARES + n) for n in range(1, belts + 1)}
     for n, setting in enumerate(SETTINGS):
-        places[setting.name] = RegisterPlace(SETTINGS_AT + 2 + 2 * n, f32)
-    return MappingProxyType(places)
+        found[setting.name] = RegisterPlace(SETTINGS_AT + 2 + 2 * n, f32)
+    return MappingProxyType(found)
 
 
-REGISTERS: Mapping[str, RegisterPlace] = _places()
-"""Every value that is no cell of the product table, by name."""
+REGISTERS: Mapping[str, RegisterPlace] = places()
+"""Those of the line of the thesis."""
 ROW: Mapping[str, RegisterPlace] = MappingProxyType(
     {
         "id": RegisterPlace(0, "u32"),
@@ -223,14 +254,18 @@ RAMP: Mapping[str, RegisterPlace] = MappingProxyType(
 )
 """Cells of a row of the table of ramps: slot 2n − 1 is the last start of belt n, slot 2n its last stop; the id is the slot."""
 
-FORWARD, REVERSE, BELT_BITS = 1, 2, 4
-"""Hold-to-run: bits 0 and 1, then a bit per belt from bit 4."""
+FORWARD, REVERSE, BELT_BITS, BELT_NUMBER = 1, 2, 4, 8
+"""Hold-to-run: bits 0 and 1, then a bit for each of belts 1–3 from bit 4, and the number of another belt from bit 8."""
 
 STATUS_IMAGE = Struct(">9HIffIIHHIIQfIIIIIffI" + 3 * "fffif4H" + "5H")
 CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHf50x")
 ROW_IMAGE = Struct(">IHHfffHHfIfHQH")
 RAMP_IMAGE = Struct(">IHHQ8fH")
 """How the images, without their generations, and a row are packed."""
+MORE_STATUS_IMAGE = Struct(">11H" + 8 * "fffifHH" + "H")
+MORE_BELTS_IMAGE = Struct(">H" + 5 * "fffifHH" + "H")
+MORE_CONFIGURATION_IMAGE = Struct(">H13f28f13fH")
+SHARES_IMAGE = Struct(">16H32x")
 
 
 def require_settings(given: Mapping[str, float]) -> None:

@@ -5,30 +5,36 @@ from pathlib import Path
 
 import pytest
 
+from app.plant.type_files.repeats import read_repeats, written_out
 from app.sim.conveyor import training as own
 from app.sim.conveyor.machine import Geometry
 from app.sim.conveyor.register_map import (
-    REGISTERS,
     ROW,
+    places,
 )
 from app.sim.plc import RegisterPlace
 from tests.sim.conveyor.bench import SIMULATION, line
 
 
-def test_registers_agree_with_the_type() -> None:
+@pytest.mark.parametrize(("belts", "sensors"), [(3, 4), (1, 1), (2, 5), (5, 3), (11, 17), (16, 32)])
+def test_registers_agree_with_the_type(belts: int, sensors: int) -> None:
     folder = Path("app/equipment/conveyor")
+    device = tomllib.loads((folder / "device.toml").read_text("utf-8"))
+    numbers = read_repeats(device, {"belts": belts, "sensors": sensors}).numbers
     data = {
         key: row
         for file in ("points.toml", "setpoints.toml")
-        for key, row in tomllib.loads((folder / file).read_text("utf-8")).items()
+        for key, row in written_out(tomllib.loads((folder / file).read_text("utf-8")), numbers).data.items()
     }
     told = {
         key: RegisterPlace(row["address"], row.get("type", "u16"), row.get("shift", 0), row.get("mask", 0))
         for key, row in data.items()
         if "address" in row
     }
+    known = places(belts, sensors)
     assert told
-    assert {key: REGISTERS[key] for key in told} == told
+    assert {key: known[key] for key in told} == told
+    assert {key for key in known if key[-1].isdigit()} <= told.keys()
     columns = tomllib.loads((folder / "tables.toml").read_text("utf-8"))["product"]["columns"]
     assert {key: (row["offset"], row.get("type", "u16")) for key, row in columns.items()} == {
         key: (ROW[key].address, ROW[key].type) for key in columns

@@ -1,0 +1,109 @@
+"""Lines of any build by seed, and the run of many products over one of them with what must hold in every scan."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from random import Random
+
+from app.blocks.product_tracking import Code, TrackingEvent
+from app.sim.conveyor.machine import MOST_BELTS, MOST_SENSORS, Geometry
+from app.sim.conveyor.program import VirtualConveyor
+from tests.sim.conveyor.bench import QUICK
+
+LONGEST, SHORTEST = 60.0, 20.0
+NEAR = 5.0
+"""So far may a record be from its product [mm]: the sensor tolerance of the settings."""
+
+
+def layout(seed: int, *, belts: int = 0) -> Geometry:
+    """A line that can be built: each belt longer than two products, sensors at rising places, the last one on the last belt."""
+    chance = Random(seed)
+    count = belts or chance.randint(1, MOST_BELTS)
+    ends: list[float] = []
+    for _ in range(count):
+        ends.append(round((ends[-1] if ends else 0.0) + chance.uniform(180, 420), 1))
+    last = round(chance.uniform((ends[-2] if count > 1 else 0.0) + 60, ends[-1] - 70), 1)
+    # no way without a sensor is so long that slip alone takes a product out of the tolerance
+    sensors = [round(chance.uniform(70, 120), 1)]
+    while sensors[-1] + 300 < last and len(sensors) < MOST_SENSORS - 1:
+        sensors.append(round(sensors[-1] + chance.uniform(120, 280), 1))
+    places = [*(place for place in sensors if place < last - 20), last]
+    shares = tuple(float(chance.randint(80, 100)) for _ in range(count))
+    return Geometry(
+        tuple(ends),
+        tuple(places),
+        roller_radius=chance.choice((12.0, 15.0, 25.0)),
+        rated_speed=60.0,
+        resolution=chance.choice((1024, 1650, 4096)),
+        intact_is_one=chance.random() < 0.5,
+        # what comes faster than it goes on would only wait
+        shares=tuple(sorted(shares)),
+    )
+
+
+@dataclass(slots=True)
+class Run:
+    """What became of the products of one run."""
+
+    plc: VirtualConveyor
+    told: list[TrackingEvent] = field(default_factory=list)
+    scans: int = 0
+
+    def codes(self, code: Code) -> list[TrackingEvent]:
+        return [event for event in self.told if event.code == code]
+
+
+def run(geometry: Geometry, seed: int, products: int, *, interval: float = 4.0) -> Run:
+    """Let so many products be unloaded in automatic.
+
+    Raises:
+        AssertionError: a product was lost or doubled, has overtaken, is not where its record is, or the line stands for ever.
+    """
+    plc = VirtualConveyor(
+        geometry,
+        seed=seed,
+        start="automatic",
+        interval=interval,
+        shortest=SHORTEST,
+        longest=LONGEST,
+        slots=60,
+        settings={**QUICK, "longest": 80.0},
+    )
+    done = Run(plc)
+    report = plc.report
+
+    def heard(event: TrackingEvent) -> None:
+        done.told.append(event)
+        report(event)
+
+    plc.report = heard  # type: ignore[method-assign]
+    taken, limit = 0, 0
+    while plc.machine.unloaded < products:
+        plc.step()
+        done.scans += 1
+        limit = 0 if plc.machine.unloaded != taken else limit + 1
+        taken = plc.machine.unloaded
+        assert limit < 60_000, (
+            f"no product in ten minutes after {taken}: state {plc.state}, first out {plc.first_out.first}"
+        )
+        if done.scans % 10 == 0:
+            check(plc)
+    return done
+
+
+def check(plc: VirtualConveyor) -> None:
+    """Now: every product behind the first sensor has one record, in the same order, at the same place."""
+    follow, machine = plc.tracking, plc.machine
+    records = sorted(follow.products, key=lambda product: -product.right)
+    assert [product.id for product in records] == sorted(product.id for product in records), "nobody overtakes"
+    first = plc.geometry.sensors[0]
+    true = [product for product in machine.products if product.head > first + NEAR]
+    known = [product for product in records if product.right > first + NEAR]
+    if len(true) != len(known):  # one that is just being taken, or stands at the border
+        assert abs(len(true) - len(known)) <= 1, f"{len(true)} products, {len(known)} records"
+        return
+    for product, record in zip(true, known, strict=True):
+        assert abs(product.head - record.right) < NEAR, (
+            f"product {record.id}: {product.head:.1f}, {record.right:.1f} mm"
+        )
+    for front, rear in pairwise(records):
+        assert rear.right <= front.left + 1e-6, "records do not overlap"
