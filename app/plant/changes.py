@@ -10,6 +10,7 @@ from hashlib import sha256
 from typing import Any
 
 from app.plant.definitions import Alarm, Equipment, EquipmentType, Link, Plant, Point
+from app.plant.sequence_chart import chart_lines
 from app.plant.sequence_definition import WISHES, SequenceDefinition, SequenceTest
 from app.plant.sequences import ABORT, checksum, program
 from app.plant.type_files.options import BY_DEFINITION
@@ -232,6 +233,7 @@ def _leaves(definition: SequenceDefinition) -> dict[tuple[str, str, str], object
         ("", "", key): getattr(definition, key)
         for key in ("label", "output_while_suspended", "stall_after", "keep_forces", "longest_force", *WISHES)
     }
+    found["", "", "branches"] = "; ".join(chart_lines(definition.chart))
     for step in definition.steps:
         for key in ("label", "minimum", "maximum", "loss_aborts", "actions", "orders"):
             found[step.key, "", key] = getattr(step, key)

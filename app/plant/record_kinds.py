@@ -219,8 +219,9 @@ class _KindReader:
             return None
         named = table.text("named", "", pattern=KEY, expected="the key of an enumeration")
         begin, end = (self._events(table, name, required=True) or frozenset() for name in ("begin", "end"))
+        together = table.flag("together")
         table.done()
-        return Parts(begin, end, named)
+        return Parts(begin, end, named, together)
 
     def _pair(self, key: str) -> tuple[frozenset[int], frozenset[int]] | None:
         table = self.table.table(key)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from app.blocks.sequence import Chart
 from app.plant.expression import parse
 
 WISHES = ("start_when", "suspend_when", "advance_when")
@@ -93,6 +94,8 @@ class SequenceDefinition:
     keep_forces: bool = False
     longest_force: float = 28800.0
     """[s]"""
+    chart: Chart = field(default_factory=Chart)
+    """Branches, loops and safe steps."""
     tests: Sequence[SequenceTest] = ()
     start_when: str = ""
     """In automatic it starts when this becomes true; empty = whenever it can."""

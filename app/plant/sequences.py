@@ -9,6 +9,7 @@
     start_when = "c1.automatic == 1"                    in automatic: starts when it becomes true; sentences of the whole plant
     suspend_when = "m1.fault != 0"                      stands still while it is true, or not known
     advance_when = "c1.button == 1"                     in single step: goes on when it becomes true
+    abort_to = "rest"                                   its safe steps begin there; [[branches]], [[loops]]: sequence_chart.py
 
     [[steps]]                                           in order
     key = "lower"
@@ -56,6 +57,7 @@ from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.definitions import Equipment, Kind, Link, Plant, Point, Texts, Type
 from app.plant.problems import Problem
+from app.plant.sequence_chart import chart_lines, read_chart
 from app.plant.sequence_definition import (
     SequenceDefinition,
     SequenceOrder,
@@ -257,6 +259,7 @@ class SequenceFiles:
             start_when=_wish(file, head, "start_when"),
             suspend_when=_wish(file, head, "suspend_when"),
             advance_when=_wish(file, head, "advance_when"),
+            chart=read_chart(root, head, steps),
         )
         head.done()
         tests: list[SequenceTest] = []
@@ -420,6 +423,7 @@ def canonical(definition: SequenceDefinition) -> str:
                 yield f"  {each.bit} {each.key} forceable={int(each.forceable)} value={each.value} when={each.when}"
 
         yield from (f"{key} {text}" for key, text in definition.wishes.items())
+        yield from chart_lines(definition.chart)
 
     return "".join(f"{line}\n" for line in lines())
 

@@ -286,14 +286,21 @@ def _pause(kind: RecordKind, record: Record, event: Reading) -> None:
 def _parts(kind: RecordKind, record: Record, event: Reading, names: Names) -> None:
     if kind.parts is None:
         return
-    number = event.source
+    number, alone = event.source, record.missed or not kind.parts.together
     if event.code in kind.parts.begin:
-        _leave_parts(record, UNKNOWN)  # the end of the former one was among the lost events
+        if alone:
+            _leave_parts(record, UNKNOWN)  # the end of the former one was among the lost events
+        before = record.parts.get(number)
+        if kind.parts.together and before is not None and before.seconds is not None:
+            record.memo[f"part.{number}"] = [before.seconds]
         record.parts[number] = Part(number, names.part(number), ACTIVE, event.time)
     elif event.code in kind.parts.end:
-        _leave_parts(record, UNKNOWN, but=number)
+        if alone:
+            _leave_parts(record, UNKNOWN, but=number)
         part = record.parts.setdefault(number, Part(number, names.part(number), ACTIVE))
-        part.state, part.ended, part.seconds = "done", event.time, event.value
+        passed = record.memo.get(f"part.{number}", [0.0])[0]
+        seconds = event.value + passed if event.value is not None and isinstance(passed, int | float) else event.value
+        part.state, part.ended, part.seconds = "done", event.time, seconds
 
 
 def _leave_parts(record: Record, state: str, *, but: int | None = None) -> None:

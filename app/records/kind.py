@@ -133,6 +133,8 @@ class Parts:
     end: frozenset[int]
     named: str = ""
     """Enumeration whose texts name the parts by their numbers; empty: what the machine is configured to do names them."""
+    together: bool = False
+    """Whether several may be under way at once, and one may come again; its seconds are those of all its passages."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,3 +192,36 @@ async def test_suspend_resume_and_abort_are_passed_on_and_the_end_of_the_other_c
         await plant.until(lambda: plant.state is SequenceState.ABORTED)
         out = plant.device.block.first_out
         assert out and out.cause is Cause.COMMAND and plant.failure and plant.failure[1] == "why.order_ended"
+
+
+async def test_machines_work_in_paths_side_by_side_in_a_loop_and_an_abort_leads_to_the_safe_step(
+    tmp_path: Path,
+) -> None:
+    steps = (
+        step("begin"),
+        step("turn", "d1.run_forward(setpoint = 40)", minimum=3),
+        step("rest", "d1.stop"),
+        step("move", "a1.enable", "a1.move_to(target = 500, velocity = 6000)"),
+        step("meet", minimum=0.5),
+        step("park", "a1.enable", "a1.move_to(target = 100, velocity = 6000)"),
+    )
+    ways = '[[branches]]\nafter = "begin"\ntake = "all"\npaths = ["turn", "move"]\nthen = "meet"\n'
+    ways += '[[loops]]\nfrom = "begin"\nto = "meet"\ntimes = 2\n'
+    work = file(*steps, ways, head='abort_to = "park"\n')
+    async with hall(tmp_path, work, LINKS + DRIVE + AXIS + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: plant.device.block.active == (2, 4))
+        await plant.until(lambda: plant.state is SequenceState.DONE, 120)
+        given = [key for key, _ in commands(plant, "d1")]
+        assert given.count("forward") == given.count("stop") == 2, "two passages, each order once"
+        assert plant.value("a1.position") == pytest.approx(500, abs=0.5), "no safe step without an abort"
+
+        await plant.started()
+        await plant.until(lambda: plant.device.block.active == (2, 4) and (plant.value("d1.speed") or 0) > 500)
+        plant.ask(4)
+        await plant.until(lambda: plant.device.block.safe)
+        await plant.until(lambda: plant.value("seq1.aborting") == 1)
+        await plant.until(lambda: plant.state is SequenceState.ABORTED)
+        assert plant.value("a1.position") == pytest.approx(100, abs=0.5), plant.failure
+        assert abs(plant.value("d1.speed")) < 31
+        assert (plant.device.runs.done, plant.device.runs.aborted) == (1, 1)

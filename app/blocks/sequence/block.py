@@ -1,4 +1,4 @@
-"""The sequence block: steps one after the other, each entered when its 16 permissives are there and its predecessor has had its time.
+"""The sequence block: steps as the chart leads, each entered when its 16 permissives are there and its predecessor has had its time.
 
 Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps, this one any number. What the source leaves open:
 
@@ -15,34 +15,55 @@ Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps,
 | several in one scan | the lowest bit; the event says how many fell together, forced ones not counted |
 | abort condition and the operator's abort in one scan | the abort condition is the cause |
 | commands of a step | it is not left before all are confirmed; one that is refused or not confirmed stops the sequence |
+| several steps active (parallel paths) | each times out and stalls by itself; all stop with one of them |
+| end of a path whose neighbours still run | stays active, its time stands still: nothing times out or stalls by waiting for others |
+| single step | one `advance` lets every step go on that could |
+| loop | a step that is entered again begins its time anew; the statistics count every passage |
+| safe steps | entered by what stops a run, a restart aside, if the first can be entered; then the run ends as what stopped it says |
+| what stops safe steps | all but abort conditions, for good; the first cause stays |
 | force | sets a permissive, never clears one; released by the block when its time is over |
 
 No clock: time is what the caller says, in integer microseconds, and it is the device's own.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from app.blocks.sequence.forces import Forces
 from app.blocks.sequence.reports import Fall, FirstOut, Report, StepTimes
 from app.blocks.sequence.settings import SequenceSettings, Signals
-from app.blocks.sequence.states import ABORT, ALL, BITS, Cause, SequenceEvent, SequenceState, StepState
-
-Values = Callable[[int, int], float]
-"""(step, bit) → the analog value behind a permissive, for the first-out."""
+from app.blocks.sequence.states import ABORT, ALL, Cause, SequenceEvent, SequenceState, StepState
+from app.blocks.sequence.watch import Values, Watch, lowest
 
 
 @dataclass(slots=True)
-class _Snapshot:
-    time: int
-    words: tuple[int, ...]
-    value: float
-    together: int
+class _Passage:
+    """A step that is active."""
+
+    ordinal: int
+    missing_for: int = 0
+    """How long nothing that follows could be entered [µs]."""
+    stalled: bool = False
 
 
-FALLS_KEPT = 64
-"""Short losses remembered per step."""
+@dataclass(slots=True)
+class _Plan:
+    """What an active step does in a scan."""
+
+    number: int
+    due: bool
+    """Its minimum is over."""
+    through: bool
+    """It is due and its commands are confirmed."""
+    waits: bool = False
+    """For the other paths that meet with its own."""
+    missing: bool = False
+    leaves: bool = False
+    target: tuple[int, ...] | None = None
+    """What is entered then; None = nothing can be."""
+    group: tuple[int, ...] = ()
+    """Steps that are left together."""
 
 
 class SequenceBlock:
@@ -52,20 +73,20 @@ class SequenceBlock:
         self.settings = settings
         self.state = SequenceState.IDLE
         self.step = 0
-        """Active step; the one it stopped in after an abort or a time-out; 0 = none."""
+        """Active step, the lowest of several; the one it stopped in after an abort or a time-out; 0 = none."""
+        self.safe = False
+        """It was stopped and does its safe steps."""
         self.first_out: FirstOut | None = None
-        self.falls: list[Fall] = []
-        """What was lost during the active step, oldest first."""
         self.forces = Forces()
+        self._watch = Watch(self.forces, values)
         self.times = [StepTimes() for _ in settings.steps]
-        self.stalled = False
         self.needs_acknowledge = False
-        self._values = values
         self._elapsed = [0] * (len(settings.steps) + 1)
         self._run = 0
-        self._missing_for = 0
-        self._inputs: tuple[int, ...] = ()
-        self._fell: dict[tuple[int, int], _Snapshot] = {}
+        self._active: dict[int, _Passage] = {}
+        self._entered = 0
+        self._passes: dict[int, int] = {}
+        self._why = (Cause.NONE, 0)
         self._start = self._acknowledge = self._abort = self._advance = True
         self._states = [StepState.IDLE] * (len(settings.steps) + 1)
 
@@ -76,17 +97,49 @@ class SequenceBlock:
         """Whether a step is active, suspended or not."""
         return self.state in (SequenceState.RUNNING, SequenceState.SUSPENDED)
 
+    @property
+    def falls(self) -> list[Fall]:
+        """What was lost during the active step, oldest first."""
+        return self._watch.falls
+
+    @property
+    def active(self) -> tuple[int, ...]:
+        """Steps that are active, suspended or not, in their order."""
+        return tuple(sorted(self._active))
+
+    @property
+    def stalled(self) -> bool:
+        """Whether a step has had its minimum and none that follows can be entered."""
+        return any(passage.stalled for passage in self._active.values())
+
+    def passage(self, number: int) -> int:
+        """A number that is another one whenever step `number` is entered; 0 = it is not active."""
+        found = self._active.get(number)
+        return found.ordinal if found else 0
+
+    def passes(self, number: int) -> int:
+        """How often the loop that ends with step `number` went back in this run since it was entered."""
+        return self._passes.get(number, 0)
+
+    def following(self, number: int) -> tuple[tuple[int, ...], ...]:
+        """What may follow step `number` now, in the order of priority, each entered together; (()) = the end."""
+        loop = self.settings.chart.loop(number)
+        if loop is not None and self.passes(number) + 1 < loop.times:
+            return ((loop.first,),)
+        return self.settings.chart.ways(number, len(self.settings.steps)).targets
+
     def step_state(self, number: int) -> StepState:
         """State of step `number`, from 1."""
-        if self.running and number == self.step:
+        passage = self._active.get(number)
+        if passage is not None:
             if self.state is SequenceState.SUSPENDED:
                 return StepState.SUSPENDED
-            return StepState.STALLED if self.stalled else StepState.ACTIVE
+            return StepState.STALLED if passage.stalled else StepState.ACTIVE
         return self._states[number]
 
     def output(self, number: int) -> bool:
         """Output of step `number`."""
-        if number != self.step:
+        if number not in self._active:
             return False
         return self.state is SequenceState.RUNNING or (
             self.state is SequenceState.SUSPENDED and self.settings.output_while_suspended
@@ -103,7 +156,7 @@ class SequenceBlock:
 
     def word(self, number: int) -> int:
         """Permissives of step `number` (0 = abort conditions) as they count: inputs and forces."""
-        return (self._inputs[number] if self._inputs else 0) | self.forces.bits(number)
+        return self._watch.word(number)
 
     def ready(self, number: int) -> bool:
         """Whether every permissive of step `number` (0 = abort conditions) is there."""
@@ -143,7 +196,8 @@ class SequenceBlock:
             raise ValueError(f"{len(signals.permissives)} permissive words: expected {len(self.settings.steps)}")
         passed = round(dt * 1e6)
         reports = self.forces.expire(now)
-        self._follow((signals.abort & ALL, *(word & ALL for word in signals.permissives)), now, reports)
+        words = (signals.abort & ALL, *(word & ALL for word in signals.permissives))
+        self._watch.follow(words, now, self._matters, reports)
         start, self._start = signals.start and not self._start, signals.start
         acknowledge, self._acknowledge = signals.acknowledge and not self._acknowledge, signals.acknowledge
         abort, self._abort = signals.abort_request and not self._abort, signals.abort_request
@@ -159,150 +213,144 @@ class SequenceBlock:
         return reports
 
     def _go(self, signals: Signals, passed: int, now: int, abort: bool, advance: bool, reports: list[Report]) -> None:
-        if not self.ready(ABORT):
-            self._stop(Cause.ABORT_CONDITION, now, reports)
+        if not self.safe and not self.ready(ABORT):
+            self._stop(Cause.ABORT_CONDITION, self.step, now, reports)
             return
         if abort:
-            self._stop(Cause.OPERATOR, now, reports)
+            self._stop(Cause.OPERATOR, self.step, now, reports)
             return
+        suspended = self.state is SequenceState.SUSPENDED
+        if signals.suspend is not suspended:
+            self.state = SequenceState.SUSPENDED if signals.suspend else SequenceState.RUNNING
+            event = SequenceEvent.SUSPENDED if signals.suspend else SequenceEvent.RESUMED
+            reports.append(Report(event, self.step))
         if signals.suspend:
-            if self.state is SequenceState.RUNNING:
-                self.state = SequenceState.SUSPENDED
-                reports.append(Report(SequenceEvent.SUSPENDED, self.step))
             return
-        if self.state is SequenceState.SUSPENDED:
-            self.state = SequenceState.RUNNING
-            reports.append(Report(SequenceEvent.RESUMED, self.step))
-        step = self.settings.step(self.step)
-        if signals.refused or (step.loss_aborts and not self.ready(self.step)):
-            self._stop(Cause.COMMAND if signals.refused else Cause.PERMISSIVE_LOST, now, reports, signals.refused)
+        for number in self.active:
+            refused = signals.refused.get(number, 0)
+            if refused or (self.settings.step(number).loss_aborts and not self.ready(number)):
+                self._stop(Cause.COMMAND if refused else Cause.PERMISSIVE_LOST, number, now, reports, refused)
+                return
+        plans = _plans(self, signals, passed, advance)
+        for plan in plans:
+            maximum, elapsed = round(self.settings.step(plan.number).maximum * 1e6), self._elapsed[plan.number]
+            if plan.waits or not maximum or elapsed <= maximum or (plan.leaves and elapsed - passed <= maximum):
+                continue
+            self._stop(Cause.TIME, plan.number, now, reports)
             return
-        self._elapsed[self.step] += passed
-        elapsed, maximum = self._elapsed[self.step], round(step.maximum * 1e6)
-        due = maximum > 0 and elapsed >= round(step.minimum * 1e6)
-        last = self.step == len(self.settings.steps)
-        missing = due and not last and not self.ready(self.step + 1)
-        leaves = due and not missing and not signals.pending and (not signals.single or advance)
-        if maximum and elapsed > maximum and not (leaves and elapsed - passed <= maximum):
-            self._stop(Cause.TIME, now, reports)
-            return
-        self._judge_stall(missing, passed, now, reports)
-        if leaves:
-            self._leave(reports, last)
+        for plan in plans:
+            _judge_stall(self, plan, passed, now, reports)
+        for plan in plans:
+            if plan.leaves and plan.number in self._active:
+                self._leave(plan, reports)
+
+    def _left_with(self, number: int) -> tuple[int, ...]:
+        """Last steps of parallel paths that are left together with `number`; none while its loop leads back."""
+        ways = self.settings.chart.ways(number, len(self.settings.steps))
+        return ways.together if ways.targets == self.following(number) else ()
 
     def _begin(self, reports: list[Report]) -> None:
         if self.needs_acknowledge or not self.ready(1) or not self.ready(ABORT):
             missing = 1 if self.ready(ABORT) else ABORT
             word = self.word(missing)
-            bit = -1 if word == ALL else _lowest(~word & ALL)
+            bit = -1 if word == ALL else lowest(~word & ALL)
             reports.append(Report(SequenceEvent.START_REFUSED, missing, bit))
             return
         self._clear()
         self._elapsed = [0] * (len(self.settings.steps) + 1)
         self._states = [StepState.IDLE] * (len(self.settings.steps) + 1)
-        self._run = 0
+        self._run, self._passes, self.safe = 0, {}, False
         self.state = SequenceState.RUNNING
         reports.append(Report(SequenceEvent.STARTED))
         self._enter(1, reports)
 
     def _enter(self, number: int, reports: list[Report]) -> None:
-        self.step = number
-        self.falls = []
-        self._missing_for = 0
-        self.stalled = False
+        if not self._active:
+            self._watch.falls = []
+        self._entered += 1
+        self._active[number] = _Passage(self._entered)
+        self._elapsed[number] = 0
+        self.step = min(self._active)
         reports.append(Report(SequenceEvent.STEP_ENTERED, number))
 
-    def _leave(self, reports: list[Report], last: bool) -> None:
-        seconds = self.elapsed(self.step)
-        self.times[self.step - 1].add(seconds)
-        self._states[self.step] = StepState.DONE
-        if self.first_out is not None and self.first_out.cause is Cause.STALL:
-            self.first_out = None
-        reports.append(Report(SequenceEvent.STEP_ENDED, self.step, value=seconds))
-        if not last:
-            self._enter(self.step + 1, reports)
-            return
-        self.state, self.step, self.stalled = SequenceState.DONE, 0, False
-        reports.append(Report(SequenceEvent.DONE, value=self.run_time))
+    def _leave(self, plan: _Plan, reports: list[Report]) -> None:
+        for number in plan.group:
+            self._count_loop(number)
+            seconds = self.elapsed(number)
+            self.times[number - 1].add(seconds)
+            self._states[number] = StepState.DONE
+            del self._active[number]
+            if self.first_out is not None and self.first_out.cause is Cause.STALL and self.first_out.at_step == number:
+                self.first_out = None
+            reports.append(Report(SequenceEvent.STEP_ENDED, number, value=seconds))
+        for number in plan.target or ():
+            self._enter(number, reports)
+        if self._active:
+            self.step = min(self._active)
+        else:
+            self._finish(reports)
 
-    def _stop(self, cause: Cause, now: int, reports: list[Report], value: float = 0.0) -> None:
-        timed_out = cause is Cause.TIME
-        self.first_out = self._what_fell(cause, now, value)
-        self.state = SequenceState.TIMED_OUT if timed_out else SequenceState.ABORTED
-        self._states[self.step] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
-        self.stalled = False
+    def _count_loop(self, number: int) -> None:
+        loop, back = self.settings.chart.loop(number), self.passes(number) + 1
+        if loop is not None:
+            self._passes[number] = back if back < loop.times else 0
+
+    def _finish(self, reports: list[Report]) -> None:
+        if self.safe:
+            self._end(reports)
+        else:
+            self.state, self.step = SequenceState.DONE, 0
+            reports.append(Report(SequenceEvent.DONE, value=self.run_time))
+
+    def _stop(self, cause: Cause, at: int, now: int, reports: list[Report], value: float = 0.0) -> None:
+        if not self.safe:  # what stopped it first counts
+            self.first_out = self._what_fell(cause, at, now, value)
+            self._why = cause, at
+        for number in self._active:
+            timed_out = cause is Cause.TIME and number == at
+            self._states[number] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
+        self._active = {}
         self.needs_acknowledge = True
-        event, out = SequenceEvent.TIMED_OUT if timed_out else SequenceEvent.ABORTED, self.first_out
-        reports.append(Report(event, out.step if out.bit >= 0 else self.step, out.bit, float(cause), out.together))
-
-    def _judge_stall(self, missing: bool, passed: int, now: int, reports: list[Report]) -> None:
-        self._missing_for = self._missing_for + passed if missing else 0
-        if self.stalled and not missing:
-            self.stalled = False
-            reports.append(Report(SequenceEvent.STALL_OVER, self.step))
-        elif not self.stalled and missing and self._missing_for >= round(self.settings.stall_after * 1e6):
-            self.stalled = True
-            self.first_out = self._what_fell(Cause.STALL, now)
-            reports.append(Report(SequenceEvent.STALLED, self.step + 1, self.first_out.bit))
-
-    def _what_fell(self, cause: Cause, now: int, value: float = 0.0) -> FirstOut:
-        """The permissive that fell first of those that are missing and matter to `cause`."""
-        step = {Cause.ABORT_CONDITION: ABORT, Cause.PERMISSIVE_LOST: self.step}.get(cause, self.step + 1)
-        missing: list[tuple[int, int]] = []
-        if cause not in (Cause.OPERATOR, Cause.POWER_UP, Cause.COMMAND) and step <= len(self.settings.steps):
-            missing = [(step, bit) for bit in range(BITS) if not self.word(step) >> bit & 1]
-        if not missing:
-            return FirstOut(cause, 0, -1, now, self.step, value, self._inputs)
-        first = min(missing, key=lambda place: (self._fell[place].time, place))
-        seen = self._fell[first]
-        return FirstOut(cause, *first, seen.time, self.step, seen.value, seen.words, seen.together)
-
-    # ---- permissives ----------------------------------------------------------------------------------
-
-    def _follow(self, words: tuple[int, ...], now: int, reports: list[Report]) -> None:
-        """Note when each permissive fell or came back."""
-        before = self._inputs
-        if words == before:
+        start = self.settings.chart.safe
+        if not start or self.safe or cause is Cause.POWER_UP or not self.ready(start):
+            self._end(reports)
             return
-        self._inputs = words
-        fallen: list[tuple[int, int]] = []
-        for step, word in enumerate(words):
-            changed = word ^ before[step] if before else ~word & ALL
-            while changed:
-                bit = _lowest(changed)
-                changed &= changed - 1
-                if word >> bit & 1:
-                    self._came_back(step, bit, now, reports)
-                else:
-                    fallen.append((step, bit))
-        if not fallen:
-            return
-        together = {
-            step: max(1, sum(1 for place in fallen if place[0] == step and place not in self.forces))
-            for step, _ in fallen
-        }
-        for step, bit in fallen:
-            self._fell[step, bit] = _Snapshot(now, words, self._values(step, bit), together[step])
-            if before and self._matters(step):
-                if len(self.falls) < FALLS_KEPT:
-                    self.falls.append(Fall(step, bit, now, 0))
-                reports.append(Report(SequenceEvent.PERMISSIVE_LOST, step, bit, together=together[step]))
+        self.safe, self.state = True, SequenceState.RUNNING
+        reports.append(self._told(SequenceEvent.ABORTING))
+        self._enter(start, reports)
 
-    def _came_back(self, step: int, bit: int, now: int, reports: list[Report]) -> None:
-        self._fell.pop((step, bit), None)
-        for index, fall in enumerate(self.falls):
-            if (fall.step, fall.bit) == (step, bit) and not fall.back:
-                self.falls[index] = fall._replace(back=now)
-        if self._matters(step):
-            reports.append(Report(SequenceEvent.PERMISSIVE_BACK, step, bit))
+    def _end(self, reports: list[Report]) -> None:
+        """The run is over before its end, as what stopped it says."""
+        timed_out = self._why[0] is Cause.TIME
+        self.state = SequenceState.TIMED_OUT if timed_out else SequenceState.ABORTED
+        self.step, self.safe = self._why[1], False
+        reports.append(self._told(SequenceEvent.TIMED_OUT if timed_out else SequenceEvent.ABORTED))
+
+    def _told(self, event: SequenceEvent) -> Report:
+        """What stopped it, as an event."""
+        (cause, at), out = self._why, self.first_out
+        if out is None or out.bit < 0:
+            return Report(event, at, -1, float(cause), out.together if out else 0)
+        return Report(event, out.step, out.bit, float(cause), out.together)
+
+    def _what_fell(self, cause: Cause, at: int, now: int, value: float = 0.0) -> FirstOut:
+        """The permissive that fell first of those that are missing and matter to `cause` in step `at`."""
+        places: tuple[int, ...] = ()
+        if cause in (Cause.ABORT_CONDITION, Cause.PERMISSIVE_LOST):
+            places = (ABORT if cause is Cause.ABORT_CONDITION else at,)
+        elif cause in (Cause.TIME, Cause.STALL):
+            places = () if any(all(map(self.ready, steps)) for steps in self.following(at)) else _next(self, at)
+        return self._watch.first_out(cause, places, at, now, value)
 
     def _matters(self, step: int) -> bool:
-        return self.running and step in (ABORT, self.step, self.step + 1)
+        return self.running and (
+            step == ABORT or step in self._active or any(step in _next(self, number) for number in self._active)
+        )
 
     def _clear(self) -> None:
         self.first_out = None
         self.needs_acknowledge = False
-        self.falls = []
+        self._watch.falls = []
         if self.state in (SequenceState.TIMED_OUT, SequenceState.ABORTED):
             self.state, self.step = SequenceState.IDLE, 0
 
@@ -310,42 +358,90 @@ class SequenceBlock:
 
     def retained(self) -> dict[str, object]:
         """What survives a restart of the device: times, statistics, first-out and the forces, as plain values."""
-        out = self.first_out
-        return {
-            "times": [(step.minimum, step.maximum) for step in self.settings.steps],
-            "statistics": [(one.runs, one.least, one.most, one.total, one.last) for one in self.times],
-            "forces": self.forces.retained(),
-            "first_out": None if out is None else out.plain(),
-            "running": self.running,
-            "step": self.step,
-            "state": int(self.state),
-            "needs_acknowledge": self.needs_acknowledge,
-        }
+        return _retained(self)
 
     def restore(self, kept: Mapping[str, Any], now: int) -> list[Report]:
-        """Go on after a restart. A sequence that was running is aborted; forces are gone unless `keep_forces`.
-
-        Statistics and times of another number of steps are left out.
-        """
-        reports: list[Report] = []
-        if len(kept["times"]) == len(self.settings.steps):
-            for number, (minimum, maximum) in enumerate(kept["times"], 1):
-                self.set_times(number, minimum, maximum)
-            self.times = [StepTimes(*row) for row in kept["statistics"]]
-            for step, bit, until in kept["forces"]:
-                ended = self.forces.restore(step, bit, until, now, keep=self.settings.keep_forces)
-                reports += [ended] if ended else []
-            self.first_out = None if kept["first_out"] is None else FirstOut.of(kept["first_out"])
-            self.step = kept["step"]
-            self.needs_acknowledge = kept["needs_acknowledge"]
-            self.state = SequenceState(kept["state"])
-            if self.needs_acknowledge and self.step:
-                timed_out = self.state is SequenceState.TIMED_OUT
-                self._states[self.step] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
-        if self.running:
-            self._stop(Cause.POWER_UP, now, reports)
-        return reports
+        """Go on after a restart. A sequence that was running is aborted; forces are gone unless `keep_forces`."""
+        return _restored(self, kept, now)
 
 
-def _lowest(word: int) -> int:
-    return (word & -word).bit_length() - 1
+def _retained(run: SequenceBlock) -> dict[str, object]:
+    out = run.first_out
+    return {
+        "times": [(step.minimum, step.maximum) for step in run.settings.steps],
+        "statistics": [(one.runs, one.least, one.most, one.total, one.last) for one in run.times],
+        "forces": run.forces.retained(),
+        "first_out": None if out is None else out.plain(),
+        "running": run.running,
+        "step": run.step,
+        "active": run.active,
+        "why": None if run.safe is False else run._why,
+        "state": int(run.state),
+        "needs_acknowledge": run.needs_acknowledge,
+    }
+
+
+def _restored(run: SequenceBlock, kept: Mapping[str, Any], now: int) -> list[Report]:
+    """Statistics and times of another number of steps are left out."""
+    reports: list[Report] = []
+    if len(kept["times"]) == len(run.settings.steps):
+        for number, (minimum, maximum) in enumerate(kept["times"], 1):
+            run.set_times(number, minimum, maximum)
+        run.times = [StepTimes(*row) for row in kept["statistics"]]
+        for step, bit, until in kept["forces"]:
+            ended = run.forces.restore(step, bit, until, now, keep=run.settings.keep_forces)
+            reports += [ended] if ended else []
+        run.first_out = None if kept["first_out"] is None else FirstOut.of(kept["first_out"])
+        run.step = kept["step"]
+        run.needs_acknowledge = kept["needs_acknowledge"]
+        run.state = SequenceState(kept["state"])
+        if run.needs_acknowledge and run.step:
+            timed_out = run.state is SequenceState.TIMED_OUT
+            run._states[run.step] = StepState.TIMED_OUT if timed_out else StepState.ABORTED
+    if run.running:
+        run._active = {number: _Passage(0) for number in kept["active"]}
+        if kept["why"] is not None:
+            run.safe, run._why = True, kept["why"]
+        run._stop(Cause.POWER_UP, run.step, now, reports)
+    return reports
+
+
+def _plans(run: SequenceBlock, signals: Signals, passed: int, advance: bool) -> list[_Plan]:
+    """What each active step does in this scan."""
+    plans: dict[int, _Plan] = {}
+    for number in run.active:
+        step = run.settings.step(number)
+        elapsed = run._elapsed[number] + passed
+        due = step.maximum > 0 and elapsed >= round(step.minimum * 1e6)
+        plans[number] = _Plan(number, due, due and number not in signals.pending)
+    for number, plan in plans.items():
+        following = run.following(number)
+        beside = run._left_with(number)
+        through = all(other in plans and plans[other].through and bool(run._left_with(other)) for other in beside)
+        plan.waits = bool(beside) and plan.through and not through
+        elapsed, minimum = run._elapsed[number], round(run.settings.step(number).minimum * 1e6)
+        run._elapsed[number] = max(elapsed, min(elapsed + passed, minimum)) if plan.waits else elapsed + passed
+        plan.group = beside or (number,)
+        plan.target = next((steps for steps in following if all(run.ready(step) for step in steps)), None)
+        plan.missing = plan.due and not plan.waits and plan.target is None
+        plan.leaves = plan.through and through and plan.target is not None and (not signals.single or advance)
+    return list(plans.values())
+
+
+def _judge_stall(run: SequenceBlock, plan: _Plan, passed: int, now: int, reports: list[Report]) -> None:
+    passage = run._active[plan.number]
+    passage.missing_for = passage.missing_for + passed if plan.missing else 0
+    if passage.stalled and not plan.missing:
+        passage.stalled = False
+        reports.append(Report(SequenceEvent.STALL_OVER, plan.number))
+    elif not passage.stalled and plan.missing and passage.missing_for >= round(run.settings.stall_after * 1e6):
+        passage.stalled = True
+        if run.first_out is None or not run.safe:
+            out = run._what_fell(Cause.STALL, plan.number, now)
+            run.first_out = out
+            reports.append(Report(SequenceEvent.STALLED, out.step, out.bit))
+
+
+def _next(run: SequenceBlock, number: int) -> tuple[int, ...]:
+    """Every step that may follow step `number` now."""
+    return tuple(step for steps in run.following(number) for step in steps)

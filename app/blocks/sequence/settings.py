@@ -1,8 +1,9 @@
 """What a sequence is told: its settings, and the signals of one scan."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
+from app.blocks.sequence.chart import Chart
 from app.blocks.sequence.states import ALL
 
 
@@ -42,6 +43,8 @@ class SequenceSettings:
     """[s]"""
     keep_forces: bool = False
     """Whether forces outlive a restart of the device; else they are gone then."""
+    chart: Chart = field(default_factory=Chart)
+    """Which step follows which."""
 
     def __post_init__(self) -> None:
         if not self.steps:
@@ -67,7 +70,7 @@ class Signals:
     single: bool = False
     """Single step: a step is left only on a rising edge of `advance`."""
     advance: bool = False
-    pending: bool = False
-    """Commands of the active step are not confirmed yet: it is not left."""
-    refused: int = 0
-    """Number, from 1, of a command of the active step that was refused or not confirmed; 0 = none."""
+    pending: Collection[int] = ()
+    """Steps whose commands are not confirmed yet: they are not left."""
+    refused: Mapping[int, int] = field(default_factory=dict)
+    """Step → number, from 1, of its command that was refused or not confirmed."""

@@ -56,6 +56,8 @@ class SequenceEvent(IntEnum):
     """Value: for how long [s]."""
     RELEASED = 16
     """A force ended; value 1: its time was over, 0: a person released it, 2: the device was started."""
+    ABORTING = 23
+    """It was stopped as `ABORTED` tells at its end, and does its safe steps before; value: the cause."""
 
 
 class Cause(IntEnum):

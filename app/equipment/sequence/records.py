@@ -3,7 +3,8 @@
 | subject | rule |
 | --- | --- |
 | force | its number is the place of the permissive: step * 16 + bit |
-| lost events | a step entered that a run had behind it already is another run's |
+| lost events | a step entered that a run had behind it already is another run's, unless its steps came back before |
+| safe steps | belong to the run: what was active when they began ended there |
 | acknowledged | belongs to a run that was aborted or has timed out, once |
 | aborted by power-up | is told again by a device that was switched on; it changes nothing |
 | first-out | the permissive that the end names; it fell when it was last told as lost in this run, else before it mattered: no time |
@@ -12,6 +13,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from app.records.fold import ACTIVE
 from app.records.kind import Belongs
 from app.records.record import Names, Reading, Record
 
@@ -37,6 +39,8 @@ def run_belongs(latest: Record | None, event: Reading) -> Belongs | None:
     """Where an event belongs that is not what it seems."""
     if latest is None:
         return None
+    if latest.open and latest.memo.get("again"):
+        return None  # its steps come back: which one comes next says nothing about lost events
     if latest.open:
         step = int(latest.fields.get("step") or 0)
         behind = (event.key == "step_entered" and event.source <= step) or (
@@ -56,6 +60,15 @@ def run_fold(record: Record, former: Record, event: Reading, names: Names) -> No
         return
     bit, place = event.words.get("bit"), f"{event.source}.{event.words.get('bit')}"
     match event.key:
+        case "step_entered" if event.source <= int(former.fields.get("step") or 0):
+            record.memo["again"] = [1]
+        case "aborting":
+            for part in former.parts.values():
+                if part.state == ACTIVE:
+                    left = record.parts[part.number]
+                    left.state = "timed_out" if _cause(event.value) == "time" else "aborted"
+                    left.ended = event.time
+                    left.seconds = None if part.begun is None else (event.time - part.begun - left.paused) / 1e6
         case "permissive_lost" if bit is not None:
             record.memo[place] = [event.time, event.words.get("signal")]
         case "permissive_back":

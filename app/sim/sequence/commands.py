@@ -55,7 +55,7 @@ CAUSED: Mapping[int, tuple[SequenceEvent, ...]] = MappingProxyType(
         SequenceCommand.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED),
         SequenceCommand.SUSPEND: (SequenceEvent.SUSPENDED,),
         SequenceCommand.RESUME: (SequenceEvent.RESUMED,),
-        SequenceCommand.ABORT: (SequenceEvent.ABORTED,),
+        SequenceCommand.ABORT: (SequenceEvent.ABORTED, SequenceEvent.ABORTING),
         SequenceCommand.ACKNOWLEDGE: (SequenceEvent.ACKNOWLEDGED,),
         SequenceCommand.ADVANCE: (SequenceEvent.STEP_ENDED,),
     }
@@ -144,7 +144,8 @@ class SequenceCommands:
         if not self._block.running:
             return no(SequenceReason.WRONG_STATE, self._block.state)
         self._operator.ask("abort")
-        return _proved(lambda: not self._block.running)
+        safe = self._block.safe
+        return _proved(lambda: not self._block.running or (self._block.safe and not safe))
 
     def _acknowledge(self) -> Verdict:
         if self._block.running:
@@ -171,13 +172,23 @@ class SequenceCommands:
             return no(SequenceReason.NOT_SINGLE)
         if run.state is not SequenceState.RUNNING:
             return no(SequenceReason.WRONG_STATE, run.state)
-        step, times = run.step, run.settings.step(run.step)
-        if step < self._permissives.steps and (bit := self._missing(step + 1)) >= 0:
-            return no(SequenceReason.MISSING, (step + 1) * BITS + bit)
+        refusals = [self._cannot_leave(step) for step in run.active]
+        if None not in refusals:
+            return refusals[0] or no(SequenceReason.WRONG_STATE, run.state)
+        passages = {step: run.passage(step) for step in run.active}
+        self._operator.ask("advance")
+        return _proved(lambda: {step: run.passage(step) for step in run.active} != passages or not run.running)
+
+    def _cannot_leave(self, step: int) -> Verdict | None:
+        """Why an advance would not let `step` go on; None = it would."""
+        run = self._block
+        following, times = run.following(step), run.settings.step(step)
+        if not any(all(self._missing(each) < 0 for each in steps) for steps in following):
+            first = next(each for each in following[0] if self._missing(each) >= 0)
+            return no(SequenceReason.MISSING, first * BITS + self._missing(first))
         if not times.maximum or run.elapsed(step) + self._device.dt < times.minimum - 1e-6:
             return no(SequenceReason.WRONG_STATE, run.state)
-        self._operator.ask("advance")
-        return _proved(lambda: run.step != step or not run.running)
+        return None
 
     def _set_times(self, request: Request) -> Verdict:
         step, override = request.arguments[0], request.arguments[3]

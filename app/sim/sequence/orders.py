@@ -67,48 +67,62 @@ class StepOrders:
         self.any = any(self._orders)
         """Whether a step commands anything."""
         self.desk: Callable[[], Desk | None] = lambda: None
-        self._given: Given | None = None
+        self._given: dict[int, Given] = {}
+        """Active step → its commands."""
         self._again: Given | None = None
         """What goes on after a suspension, of earlier steps."""
-        self._at = 0
-        """Step whose commands were given; 0 = none."""
-        self._off = False
-        """The outputs are off: what was commanded stands."""
+        self._at: dict[int, int] = {}
+        """Active step → the passage in which its commands were given."""
+        self._off = self._safe = False
+        """The outputs are off: what was commanded stands; the safe steps are done."""
 
     @property
-    def pending(self) -> bool:
-        """Whether commands of the active step are not confirmed yet."""
-        return any(given is not None and given.pending for given in (self._given, self._again))
+    def pending(self) -> frozenset[int]:
+        """Active steps whose commands are not confirmed yet."""
+        again = self._at if self._again is not None and self._again.pending else ()
+        return frozenset((*again, *(step for step, given in self._given.items() if given.pending)))
 
     @property
-    def refused(self) -> int:
-        """Number of the first command of the active step that was refused or not confirmed; 0 = none."""
-        return next((given.refused for given in (self._given, self._again) if given is not None and given.refused), 0)
+    def refused(self) -> dict[int, int]:
+        """Step → number of its first command that was refused or not confirmed."""
+        found = {step: given.refused for step, given in self._given.items() if given.refused}
+        if self._again is not None and self._again.refused and self._at:
+            step = min(self._at)
+            found.setdefault(step, len(self._orders[step - 1]) + 1)
+        return found
 
     def follow(self, run: SequenceBlock) -> None:
-        """Give what the step wants that the scan has just entered, or stop what a run set in motion that goes on no more."""
+        """Give what the steps want that the scan has just entered, or stop what a run set in motion that goes on no more."""
         if not self.any:
             return
         if not run.running:
             self._end(run.state)
             return
+        if run.safe and not self._safe:
+            self._safe, self._off, self._given, self._again = True, False, {}, None
+            if self._at and (desk := self.desk()):
+                desk.stop()
         if not run.output(run.step):
             self._switch_off()
             return
         if self._off:
             self._off, desk = False, self.desk()
             self._again = desk.resume() if desk else None
-        if self._at != run.step:
-            self._at = run.step
-            self._take(self._orders[run.step - 1])
+        self._given = {step: given for step, given in self._given.items() if step in run.active}
+        entered = [step for step in run.active if self._at.get(step) != run.passage(step)]
+        self._at = {step: run.passage(step) for step in run.active}
+        for step in entered:
+            self._take(step)
 
     def withdraw(self) -> None:
         """This sequence is no more: what its run set in motion is stopped."""
         self._end(SequenceState.ABORTED)
 
-    def _take(self, orders: Sequence[SequenceOrder]) -> None:
-        desk = self.desk()
-        self._given = (desk.give(orders) if desk else _Refused()) if orders else None
+    def _take(self, step: int) -> None:
+        self._given.pop(step, None)
+        if orders := self._orders[step - 1]:
+            desk = self.desk()
+            self._given[step] = desk.give(orders) if desk else _Refused()
 
     def _switch_off(self) -> None:
         if self._off:
@@ -124,4 +138,4 @@ class StepOrders:
             if state is not SequenceState.DONE:
                 desk.stop()
             desk.leave()
-        self._at, self._off, self._given, self._again = 0, False, None, None
+        self._at, self._off, self._safe, self._given, self._again = {}, False, False, {}, None

@@ -7,22 +7,23 @@ Header words 23–27: steps N · 16 · 59 events · 16 falls · 32 forces; the c
 
 | registers | content |
 | --- | --- |
-| 0x0100, 64 words | status image: generation · +1 state · +2 active step · +3 bits · +4 steps · +5 abort word that counts · +6 its input · +7 forced · +8 forces · +9 abort conditions that may be forced · f32 +10 run time, +12 last run time [s] · u32 +14 runs done, +16 aborted, +18 timed out · f32 +20 shortest, +22 mean, +24 longest completed run [s] · +26 last outcome · +28 first-out: cause, +29 step, +30 bit (0xFFFF none), +31 at step, u64 +32 time [µs], f32 +36 value, +38 fallen together, +39 abort word · u64 +40 start of the run [µs] · +44 falls · generation |
+| 0x0100, 64 words | status image: generation · +1 state · +2 active step · +3 bits · +4 steps · +5 abort word that counts · +6 its input · +7 forced · +8 forces · +9 abort conditions that may be forced · f32 +10 run time, +12 last run time [s] · u32 +14 runs done, +16 aborted, +18 timed out · f32 +20 shortest, +22 mean, +24 longest completed run [s] · +26 last outcome · +28 first-out: cause, +29 step, +30 bit (0xFFFF none), +31 at step, u64 +32 time [µs], f32 +36 value, +38 fallen together, +39 abort word · u64 +40 start of the run [µs] · +44 falls · +45 active steps · generation |
 | 0x0180, 16 words | configuration image: generation · steps · f32 +2 longest force [s] · +4 forces outlive a restart · generation |
 | 0x0200, 8 words | settings image: generation · 2 · f32 stall_after [s] · f32 output_while_suspended · spare · generation; staged at 0x0240 |
-| 0x0800, rows of 32 | steps: u32 number · generation · state · +4 word that counts · +5 input · +6 forced · +7 may be forced · f32 +8 minimum, +10 maximum, +12 elapsed [s] · +14 bits 0 loss aborts, 1 output · +15 word of the first-out · u32 +16 runs · f32 +18 least, +20 mean, +22 most, +24 last [s] · +26 bits lost in this run · generation |
+| 0x0800, rows of 32 | steps: u32 number · generation · state · +4 word that counts · +5 input · +6 forced · +7 may be forced · f32 +8 minimum, +10 maximum, +12 elapsed [s] · +14 bits 0 loss aborts, 1 output · +15 word of the first-out · u32 +16 runs · f32 +18 least, +20 mean, +22 most, +24 last [s] · +26 bits lost in this run · +27 how often its loop went back · generation |
 | 0x3000, 16 rows of 16 | falls of the active step, oldest first: u32 ordinal · generation · state 1 missing 2 back · +4 step · +5 bit · u64 +6 fell, +10 back [µs] · generation |
 | 0x4000, 32 rows of 12 | forces: u32 step·16+bit+1 · generation · state 1 · +4 step · +5 bit · f32 +6 remaining [s] · u32 +8 asked [s] · +10 owner · generation |
 
 State: 0 idle 1 running 2 suspended 3 done 4 timed out 5 aborted; of a step moreover 6 stalled (1 active). Bits: 0 stalled 1 needs acknowledge
-2 single step 3 automatic 4 start possible 5 forces active 6 output on 7 the machine takes no actions (it is not in automatic).
+2 single step 3 automatic 4 start possible 5 forces active 6 output on 7 the machine takes no actions (it is not in automatic)
+8 safe steps are done. Active step: the lowest of several.
 
 Commands: 1 start · 2 suspend · 3 resume · 4 abort · 5 acknowledge · 6/7 single step on/off · 8 advance · 9/10 automatic on/off · 11 times (u32 step,
 f32 minimum, f32 maximum, u32 override) · 12 force (u32 step, 0 = abort; u32 bit; f32 seconds) · 13 release (step, bit) · 14 release all.
 Reasons: 1 unknown 2 wrong state 3 permissives missing (detail step·16+bit) 4 needs acknowledge 5 locked while running 6 no such step 7 no such
 bit 8 may not be forced 9 duration 10 not forced 11 times outside limits 12 no free place for a force 13 not suspended 14 not in single step
 15 the machine is not in automatic 20–22 settings.
-Events 1–16: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up · 19/20 automatic on/off · 21/22 single step on/off. Source: step. Snapshot:
+Events 1–16, 23: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up · 19/20 automatic on/off · 21/22 single step on/off. Source: step. Snapshot:
 0 bit (0xFFFF none) · 1 together · 2 abort conditions as input · 3 input word of that step · 4–5 f32 value behind the permissive.
 
 Retained: times, statistics, first-out, settings, events, forces if the definition says so. Training registers: 0xE010 = 1 freezes the inputs;
@@ -96,6 +97,7 @@ def settings_of(definition: SequenceDefinition) -> SequenceSettings:
             stall_after=definition.stall_after,
             longest_force=definition.longest_force,
             keep_forces=definition.keep_forces,
+            chart=definition.chart,
         )
     except ValueError as error:
         raise ConfigurationError(f"{definition.name}: {error}") from error
@@ -224,8 +226,9 @@ class VirtualSequence(VirtualPlc):
         if falls is not before or len(falls) != count or sum(1 for fall in falls if fall.back) != back:
             self._renew_falls()
         self._commands.keep_forces()
-        if machine is not None and run.running and run.output(run.step) and (actions := self._actions[run.step - 1]):
-            machine.ask(actions)
+        asked = [action for step in run.active if run.output(step) for action in self._actions[step - 1]]
+        if machine is not None and asked:
+            machine.ask(asked)
 
     def _take_wishes(self) -> None:
         """What the plant asks: to start (an edge), to stand still (as long as it says so, or nobody knows), to go on."""
@@ -295,6 +298,7 @@ class VirtualSequence(VirtualPlc):
             stall_after=self.settings["stall_after"],
             longest_force=run.settings.longest_force,
             keep_forces=run.settings.keep_forces,
+            chart=run.settings.chart,
         )
 
     def _forget(self) -> None:

@@ -96,6 +96,7 @@ def status(
         bool(run.forces),
         running and run.output(run.step),
         machine_manual,
+        run.safe,
     )
     return _STATUS.pack(
         run.state,
@@ -127,6 +128,7 @@ def status(
         _snapshot(run, ABORT),
         counts.start,
         len(run.falls),
+        len(run.active),
     )
 
 
@@ -153,6 +155,7 @@ def step_row(run: SequenceBlock, number: int, word: int, lost: int, mark: int) -
         times.most,
         times.last,
         lost,
+        run.passes(number),
         mark,
     )
 
@@ -180,7 +183,7 @@ def _snapshot(run: SequenceBlock, number: int) -> int:
     return out.snapshot[number] if out and number < len(out.snapshot) else 0
 
 
-_STATUS = Struct(">9H2f3I3f2H4HQf2HQH36x")
-_STEP = Struct(">I6H3f2HI4fH8xH")
+_STATUS = Struct(">9H2f3I3f2H4HQf2HQ2H34x")
+_STEP = Struct(">I6H3f2HI4f2H6xH")
 _FALL = Struct(">I4HQQ2xH")
 _FORCE = Struct(">I4HfIHH")

@@ -6,7 +6,7 @@ The device says numbers (steps, bits); the definition in the plant's files says 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 from app.blocks.sequence import ABORT, ALL, BITS, Cause, SequenceState, StepState
 from app.errors import Refused
@@ -15,6 +15,7 @@ from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 from app.web import format as fmt
 from app.web.points import EquipmentView, PointView
 from app.web.sequence_plant import SequencePlant
+from app.web.sequence_ways import SequenceWays
 from app.web.tables import RowName, RowView, TableView
 
 MOST_NAMED = 3
@@ -24,6 +25,9 @@ NEARLY = 0.8
 """From this part of its greatest time on a step is said to be near it."""
 ROOM = 1.12
 """A time bar ends so far beyond the longest time."""
+
+
+ACTIVE_STATES = (StepState.ACTIVE, StepState.SUSPENDED, StepState.STALLED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +125,10 @@ class SequenceView:
         """What its actions move; None = it has no machine."""
         self.plant = SequencePlant(equipment, definition)
         """What it has to do with other machines."""
+        self.ways = SequenceWays(
+            equipment, definition, lambda n: self.word(n) == ALL, ACTIVE_STATES, partial(_say, equipment)
+        )
+        """Which step follows which."""
 
     # ---- numbers --------------------------------------------------------------------------------------
 
@@ -153,14 +161,14 @@ class SequenceView:
     def awaited(self) -> int:
         """The step whose permissives decide now what happens next."""
         if self.running and self.active:
-            return min(self.active + 1, self.total)
+            return self.ways.next_of(self.active)
         if self.state == SequenceState.ABORTED and self.value("first_out_cause") in (
             Cause.ABORT_CONDITION,
             Cause.PERMISSIVE_LOST,
         ):
             return int(self.value("first_out_step") or 0)
         if self.state == SequenceState.TIMED_OUT:
-            return min(max(int(self.value("first_out_at") or 0) + 1, 1), self.total)
+            return int(self.value("first_out_step") or 0) or self.ways.next_of(int(self.value("first_out_at") or 0))
         return 1
 
     def names(self, *keys: str) -> str:
@@ -370,12 +378,19 @@ class SequenceView:
             return text("sequence.screen.head.missing", step=step, names=self.named(missing)) if missing else text(
                 "sequence.screen.head.resume"
             )  # fmt: skip
+        also = self.ways.beside(step)
+        safe = f" · {text('sequence.screen.way_safe_runs')}" if self.is_on("aborting") else ""
+        return self._wait(step, maximum) + also + safe
+
+    def _wait(self, step: int, maximum: float | None) -> str:
+        """What one step waits for."""
+        text = self.equipment.text
         if self.definition.steps[step - 1].orders and self.plant.pending:
             return text("sequence.screen.head.pending")
         if maximum == 0:
             return text("sequence.screen.head.stays")
-        following = step + 1
-        if following <= self.total and (missing := self.missing(following)):
+        following = self.ways.next_of(step)
+        if self.ways.following(step) != ((),) and (missing := self.missing(following)):
             return text("sequence.screen.head.missing", step=following, names=self.named(missing))
         return (
             text("sequence.screen.head.single") if self.is_on("single_step") else text("sequence.screen.head.goes_on")
@@ -404,6 +419,10 @@ TOGETHER = ("step", "bit")
 """Arguments that name a permissive."""
 STATES = StepState
 """For templates that compare."""
+
+
+def _say(equipment: EquipmentView, key: str, **params: object) -> str:
+    return equipment.text(f"sequence.screen.{key}", **params)
 
 
 def _aborted(sequence: SequenceView) -> str:

@@ -1,0 +1,169 @@
+"""Branches, loops and safe steps of a sequence file: `[[branches]]`, `[[loops]]`, `abort_to`; what they say of steps by their keys.
+
+    [sequence]
+    abort_to = "park"                                   a run that stops before its end goes on here; else it ends at once
+
+    [[branches]]
+    after = "weigh"
+    take = "first"                                      the first path that can be entered; "all": side by side
+    paths = ["small", "big"]                            first steps, in the order of the file; each goes up to the next one
+    then = "empty"                                      where they meet
+
+    [[loops]]
+    from = "fill"
+    to = "settle"
+    times = 3                                           how often it is passed
+
+The steps of a branch stand together in the file, behind the step after which it divides and before the one in which it meets, so that
+whatever is nested meets again.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from app.blocks.sequence import Branch, Chart, Loop
+from app.plant.sequence_definition import SequenceStep
+from app.plant.tables import MISSING, Table
+
+MOST_TIMES = 10_000
+TAKES = ("first", "all")
+
+
+def read_chart(root: Table, head: Table, steps: Sequence[SequenceStep]) -> Chart:
+    """The structure that the file gives to its `steps`; notes everything that cannot be."""
+    keys = [step.key for step in steps]
+    branches: list[Branch] = []
+    for row in root.rows("branches"):
+        branch = _branch(row, keys)
+        if branch is not None and _fits(row, branch, branches, keys) and _commands_apart(row, branch, steps):
+            branches.append(branch)
+    loops: list[Loop] = []
+    for row in root.rows("loops"):
+        loop = _loop(row, keys)
+        if loop is not None and _is_whole(row, loop, branches, loops, keys):
+            loops.append(loop)
+    return Chart(tuple(branches), tuple(loops), _safe(head, keys, branches, loops))
+
+
+def _step(row: Table, key: str, keys: Sequence[str]) -> int:
+    """Number of the step that `key` names; 0 = none, and noted."""
+    name = row.text(key, choices=keys)
+    return keys.index(name) + 1 if name in keys else 0
+
+
+def _branch(row: Table, keys: Sequence[str]) -> Branch | None:
+    after, then = _step(row, "after", keys), _step(row, "then", keys)
+    take = row.text("take", choices=TAKES)
+    names = list(row.items("paths", [], "the first steps of the paths"))
+    paths: list[int] = []
+    for index, name in enumerate(names):
+        if name in keys:
+            paths.append(keys.index(name) + 1)
+        else:
+            row.note(f"paths.{index}", name, f"a step of this file: {', '.join(keys)}")
+    row.done()
+    if not (after and then and take in TAKES) or len(paths) != len(names):
+        return None
+    if len(paths) < 2:
+        row.note("paths", names or MISSING, "the first steps of at least two paths")
+    elif paths[0] != after + 1:
+        row.note("paths.0", names[0], f"the step behind {keys[after - 1]}, where the first path begins")
+    elif sorted(set(paths)) != paths:
+        row.note("paths", names, "each path once, in the order of the steps in the file")
+    elif then <= paths[-1]:
+        row.note("then", keys[then - 1], f"a step behind the last path, which begins with {names[-1]}")
+    else:
+        return Branch(after, tuple(paths), then, take == "all")
+    return None
+
+
+def _fits(row: Table, branch: Branch, others: Sequence[Branch], keys: Sequence[str]) -> bool:
+    """Whether it stands within one path of each of the `others`, or beside it."""
+    for other in others:
+        if other.after == branch.after:
+            row.note("after", keys[branch.after - 1], "a step after which nothing else divides")
+            return False
+        if not (_lies(branch.after, branch.then, other) or _lies(other.after, other.then, branch)):
+            expected = f"a branch within one path of the branch after {keys[other.after - 1]}, or one that does not touch its paths"
+            row.note("after", keys[branch.after - 1], expected)
+            return False
+    return True
+
+
+def _lies(first: int, last: int, branch: Branch) -> bool:
+    """Whether the steps `first` to `last` are in one path of `branch`, or none of them is in any."""
+    if last < branch.paths[0] or first >= branch.then:
+        return True
+    return any(start <= first and last <= end for start, end in branch.spans)
+
+
+def _commands_apart(row: Table, branch: Branch, steps: Sequence[SequenceStep]) -> bool:
+    """Whether no two paths that run side by side command the same machine."""
+    owner: dict[str, int] = {}
+    for number, (first, last) in enumerate(branch.spans if branch.together else ()):
+        for machine in dict.fromkeys(order.machine for step in steps[first - 1 : last] for order in step.orders):
+            if owner.setdefault(machine, number) != number:
+                expected = "paths that command different machines: they run side by side"
+                row.note("take", "all", f"{expected}, and {machine} is in two of them")
+                return False
+    return True
+
+
+def _loop(row: Table, keys: Sequence[str]) -> Loop | None:
+    first, last = _step(row, "from", keys), _step(row, "to", keys)
+    times = row.whole("times", low=2, high=MOST_TIMES)
+    row.done()
+    if first and last and last < first:
+        row.note("to", keys[last - 1], f"{keys[first - 1]} or a step behind it")
+        return None
+    return Loop(first, last, times) if first and last and times else None
+
+
+def _is_whole(row: Table, loop: Loop, branches: Sequence[Branch], others: Sequence[Loop], keys: Sequence[str]) -> bool:
+    """Whether both its ends are in the same path, and it crosses no other loop."""
+    for branch in branches:
+        if _path(loop.first, branch) != _path(loop.last, branch):
+            row.note(
+                "to",
+                keys[loop.last - 1],
+                f"a step in the same path as {keys[loop.first - 1]}: a loop crosses no branch",
+            )
+            return False
+    for other in others:
+        apart = loop.last < other.first or other.last < loop.first
+        inside = other.first <= loop.first and loop.last < other.last
+        around = loop.first <= other.first and other.last < loop.last
+        if not (apart or inside or around):
+            row.note("to", keys[loop.last - 1], "a loop within another one or beside it, each with an end of its own")
+            return False
+    return True
+
+
+def _path(step: int, branch: Branch) -> int:
+    """The path of `branch` in which `step` is; -1 = none."""
+    return next((n for n, (first, last) in enumerate(branch.spans) if first <= step <= last), -1)
+
+
+def _safe(head: Table, keys: Sequence[str], branches: Sequence[Branch], loops: Sequence[Loop]) -> int:
+    if not head.has("abort_to"):
+        return 0
+    safe = _step(head, "abort_to", keys)
+    crossed = [keys[branch.after - 1] for branch in branches if branch.after < safe <= branch.then]
+    crossed += [keys[loop.first - 1] for loop in loops if loop.first < safe <= loop.last]
+    if safe == 1:
+        head.note("abort_to", keys[0], "a step behind the first one: the safe steps are the last of the file")
+    elif crossed:
+        head.note("abort_to", keys[safe - 1], f"a step outside of the branch or loop at {crossed[0]}")
+    else:
+        return safe
+    return 0
+
+
+def chart_lines(chart: Chart) -> Iterator[str]:
+    """What of it makes the program of a device, one line each."""
+    for branch in chart.branches:
+        paths = ",".join(map(str, branch.paths))
+        yield f"branch {branch.after} {'all' if branch.together else 'first'} {paths} then {branch.then}"
+    for loop in chart.loops:
+        yield f"loop {loop.first} {loop.last} {loop.times}"
+    if chart.safe:
+        yield f"abort_to {chart.safe}"
