@@ -22,7 +22,8 @@ RETAIN_PERIOD = 60.0
 class DerivedPoints:
     """Publishes what `derivation` makes of the tags, and keeps what it remembers."""
 
-    def __init__(self, tags: TagDatabase, clock: Clock, states: RetainedStates) -> None:
+    def __init__(self, tags: TagDatabase, clock: Clock, states: RetainedStates | None) -> None:
+        """`states`: None = nothing is kept over a restart."""
         self.derivation: Derivation | None = None
         """None while there is no plant."""
         self._tags = tags
@@ -32,7 +33,7 @@ class DerivedPoints:
 
     async def restore(self, derivation: Derivation) -> None:
         """`derivation` goes on from what was kept."""
-        derivation.restore(await self._states.read())
+        derivation.restore(await self._states.read() if self._states else {})
 
     def take(self, derivation: Derivation | None) -> None:
         """Go on with `derivation`, which takes over what the former one has accumulated."""
@@ -88,7 +89,7 @@ class DerivedPoints:
         Raises:
             StorageError: the disk does not take it.
         """
-        if self.derivation:
+        if self.derivation and self._states:
             await self._states.write(self.derivation.retained())
 
     def _publish(self, changed: Mapping[str, tuple[Value, int]], time: int, seen: int) -> None:

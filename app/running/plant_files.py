@@ -135,6 +135,10 @@ class PlantFiles:
         runs = self._running_sequences(plant)
         return [id for id in runs if (one := plant.equipment[id].sequence) is not None and one.name == definition]
 
+    async def drawn_up(self, drafts: Mapping[str, str]) -> Plant | None:
+        """The plant as it would be with `drafts`; None when something is wrong."""
+        return (await asyncio.to_thread(read_simulated, self._folder, None, drafts))[0]
+
     async def reload(self, person: Person | None, confirm: str, address: str = "") -> Reading:
         """Take the plant files if their changes are still those with the digest `confirm`; a running plant is never taken down.
 

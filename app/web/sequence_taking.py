@@ -22,6 +22,7 @@ from app.web.pages import view_of
 from app.web.plant import drawn
 from app.web.sequence_editor import Editing, editing, when
 from app.web.sequence_plant import runs_of
+from app.web.sequence_trying import trial_of
 
 router = APIRouter()
 
@@ -151,6 +152,7 @@ async def _review(
         refused=view.text(request, refused, name=printable(error, 200)) if refused else "",
         error=error,
         reason=reason,
+        **trial_of(request, at),
     )
 
 

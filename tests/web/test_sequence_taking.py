@@ -82,6 +82,22 @@ def test_it_is_taken_with_a_reason_as_the_same_text_that_an_integrator_writes(st
     assert "Step “Feed”: Minimum time: 20 → 25" in page
 
 
+def test_a_draft_is_tried_out_before_it_is_taken_and_the_outcome_is_told_in_words(staff: Staff) -> None:
+    Window(staff, "2").send("fields", minimum="2")
+    assert "Try it out" in staff.client.get(f"{URL}/review").text
+    assert staff.post(f"{URL}/try").status_code == 303
+    page = staff.client.get(f"{URL}/review").text
+    assert "It runs through in" in page and "Stop the conveyor, reverse the fan" in page and "older draft" not in page
+    Window(staff, "2").send("fields", permissives__0__when="m1.frequency > 45", maximum="90")
+    Window(staff, "1").send("fields", maximum="4")
+    assert "older draft" in staff.client.get(f"{URL}/try").text
+    staff.post(f"{URL}/try")
+    told = staff.client.get(f"{URL}/try").text
+    assert "Step 1 “Start the fan” exceeds its maximum time. Missing: Fan at speed (m1.frequency &gt; 45)" in told
+    Window(staff, "1").send("fields", maximum="much")
+    assert staff.post(f"{URL}/try").status_code == 409
+
+
 def test_mistakes_are_not_taken(staff: Staff, folder: Path) -> None:
     Window(staff, "2").send("fields", minimum="much")
     page = staff.client.get(f"{URL}/review").text
@@ -171,5 +187,5 @@ def test_only_an_engineer_takes_or_goes_back(staff: Staff) -> None:
     staff.enter("operator_only", "operator")
     for path in ("review", "history"):
         assert staff.client.get(f"{URL}/{path}").status_code == 403
-    for path in ("take", "restore", "discard", "rebase", "fields", "text", "do", "condition"):
+    for path in ("take", "restore", "try", "discard", "rebase", "fields", "text", "do", "condition"):
         assert staff.post(f"{URL}/{path}").status_code == 403
