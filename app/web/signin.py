@@ -266,6 +266,8 @@ def _over_the_plant(
         title=view.text(request, title_key),
         kind="overview" if visible else "frame",
         machines=machines,
+        plant_picture=None,
+        today=None,
         visible=visible,
         error=explained(request, refused),
         over=request.state.over,
