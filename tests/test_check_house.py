@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import import_circles, large_parts, long_lines, named_machines
+from tools.check_house import import_circles, large_parts, long_lines, named_machines, raw_sql
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -132,3 +132,38 @@ def test_a_part_that_is_too_large_is_told(tmp_path: Path, lines: int, told: list
 
 def test_no_part_of_the_house_is() -> None:
     assert not list(large_parts(Path(__file__).parent.parent))
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "connection.exec_driver_sql(what)",
+        "x = 'SELECT id FROM point'",
+        "x = f'INSERT OR REPLACE INTO {table} (t) VALUES (?)'",
+        'x = """\nWITH part AS (SELECT 1) SELECT * FROM part"""',
+        "x = 'UPDATE point SET name = ?'",
+        "x = 'DELETE FROM point'",
+        "x = 'PRAGMA page_count'",
+        "import sqlite3",
+        "from sqlalchemy.dialects import sqlite",
+        "from sqlalchemy.dialects.sqlite import insert",
+    ],
+)
+def test_a_statement_written_as_text_is_found(tmp_path: Path, source: str) -> None:
+    found = list(raw_sql(house(tmp_path, historian__store=source)))
+    assert found and all("app/historian/store.py:" in one for one in found)
+    assert not list(raw_sql(house(tmp_path / "other", historian__dialect=source, db=source)))
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""SELECT what you see."""',
+        "x = 'Select a machine'",
+        "x = 'BEGINNING'",
+        "x = select(point.c.id)",
+        "x = 'Delete'",
+    ],
+)
+def test_words_that_are_no_statement_are_none(tmp_path: Path, source: str) -> None:
+    assert not list(raw_sql(house(tmp_path, historian__store=source)))

@@ -1,4 +1,4 @@
-"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; nothing is too long.
+"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; nothing is too long; SQL is Core.
 
 A new machine is folders of its own. So no equipment type, none of its tables and no kind of its records is named in the rooms that serve
 all of them: in Python as a string or an imported module, in templates, scripts and sheets anywhere.
@@ -29,9 +29,23 @@ LONGEST_LINE = 160
 LONGEST_MODULE, LONGEST_CLASS = 600, 300
 """Of the house's Python [lines]: what is longer has more than one owner's work in it."""
 
+SQL = re.compile(
+    r"\s*(PRAGMA \w|BEGIN( IMMEDIATE)?$|VACUUM|SELECT .+|WITH \w+ .*AS|(INSERT|REPLACE)( OR \w+)? INTO |UPDATE( OR \w+)? \w+ SET |"
+    r"DELETE FROM |(CREATE|DROP|ALTER) (TABLE|INDEX|VIEW|TRIGGER) )",
+    re.S,
+)
+"""How a statement begins."""
+SQLITE = (
+    *("app/db.py", "app/historian/dialect.py"),
+    *("app/backup/archive.py", "app/backup/making.py", "app/backup/restoring.py"),
+    *("app/selftest.py", "app/access/former.py", "app/access/kept.py", "app/access/audit/chain.py"),
+)
+"""Where SQLite is spoken: its connections, what the history needs of it, copies of its files, whether they are sound and whose they are,
+what replaces what people keep, and the lock of the audit's chain. Everywhere else statements are SQLAlchemy Core."""
+
 
 def main() -> int:
-    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT), *large_parts(ROOT)]
+    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT), *large_parts(ROOT), *raw_sql(ROOT)]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 
@@ -124,6 +138,32 @@ def large_parts(root: Path) -> Iterator[str]:
         for node in ast.walk(ast.parse(text, str(path))):
             if isinstance(node, ast.ClassDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_CLASS:
                 yield f"{name}:{node.lineno}: class {node.name} has {lines} lines, expected at most {LONGEST_CLASS}"
+
+
+def raw_sql(root: Path) -> Iterator[str]:
+    """Statements written as text, or for SQLite alone, outside the files that speak it; tables say there how it keeps them."""
+    for path in sorted(root.glob("app/**/*.py")):
+        name = path.relative_to(root).as_posix()
+        if name in SQLITE:
+            continue
+        tree = ast.parse(path.read_bytes(), str(path))
+        said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and node.attr == "exec_driver_sql":
+                yield f"{name}:{node.lineno}: exec_driver_sql, expected a statement of SQLAlchemy Core"
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+                if SQL.match(node.value):
+                    yield f"{name}:{node.lineno}: {' '.join(node.value.split())[:40]!r}, expected a statement of SQLAlchemy Core"
+            elif isinstance(node, ast.Import | ast.ImportFrom) and (module := _of_sqlite(node)):
+                yield f"{name}:{node.lineno}: imports {module}, expected it in {SQLITE[0]} or {SQLITE[1]}"
+
+
+def _of_sqlite(node: ast.Import | ast.ImportFrom) -> str:
+    names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+    names += [alias.name if isinstance(node, ast.Import) else f"{node.module}.{alias.name}" for alias in node.names]
+    return next(
+        (one for one in names if one.split(".")[0] == "sqlite3" or one.startswith("sqlalchemy.dialects.sqlite")), ""
+    )
 
 
 def _after(word: str) -> str:

@@ -5,12 +5,14 @@ samples. Values hold as the recorder means it: until the next sample, and no lon
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from sqlalchemy import Connection
+from sqlalchemy import BigInteger, Connection, Select, bindparam, case, func, or_, select, union_all
 
 from app.historian import query, sealed
-from app.historian.store import GAP_AFTER, HOUR, MINUTE
+from app.historian.dialect import Statement, greatest, least
+from app.historian.store import GAP_AFTER, HOUR, MARK, MINUTE
+from app.historian.tables import hour, minute, sample
 
 Column = Literal["low", "high"]
 
@@ -89,16 +91,13 @@ def _find(
     if table == "sample":
         return _find_sample(connection, number, begin, end, value)
     unit, finer = (HOUR, "minute") if table == "hour" else (MINUTE, "sample")
-    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (table,)).scalar() or 0
+    mark = MARK(connection, name=table).scalar() or 0
     inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
     if inner >= outer:
         return _find(connection, number, begin, end, value, column, finer)
     if found := _find(connection, number, begin, inner, value, column, finer):
         return found
-    row = connection.exec_driver_sql(
-        f"SELECT t FROM {table} WHERE point = ? AND t >= ? AND t < ? AND {column} = ? ORDER BY t LIMIT 1",
-        (number, inner, outer, value),
-    ).first()
+    row = WITH_EXTREME[table, column](connection, number=number, begin=inner, end=outer, value=value).first()
     if row is None:
         return _find(connection, number, outer, end, value, column, finer)
     return _find(connection, number, row[0], row[0] + unit, value, column, finer) or (row[0], row[0] + unit)
@@ -108,10 +107,7 @@ def _find_sample(connection: Connection, number: int, begin: int, end: int, valu
     since = begin
     for first, last in [*sealed.spans(connection, number, begin, end), (end, end - 1)]:
         first, last = max(first, begin), min(last + 1, end)
-        row = connection.exec_driver_sql(
-            "SELECT min(t) FROM sample WHERE point = ? AND t >= ? AND t < ? AND v = ? AND q & 3 < 2",
-            (number, since, first, value),
-        ).scalar()
+        row = WITH_VALUE(connection, number=number, begin=since, end=first, value=value).scalar()
         if row is not None:
             return row, row
         if first < last:
@@ -123,6 +119,32 @@ def _find_sample(connection: Connection, number: int, begin: int, end: int, valu
     return None
 
 
+WITH_EXTREME = {
+    (table.name, column): Statement(
+        select(table.c.t)
+        .where(
+            table.c.point == bindparam("number"),
+            table.c.t >= bindparam("begin"),
+            table.c.t < bindparam("end"),
+            table.c[column] == bindparam("value"),
+        )
+        .order_by(table.c.t)
+        .limit(1)
+    )
+    for table in (minute, hour)
+    for column in ("low", "high")
+}
+WITH_VALUE = Statement(
+    select(func.min(sample.c.t)).where(
+        sample.c.point == bindparam("number"),
+        sample.c.t >= bindparam("begin"),
+        sample.c.t < bindparam("end"),
+        sample.c.v == bindparam("value"),
+        sample.c.q.bitwise_and(3) < 2,
+    )
+)
+
+
 def _add(connection: Connection, number: int, begin: int, end: int, table: str, out: Aggregate) -> None:
     if begin >= end:
         return
@@ -130,7 +152,7 @@ def _add(connection: Connection, number: int, begin: int, end: int, table: str, 
         _of_samples(connection, number, begin, end, out)
         return
     unit, finer = (HOUR, "minute") if table == "hour" else (MINUTE, "sample")
-    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (table,)).scalar() or 0
+    mark = MARK(connection, name=table).scalar() or 0
     inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
     if inner >= outer:
         _add(connection, number, begin, end, finer, out)
@@ -144,28 +166,37 @@ def _of_samples(connection: Connection, number: int, begin: int, end: int, out: 
     if sealed.spans(connection, number, begin - GAP_AFTER, end):
         _of_packed(connection, number, begin, end, out)
         return
-    low, high, area, good, count = connection.exec_driver_sql(
-        """
-        WITH part AS (
-            SELECT t, v, s, q FROM sample WHERE point = :p AND t >= :b AND t < :e
-            UNION ALL
-            SELECT * FROM (SELECT t, v, s, q FROM sample WHERE point = :p AND t < :b AND t >= :b - :gap ORDER BY t DESC LIMIT 1)
-        ),
-        span AS (
-            SELECT t, v, v IS NOT NULL OR s IS NOT NULL AS valid, q & 3 AS level,
-                   min(lead(t, 1, :e) OVER (ORDER BY t), t + :gap, :e) - max(t, :b) AS d
-            FROM part
-        )
-        SELECT min(v) FILTER (WHERE d > 0 AND level < 2), max(v) FILTER (WHERE d > 0 AND level < 2),
-               sum(v * d) FILTER (WHERE d > 0 AND level = 0), coalesce(sum(d) FILTER (WHERE d > 0 AND valid AND level = 0), 0),
-               count(*) FILTER (WHERE t >= :b)
-        FROM span
-        """,
-        {"p": number, "b": begin, "e": end, "gap": GAP_AFTER},
-    ).one()
+    low, high, area, good, count = OF_SAMPLES(connection, number=number, begin=begin, end=end, gap=GAP_AFTER).one()
     out.note(low, high)
     out.weigh(area, good)
     out.count += count
+
+
+def _weighed() -> Select[*tuple[Any, ...]]:
+    """Extremes, area, good time and number of the samples of a span, and of the one that held when it began."""
+    begin, end, gap = (bindparam(name, type_=BigInteger) for name in ("begin", "end", "gap"))
+    told = select(sample.c.t, sample.c.v, sample.c.s, sample.c.q).where(sample.c.point == bindparam("number"))
+    held = told.where(sample.c.t < begin, sample.c.t >= begin - gap).order_by(sample.c.t.desc()).limit(1).subquery()
+    part = union_all(told.where(sample.c.t >= begin, sample.c.t < end), select(held)).cte("part")
+    until = least(func.lead(part.c.t, 1, end).over(order_by=part.c.t), part.c.t + gap, end)
+    span = select(
+        part.c.t,
+        part.c.v,
+        case((or_(part.c.v.is_not(None), part.c.s.is_not(None)), 1), else_=0).label("valid"),
+        part.c.q.bitwise_and(3).label("level"),
+        (until - greatest(part.c.t, begin)).label("d"),
+    ).cte("span")
+    lasts = span.c.d > 0
+    return select(
+        func.min(span.c.v).filter(lasts, span.c.level < 2),
+        func.max(span.c.v).filter(lasts, span.c.level < 2),
+        func.sum(span.c.v * span.c.d).filter(lasts, span.c.level == 0),
+        func.coalesce(func.sum(span.c.d).filter(lasts, span.c.valid == 1, span.c.level == 0), 0),
+        func.count().filter(span.c.t >= begin),
+    )
+
+
+OF_SAMPLES = Statement(_weighed())
 
 
 def _of_packed(connection: Connection, number: int, begin: int, end: int, out: Aggregate) -> None:
@@ -190,11 +221,7 @@ def _of_roll_ups(
     before = query.at(connection, number, begin - 1)
     since, value, level = (before[0], before[1], before[2] & 3) if before else (0, None, 2)
     cursor = begin
-    rows = connection.exec_driver_sql(
-        f"""SELECT t, low, high, first_t, last_t, last, last_q & 3, mean, good, count FROM {table}
-            WHERE point = ? AND t >= ? AND t < ? ORDER BY t""",
-        (number, begin, end),
-    )
+    rows = ROLL_UPS[table](connection, number=number, begin=begin, end=end)
     for t, low, high, first_t, last_t, last, last_level, mean, good, count in rows:
         _hold(out, value, level, cursor, min(first_t, since + GAP_AFTER), min(t, since + GAP_AFTER))
         out.note(low, high)
@@ -202,6 +229,19 @@ def _of_roll_ups(
         out.count += count
         cursor, since, value, level = t + unit, last_t, last, last_level
     _hold(out, value, level, cursor, min(end, since + GAP_AFTER), min(end, since + GAP_AFTER))
+
+
+ROLL_UPS = {
+    table.name: Statement(
+        select(
+            table.c.t, table.c.low, table.c.high, table.c.first_t, table.c.last_t, table.c.last, table.c.last_q.bitwise_and(3),
+            table.c.mean, table.c.good, table.c["count"],
+        )
+        .where(table.c.point == bindparam("number"), table.c.t >= bindparam("begin"), table.c.t < bindparam("end"))
+        .order_by(table.c.t)
+    )
+    for table in (minute, hour)
+}  # fmt: skip
 
 
 def _hold(out: Aggregate, value: float | str | None, level: int, begin: int, seen: int, weighed: int) -> None:

@@ -5,9 +5,10 @@ A gap is stored with the first event after it (events.py); what came before it i
 
 from dataclasses import dataclass
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, bindparam, select
 
-from app.historian.event_query import filtered
+from app.historian.dialect import Statement, unindexed
+from app.historian.tables import event, event_gap, event_machine
 
 MOST = 100
 """Gaps in one answer, the newest."""
@@ -39,12 +40,26 @@ class Gap:
 
 def gaps(connection: Connection, equipment: str, begin: int | None, end: int | None, most: int = MOST) -> list[Gap]:
     """The newest `most` gaps of a machine (empty: of all) that were noticed in this time, newest first."""
-    where, given = filtered((("g.equipment = ?", equipment or None), ("g.time >= ?", begin), ("g.time < ?", end)))
-    rows = connection.exec_driver_sql(
-        "SELECT g.equipment, m.id, g.boot, g.sequence, g.time, g.count FROM event_gap g LEFT JOIN event_machine m ON m.name = g.equipment "
-        f"{where} ORDER BY g.time DESC, g.equipment, g.sequence DESC LIMIT ?",
-        (*given, most),
-    ).all()
+    found = (
+        select(
+            event_gap.c.equipment,
+            event_machine.c.id,
+            event_gap.c.boot,
+            event_gap.c.sequence,
+            event_gap.c.time,
+            event_gap.c["count"],
+        )
+        .outerjoin_from(event_gap, event_machine, event_machine.c.name == event_gap.c.equipment)
+        .order_by(event_gap.c.time.desc(), event_gap.c.equipment, event_gap.c.sequence.desc())
+        .limit(most)
+    )
+    if equipment:
+        found = found.where(event_gap.c.equipment == equipment)
+    if begin is not None:
+        found = found.where(event_gap.c.time >= begin)
+    if end is not None:
+        found = found.where(event_gap.c.time < end)
+    rows = connection.execute(found).all()
     return [
         Gap(name, count, time, *_neighbours(connection, machine, Place(boot, sequence, time)))
         for name, machine, boot, sequence, time, count in rows
@@ -53,19 +68,26 @@ def gaps(connection: Connection, equipment: str, begin: int | None, end: int | N
 
 def _neighbours(connection: Connection, machine: int | None, stored: Place) -> tuple[Place | None, Place | None]:
     """The events before and after the gap that is stored at a place."""
-    first = connection.exec_driver_sql(
-        "SELECT id FROM event WHERE machine = ? AND time = ? AND boot = ? AND sequence = ?",
-        (machine, stored.time, stored.boot, stored.sequence),
-    ).scalar()
+    place = {"machine": machine, "time": stored.time, "boot": stored.boot, "sequence": stored.sequence}
+    first = FIRST(connection, **place).scalar()
     if first is None:  # none came after it: it is stored with the last one before it
-        row = connection.exec_driver_sql(
-            "SELECT boot, sequence, time FROM event WHERE machine = ? AND time <= ? AND boot = ? AND sequence = ? "
-            "ORDER BY time DESC LIMIT 1",
-            (machine, stored.time, stored.boot, stored.sequence),
-        ).first()
+        row = LAST(connection, **place).first()
         return (None if row is None else Place(*row)), None
-    row = connection.exec_driver_sql(  # in the order of storing, which is that of the ring whatever its clock says
-        "SELECT boot, sequence, time FROM event NOT INDEXED WHERE id < ? AND machine = ? ORDER BY id DESC LIMIT 1",
-        (first, machine),
-    ).first()
+    # in the order of storing, which is that of the ring whatever its clock says
+    row = BEFORE(connection, first=first, machine=machine).first()
     return (None if row is None else Place(*row)), stored
+
+
+_there = (
+    event.c.machine == bindparam("machine"),
+    event.c.boot == bindparam("boot"),
+    event.c.sequence == bindparam("sequence"),
+)
+_place = select(event.c.boot, event.c.sequence, event.c.time)
+FIRST = Statement(select(event.c.id).where(*_there, event.c.time == bindparam("time")))
+LAST = Statement(_place.where(*_there, event.c.time <= bindparam("time")).order_by(event.c.time.desc()).limit(1))
+BEFORE = Statement(
+    _place.where(event.c.id < bindparam("first"), unindexed(event.c.machine) == bindparam("machine"))
+    .order_by(event.c.id.desc())
+    .limit(1)
+)

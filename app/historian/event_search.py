@@ -5,10 +5,12 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 
-from sqlalchemy import Connection
+from sqlalchemy import ColumnElement, Connection, or_, select
 
-from app.historian.event_query import filtered
-from app.historian.events import COLUMNS, event_of
+from app.historian.dialect import folded, holds, know_folding
+from app.historian.event_query import comes_after, counted
+from app.historian.events import event_of, told
+from app.historian.tables import event, event_machine
 from app.records.event import Event
 
 GONE = "→"
@@ -50,19 +52,13 @@ def count(connection: Connection, wanted: EventFilter, most: int) -> int:
     """How many events `wanted` lets through, counted up to `most`."""
     found = 0
     for number, name in _machines(connection, wanted):
-        where, given = _where(wanted, number, name)
-        rows = connection.exec_driver_sql(
-            f"SELECT count(*) FROM (SELECT 1 FROM event e {where} LIMIT ?)", (*given, most - found)
-        )
-        found += int(rows.scalar_one())
+        found += counted(connection, event, _where(wanted, number, name), most - found)
     return found
 
 
 def get(connection: Connection, number: int) -> Event | None:
     """The event `number`."""
-    row = connection.exec_driver_sql(
-        f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine WHERE e.id = ?", (number,)
-    ).first()
+    row = connection.execute(told().where(event.c.id == number)).first()
     return None if row is None else event_of(row)
 
 
@@ -73,45 +69,38 @@ def known(connection: Connection, equipment: str) -> bool:
 
 def _machines(connection: Connection, wanted: EventFilter) -> list[tuple[int, str]]:
     """Number and name of the machines that are asked for."""
-    driver = connection.connection.driver_connection
-    assert driver is not None
-    driver.create_function("casefold", 1, str.casefold, deterministic=True)  # of SQLite itself only ASCII has no case
-    where, given = filtered((("name = ?", wanted.equipment or None),))
-    rows = connection.exec_driver_sql(f"SELECT id, name FROM event_machine {where} ORDER BY id", tuple(given))
+    know_folding(connection)
+    machines = select(event_machine.c.id, event_machine.c.name).order_by(event_machine.c.id)
+    if wanted.equipment:
+        machines = machines.where(event_machine.c.name == wanted.equipment)
+    rows = connection.execute(machines)
     return [(row[0], row[1]) for row in rows if wanted.codes is None or wanted.codes.get(row[1])]
 
 
 def _of_machine(connection: Connection, wanted: EventFilter, number: int, name: str, limit: int) -> Iterator[Event]:
     """Its events, newest first, read as they are asked for: the index has them in this order."""
-    where, given = _where(wanted, number, name)
-    rows = connection.exec_driver_sql(
-        f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine {where} "
-        "ORDER BY e.time DESC, e.id DESC LIMIT ?",
-        (*given, limit),
-    )
-    return (event_of(row) for row in rows)
+    conditions = _where(wanted, number, name)
+    newest = told().where(*conditions).order_by(event.c.time.desc(), event.c.id.desc()).limit(limit)
+    return (event_of(row) for row in connection.execute(newest))
 
 
-def _where(wanted: EventFilter, number: int, name: str) -> tuple[str, list[object]]:
-    where, given = filtered(
-        (
-            ("e.machine = ?", number),
-            ("e.time >= ?", wanted.begin),
-            ("e.time < ?", wanted.end),
-            ("e.code = ?", wanted.code),
-            ("(e.time, e.id) < (?, ?)", wanted.before),
-        )
-    )
+def _where(wanted: EventFilter, number: int, name: str) -> list[ColumnElement[bool]]:
+    conditions: list[ColumnElement[bool]] = [event.c.machine == number]
+    if wanted.begin is not None:
+        conditions.append(event.c.time >= wanted.begin)
+    if wanted.end is not None:
+        conditions.append(event.c.time < wanted.end)
+    if wanted.code is not None:
+        conditions.append(event.c.code == wanted.code)
+    if wanted.before is not None:
+        conditions.append(comes_after(event.c.time, event.c.id, wanted.before))
     if wanted.codes is not None:
-        where += f" AND e.code IN ({_numbers(wanted.codes[name])})"
+        conditions.append(event.c.code.in_(sorted(wanted.codes[name])))
     if wanted.text:
-        asked = ""
+        text = wanted.text.casefold()
+        asked: list[ColumnElement[bool]] = [event.c.code.in_(sorted((wanted.worded or {}).get(name, ())))]
         if wanted.people:
-            asked = " OR e.person <> '' AND (instr(casefold(e.person), ?) OR instr(casefold(e.reason), ?))"
-            given += [wanted.text.casefold()] * 2
-        where += f" AND (e.code IN ({_numbers((wanted.worded or {}).get(name, ()))}){asked})"
-    return where, given
-
-
-def _numbers(codes: Collection[int]) -> str:
-    return ", ".join(str(int(code)) for code in sorted(codes))
+            said = or_(holds(folded(event.c.person), text), holds(folded(event.c.reason), text))
+            asked.append((event.c.person != "") & said)
+        conditions.append(or_(*asked))
+    return conditions

@@ -13,12 +13,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, Select, bindparam, delete, func, insert, select, update
 
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import renames
+from app.historian.dialect import Statement, updating
+from app.historian.tables import event as event_table
+from app.historian.tables import event_gap, event_machine, event_mark
 from app.plant.definitions import Equipment
 from app.plant.events import Ring, RingEvent, RingPosition, begins_again, is_new, position_of
 from app.records.event import Event, packed, unpacked
@@ -291,20 +294,15 @@ class Events:
 
 def ring_positions(connection: Connection) -> dict[str, RingPosition]:
     """Machine → its last stored event."""
-    rows = connection.exec_driver_sql("SELECT equipment, boot, sequence, time FROM event_mark").all()
-    return {row[0]: RingPosition(row[1], row[2], row[3]) for row in rows}
+    return {row[0]: RingPosition(row[1], row[2], row[3]) for row in POSITIONS(connection).all()}
 
 
 def machine(connection: Connection, equipment: str) -> int:
     """Number under which the events of a machine are."""
-    row = connection.exec_driver_sql("SELECT id FROM event_machine WHERE name = ?", (equipment,)).first()
+    row = MACHINE(connection, name=equipment).first()
     if row is not None:
         return int(row[0])
-    return int(
-        connection.exec_driver_sql(
-            "INSERT INTO event_machine (lasting_id, name) VALUES (?, ?) RETURNING id", (equipment, equipment)
-        ).scalar_one()
-    )
+    return int(NEW_MACHINE(connection, lasting_id=equipment, name=equipment).scalar_one())
 
 
 def store(
@@ -315,9 +313,7 @@ def store(
     `ring`: the one of which this program stored before; None = none yet.
     """
     equipment = delivery.equipment
-    row = connection.exec_driver_sql(
-        "SELECT boot, sequence, time FROM event_mark WHERE equipment = ?", (equipment,)
-    ).first()
+    row = POSITION(connection, equipment=equipment).first()
     position = known = None if row is None else RingPosition(row[0], row[1], row[2], ring)
     fresh: list[RingEvent] = []
     again: list[RingEvent] = []
@@ -346,11 +342,7 @@ def store(
                 fold.begin_again(connection, equipment, number, kept)
             fold.put(connection, equipment, number, kept)
     if fresh and position is not None:
-        connection.exec_driver_sql(
-            "INSERT INTO event_mark (equipment, boot, sequence, time) VALUES (?, ?, ?, ?) ON CONFLICT (equipment) DO UPDATE "
-            "SET boot = excluded.boot, sequence = excluded.sequence, time = excluded.time",
-            (equipment, position.boot, position.sequence, position.time),
-        )
+        REACHED(connection, equipment=equipment, boot=position.boot, sequence=position.sequence, time=position.time)
     for fold in told:
         fold.done(connection, equipment)
     return True
@@ -358,20 +350,19 @@ def store(
 
 def _insert(connection: Connection, machine: int, equipment: str, event: RingEvent) -> Event:
     value = event.value if math.isfinite(event.value) else None
-    number = connection.exec_driver_sql(
-        "INSERT INTO event (machine, boot, sequence, time, code, source, value, words, request, person, reason) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, '', '') RETURNING id",
-        (
-            machine,
-            event.boot,
-            event.sequence,
-            event.time,
-            event.code,
-            event.source,
-            value,
-            packed(event.snapshot),
-            event.request,
-        ),
+    number = NEW(
+        connection,
+        machine=machine,
+        boot=event.boot,
+        sequence=event.sequence,
+        time=event.time,
+        code=event.code,
+        source=event.source,
+        value=value,
+        words=packed(event.snapshot),
+        request=event.request,
+        person="",
+        reason="",
     ).scalar_one()
     return Event(
         int(number),
@@ -389,29 +380,39 @@ def _insert(connection: Connection, machine: int, equipment: str, event: RingEve
 
 def attribute(connection: Connection, command: EndedCommand, folds: Sequence[Fold]) -> bool:
     """Write into the events that a command caused who had asked for it, and why; False when there are none (yet)."""
-    marks = ", ".join("?" * len(command.requests))
-    rows = connection.exec_driver_sql(
-        f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine WHERE m.name = ? AND e.time BETWEEN ? AND ? "
-        f"AND e.request IN ({marks}) AND e.person = '' ORDER BY e.id",
-        (command.equipment, command.requested - LATE, command.ended + LATE, *command.requests),
+    rows = connection.execute(
+        told()
+        .where(
+            event_machine.c.name == command.equipment,
+            event_table.c.time.between(command.requested - LATE, command.ended + LATE),
+            event_table.c.request.in_(command.requests),
+            event_table.c.person == "",
+        )
+        .order_by(event_table.c.id)
     ).all()
     for row in rows:
         event = replace(event_of(row), person=command.person, reason=command.reason)
-        connection.exec_driver_sql(
-            "UPDATE event SET person = ?, reason = ? WHERE id = ?", (event.person, event.reason, event.id)
-        )
+        ASKED(connection, person=event.person, reason=event.reason, number=event.id)
         for fold in folds:
             if event.equipment in fold.machines:
                 fold.attributed(connection, event.equipment, event)
     return bool(rows)
 
 
-COLUMNS = "e.id, m.name, e.boot, e.sequence, e.time, e.code, e.source, e.value, e.words, e.request, e.person, e.reason"
-"""Of `event e` and `event_machine m`, as `event_of` takes them."""
+def told() -> Select[*tuple[Any, ...]]:
+    """Events with the names of their machines, as `event_of` takes them."""
+    return select(*COLUMNS).join_from(event_table, event_machine, event_machine.c.id == event_table.c.machine)
+
+
+_e = event_table.c
+COLUMNS = (
+    _e.id, event_machine.c.name, _e.boot, _e.sequence, _e.time, _e.code, _e.source, _e.value, _e.words, _e.request, _e.person, _e.reason,
+)  # fmt: skip
+"""Of an event and its machine."""
 
 
 def event_of(row: Sequence[Any]) -> Event:
-    """The event in a row of `COLUMNS`."""
+    """The event in a row of `told`."""
     id, equipment, boot, sequence, time, code, source, value, words, request, person, reason = row
     return Event(id, equipment, boot, sequence, time, code, source, value, unpacked(words), request, person, reason)
 
@@ -419,21 +420,16 @@ def event_of(row: Sequence[Any]) -> Event:
 def cut(connection: Connection, before: int, at_once: int) -> tuple[int, bool]:
     """Remove events that happened before `before` [µs UTC], at most `at_once` of a machine; how many, and whether all are removed."""
     removed, done = 0, True
-    for (number,) in connection.exec_driver_sql("SELECT id FROM event_machine").all():
-        gone = connection.exec_driver_sql(
-            "DELETE FROM event WHERE id IN (SELECT id FROM event WHERE machine = ? AND time < ? ORDER BY time LIMIT ?)",
-            (number, before, at_once),
-        ).rowcount
+    for number in MACHINES(connection).scalars().all():
+        gone = CUT(connection, machine=number, before=before, at_once=at_once).rowcount
         removed, done = removed + gone, done and gone < at_once
-    connection.exec_driver_sql("DELETE FROM event_gap WHERE time < ?", (before,))
+    CUT_GAPS(connection, before=before)
     return removed, done
 
 
 def oldest(connection: Connection) -> int | None:
     """When the oldest event happened [µs UTC]."""
-    time: int | None = connection.exec_driver_sql(
-        "SELECT min(t) FROM (SELECT (SELECT min(time) FROM event WHERE machine = m.id) AS t FROM event_machine m)"
-    ).scalar()
+    time: int | None = OLDEST(connection).scalar()
     return time
 
 
@@ -445,22 +441,55 @@ def _note_gap(
         if first is not None
         else (position.boot if position else 0, position.sequence if position else 0, now)
     )
-    connection.exec_driver_sql(
-        "INSERT INTO event_gap (equipment, boot, sequence, time, count) VALUES (?, ?, ?, ?, ?) "
-        "ON CONFLICT (equipment, boot, sequence) DO UPDATE SET count = count + excluded.count",
-        (equipment, boot, sequence, time, lost),
-    )
+    GAP(connection, equipment=equipment, boot=boot, sequence=sequence, time=time, count=lost)
 
 
 def lost(connection: Connection, equipment: str, begin: int | None, end: int | None) -> int:
     """Events of a machine (empty: of all) that were lost in this time."""
-    given: list[object] = []
-    parts = []
-    for sentence, value in (("equipment = ?", equipment or None), ("time >= ?", begin), ("time < ?", end)):
-        if value is not None:
-            parts.append(sentence)
-            given.append(value)
-    where = f"WHERE {' AND '.join(parts)}" if parts else ""
-    return int(
-        connection.exec_driver_sql(f"SELECT coalesce(sum(count), 0) FROM event_gap {where}", tuple(given)).scalar_one()
+    found = select(func.coalesce(func.sum(event_gap.c["count"]), 0))
+    if equipment:
+        found = found.where(event_gap.c.equipment == equipment)
+    if begin is not None:
+        found = found.where(event_gap.c.time >= begin)
+    if end is not None:
+        found = found.where(event_gap.c.time < end)
+    return int(connection.execute(found).scalar_one())
+
+
+_mark = event_mark.c
+POSITIONS = Statement(select(_mark.equipment, _mark.boot, _mark.sequence, _mark.time))
+POSITION = Statement(select(_mark.boot, _mark.sequence, _mark.time).where(_mark.equipment == bindparam("equipment")))
+REACHED = Statement(
+    updating(event_mark, ["equipment"], lambda new: {"boot": new.boot, "sequence": new.sequence, "time": new.time}),
+    "equipment",
+    "boot",
+    "sequence",
+    "time",
+)
+MACHINE = Statement(select(event_machine.c.id).where(event_machine.c.name == bindparam("name")))
+MACHINES = Statement(select(event_machine.c.id))
+NEW_MACHINE = Statement(insert(event_machine).returning(event_machine.c.id), "lasting_id", "name")
+NEW = Statement(
+    insert(event_table).returning(_e.id),
+    "machine", "boot", "sequence", "time", "code", "source", "value", "words", "request", "person", "reason",
+)  # fmt: skip
+ASKED = Statement(update(event_table).where(_e.id == bindparam("number")), "person", "reason")
+GAP = Statement(
+    updating(event_gap, ["equipment", "boot", "sequence"], lambda new: {"count": event_gap.c["count"] + new["count"]}),
+    *event_gap.c.keys(),
+)
+_old = event_table.alias()
+CUT = Statement(
+    delete(event_table).where(
+        _e.id.in_(
+            select(_old.c.id)
+            .where(_old.c.machine == bindparam("machine"), _old.c.time < bindparam("before"))
+            .order_by(_old.c.time)
+            .limit(bindparam("at_once"))
+        )
     )
+)
+CUT_GAPS = Statement(delete(event_gap).where(event_gap.c.time < bindparam("before")))
+_least = select(func.min(_e.time)).where(_e.machine == event_machine.c.id).correlate(event_machine).scalar_subquery()
+_of_each = select(_least.label("t")).select_from(event_machine).subquery()
+OLDEST = Statement(select(func.min(_of_each.c.t)))

@@ -7,16 +7,16 @@ stored samples, in the same way (`of_samples`).
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection
-from sqlalchemy import text as sql
+from sqlalchemy import BigInteger, Connection, bindparam, func, select
 
 from app.historian import sealed
+from app.historian.dialect import Statement, in_order, replacing
+from app.historian.tables import minute, point, sample
 
 MINUTE = 60_000_000
 """[µs]"""
 Row = tuple[int, int, float | None, str | None, int]
 """point number, time [µs UTC], number, text, quality word"""
-COLUMNS = "point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level"
 MOST_DONE = 20
 """Minutes over per point that wait to be written; with more of them they are forgotten, and rolled up from samples."""
 RollUp = tuple[
@@ -207,7 +207,7 @@ def of_samples(connection: Connection, *, first: int, last: int, begin: int, end
     span = {"begin": begin, "end": end, "gap": gap, "first": first, "last": last}
     found: list[RollUp] = []
     cell: Minute | None = None
-    for number, time, value, is_text, quality in connection.execute(sql(SAMPLES), span):
+    for number, time, value, is_text, quality in SAMPLES(connection, **span):
         if cell is None or cell.number != number:
             if cell is not None and cell.count:
                 found.append(cell.row())
@@ -226,18 +226,36 @@ def of_samples(connection: Connection, *, first: int, last: int, begin: int, end
     return found
 
 
-SAMPLES = """
-SELECT p.id, s.t, s.v, s.s IS NOT NULL, s.q FROM point p CROSS JOIN sample s ON s.point = p.id
- AND s.t >= coalesce((SELECT max(b.t) FROM sample b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap), :begin)
- AND s.t < :end
-WHERE p.id >= :first AND p.id <= :last ORDER BY p.id, s.t
-"""
+_begin = bindparam("begin", type_=BigInteger)
+_former = sample.alias()
+_held = (
+    select(func.max(_former.c.t))
+    .where(
+        _former.c.point == point.c.id, _former.c.t < _begin, _former.c.t >= _begin - bindparam("gap", type_=BigInteger)
+    )
+    .correlate(point)
+    .scalar_subquery()
+)
+_spanned = in_order(
+    point,
+    sample,
+    sample.c.point == point.c.id,
+    sample.c.t >= func.coalesce(_held, _begin),
+    sample.c.t < bindparam("end"),
+)
+SAMPLES = Statement(
+    select(point.c.id, sample.c.t, sample.c.v, sample.c.s.is_not(None), sample.c.q)
+    .select_from(_spanned)
+    .where(point.c.id.between(bindparam("first"), bindparam("last")))
+    .order_by(point.c.id, sample.c.t)
+)
 """Samples of a span, and of each point the one that held when it began."""
 
 
 def write(connection: Connection, rows: Sequence[RollUp]) -> None:
     """Write roll-ups of minutes; one that is there is replaced."""
     if rows:
-        connection.exec_driver_sql(
-            f"INSERT OR REPLACE INTO minute ({COLUMNS}) VALUES ({', '.join('?' * 14)})", list(rows)
-        )
+        WRITE.rows(connection, rows)
+
+
+WRITE = Statement(replacing(minute), *minute.c.keys())

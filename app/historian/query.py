@@ -6,12 +6,15 @@ spike is lost, however far it is zoomed out. It is read from whichever table is 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from sqlalchemy import Connection
+from sqlalchemy import BigInteger, Connection, Integer, Select, Table, bindparam, func, or_, select
 
 from app.historian import sealed
+from app.historian.dialect import Statement, in_order
 from app.historian.packing import NUMBER, Packed
-from app.historian.store import GAP_AFTER, HOUR, MINUTE, RAMP
+from app.historian.store import GAP_AFTER, HOUR, MARK, MINUTE, RAMP
+from app.historian.tables import hour, minute, point, run, sample
 from app.plant.definitions import Kind
 
 MAX_WIDTH = 4000
@@ -88,24 +91,30 @@ class Columns:
 
 def recorded(connection: Connection) -> dict[str, Recorded]:
     """Every point of the history by name and by lasting id; a name in use wins over an id."""
-    rows = [
-        Recorded(*row) for row in connection.exec_driver_sql("SELECT id, lasting_id, name, unit, kind FROM point").all()
-    ]
+    rows = [Recorded(*row) for row in RECORDED(connection).all()]
     return {row.id: row for row in rows} | {row.name: row for row in rows}
 
 
 def find(connection: Connection, name: str) -> Recorded | None:
     """The point with this name or lasting id, None when it was never recorded."""
-    row = connection.exec_driver_sql(
-        "SELECT id, lasting_id, name, unit, kind FROM point WHERE name = ? OR lasting_id = ? ORDER BY name = ? DESC, id DESC",
-        (name, name, name),
-    ).first()
+    row = NAMED(connection, name=name).first()
     return None if row is None else Recorded(*row)
+
+
+_recorded = select(point.c.id, point.c.lasting_id, point.c.name, point.c.unit, point.c.kind)
+RECORDED = Statement(_recorded)
+_named = point.c.name == bindparam("name")
+NAMED = Statement(
+    _recorded.where(or_(_named, point.c.lasting_id == bindparam("name"))).order_by(_named.desc(), point.c.id.desc())
+)
 
 
 def alive(connection: Connection) -> int:
     """The recorder's last sign of life [µs UTC]; 0 when it never ran."""
-    return int(connection.exec_driver_sql("SELECT coalesce(max(alive), 0) FROM run").scalar_one())
+    return int(ALIVE(connection).scalar_one())
+
+
+ALIVE = Statement(select(func.coalesce(func.max(run.c.alive), 0)))
 
 
 def columns(connection: Connection, number: int, begin: int, end: int, width: int) -> Columns:
@@ -218,7 +227,7 @@ def _cells(connection: Connection, number: int, begin: int, end: int, step: int,
     if table == "sample":
         return _of_samples(connection, number, begin, end, step)
     unit, finer = (HOUR, "minute") if table == "hour" else (MINUTE, "sample")
-    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (table,)).scalar() or 0
+    mark = MARK(connection, name=table).scalar() or 0
     inner, outer = -(-begin // unit) * unit, min(end, mark) // unit * unit
     if inner >= outer:
         return _cells(connection, number, begin, end, step, finer)
@@ -271,38 +280,55 @@ def _of_packed(part: Packed, step: int) -> list[_Cell]:
 def _of_rows(connection: Connection, number: int, begin: int, end: int, step: int) -> list[_Cell]:
     if begin >= end:
         return []
-    return [
-        _Cell(*row)
-        for row in connection.exec_driver_sql(
-            """
-            SELECT c, low, high, t0, f.v, t1, l.v, l.q & 3, worst, n
-            FROM (SELECT t / ? AS c, min(v) AS low, max(v) AS high, min(t) AS t0, max(t) AS t1, max(q & 3) AS worst, count(*) AS n
-                  FROM sample WHERE point = ? AND t >= ? AND t < ? GROUP BY c) AS g
-            CROSS JOIN sample AS f ON f.point = ? AND f.t = g.t0
-            CROSS JOIN sample AS l ON l.point = ? AND l.t = g.t1
-            ORDER BY c
-            """,
-            (step, number, begin, end, number, number),
-        )
-    ]
+    return [_Cell(*row) for row in OF_ROWS(connection, step=step, number=number, begin=begin, end=end)]
 
 
 def _of_roll_ups(connection: Connection, number: int, begin: int, end: int, step: int, table: str) -> list[_Cell]:
-    return [
-        _Cell(*row)
-        for row in connection.exec_driver_sql(
-            f"""
-            SELECT c, g.low, g.high, f.first_t, f.first, l.last_t, l.last, l.last_q & 3, worst, n
-            FROM (SELECT t / ? AS c, min(low) AS low, max(high) AS high, min(t) AS t0, max(t) AS t1, max(level) AS worst,
-                         sum(count) AS n
-                  FROM {table} WHERE point = ? AND t >= ? AND t < ? GROUP BY c) AS g
-            CROSS JOIN {table} AS f ON f.point = ? AND f.t = g.t0
-            CROSS JOIN {table} AS l ON l.point = ? AND l.t = g.t1
-            ORDER BY c
-            """,
-            (step, number, begin, end, number, number),
+    return [_Cell(*row) for row in OF_ROLL_UPS[table](connection, step=step, number=number, begin=begin, end=end)]
+
+
+def _columns(table: Table, low: str, high: str, level: Any, count: Any) -> Any:
+    """The rows of one point in columns of `step`: extremes, first and last time, worst level, how many."""
+    return (
+        select(
+            (table.c.t // bindparam("step", type_=BigInteger)).label("c"),
+            func.min(table.c[low]).label("low"),
+            func.max(table.c[high]).label("high"),
+            func.min(table.c.t).label("t0"),
+            func.max(table.c.t).label("t1"),
+            func.max(level).label("worst"),
+            count.label("n"),
         )
-    ]
+        .where(table.c.point == bindparam("number"), table.c.t >= bindparam("begin"), table.c.t < bindparam("end"))
+        .group_by("c")
+        .subquery("g")
+    )
+
+
+def _with_ends(table: Table, group: Any, first_of: Sequence[str], last_of: Sequence[str]) -> Select[*tuple[Any, ...]]:
+    """Columns as a `_Cell` takes them: these of the first row and of the last one, whose last is a quality word."""
+    number = bindparam("number", type_=Integer)
+    first, last = table.alias("f"), table.alias("l")
+    begun = in_order(group, first, first.c.point == number, first.c.t == group.c.t0)
+    ended = in_order(begun, last, last.c.point == number, last.c.t == group.c.t1)
+    *ends, quality = (last.c[name] for name in last_of)
+    told = group.c.c, group.c.low, group.c.high, *(first.c[name] for name in first_of), *ends, quality.bitwise_and(3)
+    return select(*told, group.c.worst, group.c.n).select_from(ended).order_by(group.c.c)
+
+
+_rows = _columns(sample, "v", "v", sample.c.q.bitwise_and(3), func.count())
+OF_ROWS = Statement(_with_ends(sample, _rows, ("t", "v"), ("t", "v", "q")))
+OF_ROLL_UPS = {
+    table.name: Statement(
+        _with_ends(
+            table,
+            _columns(table, "low", "high", table.c.level, func.sum(table.c["count"])),
+            ("first_t", "first"),
+            ("last_t", "last", "last_q"),
+        )
+    )
+    for table in (minute, hour)
+}
 
 
 def _before(connection: Connection, number: int, begin: int) -> tuple[int, float | None, int] | None:
@@ -312,8 +338,11 @@ def _before(connection: Connection, number: int, begin: int) -> tuple[int, float
 
 def _ramp(connection: Connection, number: int) -> int:
     """How far apart two samples of the point may be that a line joins [µs]; 0: it holds its values."""
-    kind = connection.exec_driver_sql("SELECT kind FROM point WHERE id = ?", (number,)).scalar()
+    kind = KIND(connection, number=number).scalar()
     return RAMP if kind == Kind.ANALOG else 0
+
+
+KIND = Statement(select(point.c.kind).where(point.c.id == bindparam("number")))
 
 
 def _after(connection: Connection, number: int, end: int, ramp: int) -> tuple[int, float | None] | None:

@@ -4,12 +4,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import Connection
+from sqlalchemy import ColumnElement, Connection, Select, String, bindparam, cast, func, literal, or_, select
 
-from app.historian.event_query import AT_ONCE, counted, filtered
+from app.historian.dialect import Statement, holds, in_order, is_said, json_field, unindexed
+from app.historian.event_query import AT_ONCE, comes_after, counted
+from app.historian.events import COLUMNS as EVENT
 from app.historian.events import lost as lost
-from app.historian.records import RECORD, from_row
+from app.historian.records import HAS_KEY, RECORD, from_row
 from app.historian.records import parts as parts_of
+from app.historian.tables import definition, event, event_machine, record_event, record_part
+from app.historian.tables import record as record_table
 from app.plant.kept import Definition
 from app.records.event import Event, unpacked
 from app.records.kind import Field, Filter, RecordKind
@@ -17,9 +21,7 @@ from app.records.record import Part, Record
 
 ANY = "any"
 """Of a filter: whatever it is."""
-ROWS = "record r JOIN event_machine m ON m.id = r.machine"
-COLUMNS = ", ".join(f"r.{name}" for name in RECORD.split(", "))
-EVENT = "e.id, m.name, e.boot, e.sequence, e.time, e.code, e.source, e.value, e.words, e.request, e.person, e.reason"
+_r = record_table.c
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,25 +75,41 @@ class PartTimes:
 
 def find(connection: Connection, kind: RecordKind, wanted: RecordFilter, limit: int) -> list[Record]:
     """The newest `limit` records that `wanted` lets through, newest first, without their parts."""
-    where, given = _where(kind, wanted)
-    # few have a number or a key: they are found and sorted, rather than all read in their order until enough of them were met
-    order = "+r.begun DESC, r.id DESC" if _by_machine(kind, wanted) else "r.begun DESC, r.id DESC"
-    rows = connection.exec_driver_sql(
-        f"SELECT {COLUMNS}, m.name FROM {ROWS} {where} ORDER BY {order} LIMIT ?", (*given, limit)
-    )
+    rows = _newest(kind, wanted)(connection, limit=limit, **_given(wanted))
     return [from_row(row[:-1], row[-1]) for row in rows]
+
+
+def _newest(kind: RecordKind, wanted: RecordFilter) -> Statement:
+    """The records that `wanted` lets through and the names of their machines, newest first.
+
+    Pages are asked for in few ways: each is made into a statement once, and its values are said anew.
+    """
+    filters = tuple(
+        (name, kind.filters[name].how, kind.filters[name].of, asked == ANY) for name, asked in wanted.given.items()
+    )
+    way = (kind.name, kind.key, kind.value, filters, frozenset(_given(wanted)))
+    if (known := _WAYS.get(way)) is None:
+        # few have a number or a key: they are found and sorted, rather than all read in their order until enough of them were met
+        begun = unindexed(_r.begun) if _by_machine(kind, wanted) else _r.begun
+        asked = _told().where(*_where(kind, wanted)).order_by(begun.desc(), _r.id.desc()).limit(bindparam("limit"))
+        if len(_WAYS) >= MOST_WAYS:
+            _WAYS.clear()
+        known = _WAYS[way] = Statement(asked)
+    return known
+
+
+MOST_WAYS = 200
+_WAYS: dict[tuple[object, ...], Statement] = {}
 
 
 def count(connection: Connection, kind: RecordKind, wanted: RecordFilter, most: int) -> int:
     """How many records `wanted` lets through, counted up to `most`."""
-    return counted(connection, "record r", *_where(kind, wanted), min(most, wanted.newest or most))
+    return counted(connection, record_table, _where(kind, wanted), min(most, wanted.newest or most))
 
 
 def get(connection: Connection, kind: RecordKind, number: int) -> Record | None:
     """The record `number`, with its parts."""
-    row = connection.exec_driver_sql(
-        f"SELECT {COLUMNS}, m.name FROM {ROWS} WHERE r.id = ? AND r.kind = ?", (number, kind.name)
-    ).first()
+    row = connection.execute(_told().where(_r.id == number, _r.kind == kind.name)).first()
     if row is None:
         return None
     record = from_row(row[:-1], row[-1])
@@ -111,16 +129,13 @@ def events(
     connection: Connection, numbers: Iterable[int], codes: Collection[int] | None = None
 ) -> Mapping[int, list[Event]]:
     """Record → its events (None: all) in the order in which they came."""
-    only = "" if codes is None else f" AND e.code IN ({', '.join(str(int(code)) for code in codes) or 'NULL'})"
+    of = select(record_event.c.record, *EVENT).select_from(_EVENTS).order_by(record_event.c.record, event.c.id)
+    if codes is not None:
+        of = of.where(event.c.code.in_(sorted(codes)))
     found: dict[int, list[Event]] = {}
     for portion in _portions(numbers):
         found |= {number: [] for number in portion}
-        rows = connection.exec_driver_sql(
-            f"SELECT b.record, {EVENT} FROM record_event b JOIN event e ON e.id = b.event JOIN event_machine m ON m.id = e.machine "
-            f"WHERE b.record IN ({', '.join('?' * len(portion))}){only} ORDER BY b.record, e.id",
-            tuple(portion),
-        )
-        for record, *row in rows:
+        for record, *row in connection.execute(of.where(record_event.c.record.in_(portion))):
             row[8] = unpacked(row[8])
             found[record].append(Event(*row))
     return found
@@ -131,12 +146,13 @@ def people(connection: Connection, numbers: Iterable[int]) -> Mapping[int, list[
     found: dict[int, list[Asked]] = {}
     for portion in _portions(numbers):
         found |= {number: [] for number in portion}
-        rows = connection.exec_driver_sql(
-            "SELECT b.record, e.code, e.person, e.reason FROM record_event b JOIN event e ON e.id = b.event "
-            f"WHERE b.record IN ({', '.join('?' * len(portion))}) AND e.person <> '' ORDER BY b.record, e.id",
-            tuple(portion),
+        asked = (
+            select(record_event.c.record, event.c.code, event.c.person, event.c.reason)
+            .join_from(record_event, event, event.c.id == record_event.c.event)
+            .where(record_event.c.record.in_(portion), event.c.person != "")
+            .order_by(record_event.c.record, event.c.id)
         )
-        for record, *row in rows:
+        for record, *row in connection.execute(asked):
             found[record].append(Asked(*row))
     return found
 
@@ -149,55 +165,68 @@ def person(field: Field | None, asked: Sequence[Asked]) -> Asked | None:
 
 def overlapping(connection: Connection, kind: RecordKind, record: Record) -> list[Record]:
     """Records of `kind` of the same machine that were under way at any time of `record`, in their order."""
-    rows = connection.exec_driver_sql(
-        f"SELECT {COLUMNS}, m.name FROM {ROWS} WHERE r.machine = (SELECT machine FROM record WHERE id = ?) AND r.kind = ? "
-        "AND (r.ended IS NULL OR r.ended > ?) AND r.begun < ? ORDER BY r.begun, r.id",
-        (record.id, kind.name, record.begun, 2**62 if record.ended is None else record.ended),
-    )
+    this = record_table.alias()
+    machine = select(this.c.machine).where(this.c.id == record.id).scalar_subquery()
+    conditions = [_r.machine == machine, _r.kind == kind.name, or_(_r.ended.is_(None), _r.ended > record.begun)]
+    if record.ended is not None:
+        conditions.append(_r.begun < record.ended)
+    rows = connection.execute(_told().where(*conditions).order_by(_r.begun, _r.id))
     return [from_row(row[:-1], row[-1]) for row in rows]
 
 
 def definitions(connection: Connection, ids: Iterable[str]) -> dict[str, Definition]:
     """Id → the definition; one that is not there says nothing."""
     wanted = sorted(set(ids))
-    rows = connection.exec_driver_sql(
-        f"SELECT id, text FROM definition WHERE id IN ({', '.join('?' * len(wanted))})", tuple(wanted)
-    )
+    rows = connection.execute(select(definition.c.id, definition.c.text).where(definition.c.id.in_(wanted)))
     found = {row[0]: Definition(row[1]) for row in rows}
     return {id: found.get(id) or Definition() for id in wanted}
 
 
 def choices(connection: Connection, kind: RecordKind, equipment: str) -> list[Record]:
     """For each `key` that a machine's records of a kind ever had, the newest of them: what one can choose from."""
-    machine = connection.exec_driver_sql("SELECT id FROM event_machine WHERE name = ?", (equipment,)).scalar()
-    of = (machine, kind.name)
-    rows = connection.exec_driver_sql(
-        "WITH RECURSIVE k (text) AS (SELECT min(key) FROM record WHERE machine = ? AND kind = ? AND key <> '' UNION ALL "
-        "SELECT (SELECT min(key) FROM record WHERE machine = ? AND kind = ? AND key > text AND key <> '') FROM k WHERE text IS NOT NULL) "
-        "SELECT (SELECT max(id) FROM record WHERE machine = ? AND kind = ? AND key = text AND key <> '') FROM k WHERE text IS NOT NULL",
-        of * 3,
-    ).all()
+    rows = CHOICES(connection, equipment=equipment, kind=kind.name).all()
     found = [get(connection, kind, int(row[0])) for row in rows]
     return [record for record in found if record is not None]
 
 
+def _choices() -> Select[*tuple[Any, ...]]:
+    """The newest record of each key of a machine; the index leads from one key to the next."""
+    of = (
+        _r.machine
+        == select(event_machine.c.id).where(event_machine.c.name == bindparam("equipment")).scalar_subquery(),
+        _r.kind == bindparam("kind"),
+        HAS_KEY,
+    )
+    keys = select(select(func.min(_r.key)).where(*of).scalar_subquery().label("text")).cte("k", recursive=True)
+    following = select(func.min(_r.key)).where(*of, _r.key > keys.c.text).correlate(keys).scalar_subquery()
+    keys = keys.union_all(select(following).where(keys.c.text.is_not(None)))
+    newest = select(func.max(_r.id)).where(*of, _r.key == keys.c.text).correlate(keys).scalar_subquery()
+    return select(newest).select_from(keys).where(keys.c.text.is_not(None))
+
+
+CHOICES = Statement(_choices())
+
+
 def part_times(connection: Connection, kind: RecordKind, wanted: RecordFilter) -> list[PartTimes]:
     """Times of the parts that were done in the records that `wanted` lets through, in their order."""
-    where, given = _where(kind, wanted)
-    source = f"(SELECT r.id, r.begun FROM record r {where}) r CROSS JOIN record_part p ON p.record = r.id AND p.state = 'done'"
-    rows = connection.exec_driver_sql(
-        "SELECT max(p.number), p.key, count(p.seconds), min(p.seconds), avg(p.seconds), max(p.seconds) "
-        f"FROM {source} WHERE p.seconds IS NOT NULL GROUP BY p.key",
-        tuple(given),
+    where, seconds = _where(kind, wanted), record_part.c.seconds
+    asked = select(_r.id).where(*where).subquery("r")
+    done = record_part.c.state == "done", seconds.is_not(None)
+    figures = func.count(seconds), func.min(seconds), func.avg(seconds), func.max(seconds)
+    rows = connection.execute(
+        select(func.max(record_part.c.number), record_part.c.key, *figures)
+        .select_from(in_order(asked, record_part, record_part.c.record == asked.c.id, *done))
+        .group_by(record_part.c.key)
     ).all()
-    last = {
-        key: connection.exec_driver_sql(  # the index has the newest first: it ends with the first one in which the part was done
-            f"SELECT p.seconds FROM record r CROSS JOIN record_part p ON p.record = r.id AND p.state = 'done' {where} "
-            "AND p.key = ? AND p.seconds IS NOT NULL ORDER BY r.begun DESC, r.id DESC LIMIT 1",
-            (*given, key),
-        ).scalar()
-        for _, key, *_ in rows
-    }
+    newest = (
+        select(seconds)
+        .select_from(in_order(record_table, record_part, record_part.c.record == _r.id, *done))
+        .where(*where)
+        .order_by(_r.begun.desc(), _r.id.desc())
+        .limit(1)
+    )
+    # the index has the newest first: it ends with the first one in which the part was done
+    last = {key: connection.execute(newest.where(record_part.c.key == key)).scalar() for _, key, *_ in rows}
     found = [PartTimes(row[0], row[1], Spread(row[2], row[3], row[4], row[5], last[row[1]])) for row in rows]
     return sorted(found, key=lambda one: (one.number, one.key))
 
@@ -206,22 +235,30 @@ def times(
     connection: Connection, kind: RecordKind, wanted: RecordFilter, outcome: str
 ) -> tuple[Mapping[str, int], Spread]:
     """How the records that `wanted` lets through ended, and what those that ended with `outcome` took."""
-    where, given = _where(kind, wanted)
-    rows = connection.exec_driver_sql(
-        f"SELECT outcome, count(*), min(seconds), avg(seconds), max(seconds) FROM record r {where} GROUP BY outcome",
-        tuple(given),
-    ).all()
+    where, seconds = _where(kind, wanted), _r.seconds
+    figures = func.count(), func.min(seconds), func.avg(seconds), func.max(seconds)
+    rows = connection.execute(select(_r.outcome, *figures).where(*where).group_by(_r.outcome)).all()
     whole = next((row for row in rows if row[0] == outcome), None)
     last: float | None = None
     if whole is not None:
-        last = connection.exec_driver_sql(
-            f"SELECT seconds FROM record r {where} AND outcome = ? ORDER BY begun DESC, id DESC LIMIT 1",
-            (*given, outcome),
-        ).scalar()
+        newest = select(seconds).where(*where, _r.outcome == outcome).order_by(_r.begun.desc(), _r.id.desc())
+        last = connection.execute(newest.limit(1)).scalar()
     spread = (
         Spread(0, None, None, None, None) if whole is None else Spread(whole[1], whole[2], whole[3], whole[4], last)
     )
     return {row[0]: row[1] for row in rows}, spread
+
+
+def _told() -> Select[*tuple[Any, ...]]:
+    """Records with the names of their machines."""
+    return select(*RECORD, event_machine.c.name).join_from(
+        record_table, event_machine, event_machine.c.id == _r.machine
+    )
+
+
+_EVENTS = record_event.join(event, event.c.id == record_event.c.event).join(
+    event_machine, event_machine.c.id == event.c.machine
+)
 
 
 def _portions(numbers: Iterable[int]) -> list[list[int]]:
@@ -229,23 +266,41 @@ def _portions(numbers: Iterable[int]) -> list[list[int]]:
     return [wanted[at : at + AT_ONCE] for at in range(0, len(wanted), AT_ONCE)]
 
 
-def _where(kind: RecordKind, wanted: RecordFilter) -> tuple[str, list[object]]:
-    own = [_sentence(kind, kind.filters[name], asked) for name, asked in wanted.given.items()]
-    machines = (
-        ["r.machine IN (SELECT id FROM event_machine)"] if not wanted.equipment and _by_machine(kind, wanted) else []
-    )
-    return filtered(
-        (
-            ("r.kind = ?", kind.name),
-            ("r.machine = (SELECT id FROM event_machine WHERE name = ?)", wanted.equipment or None),
-            ("r.begun >= ?", wanted.begin),
-            ("r.begun < ?", wanted.end),
-            ("r.outcome = ?", wanted.outcome or None),
-            *((sentence, value) for sentence, value in own if value is not None),
-            ("(r.begun, r.id) < (?, ?)", wanted.before),
-        ),
-        [*machines, *(sentence for sentence, value in own if value is None)],
-    )
+def _where(kind: RecordKind, wanted: RecordFilter) -> list[ColumnElement[bool]]:
+    """What `wanted` lets through; its values are those of `_given`."""
+    said = {name: bindparam(name, value, literal(value).type) for name, value in _given(wanted).items()}
+    conditions = [_r.kind == kind.name]
+    if "equipment" in said:
+        machine = select(event_machine.c.id).where(event_machine.c.name == said["equipment"]).scalar_subquery()
+        conditions.append(_r.machine == machine)
+    elif _by_machine(kind, wanted):
+        conditions.append(_r.machine.in_(select(event_machine.c.id)))
+    if "begin" in said:
+        conditions.append(_r.begun >= said["begin"])
+    if "end" in said:
+        conditions.append(_r.begun < said["end"])
+    if "outcome" in said:
+        conditions.append(_r.outcome == said["outcome"])
+    conditions += [
+        _condition(kind, kind.filters[name], asked, said.get(f"of_{name}")) for name, asked in wanted.given.items()
+    ]
+    if "before" in said:
+        conditions.append(comes_after(_r.begun, _r.id, (said["before"], said["after"])))
+    return conditions
+
+
+def _given(wanted: RecordFilter) -> dict[str, Any]:
+    """What is asked for, by name."""
+    before, after = wanted.before or (None, None)
+    given: dict[str, Any] = {
+        "equipment": wanted.equipment or None,
+        "begin": wanted.begin,
+        "end": wanted.end,
+        "outcome": wanted.outcome or None,
+        "before": before,
+        "after": after,
+    } | {f"of_{name}": None if asked == ANY else asked for name, asked in wanted.given.items()}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _by_machine(kind: RecordKind, wanted: RecordFilter) -> bool:
@@ -257,23 +312,28 @@ def _by_machine(kind: RecordKind, wanted: RecordFilter) -> bool:
     )
 
 
-def _sentence(kind: RecordKind, one: Filter, asked: float | str) -> tuple[str, Any]:
+def _condition(kind: RecordKind, one: Filter, asked: float | str, value: Any) -> ColumnElement[bool]:
     column = _column(kind, one.of)
+    condition: ColumnElement[bool]
     match one.how:
         case "above":
-            return f"{column} > ?", asked
+            condition = column > value
         case "alarm" if asked != ANY:
-            return f"instr({column}, ?) > 0", f" {asked} "
-        case "choice":  # the index is of those that have one
-            return (f"({column} = ? AND {column} <> '')", asked) if asked != ANY else (f"{column} <> ''", None)
+            condition = holds(column, " " + cast(value, String) + " ")
+        case "choice":
+            condition = HAS_KEY if one.of == kind.key else is_said(column)
+            if asked != ANY:
+                condition = (column == value) & condition
         case "is":
-            return f"{column} = ?", asked
-    return f"coalesce({column}, '') NOT IN ('', 0)", None
+            condition = column == value
+        case _:
+            condition = is_said(column)
+    return condition
 
 
-def _column(kind: RecordKind, of: str) -> str:
+def _column(kind: RecordKind, of: str) -> ColumnElement[Any]:
     if of in ("number", "seconds", "alarms"):
-        return f"r.{of}"
+        return _r[of]
     if of in (kind.key, kind.value):
-        return "r.key" if of == kind.key else "r.value"
-    return f"json_extract(nullif(r.fields, ''), '$.{of}')"
+        return _r.key if of == kind.key else _r.value
+    return json_field(_r.fields, of)

@@ -281,7 +281,7 @@ class Recorder:
 
     async def _known(self) -> dict[str, int]:
         def look(connection: Connection) -> dict[str, int]:
-            return {row[0]: row[1] for row in connection.exec_driver_sql("SELECT lasting_id, id FROM point")}
+            return store.numbers(connection)
 
         try:
             return await self._database.read(look)

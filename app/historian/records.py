@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import orjson
-from sqlalchemy import Connection
+from sqlalchemy import Connection, bindparam, delete, func, insert, literal_column, or_, select, update
 
+from app.historian.dialect import Statement, adding, replacing
 from app.historian.events import Fold
+from app.historian.tables import definition, record_event, record_part
+from app.historian.tables import record as record_table
 from app.plant.definitions import Equipment
 from app.plant.kept import Kept, kept
 from app.records import fold
@@ -20,8 +23,15 @@ from app.records.kind import RecordKind
 from app.records.record import Part, Reading, Record
 from app.records.snapshot import Layout, decode
 
-RECORD = "id, kind, number, boot, sequence, begun, entry, outcome, ended, seconds, paused, pause, missed, alarms, definition, fields, memo"
-PART = "number, key, state, begun, ended, seconds, paused"
+_r = record_table.c
+RECORD = (
+    _r.id, _r.kind, _r.number, _r.boot, _r.sequence, _r.begun, _r.entry, _r.outcome, _r.ended, _r.seconds, _r.paused, _r.pause, _r.missed,
+    _r.alarms, _r.definition, _r.fields, _r.memo,
+)  # fmt: skip
+"""Of a record, as `from_row` takes them."""
+IS_OPEN = _r.outcome == literal_column("'open'")
+HAS_KEY = _r.key != literal_column("''")
+"""Said in the statement itself: there are indexes of those rows only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,48 +107,31 @@ class Shelf:
         self._known: dict[int, Record] = {}
 
     def latest(self, kind: RecordKind, number: int) -> Record | None:
-        row = self._connection.exec_driver_sql(
-            f"SELECT {RECORD} FROM record WHERE machine = ? AND kind = ? AND number = ? ORDER BY id DESC LIMIT 1",
-            (self._machine, kind.name, number),
-        ).first()
+        row = LATEST(self._connection, machine=self._machine, kind=kind.name, number=number).first()
         return None if row is None else self._read(kind, row)
 
     def open(self, kind: RecordKind) -> list[Record]:
-        rows = self._connection.exec_driver_sql(
-            f"SELECT {RECORD} FROM record WHERE machine = ? AND kind = ? AND outcome = 'open' ORDER BY id",
-            (self._machine, kind.name),
-        ).all()
+        rows = OPEN(self._connection, machine=self._machine, kind=kind.name).all()
         return [self._read(kind, row) for row in rows]
 
     def lasting(self, kind: str, time: int) -> int:
-        rows = self._connection.exec_driver_sql(
-            "SELECT count(*) FROM record WHERE machine = ? AND kind = ? AND begun <= ? AND (ended IS NULL OR ended > ?)",
-            (self._machine, kind, time, time),
-        )
-        return int(rows.scalar_one())
+        return int(LASTING(self._connection, machine=self._machine, kind=kind, time=time).scalar_one())
 
     def add(self, record: Record) -> Record:
         kind = self._source.kinds[record.kind]
         if record.definition:
-            self._connection.exec_driver_sql(
-                "INSERT OR IGNORE INTO definition (id, text) VALUES (?, ?)",
-                (record.definition, self._source.definition.text),
-            )
-        record.id = int(
-            self._connection.exec_driver_sql(
-                "INSERT INTO record (machine, kind, number, boot, sequence, begun, entry, outcome, ended, seconds, paused, pause, missed, "
-                f"alarms, definition, key, value, fields, memo) VALUES ({', '.join('?' * 19)}) RETURNING id",
-                (
-                    self._machine,
-                    record.kind,
-                    record.number,
-                    record.boot,
-                    record.sequence,
-                    record.begun,
-                    *_said(kind, record),
-                ),
-            ).scalar_one()
+            DEFINE(self._connection, id=record.definition, text=self._source.definition.text)
+        made = NEW(
+            self._connection,
+            machine=self._machine,
+            kind=record.kind,
+            number=record.number,
+            boot=record.boot,
+            sequence=record.sequence,
+            begun=record.begun,
+            **_said(kind, record),
         )
+        record.id = int(made.scalar_one())
         self._known[record.id] = record
         return record
 
@@ -146,15 +139,11 @@ class Shelf:
         former = self._known.get(record.id)
         if record == former:
             return
-        self._connection.exec_driver_sql(
-            "UPDATE record SET entry = ?, outcome = ?, ended = ?, seconds = ?, paused = ?, pause = ?, missed = ?, alarms = ?, "
-            "definition = ?, key = ?, value = ?, fields = ?, memo = ? WHERE id = ?",
-            (*_said(self._source.kinds[record.kind], record), record.id),
-        )
+        CHANGE(self._connection, this=record.id, **_said(self._source.kinds[record.kind], record))
         changed = [part for number, part in record.parts.items() if former is None or former.parts.get(number) != part]
         if changed:
-            self._connection.exec_driver_sql(
-                f"INSERT OR REPLACE INTO record_part (record, {PART}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            PUT_PART.rows(
+                self._connection,
                 [
                     (record.id, part.number, part.key, part.state, part.begun, part.ended, part.seconds, part.paused)
                     for part in changed
@@ -163,9 +152,7 @@ class Shelf:
         self._known[record.id] = record
 
     def note(self, record: Record, event: Reading) -> None:
-        self._connection.exec_driver_sql(
-            "INSERT OR IGNORE INTO record_event (record, event) VALUES (?, ?)", (record.id, event.id)
-        )
+        NOTE(self._connection, record=record.id, event=event.id)
 
     def _read(self, kind: RecordKind, row: Sequence[Any]) -> Record:
         record = from_row(row, self._equipment)
@@ -220,56 +207,88 @@ def from_row(row: Sequence[Any], equipment: str) -> Record:
 def parts(connection: Connection, numbers: Sequence[int]) -> dict[int, dict[int, Part]]:
     """Record → its parts in their order."""
     found: dict[int, dict[int, Part]] = {number: {} for number in numbers}
-    rows = connection.exec_driver_sql(
-        f"SELECT record, {PART} FROM record_part WHERE record IN ({', '.join('?' * len(numbers))}) ORDER BY record, number",
-        tuple(numbers),
-    )
+    if len(numbers) == 1:
+        rows = PARTS(connection, record=numbers[0])
+    else:
+        rows = connection.execute(_parts.where(record_part.c.record.in_(numbers)))
     for row in rows:
         found[row[0]][row[1]] = Part(*row[1:])
     return found
 
 
-def _said(kind: RecordKind, record: Record) -> tuple[object, ...]:
+_parts = select(*(record_part.c)).order_by(record_part.c.record, record_part.c.number)
+PARTS = Statement(_parts.where(record_part.c.record == bindparam("record")))
+
+
+def _said(kind: RecordKind, record: Record) -> dict[str, object]:
     """The columns that may change."""
     key, value = record.fields.get(kind.key), record.fields.get(kind.value)
-    return (
-        record.entry,
-        record.outcome,
-        record.ended,
-        record.seconds,
-        record.paused,
-        record.pause,
-        record.missed,
-        f" {' '.join(map(str, record.alarms))} " if record.alarms else "",
-        record.definition,
-        key if isinstance(key, str) else "",
-        None if isinstance(value, str) else value,
-        orjson.dumps(record.fields).decode() if record.fields else "",
-        orjson.dumps(record.memo).decode() if record.memo else "",
-    )
+    return {
+        "entry": record.entry,
+        "outcome": record.outcome,
+        "ended": record.ended,
+        "seconds": record.seconds,
+        "paused": record.paused,
+        "pause": record.pause,
+        "missed": record.missed,
+        "alarms": f" {' '.join(map(str, record.alarms))} " if record.alarms else "",
+        "definition": record.definition,
+        "key": key if isinstance(key, str) else "",
+        "value": None if isinstance(value, str) else value,
+        "fields": orjson.dumps(record.fields).decode() if record.fields else "",
+        "memo": orjson.dumps(record.memo).decode() if record.memo else "",
+    }
+
+
+SAID = (
+    "entry", "outcome", "ended", "seconds", "paused", "pause", "missed", "alarms", "definition", "key", "value", "fields", "memo",
+)  # fmt: skip
+_of = _r.machine == bindparam("machine"), _r.kind == bindparam("kind")
+LATEST = Statement(select(*RECORD).where(*_of, _r.number == bindparam("number")).order_by(_r.id.desc()).limit(1))
+OPEN = Statement(select(*RECORD).where(*_of, IS_OPEN).order_by(_r.id))
+LASTING = Statement(
+    select(func.count())
+    .select_from(record_table)
+    .where(*_of, _r.begun <= bindparam("time"), or_(_r.ended.is_(None), _r.ended > bindparam("time")))
+)
+DEFINE = Statement(adding(definition), "id", "text")
+NEW = Statement(insert(record_table).returning(_r.id), "machine", "kind", "number", "boot", "sequence", "begun", *SAID)
+CHANGE = Statement(update(record_table).where(_r.id == bindparam("this")), *SAID)
+PUT_PART = Statement(replacing(record_part), *record_part.c.keys())
+NOTE = Statement(adding(record_event), "record", "event")
 
 
 def oldest(connection: Connection) -> int | None:
     """When the oldest record began [µs UTC]."""
-    time: int | None = connection.exec_driver_sql(
-        "SELECT min(begun) FROM (SELECT (SELECT min(begun) FROM record WHERE kind = k.kind) AS begun "
-        "FROM (SELECT DISTINCT kind FROM record) k)"
-    ).scalar()
+    time: int | None = OLDEST(connection).scalar()
     return time
 
 
 def cut(connection: Connection, before: int, at_once: int) -> tuple[int, bool]:
     """Remove records that began before `before` [µs UTC], at most `at_once` of each kind; how many, and whether all are removed."""
     removed, done = 0, True
-    for (kind,) in connection.exec_driver_sql("SELECT DISTINCT kind FROM record").all():
-        numbers = [
-            (row[0],)
-            for row in connection.exec_driver_sql(
-                "SELECT id FROM record WHERE kind = ? AND begun < ? ORDER BY begun LIMIT ?", (kind, before, at_once)
-            )
-        ]
+    for kind in KINDS(connection).scalars().all():
+        numbers = [(row[0],) for row in OLD(connection, kind=kind, before=before, at_once=at_once)]
         if numbers:
-            for table, column in (("record_event", "record"), ("record_part", "record"), ("record", "id")):
-                connection.exec_driver_sql(f"DELETE FROM {table} WHERE {column} = ?", numbers)
+            for gone in CUT:
+                gone.rows(connection, numbers)
         removed, done = removed + len(numbers), done and len(numbers) < at_once
     return removed, done
+
+
+KINDS = Statement(select(_r.kind).distinct())
+OLD = Statement(
+    select(_r.id)
+    .where(_r.kind == bindparam("kind"), _r.begun < bindparam("before"))
+    .order_by(_r.begun)
+    .limit(bindparam("at_once"))
+)
+CUT = [
+    Statement(delete(column.table).where(column == bindparam("this")), "this")
+    for column in (record_event.c.record, record_part.c.record, _r.id)
+]
+_kinds = select(_r.kind).distinct().subquery()
+_each = record_table.alias()
+_least = select(func.min(_each.c.begun)).where(_each.c.kind == _kinds.c.kind).correlate(_kinds).scalar_subquery()
+_of_each = select(_least.label("begun")).select_from(_kinds).subquery()
+OLDEST = Statement(select(func.min(_of_each.c.begun)))

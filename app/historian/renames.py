@@ -6,9 +6,12 @@ name the rows of a lasting id are; a machine that the history meets for the firs
 
 from collections.abc import Mapping
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, bindparam, delete, func, or_, select
 
-ROWS = ("event_gap", "event_mark")
+from app.historian.dialect import Statement, moving, updating
+from app.historian.tables import event_gap, event_machine, event_mark
+
+ROWS = (event_gap, event_mark)
 """Tables whose rows say a machine."""
 
 
@@ -23,10 +26,7 @@ def follow(connection: Connection, machines: Mapping[str, str]) -> set[str]:
     moved = {id: name for id, name in machines.items() if known.get(id, id) != name}
     for id, name in machines.items():
         if known.get(id) != name:
-            connection.exec_driver_sql(
-                "INSERT INTO event_machine (lasting_id, name) VALUES (?, ?) ON CONFLICT (lasting_id) DO UPDATE SET name = excluded.name",
-                (id, name),
-            )
+            CALL(connection, lasting_id=id, name=name)
     for id in moved:  # two may have changed names
         _rename(connection, known.get(id, id), _between(id))
     for id, name in moved.items():
@@ -37,7 +37,7 @@ def follow(connection: Connection, machines: Mapping[str, str]) -> set[str]:
 
 def names(connection: Connection) -> dict[str, str]:
     """Lasting id → name under which the rows of the machine are."""
-    return {row[0]: row[1] for row in connection.exec_driver_sql("SELECT lasting_id, name FROM event_machine")}
+    return {row[0]: row[1] for row in NAMES(connection)}
 
 
 def _between(id: str) -> str:
@@ -47,9 +47,19 @@ def _between(id: str) -> str:
 
 def _rename(connection: Connection, before: str, after: str) -> None:
     # of two marks the later one counts: what was stored since then may have had the new name already
-    connection.exec_driver_sql(
-        "DELETE FROM event_mark WHERE equipment IN (?, ?) AND time < (SELECT max(time) FROM event_mark WHERE equipment IN (?, ?))",
-        (before, after, before, after),
-    )
-    for table in ROWS:
-        connection.exec_driver_sql(f"UPDATE OR REPLACE {table} SET equipment = ? WHERE equipment = ?", (after, before))
+    EARLIER(connection, before=before, after=after)
+    for move in MOVES:
+        move(connection, before=before, equipment=after)
+
+
+CALL = Statement(updating(event_machine, ["lasting_id"], lambda new: {"name": new.name}), "lasting_id", "name")
+NAMES = Statement(select(event_machine.c.lasting_id, event_machine.c.name))
+_both = event_mark.alias()
+_latest = (
+    select(func.max(_both.c.time))
+    .where(or_(_both.c.equipment == bindparam("before"), _both.c.equipment == bindparam("after")))
+    .scalar_subquery()
+)
+_one = or_(event_mark.c.equipment == bindparam("before"), event_mark.c.equipment == bindparam("after"))
+EARLIER = Statement(delete(event_mark).where(_one, event_mark.c.time < _latest))
+MOVES = [Statement(moving(table).where(table.c.equipment == bindparam("before")), "equipment") for table in ROWS]

@@ -8,9 +8,11 @@ from collections.abc import Iterator, Sequence
 from heapq import merge
 from itertools import groupby
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, bindparam, delete, exists, func, insert, select
 
+from app.historian.dialect import EVERYTHING, Statement, adding, greatest, updating
 from app.historian.packing import Packed, Sample, columns, pack, unpack
+from app.historian.tables import block, mark, point, sample
 
 HOUR = 3_600_000_000
 """[µs]"""
@@ -27,14 +29,14 @@ MARK = "sealed"
 """Name of the mark up to when anything is sealed."""
 
 
-def seal(connection: Connection, before: int, point: int = 0) -> int | None:
-    """Seal what is older than the hour of `before` [µs UTC] of the points from number `point` on, some of it; None: all is done.
+def seal(connection: Connection, before: int, since: int = 0) -> int | None:
+    """Seal what is older than the hour of `before` [µs UTC] of the points from number `since` on, some of it; None: all is done.
 
     Returns the number of the point to go on with.
     """
     before = before // HOUR * HOUR
     left = AT_ONCE
-    for number in connection.exec_driver_sql(RIPE, (point, before)).scalars().all():
+    for number in RIPE(connection, since=since, before=before).scalars().all():
         while (count := _seal(connection, number, before)) > 0:
             left -= count
             if left <= 0:
@@ -42,9 +44,14 @@ def seal(connection: Connection, before: int, point: int = 0) -> int | None:
     return None
 
 
-RIPE = """
-SELECT id FROM point p WHERE id >= ? AND EXISTS (SELECT 1 FROM sample WHERE point = p.id AND t < ?) ORDER BY id
-"""
+RIPE = Statement(
+    select(point.c.id)
+    .where(
+        point.c.id >= bindparam("since"),
+        exists().where(sample.c.point == point.c.id, sample.c.t < bindparam("before")).correlate(point),
+    )
+    .order_by(point.c.id)
+)
 """Points with samples that may be sealed: each costs a look into the index, and not a statement."""
 
 
@@ -57,49 +64,61 @@ def _seal(connection: Connection, number: int, before: int) -> int:
     sealed = _blocks(connection, number, first, last + 1)
     if sealed:
         rows = _joined([_read(connection, id).rows() for id, _, _, _ in sealed], rows)
-        connection.exec_driver_sql(f"DELETE FROM block WHERE id IN ({', '.join(str(id) for id, _, _, _ in sealed)})")
-    connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t >= ? AND t <= ?", (number, first, last))
+        REMOVE.rows(connection, [(id,) for id, _, _, _ in sealed])
+    PACKED(connection, number=number, first=first, last=last)
     for at in range(0, len(rows), MOST):
         _put(connection, number, rows[at : at + MOST])
     return len(rows)
 
 
 def _put(connection: Connection, number: int, rows: Sequence[Sample]) -> None:
-    connection.exec_driver_sql(
-        "INSERT INTO block (point, t, last, count, data) VALUES (?, ?, ?, ?, ?)",
-        (number, rows[0][0], rows[-1][0], len(rows), pack(rows)),
+    last = rows[-1][0]
+    PUT(connection, point=number, t=rows[0][0], last=last, count=len(rows), data=pack(rows))
+    REACH(connection, name=MARK, t=last)
+
+
+PACKED = Statement(
+    delete(sample).where(
+        sample.c.point == bindparam("number"), sample.c.t >= bindparam("first"), sample.c.t <= bindparam("last")
     )
-    connection.exec_driver_sql(
-        "INSERT INTO mark (name, t) VALUES (?, ?) ON CONFLICT (name) DO UPDATE SET t = max(t, excluded.t)",
-        (MARK, rows[-1][0]),
-    )
+)
+PUT = Statement(insert(block), "point", "t", "last", "count", "data")
+REMOVE = Statement(delete(block).where(block.c.id == bindparam("number")), "number")
+REACH = Statement(updating(mark, ["name"], lambda new: {"t": greatest(mark.c.t, new.t)}), "name", "t")
 
 
 def reached(connection: Connection) -> int:
     """Up to when anything is sealed [µs UTC]; 0: nothing is."""
-    return int(connection.exec_driver_sql("SELECT t FROM mark WHERE name = ?", (MARK,)).scalar() or 0)
+    return int(REACHED(connection, name=MARK).scalar() or 0)
 
 
 def unseal(connection: Connection, first: int, last: int, begin: int, end: int) -> None:
     """Make rows again of what lies in begin <= time < end, of the points `first` to `last`: for statements that read `sample`."""
     if begin > reached(connection):
         return
-    blocks = connection.exec_driver_sql(
-        "SELECT id, point FROM block WHERE point >= ? AND point <= ? AND t < ? AND last >= ?", (first, last, end, begin)
-    ).all()
-    for id, number in blocks:
+    for id, number in OF_POINTS(connection, first=first, last=last, begin=begin, end=end).all():
         rows = _read(connection, id).rows()
-        connection.exec_driver_sql(  # one that came later wins
-            "INSERT OR IGNORE INTO sample (point, t, v, s, q) VALUES (?, ?, ?, ?, ?)",
-            [(number, *row) for row in rows],
-        )
-        connection.exec_driver_sql("DELETE FROM block WHERE id = ?", (id,))
+        PUT_BACK.rows(connection, [(number, *row) for row in rows])  # one that came later wins
+        REMOVE(connection, number=id)
 
 
 def unseal_all(connection: Connection) -> None:
     """Make rows again of all that is sealed."""
     unseal(connection, 0, 2**62, 0, 2**62)
-    connection.exec_driver_sql("DELETE FROM mark WHERE name = ?", (MARK,))
+    FORGET(connection, name=MARK)
+
+
+REACHED = Statement(select(mark.c.t).where(mark.c.name == bindparam("name")))
+FORGET = Statement(delete(mark).where(mark.c.name == bindparam("name")))
+PUT_BACK = Statement(adding(sample), "point", "t", "v", "s", "q")
+OF_POINTS = Statement(
+    select(block.c.id, block.c.point).where(
+        block.c.point >= bindparam("first"),
+        block.c.point <= bindparam("last"),
+        block.c.t < bindparam("end"),
+        block.c.last >= bindparam("begin"),
+    )
+)
 
 
 # ---- reading ----------------------------------------------------------------------------------------------
@@ -143,16 +162,12 @@ def spans(connection: Connection, number: int, begin: int, end: int) -> list[tup
 
 def last(connection: Connection, number: int, time: int) -> Sample | None:
     """The last sample of a point at or before `time` [µs UTC]."""
-    row = connection.exec_driver_sql(
-        "SELECT t, v, s, q FROM sample WHERE point = ? AND t <= ? ORDER BY t DESC LIMIT 1", (number, time)
-    ).first()
+    row = LAST(connection, number=number, time=time).first()
     found: Sample | None = None if row is None else (row[0], row[1], row[2], row[3])
-    block = connection.exec_driver_sql(
-        "SELECT id, last FROM block WHERE point = ? AND t <= ? ORDER BY t DESC LIMIT 1", (number, time)
-    ).first()
-    if block is None or (found is not None and found[0] >= min(block[1], time)):
+    part = LAST_BLOCK(connection, number=number, time=time).first()
+    if part is None or (found is not None and found[0] >= min(part[1], time)):
         return found
-    whole = _read(connection, block[0])
+    whole = _read(connection, part[0])
     at = whole.place(time + 1)
     (sealed,) = whole.part(at - 1, at).rows()
     return sealed if found is None or found[0] < sealed[0] else found
@@ -160,10 +175,7 @@ def last(connection: Connection, number: int, time: int) -> Sample | None:
 
 def count(connection: Connection, number: int, begin: int, end: int) -> int:
     """How many samples of a point there are with begin <= time < end."""
-    stored = connection.exec_driver_sql(
-        "SELECT count(*) FROM sample WHERE point = ? AND t >= ? AND t < ?", (number, begin, end)
-    ).scalar_one()
-    found = int(stored)
+    found = int(COUNT(connection, number=number, begin=begin, end=end).scalar_one())
     for id, first, last, count in _blocks(connection, number, begin, end):
         found += count if begin <= first and last < end else len(_read(connection, id).within(begin, end))
     return found
@@ -171,9 +183,7 @@ def count(connection: Connection, number: int, begin: int, end: int) -> int:
 
 def oldest(connection: Connection) -> int | None:
     """Time of the oldest sealed sample [µs UTC]."""
-    time: int | None = connection.exec_driver_sql(
-        "SELECT min(t) FROM (SELECT (SELECT min(t) FROM block WHERE point = p.id) AS t FROM point p)"
-    ).scalar()
+    time: int | None = OLDEST(connection).scalar()
     return time
 
 
@@ -188,7 +198,7 @@ def cut(connection: Connection, number: int, before: int, at_once: int) -> tuple
             return removed, first
         whole = _read(connection, id)
         rest = [] if last < before else whole.within(before, last + 1).rows()
-        connection.exec_driver_sql("DELETE FROM block WHERE id = ?", (id,))
+        REMOVE(connection, number=id)
         if rest:
             _put(connection, number, rest)
         removed += count - len(rest)
@@ -196,25 +206,18 @@ def cut(connection: Connection, number: int, before: int, at_once: int) -> tuple
 
 
 def _stored(connection: Connection, number: int, begin: int, end: int, limit: int) -> list[Sample]:
-    rows = connection.exec_driver_sql(
-        "SELECT t, v, s, q FROM sample WHERE point = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?",
-        (number, begin, end, limit),
-    )
+    rows = STORED(connection, number=number, begin=begin, end=end, limit=limit if limit >= 0 else EVERYTHING)
     return [(t, v, s, q) for t, v, s, q in rows]
 
 
 def _blocks(connection: Connection, number: int, begin: int, end: int) -> list[tuple[int, int, int, int]]:
     """Number, first and last time, count of the blocks of a point that have to do with begin <= time < end. None overlaps another."""
-    rows = connection.exec_driver_sql(
-        "SELECT id, t, last, count FROM block WHERE point = ? AND t < ? AND last >= ? "
-        "AND t >= coalesce((SELECT max(t) FROM block WHERE point = ? AND t <= ?), 0) ORDER BY t",
-        (number, end, begin, number, begin),
-    )
+    rows = BLOCKS(connection, number=number, begin=begin, end=end)
     return [(id, first, last, count) for id, first, last, count in rows]
 
 
 def _read(connection: Connection, id: int) -> Packed:
-    return unpack(connection.exec_driver_sql("SELECT data FROM block WHERE id = ?", (id,)).scalar_one())
+    return unpack(DATA(connection, number=id).scalar_one())
 
 
 def _joined(parts: Sequence[Sequence[Sample]], rows: Sequence[Sample]) -> list[Sample]:
@@ -224,3 +227,40 @@ def _joined(parts: Sequence[Sequence[Sample]], rows: Sequence[Sample]) -> list[S
         return [*whole, *rows]
     both = merge(whole, rows, key=lambda row: row[0])  # of equal ones those of the first come first
     return [list(same)[-1] for _, same in groupby(both, key=lambda row: row[0])]
+
+
+_mine, _its = sample.c.point == bindparam("number"), block.c.point == bindparam("number")
+_in_span = _mine, sample.c.t >= bindparam("begin"), sample.c.t < bindparam("end")
+STORED = Statement(
+    select(sample.c.t, sample.c.v, sample.c.s, sample.c.q)
+    .where(*_in_span)
+    .order_by(sample.c.t)
+    .limit(bindparam("limit"))
+)
+COUNT = Statement(select(func.count()).select_from(sample).where(*_in_span))
+LAST = Statement(
+    select(sample.c.t, sample.c.v, sample.c.s, sample.c.q)
+    .where(_mine, sample.c.t <= bindparam("time"))
+    .order_by(sample.c.t.desc())
+    .limit(1)
+)
+LAST_BLOCK = Statement(
+    select(block.c.id, block.c.last).where(_its, block.c.t <= bindparam("time")).order_by(block.c.t.desc()).limit(1)
+)
+_before = block.alias()
+_first = (
+    select(func.max(_before.c.t))
+    .where(_before.c.point == bindparam("number"), _before.c.t <= bindparam("begin"))
+    .scalar_subquery()
+)
+BLOCKS = Statement(
+    select(block.c.id, block.c.t, block.c.last, block.c.count)
+    .where(
+        _its, block.c.t < bindparam("end"), block.c.last >= bindparam("begin"), block.c.t >= func.coalesce(_first, 0)
+    )
+    .order_by(block.c.t)
+)
+DATA = Statement(select(block.c.data).where(block.c.id == bindparam("number")))
+_least = select(func.min(block.c.t)).where(block.c.point == point.c.id).correlate(point).scalar_subquery()
+_of_each = select(_least.label("t")).select_from(point).subquery()
+OLDEST = Statement(select(func.min(_of_each.c.t)))

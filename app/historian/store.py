@@ -8,13 +8,17 @@ import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, Select, Table, bindparam, delete, func, insert, select, update
 
-from app.historian import events, records, sealed
+from app.historian import dialect, events, records, sealed
+from app.historian.dialect import Statement, in_order, replacing, updating
+from app.historian.hours import HOURS
 from app.historian.minutes import MINUTE as MINUTE
 from app.historian.minutes import Minutes, of_samples, write
 from app.historian.minutes import Row as Row
+from app.historian.tables import hour, mark, minute, point, run, sample, volume
 from app.plant.definitions import Point
 from app.tags.quality import NO_DATA
 
@@ -62,17 +66,27 @@ def register(connection: Connection, points: Iterable[Point]) -> dict[str, int]:
     new = [(id, *said) for id, said in told.items() if id not in known]
     changed = [(*said, id) for id, said in told.items() if id in known and known[id][1:] != said]
     if changed:
-        connection.exec_driver_sql("UPDATE point SET name = ?, unit = ?, kind = ? WHERE lasting_id = ?", changed)
+        CHANGE.rows(connection, changed)
     if new:
-        connection.exec_driver_sql("INSERT INTO point (lasting_id, name, unit, kind) VALUES (?, ?, ?, ?)", new)
+        ADD.rows(connection, new)
         known = _known(connection)
     return {id: known[id][0] for id in told}
 
 
 def _known(connection: Connection) -> dict[str, tuple[int, str, str, str]]:
     """Number, name, unit and kind of every point by lasting id."""
-    rows = connection.exec_driver_sql("SELECT lasting_id, id, name, unit, kind FROM point")
+    rows = POINTS(connection)
     return {lasting_id: (number, name, unit, kind) for lasting_id, number, name, unit, kind in rows}
+
+
+def numbers(connection: Connection) -> dict[str, int]:
+    """Number of every point by lasting id."""
+    return {lasting_id: said[0] for lasting_id, said in _known(connection).items()}
+
+
+POINTS = Statement(select(point.c.lasting_id, point.c.id, point.c.name, point.c.unit, point.c.kind))
+ADD = Statement(insert(point), "lasting_id", "name", "unit", "kind")
+CHANGE = Statement(update(point).where(point.c.lasting_id == bindparam("of")), "name", "unit", "kind", "of")
 
 
 def begin_run(connection: Connection, start: int) -> int:
@@ -81,22 +95,23 @@ def begin_run(connection: Connection, start: int) -> int:
     A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
     directly after the last sign of life. Returns the number of these.
     """
-    alive = connection.execute(text("SELECT alive FROM run ORDER BY start DESC LIMIT 1")).scalar()
+    alive = ALIVE(connection).scalar()
     rows: list[Row] = []
     if alive is not None:
-        rows = [
-            (number, max(alive, time) + 1, None, None, NO_DATA)
-            for number, time in connection.exec_driver_sql(LEFT_OPEN)
-        ]
+        rows = [(number, max(alive, time) + 1, None, None, NO_DATA) for number, time in LEFT_OPEN(connection)]
     append(connection, rows, start, start)
     return len(rows)
 
 
-LEFT_OPEN = """
-SELECT p.id, s.t FROM point p CROSS JOIN sample s ON s.point = p.id
- AND s.t = (SELECT max(b.t) FROM sample b WHERE b.point = p.id)
-WHERE s.q & 3 <> 2 ORDER BY p.id
-"""
+_earlier = sample.alias()
+_newest = select(func.max(_earlier.c.t)).where(_earlier.c.point == point.c.id).correlate(point).scalar_subquery()
+ALIVE = Statement(select(run.c.alive).order_by(run.c.start.desc()).limit(1))
+LEFT_OPEN = Statement(
+    select(point.c.id, sample.c.t)
+    .select_from(in_order(point, sample, sample.c.point == point.c.id, sample.c.t == _newest))
+    .where(sample.c.q.bitwise_and(3) != 2)
+    .order_by(point.c.id)
+)
 """Points whose last sample is not bad, and its time."""
 
 
@@ -109,22 +124,20 @@ def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, 
     if rows:
         oldest = min(row[1] for row in rows)
         left = oldest if minutes is None else minutes.take(connection, rows, alive)
-        connection.exec_driver_sql(
-            "INSERT OR REPLACE INTO sample (point, t, v, s, q) VALUES (?, ?, ?, ?, ?)", list(rows)
-        )
+        PUT.rows(connection, rows)
         for table, width, time in (("minute", MINUTE, left), ("hour", HOUR, oldest)):
             if time is not None:
-                connection.exec_driver_sql(
-                    "UPDATE mark SET t = ? WHERE name = ? AND t > ?", (time // width * width, table, time)
-                )
-        connection.exec_driver_sql(
-            "INSERT INTO volume (t, rows, grown) VALUES (?, ?, 0) ON CONFLICT (t) DO UPDATE SET rows = rows + excluded.rows",
-            (alive // HOUR * HOUR, len(rows)),
-        )
-    connection.exec_driver_sql(
-        "INSERT INTO run (start, alive) VALUES (?, ?) ON CONFLICT (start) DO UPDATE SET alive = max(alive, excluded.alive)",
-        (start, alive),
-    )
+                SET_BACK(connection, of=table, t=time // width * width, than=time)
+        STORED(connection, t=alive // HOUR * HOUR, rows=len(rows), grown=0)
+    LIVED(connection, start=start, alive=alive)
+
+
+PUT = Statement(replacing(sample), "point", "t", "v", "s", "q")
+SET_BACK = Statement(update(mark).where(mark.c.name == bindparam("of"), mark.c.t > bindparam("than")), "t")
+STORED = Statement(updating(volume, ["t"], lambda new: {"rows": volume.c.rows + new.rows}), "t", "rows", "grown")
+LIVED = Statement(
+    updating(run, ["start"], lambda new: {"alive": dialect.greatest(run.c.alive, new.alive)}), "start", "alive"
+)
 
 
 def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) -> bool:
@@ -136,7 +149,7 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
     done = True
     reached = now
     for table, width, source in (("minute", MINUTE, "sample"), ("hour", HOUR, "minute")):
-        begin = connection.execute(text("SELECT t FROM mark WHERE name = :n"), {"n": table}).scalar()
+        begin = MARK(connection, name=table).scalar()
         known = table == "minute" and minutes is not None and minutes.covers(begin)
         if begin is None:
             oldest = _oldest(connection, source) if source == "minute" else _first_sample(connection)
@@ -151,85 +164,46 @@ def roll_up(connection: Connection, now: int, minutes: Minutes | None = None) ->
                     sealed.unseal(connection, first, last, begin - GAP_AFTER, end)
                     write(connection, of_samples(connection, **span))
                 else:
-                    connection.execute(text(HOURS), {"w": width, **span})
+                    HOURS(connection, width=width, **span)
         reached = max(begin, end)
         if table == "minute" and minutes is not None:
             (minutes.write if known else minutes.skip)(connection, reached)
-        connection.execute(
-            text("INSERT INTO mark (name, t) VALUES (:n, :t) ON CONFLICT (name) DO UPDATE SET t = excluded.t"),
-            {"n": table, "t": reached},
-        )
+        SET(connection, name=table, t=reached)
     return done
 
 
-HOURS = """
-INSERT OR REPLACE INTO hour (point, t, low, high, first_t, first, last_t, last, last_q, mean, good, held, count, level)
-WITH RECURSIVE
-part AS MATERIALIZED (
-    SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id AND m.t >= :begin AND m.t < :end
-    WHERE p.id >= :first AND p.id <= :last
-    UNION ALL
-    SELECT m.* FROM point p CROSS JOIN minute m ON m.point = p.id
-     AND m.t = (SELECT max(b.t) FROM minute b WHERE b.point = p.id AND b.t < :begin AND b.t >= :begin - :gap - 60000000)
-    WHERE p.id >= :first AND p.id <= :last
-),
-span AS (
-    SELECT p.point, p.t + 60000000 AS t, last AS v, last_q AS q, k.kind = 'text' AS is_text,
-           min(lead(p.t, 1, :end) OVER (PARTITION BY p.point ORDER BY p.t), last_t + :gap) AS e
-    FROM part p JOIN point k ON k.id = p.point
-),
-piece (point, t, e, v, good) AS (
-    SELECT point, max(t, :begin), e, v, q & 3 = 0 FROM span
-    WHERE (v IS NOT NULL OR is_text) AND q & 3 < 2 AND e > max(t, :begin)
-    UNION ALL
-    SELECT point, (t / :w + 1) * :w, e, v, good FROM piece WHERE (t / :w + 1) * :w < e
-),
-weight AS MATERIALIZED (
-    SELECT point, m, sum(held) AS held, sum(good) AS good, sum(area) AS area FROM (
-        SELECT point, t / :w * :w AS m, d AS held, d * good AS good, v * d * good AS area
-        FROM (SELECT point, t, v, good, min(e, (t / :w + 1) * :w) - t AS d FROM piece)
-        UNION ALL
-        SELECT point, t / :w * :w, held, good, mean * good FROM part WHERE t >= :begin
-    ) GROUP BY 1, 2
-),
-seen AS (
-    SELECT point, t / :w * :w AS m, min(low) AS low, max(high) AS high, min(t) AS t0, max(t) AS t1, sum(count) AS n,
-           max(level) AS level
-    FROM part WHERE t >= :begin GROUP BY 1, 2
-)
-SELECT seen.point, seen.m, seen.low, seen.high, f.first_t, f.first, l.last_t, l.last, l.last_q,
-       iif(weight.good > 0, area / weight.good, NULL), weight.good, weight.held, n, seen.level
-FROM seen
-JOIN minute f ON f.point = seen.point AND f.t = t0
-JOIN minute l ON l.point = seen.point AND l.t = t1
-JOIN weight ON weight.point = seen.point AND weight.m = seen.m
-"""
+MARK = Statement(select(mark.c.t).where(mark.c.name == bindparam("name")))
+SET = Statement(updating(mark, ["name"], lambda new: {"t": new.t}), "name", "t")
 
 
 def size(connection: Connection, path: Path, now: int) -> Size:
     """How full the history is; on a reader thread."""
-    day = connection.exec_driver_sql(
-        "SELECT coalesce(sum(rows), 0), coalesce(sum(grown), 0), min(t) FROM volume WHERE t > ?", (now - DAY,)
-    ).one()
-    return Size(used(connection), shutil.disk_usage(path.parent).free, _first(connection), *day)
+    return Size(
+        used(connection),
+        shutil.disk_usage(path.parent).free,
+        _first(connection),
+        *DAYS(connection, after=now - DAY).one(),
+    )
 
 
 def used(connection: Connection) -> int:
     """Bytes in use."""
-    pages, free, page = (
-        int(connection.exec_driver_sql(f"PRAGMA {name}").scalar_one())
-        for name in ("page_count", "freelist_count", "page_size")
-    )
-    return (pages - free) * page
+    return dialect.used(connection)
 
 
 def note_growth(connection: Connection, now: int, grown: int) -> None:
     """Note that the database has grown by `grown` bytes; forget what is older than two days."""
-    connection.exec_driver_sql(
-        "INSERT INTO volume (t, rows, grown) VALUES (?, 0, ?) ON CONFLICT (t) DO UPDATE SET grown = grown + excluded.grown",
-        (now // HOUR * HOUR, grown),
-    )
-    connection.exec_driver_sql("DELETE FROM volume WHERE t < ?", (now - 2 * DAY,))
+    GROWN(connection, t=now // HOUR * HOUR, rows=0, grown=grown)
+    FORGET(connection, before=now - 2 * DAY)
+
+
+DAYS = Statement(
+    select(
+        func.coalesce(func.sum(volume.c.rows), 0), func.coalesce(func.sum(volume.c.grown), 0), func.min(volume.c.t)
+    ).where(volume.c.t > bindparam("after"))
+)
+GROWN = Statement(updating(volume, ["t"], lambda new: {"grown": volume.c.grown + new.grown}), "t", "rows", "grown")
+FORGET = Statement(delete(volume).where(volume.c.t < bindparam("before")))
 
 
 def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tuple[int, bool]:
@@ -239,30 +213,41 @@ def cut(connection: Connection, before: int, at_once: int = CUT_AT_ONCE) -> tupl
     """
     before = before // HOUR * HOUR
     removed, done = 0, True
-    for (number,) in connection.exec_driver_sql("SELECT id FROM point").all():
+    for number in NUMBERS(connection).scalars().all():
         packed, open_from = sealed.cut(connection, number, before, at_once)
         removed += packed
-        bound = connection.exec_driver_sql(
-            "SELECT t FROM sample WHERE point = ? AND t < ? ORDER BY t LIMIT 1 OFFSET ?", (number, before, at_once)
-        ).scalar()
+        bound = BOUND(connection, number=number, before=before, at_once=at_once).scalar()
         limit = min(time for time in (before, bound, open_from) if time is not None)
         done = done and bound is None and open_from is None
         for table, width in (("minute", MINUTE), ("hour", HOUR)):
-            connection.exec_driver_sql(
-                f"DELETE FROM {table} WHERE point = ? AND t < ?", (number, limit // width * width)
-            )
-        removed += connection.exec_driver_sql("DELETE FROM sample WHERE point = ? AND t < ?", (number, limit)).rowcount
+            CUT[table](connection, number=number, before=limit // width * width)
+        removed += CUT["sample"](connection, number=number, before=limit).rowcount
     for part in (events, records):
         part_removed, part_done = part.cut(connection, before, at_once)
         removed, done = removed + part_removed, done and part_done
     if done:
-        connection.exec_driver_sql("DELETE FROM run WHERE alive < ?", (before,))
+        CUT_RUNS(connection, before=before)
     return removed, done
+
+
+NUMBERS = Statement(select(point.c.id).order_by(point.c.id))
+BOUND = Statement(
+    select(sample.c.t)
+    .where(sample.c.point == bindparam("number"), sample.c.t < bindparam("before"))
+    .order_by(sample.c.t)
+    .limit(1)
+    .offset(bindparam("at_once"))
+)
+CUT = {
+    table.name: Statement(delete(table).where(table.c.point == bindparam("number"), table.c.t < bindparam("before")))
+    for table in (sample, minute, hour)
+}
+CUT_RUNS = Statement(delete(run).where(run.c.alive < bindparam("before")))
 
 
 def _portions(connection: Connection) -> list[tuple[int, int]]:
     """Numbers of all points as ranges of `POINTS_AT_ONCE`."""
-    numbers = connection.exec_driver_sql("SELECT id FROM point ORDER BY id").scalars().all()
+    numbers = NUMBERS(connection).scalars().all()
     portions = (numbers[index : index + POINTS_AT_ONCE] for index in range(0, len(numbers), POINTS_AT_ONCE))
     return [(part[0], part[-1]) for part in portions]
 
@@ -283,7 +268,14 @@ def _first_sample(connection: Connection) -> int | None:
 
 def _oldest(connection: Connection, table: str) -> int | None:
     """Time of the oldest row of `sample` or `minute`: one look into the index per point."""
-    oldest: int | None = connection.exec_driver_sql(
-        f"SELECT min(t) FROM (SELECT (SELECT min(t) FROM {table} WHERE point = p.id) AS t FROM point p)"
-    ).scalar()
+    oldest: int | None = OLDEST[table](connection).scalar()
     return oldest
+
+
+def _least_of_each(table: Table) -> Select[*tuple[Any, ...]]:
+    each = select(func.min(table.c.t)).where(table.c.point == point.c.id).correlate(point).scalar_subquery()
+    times = select(each.label("t")).select_from(point).subquery()
+    return select(func.min(times.c.t))
+
+
+OLDEST = {table.name: Statement(_least_of_each(table)) for table in (sample, minute)}

@@ -8,12 +8,14 @@ still meanwhile.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sqlalchemy import Connection
+from sqlalchemy import Connection, bindparam, select
 
 from app.historian import query
 from app.historian.aggregate import aggregate
+from app.historian.dialect import Statement
 from app.historian.record_query import RecordFilter, times
-from app.historian.store import GAP_AFTER, MINUTE
+from app.historian.store import GAP_AFTER, MARK, MINUTE
+from app.historian.tables import minute, run
 from app.plant.definitions import Equipment
 from app.plant.today import Figure, How
 
@@ -117,16 +119,12 @@ def _held(connection: Connection, number: int, time: int) -> float | None:
 
 def _steps(connection: Connection, number: int, begin: int, end: int) -> Iterator[Step]:
     """What a point was, minute by minute where those are written, else sample by sample."""
-    mark = connection.exec_driver_sql("SELECT t FROM mark WHERE name = 'minute'").scalar() or 0
+    mark = MARK(connection, name="minute").scalar() or 0
     inner, outer = -(-begin // MINUTE) * MINUTE, min(end, mark) // MINUTE * MINUTE
     if inner >= outer:
         inner = outer = end
     yield from _of_samples(connection, number, begin, inner)
-    rows = connection.exec_driver_sql(
-        "SELECT first, low, high, last FROM minute WHERE point = ? AND t >= ? AND t < ? ORDER BY t",
-        (number, inner, outer),
-    )
-    for first, low, high, last in rows:
+    for first, low, high, last in MINUTES(connection, number=number, begin=inner, end=outer):
         if high is not None:  # else the whole minute was bad
             yield (low if first is None else first), high, (high if last is None else last)
     yield from _of_samples(connection, number, outer, end)
@@ -156,10 +154,19 @@ def _missing(connection: Connection, number: int, begin: int, end: int) -> list[
 
 def _off(connection: Connection, begin: int, end: int) -> list[Span]:
     """When no recorder ran."""
-    runs = connection.exec_driver_sql(
-        "SELECT start, alive FROM run WHERE alive > ? AND start < ? ORDER BY start", (begin, end)
-    )
-    return _without([(begin, end)], [(start, alive) for start, alive in runs])
+    return _without([(begin, end)], [(start, alive) for start, alive in RUNS(connection, begin=begin, end=end)])
+
+
+MINUTES = Statement(
+    select(minute.c.first, minute.c.low, minute.c.high, minute.c.last)
+    .where(minute.c.point == bindparam("number"), minute.c.t >= bindparam("begin"), minute.c.t < bindparam("end"))
+    .order_by(minute.c.t)
+)
+RUNS = Statement(
+    select(run.c.start, run.c.alive)
+    .where(run.c.alive > bindparam("begin"), run.c.start < bindparam("end"))
+    .order_by(run.c.start)
+)
 
 
 def _without(spans: Iterable[Span], others: Sequence[Span]) -> list[Span]:

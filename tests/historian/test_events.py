@@ -12,7 +12,9 @@ from app.clock import ManualClock
 from app.db import Database
 from app.errors import StorageError
 from app.historian import events, store
-from app.historian.events import COLUMNS, Delivery, EndedCommand, Events, Fold, event_of, has_ring
+from app.historian.events import Delivery, EndedCommand, Events, Fold, event_of, has_ring, told
+from app.historian.tables import event as event_table
+from app.historian.tables import event_machine
 from app.plant.definitions import Device, Equipment, EquipmentType, PlcMap
 from app.records.event import Event
 from tests.historian import rings
@@ -40,10 +42,7 @@ def kept(database: Database, *ids: str, folds: Sequence[Fold] = ()) -> Events:
 
 def stored(database: Database, equipment: str = "p1") -> list[Event]:
     def work(connection: Connection) -> list[Event]:
-        rows = connection.exec_driver_sql(
-            f"SELECT {COLUMNS} FROM event e JOIN event_machine m ON m.id = e.machine WHERE m.name = ? ORDER BY e.id",
-            (equipment,),
-        )
+        rows = connection.execute(told().where(event_machine.c.name == equipment).order_by(event_table.c.id))
         return [event_of(row) for row in rows]
 
     return database.run(work)

@@ -25,8 +25,8 @@ class Told:
         store.register(connection, [point(name) for name in names or ("m1.speed",)])
         event.listen(connection, "before_cursor_execute", self._count)
 
-    def _count(self, connection: object, cursor: object, statement: str, *rest: object) -> None:
-        self.read += SAMPLES.split("\n")[1] in statement
+    def _count(self, connection: Connection, cursor: object, statement: str, *rest: object) -> None:
+        self.read += statement == SAMPLES.sql(connection)
 
     def put(self, rows: list[Row], now: int) -> None:
         store.append(self.connection, rows, BEGIN, now, self.minutes)

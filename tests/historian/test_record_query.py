@@ -124,16 +124,7 @@ def test_one_can_choose_from_what_ever_stopped_a_run(history: Database) -> None:
 def test_a_page_is_read_by_an_index_and_sorts_nothing(
     history: Database, kind: Any, wanted: dict[str, Any], index: str
 ) -> None:
-    where, given = record_query._where(kind, RecordFilter(**wanted))
-
-    def plan(connection: Connection) -> str:
-        rows = connection.exec_driver_sql(
-            f"EXPLAIN QUERY PLAN SELECT * FROM {record_query.ROWS} {where} ORDER BY r.begun DESC, r.id DESC LIMIT 50",
-            tuple(given),
-        )
-        return " ".join(str(row[3]) for row in rows)
-
-    found = history.run(plan)
+    found = plan(history, kind, wanted)
     assert index in found
     assert "TEMP B-TREE" not in found
 
@@ -149,12 +140,17 @@ def test_a_page_is_read_by_an_index_and_sorts_nothing(
 )
 def test_what_few_have_is_found_by_an_index(history: Database, kind: Any, wanted: dict[str, Any], index: str) -> None:
     """Not by reading all until enough of them were met: after a year that is everything."""
+    assert index in plan(history, kind, wanted)
+
+
+def plan(history: Database, kind: Any, wanted: dict[str, Any]) -> str:
+    """How SQLite goes about a page."""
     asked: list[tuple[str, Any]] = []
 
-    def plan(connection: Connection) -> str:
+    def work(connection: Connection) -> str:
         listen(connection, "before_cursor_execute", lambda *given: asked.append((given[2], given[3])))
         record_query.find(connection, kind, RecordFilter(**wanted), 50)
         statement, given = asked[0]
         return " ".join(str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", given))
 
-    assert index in history.run(plan)
+    return history.run(work)
