@@ -49,6 +49,10 @@ def export(
     aggregate: Annotated[
         int, typer.Option(min=0, help="Seconds per row: min, max, first, last, mean, good %; 0: every sample.")
     ] = 0,
+    by_shift: Annotated[
+        bool,
+        typer.Option("--by-shift", help="A row for each shift of the plant; of records and events: with their shift."),
+    ] = False,
     locale: Annotated[str, typer.Option(help="Separator and decimal sign: hr, en, de, cs, machine.")] = "machine",
     bom: Annotated[bool, typer.Option("--bom", help="Mark the file as UTF-8 for spreadsheet programs.")] = False,
     rows: Annotated[int, typer.Option(min=0, help="Stop after so many rows; 0: never.")] = 0,
@@ -67,6 +71,7 @@ def export(
     from app.historian.export import Export, ExportSettings
     from app.historian.export import span as span_of
     from app.plant.loader import read_plant
+    from app.plant.plant_files.shifts import USUAL
     from app.settings import read_settings
 
     database: Database | None = None
@@ -94,6 +99,10 @@ def export(
             "simulated": found is not None and all(link.simulated for link in found.links.values()),
         }
         span = span_of(begin, end, zone, now)
+        if by_shift and aggregate:
+            raise ConfigurationError("expected either --by-shift or --aggregate")
+        if by_shift:
+            about["shifts"] = found.shifts if found else USUAL
         if records:
             made = _records(records, span, found, about)
         elif events:

@@ -73,6 +73,9 @@ def test_history_and_backup_beside_a_running_server(pogon_server: Callable[..., 
     piped = pogon(data, "export", "--tags", "m1.speed", "--aggregate", "60")
     assert piped.returncode == 0
     assert piped.stdout.splitlines()[-1].startswith("# sha256: ")
+    shifts = pogon(data, "export", "--tags", "m1.speed", "--by-shift")
+    assert shifts.returncode == 0, shifts.stderr
+    assert "\ntime_utc,time_local,end_local,shift,hours,tag," in shifts.stdout.replace("\r", "")
     for arguments, named in (
         (("--tags", "m9.speed"), "m9.speed"),
         (("--tags", "m1.speed", "--from", "monday"), "monday"),
@@ -291,6 +294,8 @@ def test_records_go_home_without_a_server(told: tuple[Path, Path]) -> None:
     options = ("--plant", str(folder))
     head, *products = lines(pogon(data, "export", "--records", "passage", *options))
     assert len(products) == 1 and ",c1," in products[0] and ",7," in products[0]
+    of_shift, *in_shifts = lines(pogon(data, "export", "--records", "passage", "--by-shift", *options))
+    assert of_shift == f"shift,{head}" and [row.partition(",")[2] for row in in_shifts] == products
     assert lines(pogon(data, "export", "--records", "passage:c1", *options)) == [head, *products]
     assert lines(pogon(data, "export", "--records", "passage:all", *options)) == [head, *products]
     _, *both = lines(pogon(data, "export", "--records", "run", *options))

@@ -14,10 +14,13 @@ from sqlalchemy import Connection
 from app import __version__
 from app.clock import to_datetime
 from app.errors import ConfigurationError
-from app.historian.export import BOM, FORMATS, Sheet, iso
+from app.historian.calendar import Shifts
+from app.historian.export import BOM, FORMATS, Sheet, clock, iso
 
 PAGE = 500
 """Rows per question to the database."""
+SHIFT = "shift"
+"""Column of the shift."""
 W = TypeVar("W", bound="ListExportSettings")
 R = TypeVar("R")
 
@@ -44,6 +47,8 @@ class ListExportSettings:
     created: int = 0
     """[µs UTC]"""
     simulated: bool = False
+    shifts: Sequence[int] = ()
+    """With the shift of each row, which begin at so many minutes of the local day."""
 
     def check(self) -> None:
         """Refuse what cannot be.
@@ -71,6 +76,7 @@ class ListExport(Sheet, Generic[W, R]):
         self.settings = settings
         self.total = 0
         """Rows that it will have."""
+        self._shifts = Shifts(settings.shifts, settings.zone) if settings.shifts else None
         super().__init__(settings.locale, settings.zone)
 
     @property
@@ -114,7 +120,8 @@ class ListExport(Sheet, Generic[W, R]):
         if settings.bom:
             yield BOM
         yield from map(self._comment, self._head())
-        yield self._separator.join(map(self._cell, self._columns())) + "\r\n"
+        shift = [settings.headers.get(SHIFT, SHIFT)] if settings.shifts else []
+        yield self._separator.join(map(self._cell, (*shift, *self._columns()))) + "\r\n"
         while True:
             assert self._connection is not None
             found = self._page(self._connection, before)
@@ -124,7 +131,7 @@ class ListExport(Sheet, Generic[W, R]):
                     yield self._comment(f"incomplete: stopped at the limit of {self.rows} rows")
                     break
                 self.rows += 1
-                yield self._line(one)
+                yield self._shift(self._place(one)[0]) + self._line(one)
             if len(found) < PAGE or not self.complete:
                 break
             before = self._place(found[-1])
@@ -146,11 +153,24 @@ class ListExport(Sheet, Generic[W, R]):
             if time is not None:
                 yield f"{name}: {iso(time, settings.zone)}"
         yield f"time zone: {settings.zone.key}"
+        if settings.shifts:
+            yield f"shifts begin at: {' '.join(map(clock, settings.shifts))}"
         if settings.filters:
             yield f"filter: {settings.filters}"
+
+    def _shift(self, time: int) -> str:
+        """The cell before a row: when its shift began, on the wall and with its offset."""
+        if self._shifts is None:
+            return ""
+        return shift_cell(self._shifts, time, self.settings.zone) + self._separator
 
     def _utc(self, time: int | None) -> str:
         return "" if time is None else self._times(time).partition(self._separator)[0]
 
     def _maybe(self, value: float | None) -> str:
         return "" if value is None else self._number(round(value, 6))
+
+
+def shift_cell(shifts: Shifts, time: int, zone: ZoneInfo) -> str:
+    """When the shift of a time began: 2026-03-28T22:00+01:00."""
+    return to_datetime(shifts.of(time)).astimezone(zone).isoformat(timespec="minutes")

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from app.historian import event_search as search
-from app.historian.event_export import PAGE, ListExport, ListExportSettings
+from app.historian.event_export import PAGE, SHIFT, ListExport, ListExportSettings
 from app.historian.event_gaps import Gap, Place, gaps
 from app.historian.event_search import Codes, EventFilter
 from app.historian.events import has_ring
@@ -111,7 +111,7 @@ def words(texts: Texts, plant: Plant | None, locale: str) -> dict[str, Any]:
         return {"events": events, "layouts": layouts}
     kinds = {item.id: item.type for item in machines}
     return {
-        "headers": {name: texts.text(locale, f"events.csv.{name}") for name in COLUMNS},
+        "headers": {name: texts.text(locale, f"events.csv.{name}") for name in (*COLUMNS, SHIFT)},
         "events": {(id, code): texts.of_type(locale, kinds[id], f"event.{key}") for (id, code), key in events.items()},
         "layouts": layouts,
         "fields": {

@@ -1,7 +1,8 @@
 """History as CSV: read in portions, so that an export of any length needs the same memory, and can be given up at any time.
 
 Raw: `time_utc;time_local;tag;value;unit;quality;flags`, one line per sample, all tags in order of time. Aggregated: `time_utc;time_local;
-tag;min;max;first;last;mean;unit;good_percent;samples`, one line per interval and tag. A bad value is empty. Lines that begin with `#` tell
+tag;min;max;first;last;mean;unit;good_percent;samples`, one line per interval and tag; by shift, `end_local;shift;hours` stand before the
+tag. A bad value is empty. Lines that begin with `#` tell
 what the file is; the last two give the number of rows and the SHA-256 of everything before the last, which `verify_export` checks.
 """
 
@@ -10,7 +11,7 @@ import heapq
 import re
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from decimal import Decimal
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -21,7 +22,8 @@ from app import __version__
 from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
-from app.historian import query
+from app.historian import calendar, query
+from app.historian.calendar import DAY
 from app.historian.notes import Note
 from app.historian.query import Recorded
 from app.historian.store import GAP_AFTER, MINUTE
@@ -49,7 +51,6 @@ PAGE = 2000
 PORTION = 1000
 """Lines per portion."""
 MOST_TAGS = 100
-DAY = 86_400
 CHECKSUM = b"# sha256: "
 
 
@@ -64,7 +65,9 @@ class ExportSettings:
     zone: ZoneInfo
     """Of the local times."""
     interval: int = 0
-    """Seconds per line; 0 = raw. Intervals that divide a day begin at local midnight."""
+    """Seconds per line; 0 = raw. Intervals that divide a day begin at their times of the local day."""
+    shifts: Sequence[int] = ()
+    """Instead of an interval, a line per shift; these begin at so many minutes of the local day."""
     locale: str = "machine"
     bom: bool = False
     """Mark the file as UTF-8 for spreadsheet programs."""
@@ -98,6 +101,14 @@ class ExportSettings:
             raise ConfigurationError(
                 f"interval: {self.interval}, expected 1 to {366 * DAY} seconds, or 0 for raw values"
             )
+        if self.interval and self.shifts:
+            raise ConfigurationError(f"interval: {self.interval}, expected none where a row is a shift")
+
+    def rows(self) -> Iterator[tuple[int, int]]:
+        """From when to when each row is [µs UTC], of those that are aggregated."""
+        if self.shifts:
+            return calendar.shifts(self.begin, self.end, self.shifts, self.zone)
+        return calendar.intervals(self.begin, self.end, self.interval, self.zone)
 
 
 class Sheet:
@@ -234,8 +245,8 @@ class Export(Sheet):
         if self.settings.bom:
             yield BOM
         yield from map(self._comment, self._head())
-        aggregated = self.settings.interval > 0
-        columns = AGGREGATED if aggregated else RAW
+        aggregated = self.settings.interval > 0 or bool(self.settings.shifts)
+        columns = BY_SHIFT if self.settings.shifts else AGGREGATED if aggregated else RAW
         yield self._separator.join(columns) + "\r\n"
         for line in self._aggregates() if aggregated else self._samples():
             if line is not None:
@@ -262,9 +273,12 @@ class Export(Sheet):
         yield f"from: {iso(settings.begin, settings.zone)}"
         yield f"to: {iso(settings.end, settings.zone)}"
         yield f"time zone: {settings.zone.key}"
-        yield f"values: aggregated every {settings.interval} s" if settings.interval else "values: raw"
+        if settings.shifts:
+            yield f"values: aggregated by shift, which begin at {' '.join(map(clock, settings.shifts))}"
+        else:
+            yield f"values: aggregated every {settings.interval} s" if settings.interval else "values: raw"
         yield f"tags: {' '.join(settings.tags)}"
-        if not settings.interval:
+        if not settings.interval and not settings.shifts:
             yield "flags: S simulated, F forced, M substituted, L local"
         for note in settings.notes:
             about = f" {note.machine}" if note.machine else ""
@@ -298,14 +312,22 @@ class Export(Sheet):
         separator = self._separator
         held = [_Held(self, index) for index in range(len(self._points))]
         heads = [(self._cell(point.name), self._cell(point.unit)) for point in self._points]
-        for begin, end in intervals(self.settings.begin, self.settings.end, self.settings.interval, self.settings.zone):
+        for begin, end in self.settings.rows():
+            shift = self._shift(begin, end) if self.settings.shifts else ""
             for one, (tag, unit) in zip(held, heads, strict=True):
                 yield from one.gather(begin, end)
                 numbers = (one.low, one.high, one.first, one.last, one.area / one.good if one.weighed else None)
                 cells = ["" if value is None else self._number(value) for value in numbers]
                 good = self._number(round(100 * one.good / (end - begin), 3))
-                yield separator.join((self._times(begin), tag, *cells, unit, good, str(one.count))) + "\r\n"
+                yield separator.join((self._times(begin) + shift, tag, *cells, unit, good, str(one.count))) + "\r\n"
             self.reached = end
+
+    def _shift(self, begin: int, end: int) -> str:
+        """When it ends on the wall, which of the day it is, and its hours: 7 and 9 in the two nights when the clock changes."""
+        settings = self.settings
+        number = calendar.number(begin, settings.shifts, settings.zone)
+        hours = self._number(round((end - begin) / 3.6e9, 4))
+        return "".join(f"{self._separator}{cell}" for cell in (iso(end, settings.zone), number, hours))
 
     def _quality(self, quality: int) -> str:
         known = self._qualities.get(quality)
@@ -329,6 +351,14 @@ AGGREGATED = (
     "good_percent",
     "samples",
 )
+
+
+BY_SHIFT = (*AGGREGATED[:2], "end_local", "shift", "hours", *AGGREGATED[2:])
+
+
+def clock(minute: int) -> str:
+    """A minute of the day as on the clock."""
+    return f"{minute // 60:02d}:{minute % 60:02d}"
 
 
 class _Held:
@@ -398,42 +428,6 @@ class _Held:
     good: int
     count: int
     weighed: bool
-
-
-def intervals(begin: int, end: int, seconds: int, zone: ZoneInfo) -> Iterator[tuple[int, int]]:
-    """The intervals from `begin` to `end` [µs UTC], the first and the last cut to the range.
-
-    What divides a day, or is a number of days, counts from local midnight; the days of both clock changes have 23 and 25 hours. Anything
-    else counts from `begin`.
-    """
-    for start, stop in _borders(begin, seconds, zone):
-        if start >= end:
-            return
-        if stop > begin:
-            yield max(start, begin), min(stop, end)
-
-
-def _borders(begin: int, seconds: int, zone: ZoneInfo) -> Iterator[tuple[int, int]]:
-    step = seconds * 1_000_000
-    if DAY % seconds and seconds % DAY:
-        while True:
-            yield begin, begin + step
-            begin += step
-    day = to_datetime(begin).astimezone(zone).replace(hour=0, minute=0, second=0, microsecond=0, tzinfo=None)
-    while True:
-        following = day + timedelta(days=max(1, seconds // DAY))
-        start, midnight = _utc(day, zone), _utc(following, zone)
-        if seconds >= DAY:
-            yield start, midnight
-        else:
-            while start < midnight:
-                yield start, min(start + step, midnight)
-                start += step
-        day = following
-
-
-def _utc(local: datetime, zone: ZoneInfo) -> int:
-    return to_micros(local.replace(tzinfo=zone))
 
 
 def iso(micros: int, zone: ZoneInfo) -> str:

@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 
 from app.errors import ConfigurationError
 from app.historian import record_query as query
-from app.historian.event_export import PAGE, ListExport, ListExportSettings
+from app.historian.event_export import PAGE, SHIFT, ListExport, ListExportSettings
 from app.historian.record_query import Asked, RecordFilter
 from app.plant.definitions import Equipment, Plant
 from app.plant.kept import Definition
@@ -210,7 +210,8 @@ def words(texts: Texts, plant: Plant | None, kind: RecordKind, locale: str) -> d
     columns = (*kind.csv, *(kind.repeat.columns if kind.repeat else ()))
     return {
         "label": lambda label: texts.label(locale, label) if label else "",
-        "headers": {column.name: text(f"csv.{header(column.name)}") for column in columns},
+        "headers": {column.name: text(f"csv.{header(column.name)}") for column in columns}
+        | {SHIFT: texts.text(locale, "events.csv.shift")},
         "outcomes": {one: text(f"outcome.{one}") for one in kind.outcomes},
         "words": {(f.name, word): text(f"{f.name}.{word}") for f in kind.fields.values() for word in f.words},
         "events": {

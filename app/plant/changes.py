@@ -110,13 +110,15 @@ def same_line(one: Link, other: Link) -> bool:
 
 
 def _plant(old: Plant, new: Plant) -> list[Change]:
-    keys = ("name", "timezone", "languages", "areas", "texts")
+    keys = ("name", "timezone", "languages", "areas", "texts", "shifts")
     details = [_detail(key, getattr(old, key), getattr(new, key)) for key in keys if _differs(old, new, key)]
     names = [name for name in {**old.lessons, **new.lessons} if old.lessons.get(name) != new.lessons.get(name)]
     details += [f"lessons: {', '.join(sorted(names))}"] if names else []
     effects: list[tuple[str, Mapping[str, str]]] = [("texts", {})]
     if old.timezone != new.timezone:
         effects.append(("timezone", {}))
+    if old.shifts != new.shifts:
+        effects.append(("shifts", {}))
     return [_change("plant", "changed", "plant", details, effects)] if details else []
 
 

@@ -583,8 +583,8 @@ class Plant:
     texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # language → key → text, for its alarm rows
     flow: Sequence[tuple[str, str]] = ()  # material flows from the first machine of each to the second
     lessons: Mapping[str, Lesson] = field(default_factory=dict)  # by name (plant/lessons.py)
-    records: Mapping[str, RecordKind] = field(init=False, compare=False)
-    """What its machines keep of their history, by name: no two of its types name a kind alike."""
+    shifts: Sequence[int] = (6 * 60, 14 * 60, 22 * 60)  # when they begin [minutes of the local day]
+    records: Mapping[str, RecordKind] = field(init=False, compare=False)  # by name: no two types name a kind alike
 
     def __post_init__(self) -> None:
         kinds = {name: kind for item in self.equipment.values() for name, kind in item.type.records.items()}

@@ -14,6 +14,7 @@ from app.plant.plant_files.languages import PlantLanguages, languages, read_time
 from app.plant.plant_files.links import read_link
 from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS, Machines
 from app.plant.plant_files.names import check_id
+from app.plant.plant_files.shifts import USUAL, read_shifts
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.problems import MoreProblems, Problem
 from app.plant.sequences import SequenceFiles
@@ -76,7 +77,7 @@ class _PlantReader:
         if self._source.problems:
             return None
         root = self._source.table()
-        name, timezone = self._head(root)
+        name, timezone, shifts = self._head(root)
         areas = {key: self._area(key, table) for key, table in root.tables("areas")}
         links = {key: read_link(key, table, self._transports, self._languages) for key, table in root.tables("links")}
         if not links:
@@ -102,17 +103,19 @@ class _PlantReader:
                 areas[item.area] = self._area_of_type(item.area, item.type.texts)
         named = tuple(self._languages.named)
         kinds, lessons = self._types.usable, self._lessons.found
-        return Plant(self._folder, name, timezone, named, areas, links, machines.found, kinds, texts, flow, lessons)
+        all = machines.found
+        return Plant(self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts)
 
-    def _head(self, root: Table) -> tuple[dict[str, str], str]:
-        """`[plant]`: name and time zone; its languages are known from then on."""
+    def _head(self, root: Table) -> tuple[dict[str, str], str, tuple[int, ...]]:
+        """`[plant]`: name, time zone and shifts; its languages are known from then on."""
         head = root.table("plant", required=True, expected="[plant] with name, timezone, languages")
         if not root.has("plant"):
-            return {}, "UTC"
+            return {}, "UTC", USUAL
         self._languages.read(head)
         name, timezone = self._languages.label(head, "name", required=True), read_timezone(head)
+        shifts = read_shifts(head)
         head.done()
-        return name, timezone
+        return name, timezone, shifts
 
     def _area(self, key: str, table: Table) -> Texts:
         check_id(key, table)

@@ -23,12 +23,15 @@ from app.alarms.lifecycle import Entry
 from app.alarms.shelf import OPERATORS, longest
 from app.alarms.watch import Answer, ListedAlarm
 from app.errors import Refused
+from app.historian.calendar import Shifts
+from app.historian.event_export import shift_cell
 from app.plant.system import SYSTEM
 from app.web import format as fmt
 from app.web import language
 from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
 from app.web.audit import defused, read_time
 from app.web.guard import allow, field_list, fields, person_of, shown_name, shown_words
+from app.web.history import with_shift
 from app.web.view import View, area_label
 
 router = APIRouter()
@@ -160,7 +163,7 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         **tabs(request, narrowed),
         "area_choices": area_choices(request),
         "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
-        "export_url": f"/alarms.csv?{urlencode(asked)}" if _may(request, "export") else "",
+        "export_url": f"/alarms.csv?{urlencode(asked | {'shift': '1'})}" if _may(request, "export") else "",
         "may_acknowledge": _may(request, "acknowledge"),
         "may_shelve": _may(request, "shelve"),
         "may_configure": _may(request, "configure"),
@@ -468,7 +471,7 @@ def _line(request: Request, draw: Drawing, record: Record) -> dict[str, Any]:
 
 @router.get("/alarms.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """The list or the journal as the filter shows it, with the filter in the first line."""
+    """The list or the journal as the filter shows it, with the filter in the first line; `shift` (1): of the journal with shifts."""
     wanted = _wanted(request)
     person = person_of(request)
     shown = "; ".join(f"{name}={value}" for name, value in wanted.items() if value and name not in ("page", "before"))
@@ -513,7 +516,9 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
         return runtime.db.run(lambda connection: journal.find(connection, filter, CSV_PAGE))
 
     found = await asyncio.to_thread(read, filter)
-    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells(CSV_JOURNAL)
+    begins = with_shift(request)
+    shifts = Shifts(begins, draw.zone) if begins else None
+    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells((*CSV_JOURNAL, "shift") if shifts else CSV_JOURNAL)
     while found:
         for r in found:
             yield cells(
@@ -521,6 +526,7 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
                     r.seq, fmt.iso(r.time, _UTC), fmt.iso(r.time, draw.zone), r.event, r.detail, r.alarm, r.occurrence,
                     r.equipment or SYSTEM, r.area, r.alarm_class, r.priority, r.before, r.after, draw.recorded(r),
                     _plain(r.value), _plain(r.limit), r.unit, r.quality, r.person, r.address, r.comment,
+                    *([shift_cell(shifts, r.time, draw.zone)] if shifts else []),
                 ]
             )  # fmt: skip
         filter = replace(filter, before=found[-1].seq)

@@ -24,7 +24,7 @@ from app.records.snapshot import decode
 from app.web import format as fmt
 from app.web.event_list import RANGE, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of, shown_name, shown_words
-from app.web.history import Download, check_place, read
+from app.web.history import Download, check_place, read, with_shift
 from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.signin import zone_of
@@ -105,7 +105,7 @@ async def detail(request: Request, number: int) -> Response:
 
 @router.get("/events/export.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
+    """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1), `shift` (1: with the shift of each)."""
     typed = _typed(request)
     wanted = wanted_of(request, typed)
     runtime, person, lang = view_of(request).runtime(request), person_of(request), language_of(request)
@@ -129,6 +129,7 @@ async def export(request: Request) -> Response:
             person=person.name,
             created=runtime.clock.micros(),
             simulated=runtime.simulated,
+            shifts=with_shift(request),
         )
     )
     await read(runtime, made.open)
@@ -219,7 +220,7 @@ def _tools(request: Request, typed: dict[str, str]) -> dict[str, Any]:
     if (code := _code(typed["event"])) is not None:
         named[typed["event"]] = view.text(request, "events.unknown", n=code)
     chosen = set_filters(typed)
-    link = urlencode(chosen | {"locale": lang, "bom": "1"})
+    link = urlencode(chosen | {"locale": lang, "bom": "1", "shift": "1"})
     return {
         "typed": typed,
         "machine_choices": [(item.id, runtime.texts.label(lang, item.label)) for item in machines],

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -89,9 +89,9 @@ async def series(request: Request) -> Response:
 
 @router.get("/export.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """`tags` from `from` to `to` as a CSV file: `interval` seconds (0: raw), `locale` (hr, en, de, cs, machine), `bom` (1).
+    """`tags` from `from` to `to` as a CSV file: `interval` seconds (0: raw) or `shift`, `locale` (hr, en, de, cs, machine), `bom` (1).
 
-    It is streamed: nothing of it is kept here, and a browser that gives up ends it.
+    By shift there is a row for each shift of the plant. It is streamed: nothing of it is kept here, and a browser that gives up ends it.
     """
     runtime, person = runtime_of(request), person_of(request)
     asked = _export_settings(request, runtime)
@@ -109,7 +109,7 @@ async def export(request: Request) -> Response:
         address=address_of(request.scope),
         begin=settings.begin,
         end=settings.end,
-        interval=settings.interval,
+        interval=settings.interval or ("shift" if settings.shifts else 0),
     )
     return Download(request, made)
 
@@ -122,6 +122,8 @@ async def size(request: Request) -> Response:
 
     def work(connection: Connection) -> int:
         found = [query.find(connection, tag) for tag in settings.tags]
+        if settings.shifts:
+            return len(found) * sum(1 for _ in settings.rows())
         if settings.interval:
             return len(found) * -(-(settings.end - settings.begin) // (settings.interval * 1_000_000))
         return sum(query.count(connection, one.number, settings.begin, settings.end) for one in found if one)
@@ -167,6 +169,16 @@ def runtime_of(request: Request) -> "Runtime":
     """The running plant."""
     runtime: Runtime = request.app.state.runtime
     return runtime
+
+
+def shifts_of(runtime: "Runtime") -> Sequence[int]:
+    """When the shifts of the plant begin [minutes of the local day]."""
+    return runtime.plant.shifts if runtime.plant else ()
+
+
+def with_shift(request: Request) -> Sequence[int]:
+    """As `shifts_of`, when a list is asked for with the shift of each row (`shift=1`)."""
+    return shifts_of(runtime_of(request)) if request.query_params.get("shift", "") in ("1", "on") else ()
 
 
 def check_place(request: Request) -> None:
@@ -295,12 +307,14 @@ def _export_settings(request: Request, runtime: "Runtime") -> ExportSettings:
     if locale not in FORMATS:
         raise Refused("history.locale", 422, value=locale, expected=", ".join(FORMATS))
     plant, lang = runtime.plant, language_of(request)
+    by_shift = request.query_params.get("interval", "").strip() == "shift"
     settings = ExportSettings(
         tags=_tags(request, 100),
         begin=begin,
         end=end,
         zone=_zone(runtime),
-        interval=_number(request, "interval", 0, 0, 366 * 86_400),
+        interval=0 if by_shift else _number(request, "interval", 0, 0, 366 * 86_400),
+        shifts=shifts_of(runtime) if by_shift else (),
         locale=locale,
         bom=request.query_params.get("bom", "") in ("1", "on"),
         most_rows=runtime.settings.export_rows,

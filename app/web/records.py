@@ -25,7 +25,7 @@ from app.records.kind import Filter, RecordKind
 from app.web import record_detail, record_last, record_rows, record_times
 from app.web.event_list import RANGE, amount, fields, place, set_filters, span
 from app.web.guard import address_of, allow, person_of
-from app.web.history import Download, check_place, read
+from app.web.history import Download, check_place, read, with_shift
 from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.record_words import RecordWords
@@ -137,7 +137,7 @@ async def detail(request: Request, kind: str, number: int) -> Response:
 
 @router.get("/records/{kind}/export.csv", dependencies=[allow("export")])
 async def export(request: Request, kind: str) -> Response:
-    """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1)."""
+    """What the filter lets through as CSV: `locale` (hr, en, de, cs, machine), `bom` (1), `shift` (1: with the shift of each)."""
     of = kind_of(request, kind)
     typed = _typed(request, of)
     wanted = wanted_of(request, of, typed)
@@ -162,6 +162,7 @@ async def export(request: Request, kind: str) -> Response:
         person=person.name,
         created=runtime.clock.micros(),
         simulated=runtime.simulated,
+        shifts=with_shift(request),
     )
     made = RecordExport(replace(settings, names=names(plant, of, typed["equipment"], settings.label)))
     await read(runtime, made.open)
@@ -334,7 +335,9 @@ async def _tools(request: Request, kind: RecordKind, typed: dict[str, str]) -> d
         ]
         if kind.complete
         else [],
-        "export_url": _url(kind, exported | {"locale": lang, "bom": "1"}, "/export.csv") if may_export else "",
+        "export_url": _url(kind, exported | {"locale": lang, "bom": "1", "shift": "1"}, "/export.csv")
+        if may_export
+        else "",
         "changes": [
             (name, runtime.tags.value(runtime.tags.handle(name)) or 0)
             for item in shown

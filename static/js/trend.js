@@ -52,7 +52,9 @@ function remember() {
   for (const field of all("[data-view]")) if (field.value !== here) field.value = here;
   if (begun.keeps) keep(here);
   const link = one("[data-export]");
-  if (link) link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
+  if (!link) return;
+  link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
+  one("[data-export-shift]").href = `${link.href}&interval=shift`;
 }
 
 /** Where one was last, for the next time that one comes: told when the view has rested. */

@@ -18,7 +18,8 @@ from app.clock import to_datetime, to_micros
 from app.db import Database
 from app.errors import ConfigurationError
 from app.historian import store
-from app.historian.export import FORMATS, Export, ExportSettings, intervals, moment, span, verify_export
+from app.historian.calendar import intervals
+from app.historian.export import FORMATS, Export, ExportSettings, moment, span, verify_export
 from app.historian.store import HOUR, MINUTE
 from app.plant.definitions import Kind
 from app.tags.quality import COMM_FAILURE, GOOD, STALE, Origin
@@ -150,10 +151,50 @@ def test_days_are_local_days_also_when_the_clock_changes() -> None:
     days = list(intervals(begin, begin + 3 * 24 * HOUR, 86400, ZAGREB))
     assert [(b - a) // HOUR for a, b in days] == [12, 25, 24, 11]
     hours = list(intervals(begin, begin + 24 * HOUR, 6 * 3600, ZAGREB))
-    assert [to_datetime(a).astimezone(ZAGREB).hour for a, _ in hours] == [12, 18, 0, 5]
+    assert [to_datetime(a).astimezone(ZAGREB).hour for a, _ in hours] == [12, 18, 0, 6]
     odd = list(intervals(begin, begin + 100_000_000, 7, ZAGREB))
     assert odd[0] == (begin, begin + 7_000_000)
     assert odd[-1][1] == begin + 100_000_000
+
+
+@pytest.mark.parametrize(
+    ("day", "ends", "hours"),
+    [
+        (
+            28,
+            ["2026-03-28T22:00:00.000+01:00", "2026-03-29T06:00:00.000+02:00", "2026-03-29T14:00:00.000+02:00"],
+            ["8", "7", "8"],
+        ),
+        (
+            24,
+            ["2026-10-24T22:00:00.000+02:00", "2026-10-25T06:00:00.000+01:00", "2026-10-25T14:00:00.000+01:00"],
+            ["8", "9", "8"],
+        ),
+    ],
+)
+def test_a_row_of_each_shift_says_when_it_ends_which_it_is_and_how_long(
+    day: int, ends: list[str], hours: list[str]
+) -> None:
+    begin = to_micros(datetime(2026, 3 if day == 28 else 10, day, 14, tzinfo=ZAGREB))
+    end = begin + sum(map(int, hours)) * HOUR
+    with fresh() as connection:
+        store.register(connection, [point()])
+        rows = [(1, begin + i * HOUR // 10, float(i), None, GOOD) for i in range((end - begin) // HOUR * 10)]
+        store.append(connection, rows, begin, begin)
+        made = ExportSettings(["m1.speed"], begin, end, ZAGREB, shifts=(360, 840, 1320))
+        told = Export(made)
+        data = b""
+        while not told.done:
+            data += told.read(connection)
+    assert b"# values: aggregated by shift, which begin at 06:00 14:00 22:00" in data
+    found = table(data)
+    assert [row["end_local"] for row in found] == ends
+    assert [(row["shift"], row["hours"], row["samples"]) for row in found] == [
+        (shift, hour, f"{hour}0") for shift, hour in zip("231", hours, strict=True)
+    ]
+    assert found[1]["time_local"] == ends[0]
+    assert (found[1]["min"], found[1]["max"]) == ("80", str(79 + 10 * int(hours[1])))
+    assert {row["good_percent"] for row in found} == {"100"}
 
 
 @settings(max_examples=80, deadline=None)

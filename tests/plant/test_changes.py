@@ -45,6 +45,11 @@ def test_the_same_files_read_twice_are_no_change(demo: Plant, tmp_path: Path) ->
         ("[links.hall]", '[links.hall]\nlabel = "Hall"', ("link", "changed", "hall", ("texts",))),
         ("Europe/Zagreb", "Europe/Prague", ("plant", "changed", "plant", ("texts", "timezone"))),
         (
+            'Europe/Zagreb"',
+            'Europe/Zagreb"\nshifts = ["07:00", "19:00"]',
+            ("plant", "changed", "plant", ("texts", "shifts")),
+        ),
+        (
             "[equipment.m2]",
             '[equipment.west]\nwas = "m2"',
             ("equipment", "renamed", "west", ("renamed", "alarms_closed")),

@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import datetime, timedelta
 from html import unescape
 from typing import Any
 
@@ -398,6 +399,20 @@ def test_the_journal_has_pages_filters_and_every_transition(hall: Hall) -> None:
     )[0].replace("Active, acknowledged", "")
     assert "no records" in hall.page("/alarms?tab=journal&until=2020-01-01T00:00")
     assert hall.client.get("/alarms?tab=journal&since=yesterday").status_code == 422
+
+
+def test_the_journal_goes_home_with_the_shift_of_each_line(hall: Hall) -> None:
+    hall.tell("command_unconfirmed", "m1")
+    hall.staff.enter("ana", "operator")
+    hall.staff.wait(hall.engine.journal.flush)
+    lines = hall.client.get("/alarms.csv?tab=journal&shift=1").text.splitlines()
+    head, *rows = list(csv.reader(lines[1:]))
+    assert head[-1] == "shift" and rows
+    for row in rows:
+        begun, time = datetime.fromisoformat(row[-1]), datetime.fromisoformat(row[2])
+        assert begun.hour in (6, 14, 22) and timedelta() <= time - begun < timedelta(hours=9)
+    assert "shift=1" in hall.page("/alarms?tab=journal")
+    assert "shift" not in hall.client.get("/alarms.csv?tab=journal").text.splitlines()[1]
 
 
 def test_the_export_is_what_the_filter_shows_and_defuses_formulas(hall: Hall) -> None:

@@ -203,6 +203,23 @@ def test_it_is_told_where_events_are_missing(staff: Staff) -> None:
     assert "(boot 1, sequence 1)" in csv
 
 
+def test_a_file_says_the_shift_of_each_event(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    csv = get(staff, "/events/export.csv", **MARCH, locale="machine", shift="1").text
+    head, *rows = [line.split(",") for line in csv.splitlines() if not line.startswith(("#", '"#'))]
+    assert head[:3] == ["shift", "time_utc", "time_local"]
+    assert "# shifts begin at: 06:00 14:00 22:00" in csv
+    assert rows
+    for row in rows:
+        begun, time = datetime.fromisoformat(row[0]), datetime.fromisoformat(row[2])
+        assert (begun.hour, begun.minute) in ((6, 0), (14, 0), (22, 0))
+        assert timedelta() <= time - begun < timedelta(hours=8)
+    page = get(staff, "/events", **MARCH).text
+    assert "shift=1" in page, "a file for a person has them"
+    german = get(staff, "/events/export.csv", **MARCH, locale="de", shift="1").text
+    assert "\r\nSchicht;Zeit UTC;" in german
+
+
 def test_whoever_has_no_menu_finds_the_events_beside_the_alarms(staff: Staff) -> None:
     """The menu of who is signed in has them; a small screen has no tabs."""
     staff.client.cookies.clear()

@@ -26,17 +26,17 @@ EVENTS = ["equipment", "outcome", "since", "until", "before"]
 RING = ["equipment", "event", "since", "until", "q", "before"]
 FILES = {
     "/history/export.csv": (SPAN, ["tags", "from", "to", "interval", "locale", "bom"]),
-    "/records/passage/export.csv": ({}, [*EVENTS, "product", "correction", "alarm", "locale"]),
+    "/records/passage/export.csv": ({}, [*EVENTS, "product", "correction", "alarm", "locale", "shift"]),
     "/products/export.csv": ({}, ["equipment", "product", "locale"]),
     "/runs/export.csv": ({}, ["equipment", "before", "view"]),
     "/products/export/size": ({}, ["equipment", "product"]),
     "/runs/export/size": ({}, ["equipment", "first_out"]),
-    "/events/export.csv": ({}, [*RING, "locale"]),
+    "/events/export.csv": ({}, [*RING, "locale", "shift"]),
     "/records/run/export.csv": ({}, [*EVENTS, "first_out", "longer", "forced", "view", "locale"]),
     "/audit.csv": ({}, ["person", "object", "kind", "since", "until", "before"]),
     "/alarms.csv": (
         {"tab": "journal"},
-        ["tab", "source", "area", "q", "event", "priority", "since", "until", "before", "state", "sort"],
+        ["tab", "source", "area", "q", "event", "priority", "since", "until", "before", "state", "sort", "shift"],
     ),
     "/alarms/statistics.csv": ({}, ["period", "since", "until", "area", "positions"]),
     "/equipment/m1/drive-parameters/export.csv": ({}, []),

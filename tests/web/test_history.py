@@ -194,6 +194,22 @@ def test_aggregates_have_one_row_per_interval(staff: Staff) -> None:
     assert rows[4].split(",")[3] == ""
 
 
+def test_shifts_have_a_row_each_by_the_clock_of_the_plant(staff: Staff) -> None:
+    """Those of the plant file, from 6, 14 and 22 o'clock in Zagreb; the range cuts the first and the last."""
+    staff.enter("ana", "viewer")
+    asked = {"tags": "m1.speed", "interval": "shift", "from_": "2026-03-08T20:00", "to": "2026-03-09T15:00"}
+    text = ask(staff.client, "export.csv", locale="machine", **asked).text
+    rows = [line.split(",") for line in text.splitlines() if line[:1].isdigit()]
+    assert [(row[1][11:16], row[2][11:16], row[3], row[4]) for row in rows] == [
+        ("20:00", "22:00", "2", "2"),
+        ("22:00", "06:00", "3", "8"),
+        ("06:00", "14:00", "1", "8"),
+        ("14:00", "15:00", "2", "1"),
+    ]
+    assert rows[2][6:8] == ["1000", "1599"] and rows[0][6:8] == ["", ""]
+    assert orjson.loads(ask(staff.client, "export/size", **asked).content)["rows"] == 4
+
+
 def test_a_third_export_at_a_time_is_asked_to_come_later_and_the_place_is_given_back(staff: Staff) -> None:
     staff.enter("ana", "viewer")
     places = history.exports_of(staff.client.app)  # type: ignore[arg-type]
