@@ -4,12 +4,19 @@ import json
 import os
 import re
 import shutil
+import ssl
 import subprocess
 import sys
+import threading
 import zipfile
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
+
+from app.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCKERFILE = (ROOT / "Dockerfile").read_text("utf-8")
@@ -18,7 +25,7 @@ UNIT = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
 
 def test_the_compose_file_follows_the_schema() -> None:
     dclint = [shutil.which("node") or "node", "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
-    lint = subprocess.run([*dclint, "docker-compose.yml"], cwd=ROOT, capture_output=True, text=True)
+    lint = subprocess.run([*dclint, BASE, SERIAL, TLS], cwd=ROOT, capture_output=True, text=True)
     assert lint.returncode == 0, lint.stdout + lint.stderr
 
 
@@ -29,19 +36,126 @@ def test_the_container_is_locked_down() -> None:
     assert not re.search(r"^name:", compose, re.MULTILINE)
 
 
-def test_the_container_takes_its_plant_a_serial_line_and_no_more_than_it_needs() -> None:
-    compose = (ROOT / "docker-compose.yml").read_text("utf-8")
-    for line in (
-        "POGON_PLANT: /plant",
-        "${PLANT_FOLDER:-./plants/demo}:/plant:ro",
-        "#   - /dev/ttyUSB0:/dev/ttyUSB0",
-        "mem_limit: 1g",
-        "pids_limit: 128",
-        "nofile: 4096",
-    ):
-        assert line in compose, line
-    assert "healthcheck:" not in compose, "that of the image knows https"
-    assert "'https' if os.environ.get('POGON_TLS_CERT')" in DOCKERFILE
+def composed(*names: str) -> dict[str, Any]:
+    """The service as `docker compose -f …` joins these files: lists go on, mappings take over what comes later."""
+    service: dict[str, Any] = {}
+    for name in names:
+        for key, value in yaml.safe_load((ROOT / name).read_text("utf-8"))["services"]["pogon"].items():
+            before = service.get(key)
+            service[key] = (
+                [*before, *value]
+                if isinstance(before, list)
+                else {**before, **value}
+                if isinstance(before, dict)
+                else value
+            )
+    return service
+
+
+def filled(text: str, **given: str) -> str:
+    """With the variables of the shell, or what the file says instead of them."""
+    return re.sub(r"\$\{(\w+)(?::-([^}]*))?\}", lambda match: given.get(match[1], match[2] or ""), text)
+
+
+BASE, SERIAL, TLS = "docker-compose.yml", "packaging/compose.serial.yml", "packaging/compose.tls.yml"
+
+
+def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> None:
+    service = composed(BASE)
+    (plant,) = (filled(one, PLANT_FOLDER="/etc/pogon/plants/hall") for one in service["volumes"] if "PLANT" in one)
+    folder, inside, mode = plant.split(":")
+    assert (folder, inside, mode) == ("/etc/pogon/plants/hall", service["environment"]["POGON_PLANT"], "ro")
+    assert (ROOT / filled("${PLANT_FOLDER:-./plants/demo}") / "plant.toml").is_file()
+    assert "data:/data" in service["volumes"] and "POGON_DATA=/data" in DOCKERFILE
+    unit = dict(line.split("=", 1) for line in UNIT.splitlines() if re.match(r"\w+=", line))
+    assert (service["mem_limit"], unit["MemoryMax"]) == ("1g", "1G")
+    assert str(service["pids_limit"]) == unit["TasksMax"]
+    assert str(service["ulimits"]["nofile"]) == unit["LimitNOFILE"]
+    assert service["env_file"] == [{"path": "pogon.env", "required": False}]
+    assert "healthcheck" not in service, "that of the image knows https"
+
+
+def test_the_container_takes_a_serial_line_with_its_group() -> None:
+    service = composed(BASE, SERIAL)
+    assert [filled(one, SERIAL_DEVICE="/dev/ttyS1") for one in service["devices"]] == ["/dev/ttyS1:/dev/ttyS1"]
+    assert [filled(one, SERIAL_GROUP="986") for one in service["group_add"]] == ["986"]
+    assert "SupplementaryGroups=dialout" in UNIT and "DeviceAllow=char-ttyUSB rw" in UNIT
+
+
+def test_the_container_takes_tls_files_and_then_believes_no_proxy() -> None:
+    service = composed(BASE, TLS)
+    (mount,) = (filled(one, TLS_FOLDER="/etc/pogon/tls") for one in service["volumes"] if "TLS" in one)
+    folder, inside, mode = mount.split(":")
+    assert (folder, mode) == ("/etc/pogon/tls", "ro")
+    given = {name.removeprefix("POGON_").lower(): value for name, value in service["environment"].items()}
+    settings = Settings(**{name: filled(value) for name, value in given.items()})
+    assert settings.tls_cert == Path(inside) / "cert.pem" and settings.tls_key == Path(inside) / "key.pem"
+    assert settings.behind_proxy == "" and settings.host == "0.0.0.0"
+    drop_in = (ROOT / "packaging" / "pogon-tls.conf").read_text("utf-8")
+    loaded = dict(re.findall(r"^LoadCredential=(\S+):(\S+)$", drop_in, re.MULTILINE))
+    named = dict(re.findall(r"(POGON_\w+)=%d/(\S+)", drop_in))
+    assert named == {"POGON_TLS_CERT": "cert.pem", "POGON_TLS_KEY": "key.pem"} and set(loaded) == set(named.values())
+
+
+@pytest.mark.parametrize(
+    "name", [BASE, SERIAL, TLS, "Dockerfile", "packaging/pogon.service", "packaging/pogon-tls.conf"]
+)
+def test_every_setting_that_is_named_is_one(name: str) -> None:
+    known = {f"POGON_{field.upper()}" for field in Settings.model_fields}
+    named = set(re.findall(r"POGON_[A-Z][A-Z_]+", (ROOT / name).read_text("utf-8")))
+    assert named - {"POGON_"} <= known, named - known
+
+
+def test_the_command_of_the_manual_names_files_and_variables_that_are_there() -> None:
+    manual = (ROOT / "docs" / "operations.md").read_text("utf-8")
+    (command,) = re.findall(r"^(PLANT_FOLDER=.*docker compose .*)$", manual, re.MULTILINE)
+    files = re.findall(r"-f (\S+)", command)
+    text = "".join((ROOT / file).read_text("utf-8") for file in files)
+    assert files == [BASE, SERIAL]
+    for variable in re.findall(r"\b([A-Z_]+)=", command):
+        assert f"${{{variable}:-" in text, variable
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(("status", "tls"), [(200, False), (503, False), (200, True), (503, True)])
+def test_the_image_finds_out_whether_it_is_well(tmp_path: Path, status: int, tls: bool) -> None:
+    """The very words of the Dockerfile, asked of a server that answers so, with and without TLS."""
+    command = json.loads(re.search(r"^HEALTHCHECK .*\\\n +CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)[1])  # type: ignore[index]
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(status if self.path == "/healthz" else 404)
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Answer) as server:
+        if tls:
+            openssl = [
+                "openssl",
+                "req",
+                "-x509",
+                "-newkey",
+                "rsa:2048",
+                "-nodes",
+                "-days",
+                "1",
+                "-subj",
+                "/CN=hmi.example",
+            ]
+            made = [*openssl, "-keyout", tmp_path / "key.pem", "-out", tmp_path / "cert.pem"]
+            subprocess.run(made, check=True, capture_output=True)
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(tmp_path / "cert.pem", tmp_path / "key.pem")
+            server.socket = context.wrap_socket(server.socket, server_side=True)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        environment = {"PATH": os.environ["PATH"], "POGON_PORT": str(server.server_port)}
+        environment |= {"POGON_TLS_CERT": str(tmp_path / "cert.pem")} if tls else {}
+        asked = subprocess.run([sys.executable, *command[1:]], env=environment, capture_output=True, timeout=20)
+        server.shutdown()
+    assert command[0] == "python"
+    assert (asked.returncode == 0) is (status == 200), asked.stderr.decode()
 
 
 def test_the_unit_takes_no_more_than_it_needs() -> None:
