@@ -10,7 +10,7 @@
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
-from app.plant.definitions import Equipment, Kind, Link, Scan, Type
+from app.plant.definitions import Equipment, Kind, Link, Plant, Scan, Type
 from app.plant.sequence_definition import SequenceOrder
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.orders import expected_action
@@ -24,6 +24,15 @@ def own(names: Sequence[str] | frozenset[str]) -> list[str]:
 def others(names: Sequence[str] | frozenset[str]) -> list[str]:
     """Those of `names` that are points of any machine of the plant."""
     return sorted(name for name in names if "." in name)
+
+
+def commanding(plant: Plant, machine: str) -> list[Equipment]:
+    """Machines whose sequence gives orders to `machine`."""
+    return [
+        item
+        for item in plant.equipment.values()
+        if item.sequence and any(order.machine == machine for step in item.sequence.steps for order in step.orders)
+    ]
 
 
 def check_points(table: Table, key: str, text: str, names: Sequence[str], found: Mapping[str, Equipment]) -> None:

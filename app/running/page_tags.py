@@ -4,6 +4,7 @@ from collections.abc import Collection
 
 from app.alarms.definitions import frame_names
 from app.plant.definitions import Equipment, Plant
+from app.plant.sequence_plant import commanding
 from app.plant.system import CLASS, COMMANDS, EVENTS, FRAME, HISTORY, LESSONS, SYSTEM
 
 MOST_NAMED = 200
@@ -13,7 +14,7 @@ MOST_NAMED = 200
 def page_tags(kind: str, plant: Plant | None, known: Collection[str]) -> list[str]:
     """Tags of a kind of page: `overview`, `equipment/<id>`, `faceplate/<id>`, `records/<kind>`, `forces`, `tags/<name>,…`; the frame's in
     each. The overview has what its tiles draw (`tile` of device.toml). Cells of tables are on the page of their machine only; the page of
-    a sequence has the points of its machine, too.
+    a sequence has the points of its machine, too, and that of a machine those of sequences that command it.
 
     `known`: every tag that there is.
 
@@ -67,6 +68,11 @@ def _of_machine(item: Equipment, plant: Plant, *, whole: bool) -> list[str]:
     names.append(f"{SYSTEM}.{COMMANDS}.{item.id}")
     names.append(f"{SYSTEM}.link.{item.link}.unit{item.unit}.answer_time")
     names.append(f"{SYSTEM}.{LESSONS}.{CLASS}")
+    for other in commanding(plant, item.id) if whole else ():
+        names += [
+            f"{SYSTEM}.{COMMANDS}.{other.id}",
+            *(point.name for point in other.points.values() if not point.table),
+        ]
     if whole and item.machine in plant.equipment:
         names += [point.name for point in plant.equipment[item.machine].points.values() if not point.table]
     return names

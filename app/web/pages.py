@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 from app import bundled
 from app.historian.events import has_ring
 from app.plant.definitions import Equipment, EquipmentType, Plant
+from app.plant.sequence_plant import commanding
 from app.running.instruction import says_simulated
 from app.web import language, screens
 from app.web.errors import PlantBroken
@@ -103,6 +104,7 @@ async def _screen(request: Request, key: str, name: str) -> HTMLResponse:
             for page in pages
         ],
         histories=_histories(request, machine),
+        stepped=[Operation(request, item) for item in commanding(plant, machine.id)],
         tables=tables_of(drawn),
         query=request.query_params,
         worked=await screens.worked(machine.type.name, name, request.state.person, request.query_params),

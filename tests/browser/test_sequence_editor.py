@@ -1,0 +1,47 @@
+"""A sequence is edited in a browser: fields and text follow one another as one types, and a mistake stands at its field."""
+
+import re
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import expect
+
+from app import bundled
+from tests.browser.station import Sit, serving
+from tests.conftest import PogonServer
+
+WHO, HOME = "ivana", "/equipment/steps1/definition?section=1"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
+    folder = tmp_path_factory.mktemp("editor")
+    shutil.copytree(bundled("plants/drive_steps"), folder / "plant")
+    with serving(folder, {"ivana": ("engineer", "operator")}) as running:
+        yield running
+
+
+def test_fields_and_text_follow_one_another_and_a_mistake_stands_at_its_field(sit: Sit) -> None:
+    page = sit()
+    page.fill("[name=minimum]", "much")
+    expect(page.locator("#h-f-minimum")).to_contain_text("a number from 0 to 36000")
+    expect(page.locator("#ed-problems")).to_contain_text("steps.0.minimum")
+    page.fill("[name=minimum]", "12")
+    expect(page.locator("#ed-problems")).to_contain_text("No mistakes.")
+    expect(page.locator("#ed-text")).to_have_value(re.compile("minimum = 12\n"))
+    text = page.locator("#ed-text")
+    text.fill(text.input_value().replace("maximum = 60", "maximum = 77"))
+    expect(page.locator("[name=maximum]")).to_have_value("77")
+    page.fill("[name=minimum]", "13")
+    expect(text).to_have_value(re.compile("minimum = 13\n"))
+
+
+def test_the_drive_runs_its_steps_from_its_own_page(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    steps = page.locator(".st-q")
+    steps.locator("[data-token=take]").click()
+    steps.locator("[data-command='steps1.start']").click()
+    if page.locator("#overlay [data-ask]").count():
+        page.locator("#overlay [data-ask] button.cmd").last.click()
+    expect(steps.locator("[data-command='steps1.abort']")).to_be_visible()
