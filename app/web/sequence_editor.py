@@ -188,21 +188,24 @@ def _place(parts: list[Section], forms: Forms, problem: Problem) -> str:
 @router.post("/equipment/{key}/definition/fields", dependencies=[allow("configure")])
 async def typed(request: Request, key: str) -> Response:
     """Take the fields of a form into the draft, and say what is wrong now."""
-    at, given = await editing(request, key), await _given(request)
-    at = await _with_fields(request, at, given)
+    before, given = await editing(request, key), await _given(request)
+    at = await _with_fields(request, before, given)
     shown = await _shown(request, at, given["section"])
-    return view_of(request).fragment(request, "fragments/editor_after_fields.html", **shown)
+    moved = at.draft.text != before.draft.text  # else whoever types in the text by now is left alone
+    return view_of(request).fragment(request, "fragments/editor_after_fields.html", moved=moved, **shown)
 
 
 @router.post("/equipment/{key}/definition/text", dependencies=[allow("configure")])
 async def written(request: Request, key: str) -> Response:
     """Take the text of a section into the draft, right or wrong, and say what is wrong now."""
-    at, given = await editing(request, key), await _given(request)
-    at = await _with_text(request, at, given)
+    before, given = await editing(request, key), await _given(request)
+    at = await _with_text(request, before, given)
+    moved = at.draft.text != before.draft.text  # else whoever types in a field by now is left alone
     shown = await _shown(request, at, given["section"])
     return view_of(request).fragment(
         request,
         "fragments/editor_after_text.html",
+        moved=moved,
         tab=printable(given["tab"], 32),
         seen=printable(given["seen"], 9),
         **shown,

@@ -42,6 +42,5 @@ def test_the_drive_runs_its_steps_from_its_own_page(sit: Sit) -> None:
     steps = page.locator(".st-q")
     steps.locator("[data-token=take]").click()
     steps.locator("[data-command='steps1.start']").click()
-    if page.locator("#overlay [data-ask]").count():
-        page.locator("#overlay [data-ask] button.cmd").last.click()
+    page.locator("#overlay").get_by_role("button", name="Start from step 1").click()
     expect(steps.locator("[data-command='steps1.abort']")).to_be_visible()

@@ -163,6 +163,14 @@ def test_another_window_is_told_and_overwrites_nothing(staff: Staff) -> None:
     assert "minimum = 34" in Window(staff, "2").page
 
 
+def test_an_answer_to_what_changed_nothing_leaves_the_other_view_alone(staff: Staff) -> None:
+    window = Window(staff, "2")
+    assert 'id="ed-text"' in window.send("fields", minimum="31").text
+    assert 'id="ed-text"' not in window.send("fields", minimum="31").text
+    text = text_of(Window(staff, "2").page).replace("&#34;", '"').replace("&gt;", ">")
+    assert 'id="ed-fields"' not in Window(staff, "2").send("text", text=text).text
+
+
 def test_fields_that_are_none_are_refused(staff: Staff) -> None:
     window = Window(staff, "2")
     assert window.send("fields", **{"../x": "1"}).status_code == 422
