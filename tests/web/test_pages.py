@@ -11,6 +11,7 @@ from fastapi.testclient import TestClient
 
 from app.errors import ConfigurationError, Refused
 from app.plant.texts import read_product
+from app.running.page_tags import page_tags
 from app.web.guard import allow, check_declared, permissions
 from tests.web.conftest import HOST, Start, send
 
@@ -228,6 +229,30 @@ def test_the_overview_begins_with_every_machine_at_its_place(demo: TestClient) -
         )
     assert picture.count("<path") == sum(1 for item in plant.equipment.values() if item.machine) > 0
     assert 'class="pp' not in demo.get("/area/drives").text
+
+
+def test_tiles_say_how_far_it_is_and_what_it_waits_for(demo: TestClient) -> None:
+    demo.cookies.set("pogon_lang", "en")
+    page = unescape(demo.get("/").text)
+    tiles = {
+        found[1]: found[0]
+        for found in re.findall(r'(<article class="panel ov.*?href="/equipment/(\w+)".*?</article>)', page, re.S)
+    }
+    waits = re.search(
+        r'hx-get="/equipment/seq1/part/why"\s+hx-trigger="signal, every 5s">\s*(.*?)\s*</p>', tiles["seq1"]
+    )
+    assert waits and len(waits[1]) > 10
+    assert demo.get("/equipment/seq1/part/why").status_code == 200
+    crane = demo.app.state.runtime.plant.equipment["cr1"].points["step"]  # type: ignore[attr-defined]
+    steps = [number for number in crane.texts if number > 2]
+    assert re.findall(r'data-class="d:>(\d+);a:\1"', tiles["cr1"]) == [str(number) for number in steps]
+    assert (
+        'data-tag="cr1.suspension"' in tiles["cr1"]
+        and 'data-tag="a1.block"' in tiles["a1"]
+        and 'data-tag="a1.task"' in tiles["a1"]
+    )
+    sent = page_tags("overview", demo.app.state.runtime.plant, ())  # type: ignore[attr-defined]
+    assert set(re.findall(r'data-tag="((?:cr1|a1|seq1|cc1)\.\w+)"', "".join(tiles.values()))) <= set(sent)
 
 
 def test_an_area_has_its_own_flow_alarms_figures_and_curves(demo: TestClient) -> None:
