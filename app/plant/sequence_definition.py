@@ -27,6 +27,8 @@ class SequencePermissive:
     """Point of the machine, or `equipment.point`, whose value is kept with a first-out; empty = none."""
     forceable: bool = True
     """False for what is relevant to safety."""
+    missing: Texts = field(default_factory=dict)
+    """What is so while it is not met; empty: that the label does not hold."""
 
 
 @dataclass(frozen=True, slots=True)

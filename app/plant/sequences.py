@@ -25,6 +25,7 @@
     [steps.permissives.3]                               bit 0–15; a bit that nobody names counts as fulfilled
     key = "pressure_ok"                                 else bit_3
     label = { … }                                       in positive wording
+    missing = { … }                                     what is so while it is not met; else "not: " and the label
     when = "pressure > 80"                              over the points of the machine, and of any as m1.speed
     value = "pressure"                                  kept with a first-out
     forceable = true
@@ -315,8 +316,9 @@ class SequenceFiles:
             keys.add(key)
             when, value = table.text("when", ""), table.text("value", "", pattern=POINT, expected="a point")
             permissive = SequencePermissive(
-                key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable)
-            )
+                key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable),
+                self._label(table, "missing") if table.has("missing") else {},
+            )  # fmt: skip
             if _is_sentence(table, "when", when) if when else not table.has("when"):
                 file.signals.append((table, "when", when))
             if value:
@@ -447,7 +449,7 @@ def program(definition: SequenceDefinition) -> SequenceDefinition:
     """`definition` without what a device does not know (labels, tests): equal for two that run alike."""
 
     def bare(word: Sequence[SequencePermissive]) -> tuple[SequencePermissive, ...]:
-        return tuple(replace(each, label={}) for each in word)
+        return tuple(replace(each, label={}, missing={}) for each in word)
 
     steps = tuple(replace(step, label={}, permissives=bare(step.permissives)) for step in definition.steps)
     return replace(definition, name="", label={}, steps=steps, abort=bare(definition.abort), tests=())

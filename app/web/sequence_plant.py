@@ -9,7 +9,8 @@ from app.plant.sequences import RUNNING
 from app.running.sequence_orders import SequenceDesk, SequenceDesks
 from app.tags.quality import NO_DATA
 from app.web import format as fmt
-from app.web.points import EquipmentView, Surroundings
+from app.web import sentences
+from app.web.points import EquipmentView, PointView, Surroundings
 
 
 class SequencePlant:
@@ -102,6 +103,18 @@ class SequencePlant:
         """Whether `suspend_when` has it stand still; None = nobody knows, and so it stands."""
         when = self.definition.suspend_when
         return parse(when, machines=True).true(self._reading) if when and self.runs_here else False
+
+    def told(self, sentence: str) -> str:
+        """`sentence` in words: names of points and their machines in place of keys."""
+        return sentences.told(sentence, self._named, self.equipment.text, self.equipment.lang)
+
+    def _named(self, name: str) -> tuple[str, PointView | None]:
+        id, _, key = name.rpartition(".")
+        machine = self.equipment.other(id or self.equipment.equipment.machine)
+        if machine is None or not machine.has(key):
+            return name, None
+        point = machine.point(key)
+        return (f"{machine.label} · {point.label}" if id else point.label), point
 
     def _reading(self, name: str) -> Reading:
         id, _, key = name.rpartition(".")

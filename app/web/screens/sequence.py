@@ -37,6 +37,9 @@ class BitView:
     step: int
     bit: int
     label: str
+    """What is true while it is met."""
+    lacking: str
+    """What is true while it is not."""
     named: bool
     """False: the definition does not name it, and it counts as fulfilled."""
     met: bool | None
@@ -44,7 +47,7 @@ class BitView:
     forced: bool
     forceable: bool
     when: str
-    """The sentence it is made of."""
+    """The sentence it is made of, in words."""
     first: bool = False
     fell: PointView | None = None
     back: PointView | None = None
@@ -209,6 +212,12 @@ class SequenceView:
         named = self.definition.permissive(step, bit)
         return self.equipment.words(named.label) if named else self.equipment.text("sequence.screen.bit", n=bit)
 
+    def lacking(self, step: int, bit: int) -> str:
+        """What is so when a permissive is not met: its own words for that, else that what it is called does not hold."""
+        named = self.definition.permissive(step, bit)
+        own = self.equipment.words(named.missing) if named and named.missing else ""
+        return own or self.equipment.text("sequence.screen.lacks", what=self.label(step, bit))
+
     @cached_property
     def first(self) -> tuple[int, int] | None:
         """(step, bit) of the permissive that fell first; None = nothing is latched, or no permissive was the cause."""
@@ -232,11 +241,12 @@ class SequenceView:
             step=step,
             bit=bit,
             label=self.label(step, bit),
+            lacking=self.lacking(step, bit),
             named=named is not None,
             met=None if word is None else bool(word >> bit & 1),
             forced=bool(forced >> bit & 1),
             forceable=(named.forceable if named else False) and (may is None or bool(may >> bit & 1)),
-            when=named.when if named else "",
+            when=self.plant.told(named.when) if named else "",
             doubt=self.plant.doubt(named.when) if named and not (word or 0) >> bit & 1 else "",
             first=self.first == (step, bit),
             fell=fall["fell"] if fall else None,
@@ -373,7 +383,7 @@ class SequenceView:
         if self.state == SequenceState.SUSPENDED:
             if (held := self.plant.held) is not False:
                 key = "held" if held else "held_unknown"
-                return text(f"sequence.screen.head.{key}", when=self.definition.suspend_when)
+                return text(f"sequence.screen.head.{key}", when=self.plant.told(self.definition.suspend_when))
             missing = self.missing(step)
             return text("sequence.screen.head.missing", step=step, names=self.named(missing)) if missing else text(
                 "sequence.screen.head.resume"
@@ -403,7 +413,7 @@ class SequenceView:
         if self.value("first_out_cause") == Cause.COMMAND and (why := self.plant.failure):
             parts.append(why)
         if self.first is not None:
-            name, value = self.label(*self.first), self.first_value
+            name, value = self.lacking(*self.first), self.first_value
             one = (
                 text("sequence.screen.head.first", name=name, value=value)
                 if value
@@ -429,7 +439,7 @@ def _aborted(sequence: SequenceView) -> str:
     """That it was aborted, where, and why."""
     cause = int(sequence.value("first_out_cause") or 0)
     step = int(sequence.value("first_out_at") or 0)
-    name = sequence.label(*sequence.first) if sequence.first is not None else ""
+    name = sequence.lacking(*sequence.first) if sequence.first is not None else ""
     key = {
         Cause.ABORT_CONDITION: "by_condition",
         Cause.PERMISSIVE_LOST: "by_loss",

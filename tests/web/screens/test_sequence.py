@@ -203,3 +203,17 @@ def test_nobody_signed_in_learns_who_forced(plant: TestClient) -> None:
     plant.cookies.clear()
     assert plant.get("/forces").status_code == 200
     assert plant.get("/equipment/seq2/ask/force?step=3&bit=1", headers={"HX-Request": "true"}).status_code in (401, 303)
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("key", ["seq1", "seq2"])
+def test_nobody_reads_an_expression(plant: TestClient, operator: Operator, key: str, lang: str) -> None:
+    """What a permissive is made of is told in names and words, and one that is missing by what is so then."""
+    view = sequence(plant, key, lang)
+    bits = [one for step in range(view.total + 1) for one in view.bits(step) if one.named]
+    raw = re.compile(r"==|!=|\b[a-z]+_[a-z_0-9]+|\b[a-z]+[0-9]\.[a-z]")
+    assert bits and not [one.when for one in bits if raw.search(one.when)]
+    assert all(one.lacking and one.lacking != one.label for one in bits)
+    operator.language = lang
+    part = operator.get(f"/equipment/{key}/part/word?all=1&step=1")
+    assert part.status_code == 200 and "==" not in part.text
