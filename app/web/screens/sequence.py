@@ -334,7 +334,7 @@ class SequenceView:
             line = text(f"sequence.screen.head.{key}", time=self.seconds(time))
             return Headline("i-check" if done or ready else "i-pause", line, "", None, self._to_start(), "calm")
         if state == SequenceState.ABORTED:
-            return Headline("i-cross", _aborted(self), "", None, self._then(), "stop")
+            return Headline("i-cross", _aborted(self), "", None, _then(self), "stop")
         step = self.active or int(self.value("first_out_at") or 0)
         cells = self.step(step) if 0 < step <= self.total else None
         elapsed = cells["elapsed"] if cells and cells.has("elapsed") else None
@@ -355,7 +355,7 @@ class SequenceView:
         )
         before, _, after = line.partition("\0")
         symbol = {"timed_out": "i-clock", "suspended": "i-pause", "stalled": "i-clock"}.get(kind, "i-right")
-        detail = self._then() if kind == "timed_out" else self._waits(step, maximum)
+        detail = _then(self) if kind == "timed_out" else self._waits(step, maximum)
         look = {"running": "calm", "suspended": "wait"}.get(kind, "stop")
         soon = cells.soon if cells and state == SequenceState.RUNNING else None
         return Headline(symbol, before, after, elapsed, detail, look, soon)
@@ -406,24 +406,6 @@ class SequenceView:
             text("sequence.screen.head.single") if self.is_on("single_step") else text("sequence.screen.head.goes_on")
         )
 
-    def _then(self) -> str:
-        """What stopped it first, and what to do."""
-        text = self.equipment.text
-        parts = []
-        if self.value("first_out_cause") == Cause.COMMAND and (why := self.plant.failure):
-            parts.append(why)
-        if self.first is not None:
-            name, value = self.lacking(*self.first), self.first_value
-            one = (
-                text("sequence.screen.head.first", name=name, value=value)
-                if value
-                else text("sequence.screen.head.only", name=name)
-            )
-            parts.append(one)
-        if self.is_on("needs_acknowledge"):
-            parts.append(text("sequence.screen.head.acknowledge"))
-        return " · ".join(parts)
-
 
 TOGETHER = ("step", "bit")
 """Arguments that name a permissive."""
@@ -433,6 +415,25 @@ STATES = StepState
 
 def _say(equipment: EquipmentView, key: str, **params: object) -> str:
     return equipment.text(f"sequence.screen.{key}", **params)
+
+
+def _then(sequence: SequenceView) -> str:
+    """What stopped it first, and what to do."""
+    text = sequence.equipment.text
+    parts = []
+    if sequence.value("first_out_cause") == Cause.COMMAND and (why := sequence.plant.failure):
+        parts.append(why)
+    if sequence.first is not None:
+        name, value = sequence.lacking(*sequence.first), sequence.first_value
+        one = (
+            text("sequence.screen.head.first", name=name, value=value)
+            if value
+            else text("sequence.screen.head.only", name=name)
+        )
+        parts.append(one)
+    if sequence.is_on("needs_acknowledge"):
+        parts.append(text("sequence.screen.head.acknowledge"))
+    return " · ".join(parts)
 
 
 def _aborted(sequence: SequenceView) -> str:
