@@ -175,6 +175,7 @@ def _pages(texts: Texts, plant: Plant, lang: str) -> Iterator[Place]:
         yield Place("page", texts.text(lang, "lessons.title"), "", "/lessons", "operate")
     for key, url, needed in ENGINEERING:
         yield Place("page", texts.text(lang, key), texts.text(lang, "nav.engineering"), url, needed)
+    yield Place("page", texts.text(lang, "api.title"), texts.text(lang, "nav.engineering"), "/docs", "configure")
     yield Place("page", texts.text(lang, "access.account"), "", "/account", "account")
 
 

@@ -1,5 +1,8 @@
 """The interface for other programs: the same gate, the same roles, JSON."""
 
+import html
+import re
+import shlex
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from itertools import count
@@ -10,6 +13,7 @@ import pytest
 
 from app.clock import to_datetime
 from app.settings import Settings
+from app.web.guard import permissions
 from tests.virtual import house, until
 from tests.web.people import AGENT, Staff
 
@@ -158,6 +162,40 @@ def test_the_description_is_for_engineers_and_loads_nothing_from_elsewhere(staff
     staff.enter("ivan", "engineer")
     page = staff.client.get("/docs")
     assert page.status_code == 200
-    assert "http" not in page.text.replace("https://www.w3.org", "")
+    assert not re.findall(r'(?:src|href)="(?!/|#)[^"]*"', page.text)
+    assert "swagger" not in page.text and "unsafe-inline" not in page.headers["content-security-policy"]
     schema = staff.client.get("/api/v1/openapi.json").json()
     assert "/api/v1/equipment/{key}/commands/{command}" in schema["paths"]
+
+
+@pytest.mark.parametrize("language", ["hr", "en", "de", "cs"])
+def test_the_page_names_every_operation_with_its_permission_in_every_language(staff: Staff, language: str) -> None:
+    staff.enter("ivan", "engineer")
+    staff.client.cookies.set("pogon_lang", language)
+    page = html.unescape(staff.client.get("/docs").text)
+    schema = staff.client.get("/api/v1/openapi.json").json()
+    asked = permissions(staff.client.app)  # type: ignore[arg-type]
+    blocks = {
+        (one[1], one[2]): one[0]
+        for one in re.finditer(
+            r'<details class="api-op".*?<b class="api-m"[^>]*>(\w+)</b><code>([^<]*)</code>.*?</details>',
+            page,
+            re.DOTALL,
+        )
+    }
+    assert set(blocks) == {(how.upper(), path) for path, methods in schema["paths"].items() for how in methods}
+    for (method, path), block in blocks.items():
+        assert f"<code>{asked[f'{method} {path}']}</code>" in block, path
+    assert not re.findall(r">\s*\[[a-z_.]+\]", page)
+    staff.client.cookies.delete("pogon_lang")
+
+
+def test_every_example_that_only_reads_is_answered(staff: Staff) -> None:
+    staff.enter("ivan", "engineer")
+    page = html.unescape(staff.client.get("/docs").text)
+    examples = re.findall(r'<pre class="api-curl" tabindex="0">(.*?)</pre>', page, re.DOTALL)
+    reads = [shlex.split(one.replace("\\\n", " "))[-1] for one in examples if "-X" not in one]
+    assert len(reads) > 8
+    for address in reads:
+        answer = staff.client.get(address)
+        assert answer.status_code == 200, (address, answer.text)

@@ -7,27 +7,21 @@ A program sends `Authorization: Bearer <token>` (made on the page of tokens); a 
 import asyncio
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import orjson
 from fastapi import APIRouter, Request
 from fastapi.openapi.utils import get_openapi
-from fastapi.responses import HTMLResponse, Response
+from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from app import __version__
 from app.web.api import alarms, commands, events, history, plant, records
 from app.web.guard import allow
 
-if TYPE_CHECKING:
-    from app.web.view import View
-
 SUBJECTS = (plant, history, alarms, commands, records, events)
 
 router = APIRouter(prefix="/api/v1")
-pages = APIRouter()
-"""The packaged pages that describe it."""
-ROUTERS: Sequence[APIRouter] = (*(subject.router for subject in SUBJECTS), router, pages)
+ROUTERS: Sequence[APIRouter] = (*(subject.router for subject in SUBJECTS), router)
 
 ERRORS: Mapping[int, str] = {
     400: "the body cannot be read",
@@ -45,12 +39,6 @@ ERRORS: Mapping[int, str] = {
     503: "the device is silent, or the server cannot do it now",
 }
 """What an answer other than the good one means."""
-
-DOCS_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; object-src 'none'; frame-ancestors 'none'"
-)
-"""Of the packaged API pages alone: they style themselves."""
 
 
 class ErrorOut(BaseModel):
@@ -91,12 +79,3 @@ def errors_of(path: str, method: str) -> list[int]:
         return [401, 403, *([404] if "{" in path or path.endswith(("/tags", "/history")) else []), 422, 503]
     ordering = "/equipment/" in path
     return [400, 401, 403, 408, *([404, 409, 410, 423] if ordering else []), 413, 415, 422, 429, 503]
-
-
-@pages.get("/docs", dependencies=[allow("configure")], include_in_schema=False)
-async def docs(request: Request) -> HTMLResponse:
-    """The API pages, packaged with the product."""
-    view: View = request.app.state.view
-    response = view.fragment(request, "pages/api.html")
-    response.headers["content-security-policy"] = DOCS_POLICY
-    return response
