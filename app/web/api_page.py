@@ -90,7 +90,7 @@ def _operations(schema: Mapping[str, Any], asked: Mapping[str, str], plant: Plan
                 " ".join(more.split()),
                 asked.get(name, ""),
                 (*_parameters(told), *_body(schema, told)),
-                tuple((status, ERRORS[int(status)]) for status in told["responses"] if int(status) in ERRORS),
+                tuple((status, ERRORS[int(status)]) for status in sorted(told["responses"]) if int(status) in ERRORS),
                 _example(name, told, plant, base),
             )
 

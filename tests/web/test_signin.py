@@ -551,3 +551,10 @@ def test_a_database_without_its_tables_is_unavailable_and_no_error_of_ours(start
     staff.access.audit._db.read = fail  # type: ignore[method-assign, assignment]
     answer = client.get(path)
     assert answer.status_code in (303, 401, 503)
+
+
+def test_the_sheet_of_the_sign_in_lies_over_the_plant(staff: Staff) -> None:
+    staff.have()
+    sheet = staff.client.get("/signin")
+    assert sheet.status_code == 200
+    assert "ov-grid" in sheet.text and 'name="password"' in sheet.text
