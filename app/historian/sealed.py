@@ -29,14 +29,14 @@ MARK = "sealed"
 """Name of the mark up to when anything is sealed."""
 
 
-def seal(connection: Connection, before: int, since: int = 0) -> int | None:
-    """Seal what is older than the hour of `before` [µs UTC] of the points from number `since` on, some of it; None: all is done.
+def seal(connection: Connection, before: int, point: int = 0) -> int | None:
+    """Seal what is older than the hour of `before` [µs UTC] of the points from number `point` on, some of it; None: all is done.
 
     Returns the number of the point to go on with.
     """
     before = before // HOUR * HOUR
     left = AT_ONCE
-    for number in RIPE(connection, since=since, before=before).scalars().all():
+    for number in RIPE(connection, since=point, before=before).scalars().all():
         while (count := _seal(connection, number, before)) > 0:
             left -= count
             if left <= 0:

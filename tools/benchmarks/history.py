@@ -149,7 +149,7 @@ def _packed(folder: Path) -> tuple[float, float, float, float]:
     began = time.process_time()
     point: int | None = 0
     while point is not None:
-        point = database.run(partial(sealed.seal, before=BEGIN + DAY, since=point))
+        point = database.run(partial(sealed.seal, before=BEGIN + DAY, point=point))
     took = time.process_time() - began
     packed = database.run(store.used)
     with database.engine.connect() as connection:
