@@ -80,22 +80,27 @@ def transport() -> str:
     return "\n".join(lines)
 
 
-def drill(steps: int = 12, longest_force: int = 6) -> str:
-    """A sequence that nothing moves: its second step stays."""
+def drill(steps: int = 12, longest_force: int = 6, *, ways: bool = False) -> str:
+    """A sequence that nothing moves: its second step stays; `ways`: of twelve steps some stand in branches and a loop."""
     lines = ["[sequence]", 'label = "Drill"', f"longest_force = {longest_force}"]
+    lines += ['abort_to = "s12"'] if ways else []
     for number in range(1, steps + 1):
         lines += ["[[steps]]", f'key = "s{number}"', f'label = "Exercise {number}"', "minimum = 1"]
         lines += [f"maximum = {0 if number == 2 else 600}"]
         lines += ["[steps.permissives.1]", f'label = "Tank {number} is ready"']
         lines += ["[steps.permissives.2]", 'label = "Guard is closed"', "forceable = false"]
     lines += ["[abort.0]", 'label = "Emergency stop is not pressed"']
+    if ways:
+        lines += ["[[branches]]", 'after = "s3"', 'take = "all"', 'paths = ["s4", "s8"]', 'then = "s9"']
+        lines += ["[[branches]]", 'after = "s4"', 'take = "first"', 'paths = ["s5", "s6"]', 'then = "s7"']
+        lines += ["[[loops]]", 'from = "s9"', 'to = "s11"', "times = 3"]
     return "\n".join(lines)
 
 
-def write(folder: Path, link: str = '"memory"') -> Path:
+def write(folder: Path, link: str = '"memory"', *, ways: bool = False) -> Path:
     """The plant as files in `folder`; `link`: its transport as TOML, with what goes with it."""
     (folder / "sequences").mkdir(parents=True, exist_ok=True)
     (folder / "plant.toml").write_text(PLANT.replace('"memory"', link), "utf-8")
     (folder / "sequences" / "transport.toml").write_text(transport(), "utf-8")
-    (folder / "sequences" / "drill.toml").write_text(drill(), "utf-8")
+    (folder / "sequences" / "drill.toml").write_text(drill(ways=ways), "utf-8")
     return folder

@@ -31,7 +31,7 @@ WHO, HOME = "ivana", "/equipment/seq1"
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     """One Pogon with a coil car, its transport and a drill; an engineer and an operator."""
     folder = tmp_path_factory.mktemp("coils")
-    coil_plant.write(folder / "plant")
+    coil_plant.write(folder / "plant", ways=True)
     with serving(folder) as running:
         yield running
 

@@ -217,6 +217,16 @@ def test_what_stops_the_safe_steps_stops_for_good_and_the_first_cause_counts() -
     assert course.block.state is SequenceState.ABORTED and out and (out.cause, out.at_step) == (Cause.OPERATOR, 1)
 
 
+def test_suspended_the_safe_steps_wait_for_the_resume() -> None:
+    course = Course(4, SAFE, times={1: 3}).start().run(0.5)
+    course.run(0.5, suspend=True)
+    course.words[0] = 0
+    course.run(2, suspend=True)
+    assert course.block.safe and course.block.state is SequenceState.SUSPENDED and not course.block.output(3)
+    course.run(2)
+    assert (course.entered, course.block.state) == ([1, 3, 4], SequenceState.ABORTED)
+
+
 def test_safe_steps_that_cannot_be_entered_are_left_out() -> None:
     course = Course(4, SAFE, times={1: 3})
     course.words[3] = 0
