@@ -21,7 +21,7 @@ SHORTEST = 1
 LONGEST = 3660 * 86400
 """Of a span [s]."""
 AXES = ("auto", "fit", "scale")
-KNOWN = ("tags", "span", "from", "to", "off", "pen", "axis", "a", "b")
+KNOWN = ("tags", "span", "from", "to", "off", "pen", "axis", "a", "b", "under")
 """All that an address says, in its order."""
 OF_TIME = {"span", "from", "to", "a", "b"}
 DRIVE_SPEED = re.compile(r"(^|_)speed(_\d+)?$")
@@ -35,7 +35,8 @@ def names_of(asked: QueryParams) -> list[str]:
 
 
 def view_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> dict[str, Any]:
-    """The part of time and how it is drawn: `span` [s] when live, else `from` and `to` [µs UTC]; rulers.
+    """The part of time and how it is drawn: `span` [s] when live, else `from` and `to` [µs UTC]; rulers; `under`, how much earlier
+    another period is that is drawn under this one [s].
 
     Raises:
         Refused: 422, one of them cannot be read.
@@ -47,6 +48,7 @@ def view_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> dict[str, Any]:
         "to": None,
         "name": "",
         "axis": asked.get("axis", AXES[0]),
+        "under": _earlier(asked.get("under", "")),
     }
     if out["axis"] not in AXES:
         raise Refused("trend.error.axis", 422, value=out["axis"][:40], expected=", ".join(AXES))
@@ -62,6 +64,17 @@ def view_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> dict[str, Any]:
     for ruler in ("a", "b"):
         out[ruler] = moment_asked(asked.get(ruler, ""), zone, now) if asked.get(ruler, "") else None
     return out
+
+
+def _earlier(text: str) -> float | None:
+    """How much earlier the other period is [s]; None when there is none."""
+    if not text:
+        return None
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,3})?)([smhd])", text, re.ASCII)
+    seconds = float(found[1]) * UNITS[found[2]] if found else 0.0
+    if not 0 < seconds <= LONGEST:
+        raise Refused("trend.error.under", 422, value=text[:40])
+    return seconds
 
 
 def range_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> tuple[int, int]:

@@ -1,7 +1,8 @@
 """Trends: the page, its picker of points, numbers between two moments, alarms on the time axis, the past of sparklines.
 
-The address of the page is the whole view: `tags` (at most 8, comma separated), either `span` (10s, 10m, 8h, 7d: up to now, live) or `from`
-and `to`, the rulers `a` and `b`, the selected pen `pen`, pens that are `off`, and how the value axes are scaled (`axis`). Curves come from
+The address of the page is the whole view (trend_address.py): `tags` (at most 8, comma separated), either `span` (10s, 10m, 8h, 7d: up to
+now, live) or `from` and `to`, the rulers `a` and `b`, the selected pen `pen`, pens that are `off`, how much earlier another period `under`
+this one is, and how the value axes are scaled (`axis`). Curves come from
 /history/series (app/web/history.py).
 """
 
@@ -116,8 +117,8 @@ async def trends(request: Request) -> Response:
         "keeps": person is not None and person.may("views"),
         "texts": {
             key: text(f"trend.{key}")
-            for key in ("ruler", "lacking", "no_data", "unavailable", "empty_range", "not_recorded", "clock_change", "quality", "points",
-                        "chart", "visible", "between", "paused")
+            for key in ("ruler", "lacking", "other", "earlier", "csv_sums", "no_picture", "no_data", "unavailable", "empty_range",
+                        "not_recorded", "clock_change", "quality", "points", "chart", "visible", "between", "paused")
         },
     }  # fmt: skip
     return view.page(

@@ -4,18 +4,10 @@ import * as format from "./format.js";
 import * as time from "./time_axis.js";
 
 /** Dash of each pen [px]; colours are --pen-1 to --pen-6, 7 and 8 take the first two again with other dashes and markers. */
-const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3], [12, 4], [4, 2], [14, 3, 2, 3, 2, 3], [3, 7]];
+export const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3], [12, 4], [4, 2], [14, 3, 2, 3, 2, 3], [3, 7]];
 /** How far an extreme must stand out of the line to be drawn as line, not only as part of the band: pixels, and usual heights of the band. */
 const STANDS_OUT = [6, 2];
-const MARKER_EVERY = 170;
 const LASTS = 1e6, SCAN = 200e3; // a value unchanged for longer held; how long before its change it is known to have done so [µs]
-const SYMBOLS = {
-  1: (c, x, y, r) => c.rect(x - r, y - r, 2 * r, 2 * r),
-  2: (c, x, y, r) => { c.moveTo(x, y - r); c.lineTo(x + r, y + r); c.lineTo(x - r, y + r); c.closePath(); },
-  3: (c, x, y, r) => { c.moveTo(x, y + r); c.lineTo(x + r, y - r); c.lineTo(x - r, y - r); c.closePath(); },
-  4: (c, x, y, r) => c.arc(x, y, r, 0, 7),
-};
-
 /** A series of /history/series with all its columns: times are sent as distances, what is the same in all columns once or not at all. */
 export function unpacked(series) {
   let at = 0;
@@ -30,7 +22,7 @@ export class Chart {
   constructor(element, pens, options) {
     Object.assign(this, { element, options, pens, zone: options.zone, lang: options.lang, mini: !!options.mini });
     for (const pen of pens) Object.assign(pen, { series: null, fresh: [], items: [] });
-    Object.assign(this, { from: 0, to: 1, now: 0, axis: "auto", selected: pens[0]?.tag, rulers: {}, marks: [], notes: [], plot: null, shape: "" });
+    Object.assign(this, { from: 0, to: 1, now: 0, axis: "auto", selected: pens[0]?.tag, plot: null, shape: "" });
     element.chart = this;
     new ResizeObserver(() => this.draw()).observe(element);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
@@ -69,11 +61,16 @@ export class Chart {
 
   /** Columns and fresh values as one list of {at, first, low, high, last, level, count}. */
   weave(pen) {
-    const items = [], s = pen.series;
-    for (let i = 0; i < (s?.time?.length ?? 0); i++)
-      items.push({ at: s.time[i], first: s.first[i], low: s.low[i], high: s.high[i], last: s.last[i], level: s.quality[i], count: s.count[i] });
+    const items = this.woven(pen.series);
     for (const [at, value, level] of pen.fresh) items.push({ at, first: value, low: value, high: value, last: value, level, count: 1 });
     pen.items = items;
+  }
+
+  woven(s) {
+    const items = [];
+    for (let i = 0; i < (s?.time?.length ?? 0); i++)
+      items.push({ at: s.time[i], first: s.first[i], low: s.low[i], high: s.high[i], last: s.last[i], level: s.quality[i], count: s.count[i] });
+    return items;
   }
 
   /** What holds now is drawn up to now, while values arrive. */
@@ -149,10 +146,12 @@ export class Chart {
     const note = (...values) => { for (const y of values) if (y !== null && y !== undefined) { low = Math.min(low, y); high = Math.max(high, y); } };
     let decimals = 0, least = 0;
     for (const pen of pens) {
-      let before = null;
-      for (const item of this.drawn(pen)) {
-        if (item.at >= this.from && item.at <= this.to) note(item.low, item.high, before);
-        before = item.at < this.from ? item.last : null;
+      for (const items of [this.drawn(pen), pen.ghost ?? []]) {
+        let before = null;
+        for (const item of items) {
+          if (item.at >= this.from && item.at <= this.to) note(item.low, item.high, before);
+          before = item.at < this.from ? item.last : null;
+        }
       }
       decimals = Math.max(decimals, pen.decimals);
       if (pen.low !== null && pen.high !== null) least = Math.max(least, (pen.high - pen.low) / 50);
@@ -176,6 +175,13 @@ export class Chart {
 
   colour(name) { return getComputedStyle(this.element).getPropertyValue(name).trim(); }
 
+  /** Room above and at the right of the plot [px]. */
+  margins() { return [22, 26]; }
+
+  /** Least width of the first axis, and how much more the axis of time needs [px]. */
+  get least() { return 40; }
+  get below() { return 0; }
+
   rebuild() { this.shape = ""; this.draw(); }
 
   /** Draw everything as it stands. */
@@ -183,8 +189,8 @@ export class Chart {
     const width = Math.floor(this.element.clientWidth), height = Math.floor(this.element.clientHeight);
     if (width < 60 || height < 60 || !this.pens.length) return;
     const pens = this.shown(), scales = this.scales();
-    const room = this.mini ? 1 : width >= 860 ? 4 : width >= 560 ? 3 : 2;
-    const shape = JSON.stringify([pens.map((pen) => pen.tag), scales, room]);
+    const room = this.mini ? 2 : width >= 860 ? 4 : width >= 560 ? 3 : 2;
+    const shape = JSON.stringify([pens.map((pen) => pen.tag), scales, room, this.below, this.margins(width, scales)]);
     if (shape !== this.shape) {
       this.plot?.destroy();
       this.shape = shape;
@@ -207,7 +213,7 @@ export class Chart {
     const hidden = pens.length ? pens : this.pens.slice(0, 1);
     return {
       width, height, mode: 2, pxAlign: false, legend: none, cursor: none,
-      padding: this.mini ? [10, 26, 0, 0] : [26, scales.length > 1 ? 8 : 18, 0, 0],
+      padding: [...this.margins(width, scales), 0, 0],
       series: [{}, ...hidden.map((pen) => {
         const ink = this.colour(`--pen-${((pen.number - 1) % 6) + 1}`);
         return {
@@ -222,15 +228,15 @@ export class Chart {
       },
       axes: [
         {
-          scale: "x", font, stroke: text, size: this.mini ? 22 : 66, gap: this.mini ? 2 : 4, ticks: none, grid: { stroke: grid, width: 1 }, space: 20,
+          scale: "x", font, stroke: text, size: this.mini ? 22 : 66 + this.below, gap: this.mini ? 2 : 4, ticks: none, grid: { stroke: grid, width: 1 }, space: 20,
           splits: (plot) => time.ticks(this.from, this.to, Math.max(2, Math.floor(plot.bbox.width / uPlot.pxRatio / (this.mini ? 120 : 84))), this.zone).map((at) => at / 1e6),
           values: (plot, splits) => time.labels(splits.map((at) => at * 1e6), this.zone, this.lang),
         },
         ...scales.slice(0, room).map((scale, index) => ({
-          scale, font, stroke: text, side: index % 2 ? 1 : 3, ticks: none, gap: 6, space: this.mini ? 30 : 44,
+          scale, font, stroke: text, side: 3, ticks: none, gap: 6, space: this.mini ? 30 : 44,
           grid: { show: index === 0, stroke: grid, width: 1 },
           ...(scale.startsWith("yenum:") ? { incrs: [1, 2, 5, 10, 20, 50] } : {}),
-          size: (plot, values) => Math.max(34, 14 + Math.max(0, ...(values ?? []).map((one) => one.length)) * 7),
+          size: (plot, values) => Math.max(index ? 40 : this.least, 14 + Math.max(0, ...(values ?? []).map((one) => one.length)) * 7),
           values: (plot, splits, axis, space, step) => splits.map((y) => format.number(y, time.decimals(step), this.lang)),
         })),
       ],
@@ -239,10 +245,10 @@ export class Chart {
   }
 
   /** Line and band of a pen as paths, in pixels of the canvas. */
-  paths(plot, pen) {
-    const scale = this.scaleOf(pen), ratio = uPlot.pxRatio, stroke = new Path2D(), fill = new Path2D();
+  paths(plot, pen, items = this.drawn(pen), Path = Path2D) {
+    const scale = this.scaleOf(pen), ratio = uPlot.pxRatio, stroke = new Path(), fill = new Path(), places = [];
     const X = (at) => plot.valToPos(at / 1e6, "x", true), Y = (value) => plot.valToPos(value, scale, true);
-    const items = this.drawn(pen), heights = items.filter((item) => item.count > 1 && item.at >= this.from).map((item) => Y(item.low) - Y(item.high)).sort((a, b) => a - b);
+    const heights = items.filter((item) => item.count > 1 && item.at >= this.from).map((item) => Y(item.low) - Y(item.high)).sort((a, b) => a - b);
     const out = Math.max(STANDS_OUT[0] * ratio, STANDS_OUT[1] * (heights[heights.length >> 1] ?? 0));
     let down = false, y0 = 0, run = [], edge = null;
     const width = pen.series?.step ?? 0;
@@ -261,7 +267,6 @@ export class Chart {
       }
       run = [];
     };
-    pen.places = [];
     for (const item of items) {
       if (item.first === null && item.low === null) { down = false; band(); continue; }
       const top = Y(item.high), bottom = Y(item.low), x = X(item.at);
@@ -280,12 +285,13 @@ export class Chart {
         stroke.lineTo(x, z);
         if (!pen.stepped) run.push([x, top, bottom]);
       } else if (!pen.stepped) run.push([x, y, y]);
-      pen.places.push([x, z]);
+      places.push([x, z]);
       y0 = z;
       down = item.last !== null;
       if (!down) band();
     }
     band();
+    if (items !== pen.ghost) pen.places = places;
     return { stroke, fill, clip: null, band: null, gaps: null, flags: 0 };
   }
 
@@ -347,17 +353,7 @@ export class Chart {
     ctx.save();
     ctx.setLineDash([]);
     this.changes(plot);
-    if (this.mini) this.letters(plot);
-    else {
-      this.gapLabels(plot);
-      this.markers(plot);
-      this.flags(plot);
-      this.names(plot);
-      this.strip(plot);
-      this.alarms(plot);
-      this.units(plot);
-      this.dots(plot);
-    }
+    this.inscribe(plot);
     ctx.restore();
   }
 
@@ -394,85 +390,15 @@ export class Chart {
     }
   }
 
-  gapLabels(plot) {
-    const pen = this.pen(this.selected), { ctx, bbox } = plot, ratio = uPlot.pxRatio;
-    for (const [a, b] of pen?.on ? this.gaps(pen) : []) {
-      const x = plot.valToPos(a / 1e6, "x", true), end = plot.valToPos(b / 1e6, "x", true);
-      if (end - x < 14 * ratio) continue;
-      const text = `${this.options.texts.no_data} ${format.duration((b - a) / 1e6, this.lang)}`;
-      ctx.font = `${12 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
-      const width = ctx.measureText(text).width + 14 * ratio, y = bbox.top + bbox.height - 26 * ratio;
-      const middle = Math.min(Math.max((x + end) / 2, bbox.left + width / 2), bbox.left + bbox.width - width / 2);
-      ctx.fillStyle = this.colour("--inset");
-      ctx.strokeStyle = this.colour("--line");
-      ctx.lineWidth = ratio;
-      ctx.setLineDash([]);
-      ctx.beginPath();
-      ctx.roundRect(middle - width / 2, y - 10 * ratio, width, 20 * ratio, 3 * ratio);
-      ctx.fill();
-      ctx.stroke();
-      this.text(plot, text, middle, y, { align: "center" });
+  /** The words on a small chart: what each axis is of, and a letter at the right end of each curve. */
+  inscribe(plot) {
+    const ratio = uPlot.pxRatio;
+    for (const axis of plot.axes.slice(1)) {
+      const pens = this.shown().filter((pen) => this.scaleOf(pen) === axis.scale), of = pens.map((pen) => pen.letter).join(" ");
+      const width = this.text(plot, pens[0].unit, (axis._pos - 6) * ratio, plot.bbox.top - 11 * ratio, { align: "right" });
+      this.text(plot, of, (axis._pos - 10) * ratio - width, plot.bbox.top - 11 * ratio, { align: "right", colour: "--text", strong: true });
     }
-  }
-
-  marker(plot, number, x, y, size = 4) {
-    const { ctx } = plot, r = size * uPlot.pxRatio, line = [5, 6].includes(number);
-    ctx.beginPath();
-    if (number === 1 || number === 8) ctx.arc(x, y, number === 8 ? r / 2 : r, 0, 7);
-    else if (number === 2) SYMBOLS[1](ctx, x, y, r * 0.9);
-    else if (number === 3) SYMBOLS[2](ctx, x, y, r);
-    else if (number === 7) SYMBOLS[3](ctx, x, y, r);
-    else if (number === 4) { ctx.moveTo(x, y - r * 1.2); ctx.lineTo(x + r * 1.2, y); ctx.lineTo(x, y + r * 1.2); ctx.lineTo(x - r * 1.2, y); ctx.closePath(); }
-    else if (number === 5) { ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x + r, y - r); ctx.lineTo(x - r, y + r); }
-    else { ctx.moveTo(x - r, y); ctx.lineTo(x + r, y); ctx.moveTo(x, y - r); ctx.lineTo(x, y + r); }
-    ctx.setLineDash([]);
-    ctx.lineWidth = 1.75 * uPlot.pxRatio;
-    ctx.strokeStyle = this.colour(`--pen-${((number - 1) % 6) + 1}`);
-    ctx.fillStyle = this.colour("--inset");
-    if (!line) ctx.fill();
-    ctx.stroke();
-  }
-
-  markers(plot) {
-    const { bbox } = plot, every = MARKER_EVERY * uPlot.pxRatio;
-    for (const pen of this.shown()) {
-      let next = bbox.left + every * (0.25 + pen.number / 10);
-      for (const [x, y] of pen.places ?? []) {
-        if (x < next || x > bbox.left + bbox.width) continue;
-        this.marker(plot, pen.number, x, y, 3.5);
-        while (next <= x) next += every;
-      }
-    }
-  }
-
-  /** Each curve's name at its right end, none on top of another. */
-  names(plot) {
-    const { ctx, bbox } = plot, ratio = uPlot.pxRatio, right = bbox.left + bbox.width - 8 * ratio, labels = [];
-    for (const pen of this.shown()) {
-      const place = (pen.places ?? []).findLast(([x]) => x <= bbox.left + bbox.width && x >= bbox.left);
-      if (!place) continue;
-      labels.push({ pen, y: Math.min(Math.max(place[1] - 13 * ratio, bbox.top + 10 * ratio), bbox.top + bbox.height - 10 * ratio) });
-    }
-    labels.sort((a, b) => a.y - b.y);
-    const least = 17 * ratio;
-    for (let i = 1; i < labels.length; i++) labels[i].y = Math.max(labels[i].y, labels[i - 1].y + least);
-    const over = (labels.at(-1)?.y ?? 0) - (bbox.top + bbox.height - 10 * ratio);
-    if (over > 0) for (let i = labels.length - 1, edge = bbox.top + bbox.height - 10 * ratio; i >= 0; i--, edge -= least) labels[i].y = Math.min(labels[i].y, edge);
-    for (const { pen, y } of labels) {
-      let name = labels.length > 4 ? pen.label : pen.name;
-      const most = bbox.width * (labels.length > 4 ? 0.2 : 0.42);
-      ctx.font = `600 ${13 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
-      while (name.length > 6 && ctx.measureText(name).width > most) name = name.slice(0, -2).trimEnd() + "…";
-      const width = this.text(plot, name, right, y, { align: "right", colour: "--text", strong: true, halo: true });
-      ctx.strokeStyle = this.colour(`--pen-${((pen.number - 1) % 6) + 1}`);
-      ctx.lineWidth = 2 * ratio;
-      ctx.setLineDash(DASHES[pen.number - 1].map((one) => one * ratio));
-      ctx.beginPath();
-      ctx.moveTo(right - width - 28 * ratio, y);
-      ctx.lineTo(right - width - 6 * ratio, y);
-      ctx.stroke();
-      ctx.setLineDash([]);
-    }
+    this.letters(plot);
   }
 
   letters(plot) {
@@ -488,85 +414,5 @@ export class Chart {
     for (const { text, y } of labels) this.text(plot, text, bbox.left + bbox.width + 6 * ratio, y, { colour: "--text", strong: true });
   }
 
-  /** Quality of the selected pen below the axis: full = good, hatched = uncertain, nothing = bad or not recorded. */
-  strip(plot) {
-    const pen = this.pen(this.selected), { ctx, bbox } = plot, ratio = uPlot.pxRatio;
-    const y = bbox.top + bbox.height + 27 * ratio;
-    this.text(plot, this.options.texts.quality, bbox.left - 6 * ratio, y + 2.5 * ratio, { align: "right" });
-    if (!pen?.on) return;
-    const X = (at) => Math.min(Math.max(plot.valToPos(at / 1e6, "x", true), bbox.left), bbox.left + bbox.width);
-    const items = this.drawn(pen);
-    items.forEach((item, i) => {
-      if (item.last === null && item.low === null) return;
-      const a = X(item.at), b = items[i + 1] ? X(items[i + 1].at) : a;
-      const level = item.level === 2 && item.last !== null ? items[i + 1]?.level ?? 0 : item.level;
-      if (item.last === null || b <= a) return;
-      ctx.fillStyle = this.colour("--line");
-      if (level === 1) for (let x = a; x < b; x += 4 * ratio) ctx.fillRect(x, y, Math.min(2 * ratio, b - x), 5 * ratio);
-      else ctx.fillRect(a, y, b - a + 0.5, 5 * ratio);
-    });
-  }
 
-  /** Alarms on the axis of time, in the shape and colour of their priority. */
-  alarms(plot) {
-    const { ctx, bbox } = plot, ratio = uPlot.pxRatio, y = bbox.top + bbox.height + 48 * ratio;
-    for (const { time: at, priority } of this.marks) {
-      if (at < this.from || at > this.to) continue;
-      const x = plot.valToPos(at / 1e6, "x", true);
-      ctx.beginPath();
-      SYMBOLS[priority](ctx, x, y, 6 * ratio);
-      ctx.fillStyle = this.colour(`--alm-${priority}`);
-      ctx.fill();
-      ctx.strokeStyle = this.colour("--outline");
-      ctx.lineWidth = 1.25 * ratio;
-      ctx.stroke();
-      ctx.font = `600 ${8 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
-      ctx.textAlign = "center";
-      ctx.textBaseline = "middle";
-      ctx.fillStyle = this.colour(`--alm-${priority}-on`);
-      ctx.fillText(String(priority), x, y + (priority === 2 ? 1.5 : priority === 3 ? -1 : 0.5) * ratio);
-    }
-  }
-
-  /** Notes: a rule with a numbered flag at the top, as the list beside numbers them. */
-  flags(plot) {
-    const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
-    for (const { at, number } of this.notes) {
-      if (at < this.from || at > this.to) continue;
-      const x = plot.valToPos(at / 1e6, "x", true), wide = (10 + 7 * number.length) * ratio, right = x + wide > bbox.left + bbox.width;
-      ctx.strokeStyle = ctx.fillStyle = this.colour("--outline");
-      ctx.lineWidth = ratio;
-      ctx.setLineDash([]);
-      ctx.beginPath();
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(x, bbox.top + bbox.height);
-      ctx.stroke();
-      ctx.fillRect(right ? x - wide : x, bbox.top, wide, 18 * ratio);
-      this.text(plot, number, x + ((right ? -1 : 1) * wide) / 2, bbox.top + 9.5 * ratio, { align: "center", colour: "--inset", strong: true });
-    }
-  }
-
-  /** Units over their axes. */
-  units(plot) {
-    const ratio = uPlot.pxRatio, { bbox } = plot;
-    for (const axis of plot.axes.slice(1)) {
-      const pens = this.shown().filter((pen) => this.scaleOf(pen) === axis.scale);
-      const text = pens[0]?.unit || (pens.length === 1 ? pens[0].label : "");
-      const left = axis.side === 3, x = (left ? axis._pos - 6 : axis._pos + 6) * ratio;
-      plot.ctx.font = `${12 * ratio}px ${getComputedStyle(this.element).fontFamily}`;
-      const width = plot.ctx.measureText(text).width;
-      this.text(plot, text, left ? Math.max(x, width + 2 * ratio) : Math.min(x, plot.width * ratio - width - 2 * ratio), bbox.top - 14 * ratio, { align: left ? "right" : "left" });
-    }
-  }
-
-  /** Where the rulers cut the curves. */
-  dots(plot) {
-    for (const at of Object.values(this.rulers)) {
-      if (at === null || at < this.from || at > this.to) continue;
-      for (const pen of this.shown()) {
-        const value = this.at(pen, at);
-        if (value !== null) this.marker(plot, pen.number, plot.valToPos(at / 1e6, "x", true), plot.valToPos(value, this.scaleOf(pen), true), 4.5);
-      }
-    }
-  }
 }

@@ -1,5 +1,5 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
-import { Chart } from "./chart.js";
+import { TrendChart } from "./trend_chart.js";
 import * as format from "./format.js";
 import { page } from "./values.js";
 import * as time from "./time_axis.js";
@@ -17,18 +17,21 @@ for (const pen of begun.pens) pen.name = pen.machine ? `${pen.machine} · ${pen.
 
 const state = {
   live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
-  from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0,
+  from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0, under: begun.under === null ? 0 : begun.under * 1e6,
 };
 let heard = [begun.now, performance.now()], connected = false, missed = false;
 /** The server's clock [µs UTC]. */
 const now = () => Math.round(heard[0] + (performance.now() - heard[1]) * 1000);
-const chart = canvas && new Chart(canvas, begun.pens, { zone, lang, texts });
+const chart = canvas && new TrendChart(canvas, begun.pens, { zone, lang, texts });
 
 // ---- the address ----------------------------------------------------------------------------------------------
 
-function span() {
-  const [unit, size] = Object.entries(UNITS).reverse().find(([, each]) => state.span % each === 0) ?? ["s", 1e6];
-  return state.span === 86400e6 ? "24h" : `${Math.max(1, Math.round(state.span / size))}${unit}`;
+function span() { return state.span % 1e6 ? `${Math.max(1, Math.round(state.span / 1e6))}s` : written(state.span); }
+
+/** A length of time [µs] as an address says it. */
+function written(length) {
+  const [unit, size] = Object.entries(UNITS).reverse().find(([, each]) => length % each === 0) ?? ["s", 1e6];
+  return length === 86400e6 ? "24h" : `${Math.round(length / size * 1000) / 1000}${unit}`;
 }
 const iso = (at) => new Date(at / 1000).toISOString().replace(".000Z", "Z");
 
@@ -41,19 +44,22 @@ function address(tags = begun.pens.map((pen) => pen.tag)) {
   if (state.selected && state.selected !== tags[0] && tags.includes(state.selected)) parts.push(["pen", state.selected]);
   if (state.axis !== "auto") parts.push(["axis", state.axis]);
   for (const ruler of ["a", "b"]) if (state[ruler] !== null) parts.push([ruler, iso(state[ruler])]);
+  if (state.under) parts.push(["under", written(state.under)]);
   return "/trends?" + parts.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%3A", ":")}`).join("&");
 }
 
-let written = 0;
+let writing = 0;
 function remember() {
-  clearTimeout(written);
+  clearTimeout(writing);
   const path = address(), here = path.slice("/trends?".length);
-  written = setTimeout(() => history.replaceState(null, "", path), 100);
+  writing = setTimeout(() => history.replaceState(null, "", path), 100);
   for (const field of all("[data-view]")) if (field.value !== here) field.value = here;
   if (begun.keeps) keep(here);
-  const link = one("[data-export]");
+  const link = one("[data-export]"), sums = one("[data-export-sums]"), every = Math.max(1, Math.ceil((chart.to - chart.from) / 1e9));
   if (!link) return;
   link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
+  sums.href = `${link.href}&interval=${every}`;
+  one("[data-sums]").textContent = texts.csv_sums.replace("{time}", format.duration(every, lang));
   one("[data-export-shift]").href = `${link.href}&interval=shift`;
 }
 
@@ -84,9 +90,14 @@ async function load() {
   asked = performance.now();
   const [from, to] = view(), width = Math.min(4000, Math.max(100, Math.round(chart.plot?.over.clientWidth || canvas.clientWidth - 80)));
   const range = `tags=${tags}&from=${Math.floor(from)}&to=${Math.ceil(to)}`;
+  const earlier = (first, last) => `tags=${tags}&from=${Math.floor(first - state.under)}&to=${Math.ceil(last - state.under)}`;
   try {
-    const answer = await fetched(`/history/series?${range}&width=${width}`, mine.signal);
+    const [answer, other] = await Promise.all([
+      fetched(`/history/series?${range}&width=${width}`, mine.signal),
+      state.under ? fetched(`/history/series?${earlier(from, to)}&width=${width}`, mine.signal) : null,
+    ]);
     chart.take(answer);
+    chart.under(other, state.under);
     const known = answer.series.some((series) => series.first?.some((value) => value !== null));
     const silent = answer.now - answer.alive > 15e6 && state.live;
     tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(([at]) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
@@ -95,12 +106,15 @@ async function load() {
     holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
     draw();
     const [first, last] = ruled();
-    const [table, marks] = await Promise.all([
+    const [table, marks, before] = await Promise.all([
       fetched(`/trends/table?tags=${tags}&from=${Math.floor(first)}&to=${Math.ceil(last)}`, mine.signal),
       fetched(`/trends/marks?${range}`, mine.signal),
+      state.under ? fetched(`/trends/table?${earlier(first, last)}`, mine.signal) : null,
       notes(range, mine.signal),
     ]);
-    fill(table);
+    fill(table, "stat");
+    for (const line of all("[data-under-stat]")) line.hidden = !before;
+    if (before) fill(before, "under-stat");
     chart.marks = marks.marks;
     one("[data-alarm-marks]").replaceChildren(...marks.marks.map((mark) => {
       const item = document.createElement("li");
@@ -124,6 +138,19 @@ async function notes(range, signal) {
 }
 
 const local = (at) => `${format.date(at, zone, lang)} ${format.clockTime(at, zone)}`;
+
+const clock = (text) => { // as app/web/typed_time.py
+  const typed = /^(\d{1,2})[./-] ?(\d{1,2})[./-] ?(\d{4})\.?(?:[ ,]+(\d{1,2})[:.](\d{2})(?:[:.](\d{2}))?)?$/.exec(text.trim());
+  if (!typed) return Date.parse(`${text.trim()}Z`);
+  const [day, month, year, ...time] = typed.slice(1).map((part) => Number(part ?? 0)), at = Date.UTC(year, month - 1, day, ...time);
+  return new Date(at).getUTCDate() === day && new Date(at).getUTCMonth() === month - 1 ? at : NaN;
+};
+
+/** A time as somebody typed it, on the clock of the plant, as µs UTC; NaN when it is none. */
+function wallTime(text) {
+  const wall = clock(text) * 1000, guess = wall - format.offset(wall, zone) * 60e6;
+  return wall - format.offset(guess, zone) * 60e6;
+}
 
 /** Flags are those of the list, however it came; a new note is of cursor A, else of now or the middle of what is seen. */
 function annotations() {
@@ -281,21 +308,22 @@ function when(at) {
   return day === format.date(now(), zone, lang, { year: false }) ? clock : `${day} ${clock}`;
 }
 
-function fill({ rows }) {
+function fill({ rows }, where) {
   const both = state.a !== null && state.b !== null && state.a !== state.b, turned = both && state.a > state.b;
   for (const row of rows) {
-    const pen = chart.pen(row.tag), line = one(`[data-stat="${CSS.escape(row.tag)}"]`);
+    const pen = chart.pen(row.tag), line = one(`[data-${where}="${CSS.escape(row.tag)}"]`);
     const words = (value) => (value === null || value === undefined ? "–" : pen.texts[value] ?? format.number(value, pen.decimals, lang));
     const held = (pair) => (!pair ? format.NO_VALUE : pair[1] === 2 || pair[0] === null ? format.NO_VALUE : words(pair[0]));
     const [a, b] = turned ? [row.b, row.a] : [row.a, row.b];
     const numbers = !Object.keys(pen.texts).length;
     const cells = {
-      a: both ? held(a) : state.a === null ? "–" : words(chart.at(pen, state.a)),
-      b: both ? held(b) : state.b === null ? "–" : words(chart.at(pen, state.b)),
+      a: both ? held(a) : state.a === null || where !== "stat" ? "–" : words(chart.at(pen, state.a)),
+      b: both ? held(b) : state.b === null || where !== "stat" ? "–" : words(chart.at(pen, state.b)),
       delta: both && numbers && a?.[0] != null && b?.[0] != null ? words(b[0] - a[0]) : "–",
       low: words(row.low), high: words(row.high), mean: numbers ? words(row.mean) : "–", good: format.number(row.good * 100, 1, lang),
     };
     const below = { low: when(row.low_at), high: when(row.high_at), good: row.lacking > 5e5 ? texts.lacking.replace("{time}", format.duration(row.lacking / 1e6, lang)) : "" };
+    if (where !== "stat") line.querySelector("[data-earlier]").textContent = texts.earlier.replace("{time}", format.duration(state.under / 1e6, lang));
     for (const cell of line.querySelectorAll("[data-cell]")) {
       cell.textContent = cells[cell.dataset.cell];
       const more = below[cell.dataset.cell];
@@ -402,12 +430,6 @@ function tools() {
   });
   one("[data-axis]")?.addEventListener("change", ({ target }) => { state.axis = target.value; draw(); });
   const own = one("#own-range");
-  const wallOf = (text) => { // as app/web/typed_time.py
-    const typed = /^(\d{1,2})[./-] ?(\d{1,2})[./-] ?(\d{4})\.?(?:[ ,]+(\d{1,2})[:.](\d{2})(?:[:.](\d{2}))?)?$/.exec(text.trim());
-    if (!typed) return Date.parse(`${text.trim()}Z`);
-    const [day, month, year, ...time] = typed.slice(1).map((part) => Number(part ?? 0)), at = Date.UTC(year, month - 1, day, ...time);
-    return new Date(at).getUTCDate() === day && new Date(at).getUTCMonth() === month - 1 ? at : NaN;
-  };
   one(".t-range > summary").addEventListener("click", () => {
     const [from, to] = view();
     own.elements.from.value = local(from);
@@ -415,15 +437,42 @@ function tools() {
   });
   own.addEventListener("submit", (event) => {
     event.preventDefault();
-    const [from, to] = ["from", "to"].map((name) => {
-      const wall = wallOf(own.elements[name].value) * 1000, guess = wall - format.offset(wall, zone) * 60e6;
-      return wall - format.offset(guess, zone) * 60e6;
-    });
+    const [from, to] = ["from", "to"].map((name) => wallTime(own.elements[name].value));
     const wrong = !(to > from);
     one("[data-own-error]").hidden = !wrong;
     if (wrong) return;
     one(".t-range").open = false;
     look(from, to);
+  });
+}
+
+/** Another period under this one: so much earlier, or such that the later of two cursors lies over the earlier one. */
+function periods() {
+  const menu = one("[data-compare]"), form = one("[data-under-own]"), begin = form.elements.begin;
+  const put = (earlier) => { state.under = Math.round(earlier / 1000) * 1000; menu.open = false; changed(); };
+  menu.addEventListener("toggle", () => {
+    const [from] = view(), lengths = { none: 0, span: state.span, "24h": 86400e6, "7d": 7 * 86400e6 };
+    begin.value = local(from - (state.under || 86400e6));
+    for (const button of menu.querySelectorAll("[data-under]")) {
+      if (button.dataset.under === "rulers") button.disabled = state.a === null || state.b === null || state.a === state.b;
+      else button.setAttribute("aria-pressed", String(lengths[button.dataset.under] === state.under));
+    }
+  });
+  menu.addEventListener("click", ({ target }) => {
+    const what = target.closest("[data-under]")?.dataset.under;
+    if (!what) return;
+    if (what !== "rulers") return put({ none: 0, span: state.span, "24h": 86400e6, "7d": 7 * 86400e6 }[what]);
+    const [before, after] = [state.a, state.b].sort((m, n) => m - n), [from, to] = view();
+    Object.assign(state, { a: after, b: null });
+    look(after - (to - from) / 2, after + (to - from) / 2);
+    put(after - before);
+  });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const earlier = view()[0] - wallTime(begin.value);
+    const wrong = !(earlier > 0 && earlier <= MOST);
+    one("[data-under-error]").hidden = !wrong;
+    if (!wrong) put(earlier);
   });
 }
 
@@ -468,6 +517,30 @@ function picker() {
   });
 }
 
+/** What is seen as a picture, with the numbers of the table; the program for it comes when it is asked for. */
+function pictures() {
+  const words = (cell) => (cell.dataset.cell ? cell.firstChild.textContent : cell.textContent).replace(/\s+/g, " ").trim();
+  for (const button of all("[data-picture]"))
+    button.addEventListener("click", async () => {
+      one("[data-take]").open = false;
+      try {
+        const picture = await import("./trend_picture.js"), kind = button.dataset.picture;
+        const table = all("#t-table tr:not([hidden])").map((row) => [...row.cells].map(words));
+        const other = chart.shift ? ` · ${texts.other.replace("{period}", chart.otherPeriod())}` : "";
+        const about = {
+          title: document.title, period: `${format.date(chart.to, zone, lang)} ${time.period(chart.from, chart.to, zone, lang)} · ${zone}${other}`,
+          made: format.dateTime(now(), zone, lang, now()), simulated: one(".simstrip .vh")?.textContent.trim(),
+        };
+        const made = await picture[kind](chart, about, table);
+        picture.save(kind === "svg" ? new Blob([made], { type: "image/svg+xml" }) : made, `${picture.named(chart, zone)}.${kind}`);
+      } catch {
+        window.pogon.say(texts.no_picture, "error");
+      }
+    });
+  one("[data-print]")?.addEventListener("click", () => { one("[data-take]").open = false; window.print(); });
+  matchMedia("print").addEventListener("change", () => chart.rebuild());
+}
+
 // ---- live -----------------------------------------------------------------------------------------------------
 
 const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
@@ -507,6 +580,8 @@ if (chart) {
   tools();
   pens();
   annotations();
+  periods();
+  pictures();
   follow();
   if (!state.live) state.paused = performance.now();
   canvas.addEventListener("drawn", placeRulers);

@@ -106,6 +106,9 @@ def test_the_address_is_the_view(client: TestClient) -> None:
     assert (got["selected"], got["axis"]) == ("m1.current", "fit")
     assert data(client, "/trends?tags=m1.speed&span=8h")["span"] == 8 * 3600
     assert data(client, "/trends?tags=m1.speed")["span"] == 600
+    assert data(client, "/trends?tags=m1.speed")["under"] is None
+    assert data(client, "/trends?tags=m1.speed&under=24h")["under"] == 86400
+    assert data(client, "/trends?tags=m1.speed&under=90.5s")["under"] == 90.5
 
 
 def test_times_without_an_offset_are_those_of_the_plant(client: TestClient) -> None:
@@ -145,6 +148,8 @@ def test_a_point_that_the_plant_has_no_longer_can_still_be_looked_at(client: Tes
         ("tags=m1.speed&from=2026-03-09T07:00&to=2026-03-09T06:00", "The end must come after the beginning"),
         ("tags=m1.speed&from=1990-01-01T00:00", "The range is too long. At most 3660 days"),
         ("tags=m1.speed&a=x", "The time “x” cannot be read"),
+        ("tags=m1.speed&under=soon", "The difference “soon” of the other period cannot be read. Expected: 24h"),
+        ("tags=m1.speed&under=0s", "The difference “0s” of the other period cannot be read"),
         ("tags=m1.speed&axis=log", "The axis “log” is not known. Expected: auto, fit, scale"),
     ],
 )
@@ -274,7 +279,7 @@ def test_a_history_that_cannot_be_read_is_told(client: TestClient, monkeypatch: 
 def test_a_sparkline_leads_to_its_trend(client: TestClient) -> None:
     text = client.get("/equipment/m1").text
     assert '<a class="spark-a" href="/trends?tags=m1.current" aria-label="Trend: ' in text
-    assert "/trends?tags=m1.speed,m1.current,m1.power" in text
+    assert "/trends?tags=m1.speed,m1.current" in text
     assert '<a href="/trends">Trends</a>' in text
 
 
