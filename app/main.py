@@ -13,6 +13,7 @@ from app.runtime import Runtime
 from app.settings import Settings
 from app.threads import Threads, threads
 from app.web import (
+    alarm_filters,
     alarm_hiding,
     alarm_statistics,
     alarms,
@@ -105,6 +106,7 @@ def dress(app: FastAPI, settings: Settings) -> None:
         overview,
         pages,
         socket,
+        alarm_filters,
         alarm_hiding,
         alarm_statistics,
         alarms,

@@ -15,6 +15,7 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from sqlalchemy import Connection
 from starlette.exceptions import HTTPException
 
+from app.access.kept import ALARM_FILTER
 from app.access.roles import Person
 from app.alarms import journal
 from app.alarms.engine import AlarmEngine
@@ -30,7 +31,7 @@ from app.web import format as fmt
 from app.web import language
 from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
 from app.web.audit import defused, read_time
-from app.web.guard import allow, field_list, fields, person_of, shown_name, shown_words
+from app.web.guard import access_of, allow, field_list, fields, person_of, shown_name, shown_words
 from app.web.history import with_shift
 from app.web.view import View, area_label
 
@@ -42,6 +43,8 @@ JOURNAL_PAGE = 100
 CSV_PAGE = 1000
 LONGEST_COMMENT = 200
 TABS = ("active", "unack", "hidden", "journal")
+FIELDS = ("tab", "area", "priority", "q", "event", "state", "source", "since", "until")
+"""Of the filter."""
 SPANS = (15, 60, 240, 720)
 """For how long somebody can shelve an alarm [min]."""
 REASONS = ("maintenance", "sensor", "nuisance", "test")
@@ -134,11 +137,23 @@ def _wanted(request: Request) -> dict[str, str]:
         Refused: 422, a field is there twice or is none of its choices.
     """
     query = request.query_params
-    names = ("tab", "area", "priority", "q", "page", "event", "state", "source", "since", "until", "before")
+    names = (*FIELDS, "page", "before")
     for name in names:
         if len(query.getlist(name)) > 1:
             raise Refused("access.form_field", 422, field=name)
-    found = {name: query.get(name, "").strip()[:120] for name in names}
+    found = checked({name: query.get(name, "").strip()[:120] for name in names})
+    for name in ("page", "before"):
+        if found[name] and (not found[name].isascii() or not found[name].isdecimal() or len(found[name]) > 15):
+            raise Refused("access.form_field", 422, field=name)
+    return found
+
+
+def checked(found: dict[str, str]) -> dict[str, str]:
+    """`found`, the fields of a filter, when each is one of its choices.
+
+    Raises:
+        Refused: 422, one is not.
+    """
     found["tab"] = found["tab"] or "active"
     for name, choices in (
         ("tab", TABS),
@@ -147,9 +162,6 @@ def _wanted(request: Request) -> dict[str, str]:
         ("state", ("", *STATE_NAMES.values())),
     ):
         if found[name] not in choices:
-            raise Refused("access.form_field", 422, field=name)
-    for name in ("page", "before"):
-        if found[name] and (not found[name].isascii() or not found[name].isdecimal() or len(found[name]) > 15):
             raise Refused("access.form_field", 422, field=name)
     return found
 
@@ -160,6 +172,7 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     asked = {name: value for name, value in wanted.items() if value and name not in ("page", "before")}
     return {
         "wanted": wanted,
+        "kept_filters": kept_filters(request),
         **tabs(request, narrowed),
         "area_choices": area_choices(request),
         "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
@@ -168,6 +181,15 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
         "may_shelve": _may(request, "shelve"),
         "may_configure": _may(request, "configure"),
     }  # fmt: skip
+
+
+def kept_filters(request: Request) -> list[tuple[str, str]] | None:
+    """Name and address of each filter that whoever looks has kept; None for whoever keeps nothing."""
+    person, access = request.state.person, access_of(request.app)
+    if person is None or access is None or not person.may("account"):
+        return None
+    kept = access.kept.of(person.id, ALARM_FILTER)
+    return [(name, f"/alarms?{urlencode(wanted)}") for name, wanted in sorted(kept.items())]
 
 
 def tabs(request: Request, narrowed: Mapping[str, str]) -> dict[str, Any]:
