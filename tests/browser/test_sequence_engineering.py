@@ -199,7 +199,7 @@ def test_a_step_says_that_its_greatest_time_is_near_before_it_is_over(sit: Sit) 
     expect(row).to_have_attribute("aria-selected", "true", timeout=30_000)
     expect(row.locator("small.q-soon")).to_be_hidden()
     expect(row.locator("small.q-soon")).to_be_visible(timeout=30_000)
-    expect(page.locator(".q-top .q-soon")).to_have_text(re.compile("Near the greatest time"))
+    expect(page.locator(".q-top .q-soon")).to_have_text(re.compile("Near the maximum time"))
     expect(row.locator(".time-done")).to_have_class(re.compile(r"\bsoon\b"))
     assert not page.locator(".banner .alm").count() or "Maximum" not in page.inner_text(".banner"), "no alarm yet"
     expect(page.locator(".q-top")).to_contain_text("allowed 8.0", timeout=30_000)
