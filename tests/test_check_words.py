@@ -39,7 +39,7 @@ def test_texts_of_all_kinds_are_looked_at() -> None:
         ("conveyor.screen.fact.unloaded", "de", "Entladen"),
         ("conveyor.screen.fact.unloaded", "cs", "Vyloženo"),
         ("conveyor.screen.first.22", "hr", "Zaustavilo isklapanje u nuždi"),
-        ("conveyor.alarm.encoder_1.label", "cs", "Sekce 1: porucha snímače otáček"),
+        ("conveyor.event.encoder_ok", "cs", "Snímač otáček opět pracuje"),
         (
             "sequence.alarm.aborted.response",
             "de",
