@@ -40,6 +40,26 @@ STOP = """(within) => [...document.querySelectorAll('.cmd.stop')].some((button) 
   return button.checkVisibility() && top >= 0 && bottom <= within + 1;
 })"""
 """Whether Stop is there, no lower than this."""
+CUT = """() => { // commands that lie under Stop or that one has to scroll for, whichever way of operating is chosen
+  const found = new Set(), zone = document.querySelector('.zone:has(.cmd.stop)');
+  if (!zone) return [];
+  const stop = zone.querySelector('.cmd.stop');
+  const look = () => {
+    const end = Math.min(stop.getBoundingClientRect().top, zone.querySelector('.op-list').getBoundingClientRect().bottom);
+    for (const one of zone.querySelectorAll('.cmd:not(.stop), .token'))
+      if (one.checkVisibility() && one.getBoundingClientRect().bottom > end + 1)
+        found.add(`"${one.textContent.trim().replace(/\\s+/g, ' ').slice(0, 40)}" lies lower than where the commands end`);
+  };
+  const ways = [...zone.querySelectorAll('fieldset label input[type=radio]')].filter((one) => one.parentElement.checkVisibility());
+  const chosen = ways.filter((one) => one.checked);
+  look();
+  for (const one of [...ways, ...chosen]) {
+    one.checked = true;
+    one.dispatchEvent(new Event('change', { bubbles: true }));
+    look();
+  }
+  return [...found];
+}"""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
@@ -103,6 +123,8 @@ def test_nothing_is_cut_at_any_size(abnormal: Page, server: PogonServer, lang: s
             lay_out(page, width, height, profile)
             if size != "phone" and page.evaluate("document.documentElement.scrollHeight") > height:
                 found.append(f"{lang} {path} {size}: the page is higher than the screen")
+            if size != "phone":
+                found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(CUT)]
             found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
             if path.startswith("/equipment/") and not path.endswith(("/parameters", "/events")):
                 found += [f"{lang} {path} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
