@@ -85,7 +85,8 @@ def test_a_mistake_is_told_at_its_field_with_line_key_and_what_was_expected(staf
     answer = window.send("fields", minimum="much", maximum="90").text
     hint = re.search(r'id="h-f-minimum"[^>]*>(.*?)</p>', answer, re.S)
     assert hint and "a number from 0 to 36000" in hint[1]
-    assert "feed.toml:36" in answer and "steps.1.minimum" in answer
+    line = FILE.splitlines().index("minimum = 20") + 1
+    assert f"feed.toml:{line}" in answer and "steps.1.minimum" in answer
     answer = window.send("fields", minimum="20", permissives__0__when="m1.frequncy > 29").text
     assert "perhaps m1.frequency" in answer and "steps.1.permissives.0.when" in answer
     assert "No mistakes." in window.send("fields", permissives__0__when="m1.frequency > 29").text
