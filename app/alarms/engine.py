@@ -120,6 +120,7 @@ class AlarmEngine:
                     changed.append((watch, before.alarm))
             self.evaluation.begin(watch)
         for watch in list(old.values()):
+            self._index.look_anew(watch)
             if isinstance(watch.condition, Reported) and (not watch.equipment or watch.equipment in equipment):
                 self.evaluation.enrol(old.pop(watch.id))
         for watch in old.values():

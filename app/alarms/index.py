@@ -73,6 +73,11 @@ class AlarmIndex:
             if watch not in readers:
                 readers.append(watch)
 
+    def look_anew(self, watch: Watch) -> None:
+        """Let `watch` of another revision look at the tags of this one; at nothing when its machine is gone."""
+        names = _names(self.equipment.get(watch.equipment))
+        watch.look, watch.age = self._look(names), self._age(names)
+
     # ---- who is asked for -----------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Watch]:

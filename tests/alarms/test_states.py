@@ -85,3 +85,19 @@ async def test_a_new_priority_sounds_again_only_upward(plot: Plot) -> None:
     plot.configure(plant(replace(HOT, priority=1)))
     assert engine.annunciations.count == told + 1
     assert [r.detail for r in await plot.records()][1:] == ["3 → 4", "4 → 1"]
+
+
+@pytest.mark.parametrize(("gone", "stays"), [("m1", "m2"), ("m2", "m1")])
+async def test_a_machine_goes_with_an_alarm_and_the_value_of_another_one_is_not_told_as_its_own(
+    plot: Plot, gone: str, stays: str
+) -> None:
+    """Where the tags of a machine stood others stand after the plant files were read anew, or none."""
+    await plot.begin(HOT, TRIP, machines=("m1", "m2"))
+    plot.put(stays, t=20.0, status=1)
+    plot.put(gone, t=72.0, status=4)
+    plot.configure(plant(HOT, TRIP, machines=(stays,)))
+    plot.put(stays, t=20.0, status=1)
+    removed = [one for one in await plot.records() if one.event == "REMOVED"]
+    assert [one.alarm for one in removed] == [f"{gone}.hot", f"{gone}.trip"]
+    assert [one.value for one in removed] == [None, None]
+    assert plot.letters == ""
