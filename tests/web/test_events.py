@@ -301,6 +301,7 @@ def test_from_its_screen_one_comes_to_what_became_of_things_on_a_machine_and_to_
         assert ways[item.id] == [
             *(f"/records/{kind}?equipment={item.id}" for kind in item.type.records),
             *([f"/equipment/{item.id}/events"] if has_ring(item) else []),
+            *([f"/equipment/{item.id}/definition"] if item.type.name == "sequence" else []),
             f"/instructor/{item.id}",  # all of them are simulated
         ]
         for url, text in found:
