@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from app import bundled
-from tests.browser.station import LANGUAGES, Sit, Stations, fault, lay_out, serving, speak
+from tests.browser.station import AXE, LANGUAGES, Sit, Stations, fault, lay_out, serving, speak
 from tests.conftest import ROOT, PogonServer
 from tools.pictures import MARKS
 
@@ -60,6 +60,10 @@ CUT = """() => { // commands that lie under Stop or that one has to scroll for, 
   }
   return [...found];
 }"""
+AXE_RUN = """axe.run(document, {resultTypes: ['violations']}).then(({ violations }) => violations.map(
+  ({ id, nodes }) => `${id} ${nodes.length}: ${nodes[0].html.slice(0, 160)}`))"""
+LOOKED_AT = {"hr": "light", "cs": "dark"}
+"""Language → theme in which no page has a barrier; each test of what a page does looks at others."""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
@@ -69,9 +73,15 @@ PAGES = (
     *(f"/equipment/{machine}/page/{name}" for machine in MACHINES for name in FURTHER[machine]),
     *(f"/equipment/{machine}/parameters" for machine in ("m1", "c1", "cr1")),
     "/trends?tags=m1.speed,m1.frequency_setpoint,c1.measured_speed_1&span=10m",
+    "/area/drives",
     "/alarms",
+    "/alarms?tab=journal",
+    "/alarms?tab=hidden",
+    "/alarms/statistics",
     "/events",
     "/equipment/c1/events",
+    *(f"/equipment/a1/{name}" for name in ("drive-parameters", "drive-parameters/compare", "encoder", "fault-buffer")),
+    "/equipment/seq1/definition",
     "/records/passage?equipment=c1",
     "/records/run?equipment=seq1",
     "/records/run?equipment=seq1&view=steps",
@@ -82,6 +92,12 @@ PAGES = (
     "/tokens",
     "/audit",
     "/account",
+    "/account/factor",
+    "/users/review",
+    "/lessons",
+    "/welcome",
+    "/help",
+    "/docs",
     "/storage",
     "/plant",
     *(f"/instructor{machine}" for machine in ("", "/m1", "/c1", "/cc1")),
@@ -113,12 +129,17 @@ def test_nothing_is_cut_at_any_size(abnormal: Page, server: PogonServer, lang: s
     page = abnormal
     speak(page, lang, server.url)
     found: list[str] = []
+    theme = LOOKED_AT.get(lang, "auto")
+    page.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": server.url}])
     for path in PAGES:
         page.goto(server.url + path, wait_until="load")
         if page.locator("body[data-live]").count():
             expect(page.locator("body")).to_have_attribute("data-live", "live")
         page.evaluate("document.fonts.ready.then(() => 1)")
         found += [f"{lang} {path}: {mark} is no text" for mark in MARKS.findall(page.inner_text("body"))]
+        if lang in LOOKED_AT:
+            page.evaluate(AXE.read_text("utf-8"))
+            found += [f"{lang} {path} {theme}: {one}" for one in page.evaluate(AXE_RUN)]
         for size, (width, height, profile) in SIZES.items():
             lay_out(page, width, height, profile)
             if size != "phone" and page.evaluate("document.documentElement.scrollHeight") > height:
