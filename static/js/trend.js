@@ -102,7 +102,8 @@ async function load() {
     const silent = answer.now - answer.alive > 15e6 && state.live;
     tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(([at]) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
       silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
-    one("[data-points]").textContent = texts.points.replace("{n}", format.number(Math.max(...answer.series.map((series) => series.time.length)), 0, lang));
+    const columns = Math.max(0, ...answer.series.map((series) => series.time.length));
+    one("[data-points]").textContent = columns ? texts.points.replace("{n}", format.number(columns, 0, lang)) : "";
     holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
     draw();
     const [first, last] = ruled();

@@ -80,7 +80,7 @@ def test_a_small_panel_has_every_command(sit: Sit, lang: str) -> None:
     shared = [f".c-edit [data-part='c1.{key}']" for key in ("edit_product", "delete_product", "insert_product")]
     shared += ["[data-part='c1.reset']", "[data-part='c1.confirm_positions']", ".zone .stop", ".c-mode button >> nth=0"]
     if page.locator(".c-mode button").nth(1).get_attribute("aria-pressed") != "true":
-        for key in (*shared, ".c-op > [data-command='c1.start_automatic']"):
+        for key in (*shared, ".c-op .op-list > [data-command='c1.start_automatic']"):
             assert whole(page.locator(key).first), key
     manual(page)
     for key in (*shared, "[data-hold='c1.jog_forward']", "[data-hold='c1.jog_reverse']", ".c-belts label >> nth=3"):
@@ -166,7 +166,7 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
     page.keyboard.press("Enter")
     answer(name, arg_head="320.5", reason="it lies further")
     expect(page.locator(".prods td").first).to_have_text("320.5", timeout=30_000)
-    mode, start = page.locator(".c-mode button").first, page.locator(".c-op > [data-command='c1.start_automatic']")
+    mode, start = page.locator(".c-mode button").first, page.locator(".c-op .op-list > [data-command='c1.start_automatic']")
     to(mode)
     page.keyboard.press("Enter")
     expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)

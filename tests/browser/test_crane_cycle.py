@@ -74,7 +74,7 @@ def confirm(page: Page) -> None:
     page.locator("#overlay .danger").click()
     expect(page.locator("#overlay [data-hint]")).to_have_text("Hold the button for one second; only then it counts.")
     page.locator("#overlay .danger").click(delay=1200)
-    expect(page.locator("#message")).to_contain_text("Confirm weight")
+    expect(page.locator("#message")).to_contain_text("Confirm mass")
 
 
 def test_a_cycle_with_its_arc(sit: Sit) -> None:
