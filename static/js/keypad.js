@@ -10,7 +10,7 @@ const LETTERS = {
 const SIGNS = ["1234567890", "-/:;()&@\"", ".,?!'+=#%_"];
 const NUMBER = ["789", "456", "123"];
 const FIELDS = "input:not([type=checkbox], [type=radio], [type=file], [type=hidden], [type=submit]), textarea";
-const SPOKEN = { "⌫": "back", "⏎": "enter", "⇧": "shift", "␣": "space", "✕": "close", "C": "clear", "±": "sign" };
+const SPOKEN = { "←": "back", "✓": "enter", "▲": "shift", "—": "space", "×": "close", "C": "clear", "±": "sign" };
 let field = null, kind = "", upper = false, signs = false;
 
 const numeric = (one) => one.type === "number" || ["decimal", "numeric"].includes(one.dataset.mode) || one.classList.contains("moment");
@@ -42,7 +42,7 @@ function draw() {
   const head = document.createElement("div"), name = document.createElement("span"), value = document.createElement("output");
   head.className = "kp-head";
   name.textContent = field.labels?.[0]?.innerText.trim() || field.getAttribute("aria-label") || field.placeholder || "";
-  head.append(name, value, key("✕"));
+  head.append(name, value, key("×"));
   place.replaceChildren(head, ...rows.map((row) => {
     const line = document.createElement("div");
     line.className = "kp-row";
@@ -67,14 +67,14 @@ function seen() {
 function numbers() {
   const moment = field.classList.contains("moment");
   const last = moment ? [lang === "en" ? "/" : ".", "0", ":"] : ["±", "0", field.dataset.mode === "numeric" || field.type === "number" ? "C" : fraction()];
-  return [[...NUMBER[0], "⌫"], [...NUMBER[1], moment ? "␣" : "C"], [...NUMBER[2], "⏎"], last];
+  return [[...NUMBER[0], "←"], [...NUMBER[1], moment ? "—" : "C"], [...NUMBER[2], "✓"], last];
 }
 
 function letters() {
   const rows = (signs ? SIGNS : LETTERS[lang] ?? LETTERS.en).map((row) => [...(upper ? row.toUpperCase() : row)]);
-  rows.at(-1).unshift("⇧");
-  rows.at(-1).push("⌫");
-  return [...rows, ["✕", signs ? "abc" : "123", ",", "␣", ".", "⏎"]];
+  rows.at(-1).unshift("▲");
+  rows.at(-1).push("←");
+  return [...rows, ["×", signs ? "abc" : "123", ",", "—", ".", "✓"]];
 }
 
 function key(sign) {
@@ -84,7 +84,7 @@ function key(sign) {
   button.textContent = sign;
   button.dataset.key = sign;
   if (SPOKEN[sign]) button.setAttribute("aria-label", texts[SPOKEN[sign]]);
-  if (sign === "⇧") button.setAttribute("aria-pressed", String(upper));
+  if (sign === "▲") button.setAttribute("aria-pressed", String(upper));
   return button;
 }
 
@@ -98,13 +98,13 @@ place.addEventListener("pointerdown", (event) => event.preventDefault()); // the
 place.addEventListener("click", ({ target }) => {
   const sign = target.closest("[data-key]")?.dataset.key;
   if (!sign || !field) return;
-  if (sign === "✕") return field.blur();
-  if (sign === "⏎") return enter();
-  if (sign === "⇧" || sign === "123" || sign === "abc") {
-    if (sign === "⇧") upper = !upper; else signs = !signs;
+  if (sign === "×") return field.blur();
+  if (sign === "✓") return enter();
+  if (sign === "▲" || sign === "123" || sign === "abc") {
+    if (sign === "▲") upper = !upper; else signs = !signs;
     return draw();
   }
-  write(sign === "␣" ? " " : sign);
+  write(sign === "—" ? " " : sign);
   if (upper) { upper = false; draw(); }
 });
 
@@ -112,10 +112,10 @@ place.addEventListener("click", ({ target }) => {
 function write(sign) {
   const { value, maxLength } = field, whole = field.type === "number"; // such a field tells no cursor
   let from = whole ? value.length : field.selectionStart, to = whole ? value.length : field.selectionEnd, put = sign;
-  if (whole && field.fresh !== value && sign !== "⌫") from = 0; // the first digit takes the place of what was there
+  if (whole && field.fresh !== value && sign !== "←") from = 0; // the first digit takes the place of what was there
   if (sign === "C") [from, to, put] = [0, value.length, ""];
   else if (sign === "±") [from, to, put] = /^[-−]/.test(value) ? [0, 1, ""] : [0, 0, "-"];
-  else if (sign === "⌫") [from, put] = [from === to ? Math.max(0, from - 1) : from, ""];
+  else if (sign === "←") [from, put] = [from === to ? Math.max(0, from - 1) : from, ""];
   const next = value.slice(0, from) + put + value.slice(to);
   if (maxLength >= 0 && next.length > maxLength && next.length > value.length) return;
   field.value = next;

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.historian.event_export import SHIFT
 from app.historian.event_sheet import COLUMNS, coded, with_ring, worded, words
 from app.plant.loader import read_plant
 from app.plant.texts import Texts
@@ -22,7 +23,7 @@ def test_machines_with_a_ring_are_those_whose_device_keeps_events() -> None:
 @pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
 def test_every_event_and_every_word_of_a_snapshot_has_a_text(lang: str) -> None:
     said = words(TEXTS, PLANT, lang)
-    assert list(said["headers"]) == list(COLUMNS)
+    assert list(said["headers"]) == [*COLUMNS, SHIFT]
     assert set(said["events"]) == {(item.id, code) for item in RINGS for code in item.type.events}
     assert set(said["fields"]) == {(item.id, name) for item in RINGS for name in item.type.snapshot}
     for texts in (said["headers"], said["events"], said["fields"]):

@@ -238,9 +238,23 @@ async def test_memory_and_tcp_tell_the_same(road: tuple[TestLine, Port]) -> None
 # ---- the plant file
 
 
+MODEL = {
+    "belts": 3.0,
+    "sensors": 4.0,
+    "belt_1_end": 215.0,
+    "belt_2_end": 445.0,
+    "line_length": 660.0,
+    "sensor_1": 100.0,
+    "sensor_2": 215.0,
+    "sensor_3": 445.0,
+    "sensor_4": 560.0,
+}
+"""Where the belts of the model end and its sensors are, as every plant file has it after it was read."""
+
+
 def equipment(**options: object) -> Equipment:
     kind = EquipmentType("conveyor", Path("conveyor"), "c", Device(), {}, {}, (), (), {}, (), {})
-    return Equipment("c1", kind, "l", 5, {}, "", {}, (), options)
+    return Equipment("c1", kind, "l", 5, {}, "", {}, (), {**MODEL, **options})
 
 
 async def test_a_plant_file_describes_the_line() -> None:

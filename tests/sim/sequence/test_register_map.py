@@ -72,6 +72,8 @@ def test_a_run_that_was_aborted_reads_as_it_was() -> None:
         "step": 5,
         "steps": 8,
         "stalled": 0,
+        "active_steps": 0,
+        "aborting": 0,
         "needs_acknowledge": 1,
         "single_step": 0,
         "automatic": 0,
@@ -174,6 +176,7 @@ def test_rows_read_as_they_are() -> None:
             "most": times.most,
             "last": times.last,
             "lost": 1 if number == 3 else step["lost"],
+            "passes": 0,  # no loop
         }
         assert set(step) == set(expected)
         for key, wanted in expected.items():
