@@ -165,7 +165,9 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     expect(page.locator(".c-belt").nth(1)).to_have_class(re.compile(r"\bjam\b"))
     expect(page.locator(".c-belt").nth(0)).not_to_have_class(re.compile(r"\bjam\b"))
     expect(page.locator(".banner")).to_contain_text("jammed")
-    expect(page.locator(".c-op .op-list > [data-command='c1.start_automatic']")).to_have_attribute("aria-disabled", "true")
+    expect(page.locator(".c-op .op-list > [data-command='c1.start_automatic']")).to_have_attribute(
+        "aria-disabled", "true"
+    )
     page.wait_for_timeout(2000)  # the other belts run out along their ramps
     before = drawn(page)
     page.wait_for_timeout(1000)

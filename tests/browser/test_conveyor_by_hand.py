@@ -166,7 +166,10 @@ def test_who_has_no_mouse_starts_stops_puts_edits_and_deletes(sit: Sit) -> None:
     page.keyboard.press("Enter")
     answer(name, arg_head="320.5", reason="it lies further")
     expect(page.locator(".prods td").first).to_have_text("320.5", timeout=30_000)
-    mode, start = page.locator(".c-mode button").first, page.locator(".c-op .op-list > [data-command='c1.start_automatic']")
+    mode, start = (
+        page.locator(".c-mode button").first,
+        page.locator(".c-op .op-list > [data-command='c1.start_automatic']"),
+    )
     to(mode)
     page.keyboard.press("Enter")
     expect(mode).to_have_attribute("aria-pressed", "true", timeout=30_000)
