@@ -144,7 +144,7 @@ function drawMeter(item, tag) {
   const { element } = item, { decimals, unit } = element.dataset;
   set(element, "data-q", tag.state);
   if (tag.state === "bad" || tag.state === "none") {
-    element.removeAttribute("aria-valuenow");
+    set(element, "aria-valuenow", element.getAttribute("aria-valuemin")); // a meter has to have one; what is read out says that it is none
     set(element, "aria-valuetext", qualityWords(tag.quality));
   } else {
     set(element, "aria-valuenow", String(+tag.value.toPrecision(12)));
