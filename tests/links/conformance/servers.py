@@ -48,10 +48,16 @@ def simulation() -> SimPlant:
 
 
 @asynccontextmanager
-async def scanning(plant: SimPlant, kind: str) -> AsyncIterator[tuple[Bus, int]]:
-    """The line and the unit of the machine of type `kind`, its PLC scanning every 10 ms."""
+async def scanning(kind: str) -> AsyncIterator[tuple[Bus, int]]:
+    """The line and the unit of a machine of type `kind`, 15 s after it was switched on, its PLC scanning every 10 ms.
+
+    A plant of its own for every test: where a product is does not depend on which test ran before.
+    """
+    plant = SimPlant(demo(), ManualClock())
     item = next(item for item in plant.equipment.values() if item.type.name == kind)
     device = plant.devices[item.id]
+    for _ in range(1500):
+        device.step()
 
     async def scan() -> None:
         while True:

@@ -13,7 +13,6 @@ from app.links.conformance.examination import RULES
 from app.links.conformance.finding import State
 from app.registers import plc_map
 from app.sim.bus import Bus
-from app.sim.plant import SimPlant
 from tests.conftest import ROOT
 from tests.links.conformance.servers import (
     KINDS,
@@ -25,7 +24,6 @@ from tests.links.conformance.servers import (
     reading,
     rules_in,
     scanning,
-    simulation,
     writing,
 )
 
@@ -36,21 +34,9 @@ HAS_NONE = {"coil_car": {"tables", "rows"}, "conveyor": set(), "crane": {"tables
 WRITES = {rule.name for rule in RULES if rule.writes}
 
 
-@pytest.fixture(scope="module")
-def plants() -> dict[str, SimPlant]:
-    return {}
-
-
-@pytest.fixture
-def plant(plants: dict[str, SimPlant]) -> SimPlant:
-    if not plants:
-        plants["demo"] = simulation()
-    return plants["demo"]
-
-
 @pytest.mark.parametrize("kind", KINDS)
-async def test_a_virtual_plc_keeps_every_rule(kind: str, plant: SimPlant) -> None:
-    async with scanning(plant, kind) as (bus, unit):
+async def test_a_virtual_plc_keeps_every_rule(kind: str) -> None:
+    async with scanning(kind) as (bus, unit):
         bus.answer(unit, command(2, 40_000))  # so that there is an answer to look at
         await asyncio.sleep(0.1)
         found = await judged(Faulty(bus, unit), kind)
@@ -61,8 +47,8 @@ async def test_a_virtual_plc_keeps_every_rule(kind: str, plant: SimPlant) -> Non
 
 
 @pytest.mark.parametrize("kind", KINDS)
-async def test_without_write_nothing_is_written(kind: str, plant: SimPlant) -> None:
-    async with scanning(plant, kind) as (bus, unit):
+async def test_without_write_nothing_is_written(kind: str) -> None:
+    async with scanning(kind) as (bus, unit):
         server = Faulty(bus, unit)
         asked: list[int] = []
 
@@ -76,9 +62,9 @@ async def test_without_write_nothing_is_written(kind: str, plant: SimPlant) -> N
     assert not rules_in(found, State.BROKEN)
 
 
-async def test_what_is_written_moves_nothing(plant: SimPlant) -> None:
+async def test_what_is_written_moves_nothing() -> None:
     """All that a machine is told with --write: its own words afterwards are as if nobody had asked."""
-    async with scanning(plant, "conveyor") as (bus, unit):
+    async with scanning("conveyor") as (bus, unit):
         device = bus.devices[unit]
         before = device.read(3, SETTINGS, 34), device.read(3, STATUS + 2, 1)
         events = device.read(3, plc_map.EVENTS + plc_map.AT_NEWEST, 2)
@@ -99,8 +85,8 @@ async def test_what_is_written_moves_nothing(plant: SimPlant) -> None:
         assert not codes & {30, 31, 32, 33, 38, 41}, "started, stopped, chosen or set"
 
 
-async def test_a_server_that_is_not_writable_is_not_written_to(plant: SimPlant) -> None:
-    async with scanning(plant, "conveyor") as (bus, unit):
+async def test_a_server_that_is_not_writable_is_not_written_to() -> None:
+    async with scanning("conveyor") as (bus, unit):
         found = await judged(Put(bus, unit, {plc_map.AT_FLAGS: 1}), "conveyor")
     assert {rule for rule in found if found[rule].why == "not_writable"} == WRITES
 
@@ -442,9 +428,9 @@ FIRST_ROW = struct.pack(">BHH", 3, TABLE + 7, 1)
     ids=[f"{r}: {w}" for r, w, *_ in BREAKS],
 )
 async def test_a_break_is_found_and_no_other_rule_is_blamed(
-    rule: str, broken: Callable[[Bus, int], Faulty], seen: str, plant: SimPlant
+    rule: str, broken: Callable[[Bus, int], Faulty], seen: str
 ) -> None:
-    async with scanning(plant, "conveyor") as (bus, unit):
+    async with scanning("conveyor") as (bus, unit):
         for _ in range(600):  # a product on the belt: its row can be broken
             if any((bus.answer(unit, FIRST_ROW).pdu or b"")[2:]):
                 break
