@@ -10,23 +10,32 @@ from app.sim.conveyor.program import VirtualConveyor
 from tests.sim.conveyor.bench import QUICK
 
 LONGEST, SHORTEST = 60.0, 20.0
+WAY = 600.0
+"""Longest way between two sensors [mm]."""
 NEAR = 5.0
 """So far may a record be from its product [mm]: the sensor tolerance of the settings."""
 
 
-def layout(seed: int, *, belts: int = 0) -> Geometry:
-    """A line that can be built: each belt longer than two products, sensors at rising places, the last one on the last belt."""
+def layout(seed: int, *, belts: int = 0, sensors: int = 0) -> Geometry:
+    """A line that can be built: each belt longer than two products, sensors at rising places, the last one on the last belt.
+
+    As many belts and sensors as asked for, 0 = as chance has it.
+    """
     chance = Random(seed)
     count = belts or chance.randint(1, MOST_BELTS)
     ends: list[float] = []
     for _ in range(count):
         ends.append(round((ends[-1] if ends else 0.0) + chance.uniform(180, 420), 1))
-    last = round(chance.uniform((ends[-2] if count > 1 else 0.0) + 60, ends[-1] - 70), 1)
+    first = round(chance.uniform(70, 100), 1)
+    last = round(chance.uniform((ends[-2] if count > 1 else first) + 60, ends[-1] - 20), 1)
     # no way without a sensor is so long that slip alone takes a product out of the tolerance
-    sensors = [round(chance.uniform(70, 120), 1)]
-    while sensors[-1] + 300 < last and len(sensors) < MOST_SENSORS - 1:
-        sensors.append(round(sensors[-1] + chance.uniform(120, 280), 1))
-    places = [*(place for place in sensors if place < last - 20), last]
+    least, most = 2 + int((last - first) / WAY), min(MOST_SENSORS, 1 + int((last - first) / 20))
+    number = sensors or chance.randint(min(least, most), most)
+    places = [last]
+    if number > 1:
+        step = (last - first) / (number - 1)
+        inner = (first + step * (n + chance.uniform(-0.2, 0.2)) for n in range(1, number - 1))
+        places = [first, *(round(place, 1) for place in inner), last]
     shares = tuple(float(chance.randint(80, 100)) for _ in range(count))
     return Geometry(
         tuple(ends),

@@ -8,12 +8,14 @@ from app.blocks.product_tracking import Code
 from app.plant import types
 from app.registers.codec import decode
 from app.sim import training
-from app.sim.conveyor.machine import Geometry, fault_names
+from app.sim.conveyor.machine import MOST_BELTS, Geometry, fault_names
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import ConveyorCommand, ConveyorEvent, ConveyorState, Motor
 from tests.sim.conveyor.bench import QUICK
 from tests.sim.conveyor.layouts import LONGEST, NEAR, SHORTEST, Run, layout, run
 from tests.sim.conveyor.line import TestLine
+from tests.sim.conveyor.test_soak import PUT, REMOVED, Soak
+from tests.sim.conveyor.test_soak import QUICK as SOAKED
 
 
 def wide(belts: int, sensors: int, **options: object) -> VirtualConveyor:
@@ -81,17 +83,45 @@ async def test_the_last_belt_moves_alone_by_hand_and_its_jam_is_told(belts: int)
     assert (on.device.first_out.first.code, on.device.first_out.first.source) == (ConveyorEvent.JAM, belts)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_products_keep_their_order_their_place_and_their_length_on_any_line(seed: int) -> None:
+# belts and sensors: the ends of what may be built, one line between
+BUILDS = [(1, 1), (1, 9), (2, 1), (3, 32), (9, 20), (16, 32)]
+
+
+@pytest.mark.parametrize(("belts", "sensors"), BUILDS)
+def test_products_keep_their_order_their_place_and_their_length_on_any_line(belts: int, sensors: int) -> None:
     """The soak runs ten thousand of them over many lines."""
-    judge(run(layout(seed), seed, 12))
+    judge(run(layout(belts + sensors, belts=belts, sensors=sensors), sensors, 12 if belts < MOST_BELTS else 4))
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(100, 120))
 def test_ten_thousand_products_over_lines_of_any_build(seed: int) -> None:
-    """Half a thousand over each of twenty lines."""
-    judge(run(layout(seed), seed, 500))
+    """Half a thousand over each of twenty lines: of each number of belts, and of as many sensors as chance has it."""
+    judge(run(layout(seed, belts=1 + seed % MOST_BELTS), seed, 500))
+
+
+def by_hand(seed: int, belts: int, goal: int) -> Soak:
+    """Products are taken off a line of any build, and put on it, while it runs."""
+    length = layout(seed, belts=belts).length
+    geometry = layout(seed, belts=belts, sensors=max(2, round(length / 250)))
+    line = TestLine(VirtualConveyor(geometry, seed=seed, interval=3.0, slots=60, settings=SOAKED))
+    return Soak(line, seed=seed, goal=goal, happens=(REMOVED, PUT))
+
+
+@pytest.mark.parametrize(("seed", "belts"), [(1, 1), (3, 6)])
+async def test_what_a_hand_takes_off_any_line_or_puts_on_it_is_told(seed: int, belts: int) -> None:
+    soak = by_hand(seed, belts, 12)
+    await soak.run()
+    soak.settle()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("belts", range(2, MOST_BELTS + 1))
+async def test_ten_thousand_products_with_hands_on_lines_of_any_build(belts: int) -> None:
+    """Six hundred and seventy over each of fifteen lines; one belt alone has hardly room for a hand."""
+    soak = by_hand(200 + belts, belts, 670)
+    await soak.run()
+    soak.settle()
 
 
 def judge(done: Run) -> None:
