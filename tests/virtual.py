@@ -5,8 +5,6 @@ hour of waiting costs what happens in it.
 """
 
 import asyncio
-import heapq
-import itertools
 import math
 import selectors
 from collections.abc import Awaitable, Callable, Iterator
@@ -24,6 +22,7 @@ from fastapi.testclient import TestClient
 
 from app.clock import Clock, ManualClock, SystemClock
 from app.main import create_app
+from app.running import virtual_time
 from app.settings import Settings
 from tests.wires import Network
 
@@ -33,68 +32,17 @@ MORNING = datetime(2026, 3, 9, 6, 5, tzinfo=UTC)
 """When the houses of tests begin, if they don't say otherwise."""
 
 
-class _Waiting(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
-    """Where a loop waits: for a timer it does not wait at all but moves the clock."""
-
-    def __init__(self, clock: ManualClock) -> None:
-        super().__init__()
-        self._clock = clock
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        events: list[tuple[selectors.SelectorKey, int]] = super().select(0)
-        if events or timeout == 0:
-            return events
-        if timeout is None:
-            if len(self.get_map()) > 1:  # more than the pipe that every loop has: somebody may still write
-                return super().select(None)
-            raise RuntimeError("nothing is left to do and no timer is set: this would wait for ever")
-        self._clock.advance(timeout)
-        return events
+class _Waiting(virtual_time.Waiting):
+    def idle(self) -> virtual_time.Events:
+        if len(self.get_map()) > 1:  # more than the pipe that every loop has: somebody may still write
+            return selectors.DefaultSelector.select(self, None)
+        return super().idle()
 
 
-class _InTurn(asyncio.TimerHandle):
-    """Of timers for the same moment the one that was set first is the first one: a heap alone has no order among equals."""
+class VirtualLoop(virtual_time.VirtualLoop, Network):
+    """Virtual time, and in it the wires of the tests."""
 
-    turn = 0
-
-    def __lt__(self, other: asyncio.TimerHandle) -> bool:
-        if self._when == other._when and isinstance(other, _InTurn):
-            return self.turn < other.turn
-        return self._when < other._when
-
-
-class VirtualLoop(Network):
-    """A loop in virtual time; `clock` is what the house under test gets."""
-
-    def __init__(self, clock: ManualClock | None = None) -> None:
-        self._turns = itertools.count()
-        self.clock = clock or ManualClock()
-        super().__init__(_Waiting(self.clock))
-        self._clock_resolution = 0.5e-6
-
-    def time(self) -> float:
-        return self.clock.monotonic()
-
-    def call_at(self, when: float, callback: Any, *args: Any, context: Any = None) -> asyncio.TimerHandle:
-        """On the grid of 1 µs that the clock has, never early: who is called finds that it is time."""
-        if math.isfinite(when):
-            micros = math.ceil(when * 1e6)
-            when = micros / 1e6 if micros / 1e6 >= when else (micros + 1) / 1e6
-        self._check_closed()
-        timer = _InTurn(when, callback, args, self, context)
-        timer.turn = next(self._turns)
-        heapq.heappush(self._scheduled, timer)
-        timer._scheduled = True
-        return timer
-
-    def run_in_executor(self, executor: Any, func: Any, *args: Any) -> Any:
-        """At once, on this thread."""
-        future = self.create_future()
-        try:
-            future.set_result(func(*args))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+    waiting = _Waiting
 
 
 class Inline(Executor):
