@@ -12,6 +12,8 @@ Source: thesis 001 (reference/theses-facts.md section 1); its block has 8 steps,
 | start while something is missing | nothing happens, and an event says so |
 | stall | the minimum is over, the maximum is not 0, and the next step has missed permissives for `stall_after` |
 | first-out of a stall or a time-out | the permissive missing then that fell first; one never seen fulfilled fell at the first scan |
+| several steps stalled | the first-out is of the one that stalled first, and when it is left of the one that has stalled longest then |
+| stall of a safe step | its state says so; no event, and the first-out of what stopped the run stays |
 | several in one scan | the lowest bit; the event says how many fell together, forced ones not counted |
 | abort condition and the operator's abort in one scan | the abort condition is the cause |
 | commands of a step | it is not left before all are confirmed; one that is refused or not confirmed stops the sequence |
@@ -128,6 +130,11 @@ class SequenceBlock:
             return ((loop.first,),)
         return self.settings.chart.ways(number, len(self.settings.steps)).targets
 
+    def left_with(self, number: int) -> tuple[int, ...]:
+        """Last steps of parallel paths that are left together with `number`; none while its loop leads back."""
+        ways = self.settings.chart.ways(number, len(self.settings.steps))
+        return ways.together if ways.targets == self.following(number) else ()
+
     def step_state(self, number: int) -> StepState:
         """State of step `number`, from 1."""
         passage = self._active.get(number)
@@ -243,11 +250,8 @@ class SequenceBlock:
         for plan in plans:
             if plan.leaves and plan.number in self._active:
                 self._leave(plan, reports)
-
-    def _left_with(self, number: int) -> tuple[int, ...]:
-        """Last steps of parallel paths that are left together with `number`; none while its loop leads back."""
-        ways = self.settings.chart.ways(number, len(self.settings.steps))
-        return ways.together if ways.targets == self.following(number) else ()
+        if self.first_out is None:
+            self.first_out = _first_stall(self, now)
 
     def _begin(self, reports: list[Report]) -> None:
         if self.needs_acknowledge or not self.ready(1) or not self.ready(ABORT):
@@ -416,8 +420,8 @@ def _plans(run: SequenceBlock, signals: Signals, passed: int, advance: bool) -> 
         plans[number] = _Plan(number, due, due and number not in signals.pending)
     for number, plan in plans.items():
         following = run.following(number)
-        beside = run._left_with(number)
-        through = all(other in plans and plans[other].through and bool(run._left_with(other)) for other in beside)
+        beside = run.left_with(number)
+        through = all(other in plans and plans[other].through and bool(run.left_with(other)) for other in beside)
         plan.waits = bool(beside) and plan.through and not through
         elapsed, minimum = run._elapsed[number], round(run.settings.step(number).minimum * 1e6)
         run._elapsed[number] = max(elapsed, min(elapsed + passed, minimum)) if plan.waits else elapsed + passed
@@ -433,13 +437,23 @@ def _judge_stall(run: SequenceBlock, plan: _Plan, passed: int, now: int, reports
     passage.missing_for = passage.missing_for + passed if plan.missing else 0
     if passage.stalled and not plan.missing:
         passage.stalled = False
-        reports.append(Report(SequenceEvent.STALL_OVER, plan.number))
+        if not run.safe:
+            reports.append(Report(SequenceEvent.STALL_OVER, plan.number))
     elif not passage.stalled and plan.missing and passage.missing_for >= round(run.settings.stall_after * 1e6):
         passage.stalled = True
-        if run.first_out is None or not run.safe:
+        if not run.safe:  # what stopped the run counts, and its safe steps tell no stall
             out = run._what_fell(Cause.STALL, plan.number, now)
-            run.first_out = out
+            first = run._active.get(run.first_out.at_step) if run.first_out else None
+            if first is None or first is passage or not first.stalled:
+                run.first_out = out
             reports.append(Report(SequenceEvent.STALLED, out.step, out.bit))
+
+
+def _first_stall(run: SequenceBlock, now: int) -> FirstOut | None:
+    """First-out of the step that has stalled longest of those that are active; None = none has."""
+    stalled = [number for number in run.active if run._active[number].stalled]
+    longest = max(stalled, key=lambda number: run._active[number].missing_for, default=0)
+    return run._what_fell(Cause.STALL, longest, now) if longest else None
 
 
 def _next(run: SequenceBlock, number: int) -> tuple[int, ...]:

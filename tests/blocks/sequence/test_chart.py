@@ -68,6 +68,42 @@ def test_the_first_path_that_can_be_entered_is_taken(two: int, three: int, way: 
     assert (course.entered, course.block.state) == ([1, way, 4], SequenceState.DONE)
 
 
+def test_of_two_paths_that_stall_the_first_keeps_its_first_out_until_it_is_left() -> None:
+    course = Course(7, Chart((Branch(1, (2, 4), 6, together=True),)), times={4: 1.0}).start()
+    course.words[3], course.words[5] = ALL & ~2, ALL & ~8
+    course.run(1.2)
+    assert _first_out(course) == (3, 1, 2)
+    course.run(1.5)
+    assert [entry for entry in course.log if entry[0] == "STALLED"] == [("STALLED", 3), ("STALLED", 5)]
+    assert _first_out(course) == (3, 1, 2), "the second stall does not replace it"
+    course.words[3] = ALL
+    course.scan()
+    assert 3 in course.block.active
+    assert _first_out(course) == (5, 3, 4), "the first is left; the other stands as before"
+    course.words[5] = ALL
+    course.scan()
+    assert course.block.first_out is None
+    assert [entry for entry in course.log if entry[0] == "STALL_OVER"] == [("STALL_OVER", 2), ("STALL_OVER", 4)]
+
+
+def _first_out(course: Course) -> tuple[int, int, int]:
+    out = course.block.first_out
+    assert out and out.cause is Cause.STALL
+    return out.step, out.bit, out.at_step
+
+
+def test_a_safe_step_that_stalls_tells_neither_the_stall_nor_its_end() -> None:
+    course = Course(4, Chart(safe=3)).start()
+    course.words[4] = ALL & ~1
+    course.run(0.1, abort_request=True).run(1.5)
+    assert course.block.safe and course.block.step_state(3) is StepState.STALLED
+    course.words[4] = ALL
+    course.run(1)
+    assert course.block.state is SequenceState.ABORTED
+    assert not [event for event, _ in course.log if event.startswith("STALL")]
+    assert course.block.first_out and course.block.first_out.cause is Cause.OPERATOR
+
+
 def test_no_path_stalls_and_the_one_that_fell_first_of_all_is_named() -> None:
     course = Course(4, FIRST).start()
     course.words[3] = ALL & ~4
