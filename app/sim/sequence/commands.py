@@ -18,6 +18,7 @@ from app.sim.plc import Verdict
 from app.sim.plc import rejected as no
 from app.sim.sequence.forces import ForceRows
 from app.sim.sequence.operator import OperatorRequests
+from app.sim.sequence.orders import StepOrders
 from app.sim.sequence.permissives import Permissives
 from app.sim.sequence.register_map import (
     LONGEST,
@@ -32,6 +33,7 @@ class Device(Protocol):
     """What commands use of the PLC that takes them."""
 
     dt: float
+    orders: StepOrders
 
     @property
     def time(self) -> int:
@@ -174,21 +176,30 @@ class SequenceCommands:
             return no(SequenceReason.WRONG_STATE, run.state)
         refusals = [self._cannot_leave(step) for step in run.active]
         if None not in refusals:
-            return refusals[0] or no(SequenceReason.WRONG_STATE, run.state)
+            missing = (one for one in refusals if one and one.reason == SequenceReason.MISSING)
+            return next(missing, None) or no(SequenceReason.WRONG_STATE, run.state)
         passages = {step: run.passage(step) for step in run.active}
         self._operator.ask("advance")
         return _proved(lambda: {step: run.passage(step) for step in run.active} != passages or not run.running)
 
     def _cannot_leave(self, step: int) -> Verdict | None:
-        """Why an advance would not let `step` go on; None = it would."""
+        """Why an advance would not let `step`, and what is left with it, go on; None = it would."""
         run = self._block
-        following, times = run.following(step), run.settings.step(step)
+        following, beside = run.following(step), run.left_with(step)
+        if any(each not in run.active or not run.left_with(each) for each in beside):
+            return no(SequenceReason.WRONG_STATE, run.state)  # it waits for the other paths
         if not any(all(self._missing(each) < 0 for each in steps) for steps in following):
             first = next(each for each in following[0] if self._missing(each) >= 0)
             return no(SequenceReason.MISSING, first * BITS + self._missing(first))
-        if not times.maximum or run.elapsed(step) + self._device.dt < times.minimum - 1e-6:
+        if not all(self._through(each) for each in beside or (step,)):
             return no(SequenceReason.WRONG_STATE, run.state)
         return None
+
+    def _through(self, step: int) -> bool:
+        """Whether `step` has had its least time in the next scan and its orders are confirmed."""
+        run, times = self._block, self._block.settings.step(step)
+        due = times.maximum > 0 and run.elapsed(step) + self._device.dt >= times.minimum - 1e-6
+        return due and step not in self._device.orders.pending
 
     def _set_times(self, request: Request) -> Verdict:
         step, override = request.arguments[0], request.arguments[3]

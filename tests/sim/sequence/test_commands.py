@@ -1,11 +1,14 @@
 """Commands of the virtual sequence, and every reason for which one is refused."""
 
+from dataclasses import replace
+
 import pytest
 
-from app.blocks.sequence import Cause, SequenceState
+from app.blocks.sequence import Branch, Cause, Chart, SequenceState
 from app.registers import plc_map
 from app.registers.plc_map import Answer, real, real_of
 from app.sim.coil_car import register_map as coil_car
+from app.sim.sequence.program import VirtualSequence
 from app.sim.sequence.register_map import (
     FORCE_ROWS,
     NO_BIT,
@@ -13,7 +16,7 @@ from app.sim.sequence.register_map import (
     SequenceDeviceEvent,
     SequenceReason,
 )
-from tests.sim.coil_car.line import Line, Talker
+from tests.sim.coil_car.line import Line, Talker, teaching
 from tests.sim.sequence.stand import (
     DONE,
     REJECTED,
@@ -89,6 +92,63 @@ def test_single_step_goes_on_when_told() -> None:
     assert word(plc, 1) == SequenceState.DONE
     codes = [code for code, _ in talker.codes()]
     assert SequenceDeviceEvent.SINGLE_ON in codes and SequenceDeviceEvent.SINGLE_OFF in codes
+
+
+def parallel(*times: tuple[float, float]) -> tuple[VirtualSequence, Talker]:
+    """Behind step 1 step 2 and steps 3, 4 side by side; they meet in step 5."""
+    chart = Chart((Branch(1, (2, 3), 5, together=True),))
+    plc = VirtualSequence(replace(teaching(*times), chart=chart))
+    plc.step()
+    talker = Talker(plc)
+    talker.ask(SequenceCommand.SINGLE_ON)
+    talker.ask(SequenceCommand.START)
+    assert talker.ask(SequenceCommand.ADVANCE).state == DONE
+    assert plc.block.active == (2, 3)
+    plc.step()
+    return plc, talker
+
+
+def test_an_advance_that_would_wait_for_the_other_path_is_refused_before() -> None:
+    plc, talker = parallel((0.0, 10.0), (0.0, 60.0), (0.0, 60.0), (2.0, 60.0), (0.0, 60.0))
+    assert talker.ask(SequenceCommand.ADVANCE).state == DONE
+    assert plc.block.active == (2, 4), "the end of a path waits for the other one"
+    plc.step()
+    refusal = talker.ask(SequenceCommand.ADVANCE)
+    assert (refusal.state, refusal.reason) == (REJECTED, SequenceReason.WRONG_STATE), "step 4 has not had its time"
+    run(plc, 2.0)
+    drop(talker, 5, 1)
+    plc.step()
+    refusal = talker.ask(SequenceCommand.ADVANCE)
+    assert (refusal.state, refusal.reason, refusal.detail) == (REJECTED, SequenceReason.MISSING, 5 * 16)
+    drop(talker, 5, 0)
+    plc.step()
+    assert talker.ask(SequenceCommand.ADVANCE).state == DONE
+    assert plc.block.active == (5,)
+
+
+def test_an_advance_names_what_the_path_lacks_that_could_go_on() -> None:
+    plc, talker = parallel((0.0, 10.0), (0.0, 60.0), (0.0, 60.0), (0.0, 60.0), (0.0, 60.0))
+    drop(talker, 4, 1 << 3)
+    drop(talker, 5, 1)
+    plc.step()
+    refusal = talker.ask(SequenceCommand.ADVANCE)
+    assert (refusal.state, refusal.reason, refusal.detail) == (REJECTED, SequenceReason.MISSING, 4 * 16 + 3)
+
+
+class Unconfirmed:
+    pending, refused = True, 0
+
+
+def test_an_advance_is_refused_while_a_command_of_the_step_is_not_confirmed() -> None:
+    plc, talker = taught()
+    talker.ask(SequenceCommand.SINGLE_ON)
+    talker.ask(SequenceCommand.START)
+    run(plc, 1.2)
+    plc.orders._given[1] = Unconfirmed()
+    refusal = talker.ask(SequenceCommand.ADVANCE)
+    assert (refusal.state, refusal.reason) == (REJECTED, SequenceReason.WRONG_STATE)
+    plc.orders._given.clear()
+    assert talker.ask(SequenceCommand.ADVANCE).state == DONE
 
 
 def test_a_start_that_is_refused_says_which_permissive_is_missing() -> None:
