@@ -1,4 +1,7 @@
-"""What people keep for themselves: pages they marked, filters they named. Of everybody, by kind and name, in the order it was kept."""
+"""What people keep for themselves: pages they marked, filters they named, where they were last.
+
+Of everybody, by kind and name, in the order it was kept.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,6 +30,7 @@ class Kind:
 
 FAVOURITE = Kind("favourite", 24)
 ALARM_FILTER = Kind("alarm filter", 12)
+TREND_LAST = Kind("trend", 1)
 
 
 class Kept:

@@ -1,4 +1,4 @@
-"""Views of trends that people keep under a name, for themselves or for all, and where each was last: in `pogon.db`.
+"""Views of trends that people keep under a name, for themselves or for all: in `pogon.db`.
 
 A view is the address of the page without its path. What it may say is for the page to check; here it is a text that belongs to somebody.
 What others see is audited: when a view is shared, and what becomes of it while it is.
@@ -52,12 +52,6 @@ view_table = Table(
     Column("changed", BigInteger, nullable=False),
     UniqueConstraint("person", "name", name="uq_trend_view_name"),
     sqlite_autoincrement=True,
-)
-last_table = Table(
-    "trend_last",
-    pogon_tables,
-    Column("person", ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
-    Column("query", Text, nullable=False),
 )
 
 
@@ -164,20 +158,6 @@ class SavedViews:
             return None, [self._audit.entry("trend.deleted", person, before.name)] if before.shared else []
 
         await self._audit.with_entries(work)
-
-    async def last(self, person: Person) -> str:
-        """The view that `person` had last; empty when there was none."""
-        asked = select(last_table.c.query).where(last_table.c.person == person.id)
-        return str(await self._db.read(lambda connection: connection.execute(asked).scalar()) or "")
-
-    async def remember(self, person: Person, query: str) -> None:
-        """`person` looks at `query` now."""
-
-        def work(connection: Connection) -> None:
-            connection.execute(delete(last_table).where(last_table.c.person == person.id))
-            connection.execute(insert(last_table).values(person=person.id, query=query))
-
-        await self._db.write(work)
 
     async def _change(
         self,

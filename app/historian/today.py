@@ -5,13 +5,14 @@ counter of a device goes on while nobody looks, so only what it did before it wa
 still meanwhile.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 from sqlalchemy import Connection, bindparam, select
 
 from app.historian import query
-from app.historian.aggregate import aggregate
+from app.historian.aggregate import Aggregate, aggregate
 from app.historian.dialect import Statement
 from app.historian.record_query import RecordFilter, times
 from app.historian.store import GAP_AFTER, MARK, MINUTE
@@ -58,20 +59,31 @@ def read_day(connection: Connection, machines: Iterable[Equipment], begin: int, 
     day = Day(begin, end, _long(off))
     amounts, unknown = dict[str, Mapping[str, Amount]](), dict[str, Sequence[Span]]()
     numbers = {name: one.number for name, one in query.recorded(connection).items()}
+
+    @cache
+    def seen(number: int) -> Aggregate:
+        return aggregate(connection, number, begin, end)
+
     for item in machines:
         figures = item.type.today.values()
         if not figures:
             continue
-        amounts[item.id] = {one.name: _amount(connection, item, one, numbers, begin, end) for one in figures}
-        seen = next((numbers.get(item.points[one.of].id) for one in figures if one.how is How.TIME), None)
-        missing = [(begin, end)] if seen is None else _missing(connection, seen, begin, end)
+        amounts[item.id] = {one.name: _amount(connection, item, one, numbers, begin, end, seen) for one in figures}
+        told = next((numbers.get(item.points[one.of].id) for one in figures if one.how is How.TIME), None)
+        missing = [(begin, end)] if told is None else _missing(connection, told, begin, end, seen(told).good)
         unknown[item.id] = _long(_without(missing, off))
     day.amounts, day.unknown = amounts, unknown
     return day
 
 
 def _amount(
-    connection: Connection, item: Equipment, figure: Figure, numbers: Mapping[str, int], begin: int, end: int
+    connection: Connection,
+    item: Equipment,
+    figure: Figure,
+    numbers: Mapping[str, int],
+    begin: int,
+    end: int,
+    seen: Callable[[int], Aggregate],
 ) -> Amount:
     if figure.how is How.MEAN:
         kind = item.type.records[figure.record]
@@ -83,7 +95,7 @@ def _amount(
         return Amount(None, False)
     if figure.how is How.COUNT:
         return counted(connection, number, begin, end, goes_on=point.derived is None)
-    found = aggregate(connection, number, begin, end)
+    found = seen(number)
     if found.mean is None:
         return Amount(None, False)
     area = found.mean * found.good / 1e6
@@ -137,9 +149,9 @@ def _of_samples(connection: Connection, number: int, begin: int, end: int) -> It
                 yield value, value, value
 
 
-def _missing(connection: Connection, number: int, begin: int, end: int) -> list[Span]:
-    """When a point that is stored at every change was not known."""
-    if end - begin - aggregate(connection, number, begin, end).good <= TOLERATED:
+def _missing(connection: Connection, number: int, begin: int, end: int, good: int) -> list[Span]:
+    """When a point that is stored at every change was not known; `good`: for how long it was [µs]."""
+    if end - begin - good <= TOLERATED:
         return []
     before, rows = query.at(connection, number, begin - 1), query.page(connection, number, begin - 1, end, -1)
     known: list[Span] = []

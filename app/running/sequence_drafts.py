@@ -5,13 +5,16 @@ it was begun from: when somebody else's is taken meanwhile, the draft is told so
 last goes on; the other one is told.
 """
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from sqlalchemy import (
     BigInteger,
     Column,
+    ColumnElement,
     Connection,
     ForeignKey,
     Integer,
@@ -32,6 +35,9 @@ from app.errors import Refused
 from app.files import read_text
 from app.plant.sequence_text import LARGEST_TEXT
 from app.plant.sequences import FOLDER
+
+OVERTAKEN = "editor.refused.overtaken"
+"""Why a draft is not taken whose file is another one by now."""
 
 draft_table = Table(
     "sequence_draft",
@@ -106,18 +112,22 @@ class SequenceDrafts:
 
     def __init__(self, folder: Path, database: Callable[[], Database], clock: Clock) -> None:
         self._folder, self._database, self._clock = folder, database, clock
+        self.turn = asyncio.Lock()
+        """Held from reading a draft to writing it: two requests of one window change it one after the other."""
+        self._taking = asyncio.Lock()
 
     def path(self, name: str) -> Path:
         """The file of the definition `name`."""
         return self._folder / FOLDER / f"{name}.toml"
 
-    def file(self, name: str) -> str:
+    async def file(self, name: str) -> str:
         """What is in it now, with plain line ends.
 
         Raises:
             UnusableFile: it cannot be read.
         """
-        return read_text(self.path(name), LARGEST_TEXT, inside=self._folder).replace("\r\n", "\n")
+        read = partial(read_text, self.path(name), LARGEST_TEXT, inside=self._folder)
+        return (await asyncio.to_thread(read)).replace("\r\n", "\n")
 
     async def draft(self, person: Person, name: str) -> Draft:
         """The draft of `person`; without one, the file.
@@ -133,7 +143,7 @@ class SequenceDrafts:
         found = await self._database().read(work)
         if found is not None:
             return found
-        text = self.file(name)
+        text = await self.file(name)
         return Draft(text, text)
 
     async def save(self, person: Person, name: str, draft: Draft, text: str, *, tab: str, seen: int) -> Draft:
@@ -145,17 +155,15 @@ class SequenceDrafts:
         """
         if len(text.encode()) > LARGEST_TEXT:
             raise Refused("editor.too_long", 413, most=LARGEST_TEXT // 1024)
-        if draft.version not in (0, seen) and draft.tab != tab:
+        if draft.version != seen and draft.tab != tab:
             raise Refused("editor.other_window", 409)
         now = self._clock.micros()
 
         def work(connection: Connection) -> Draft:
-            row = connection.execute(
-                select(draft_table.c.version, draft_table.c.tab).where(_of(person, name))
-            ).one_or_none()
-            if row is not None and row.version != seen and row.tab != tab:
+            version = connection.execute(select(draft_table.c.version).where(_of(person, name))).scalar() or 0
+            if version != draft.version:
                 raise Refused("editor.other_window", 409)
-            made = Draft(text, draft.base, max(draft.version, row.version if row else 0) + 1, tab, now)
+            made = Draft(text, draft.base, version + 1, tab, now)
             connection.execute(delete(draft_table).where(_of(person, name)))
             values = {"text": text, "base": made.base, "version": made.version, "tab": tab, "changed": now}
             connection.execute(insert(draft_table).values(sequence=name, person=person.id, **values))
@@ -165,7 +173,7 @@ class SequenceDrafts:
 
     async def rebase(self, person: Person, name: str) -> None:
         """Go on with the draft as one of the file as it is now."""
-        text = self.file(name)
+        text = await self.file(name)
 
         def work(connection: Connection) -> None:
             connection.execute(draft_table.update().where(_of(person, name)).values(base=text))
@@ -208,7 +216,31 @@ class SequenceDrafts:
 
         return await self._database().read(work)
 
-    async def keep(self, person: Person, name: str, former: str, text: str, reason: str) -> Revision:
+    async def take(
+        self, person: Person, name: str, draft: Draft, reason: str, into: Callable[[], Awaitable[bool]]
+    ) -> Revision | None:
+        """`draft` becomes a revision, its text the plant's by `into`, which says whether the plant took it; then the draft is no more.
+
+        What `into` does not take leaves neither a revision nor a trace of one; None then.
+
+        Raises:
+            Refused: 409, the file is not what the draft was begun from.
+            StorageError, UnusableFile: it was not written down.
+        """
+        async with self._taking:  # or the second of two would find a file that nobody wrote by hand
+            if await self.file(name) != draft.base:
+                raise Refused(OVERTAKEN, 409)
+            revision, done = await self._keep(person, name, draft.base, draft.text, reason), False
+            try:
+                done = await into()
+            finally:
+                if not done:
+                    await self._drop(name, revision.number)
+            if done:
+                await self.discard(person, name)
+        return revision if done else None
+
+    async def _keep(self, person: Person, name: str, former: str, text: str, reason: str) -> Revision:
         """Write down that `text` is taken in place of `former`, which becomes a revision of its own if it was none.
 
         Raises:
@@ -217,32 +249,30 @@ class SequenceDrafts:
         now, who = self._clock.micros(), person.display or person.name
 
         def work(connection: Connection) -> Revision:
-            rows = connection.execute(
-                select(revision_table).where(revision_table.c.sequence == name).order_by(revision_table.c.number)
-            ).all()
-            number = rows[-1].number if rows else 0
-            if not rows or rows[-1].text != former:
+            mine = select(revision_table.c.number, revision_table.c.text).where(revision_table.c.sequence == name)
+            newest = connection.execute(mine.order_by(revision_table.c.number.desc()).limit(1)).one_or_none()
+            number = newest.number if newest else 0
+            same = connection.execute(
+                select(func.max(revision_table.c.number)).where(
+                    revision_table.c.sequence == name, revision_table.c.text == text
+                )
+            ).scalar()
+            if newest is None or newest.text != former:
                 number += 1
                 by_hand = {"person": "", "reason": "", "returned_to": 0, "taken": now, "text": former}
                 connection.execute(insert(revision_table).values(sequence=name, number=number, **by_hand))
-            same = [row.number for row in rows if row.text == text]
-            made = Revision(number + 1, text, now, who, reason, same[-1] if same else 0)
+            made = Revision(number + 1, text, now, who, reason, same or 0)
             values = {"text": text, "taken": now, "person": who, "reason": reason, "returned_to": made.returned_to}
             connection.execute(insert(revision_table).values(sequence=name, number=made.number, **values))
             return made
 
         return await self._database().write(work)
 
-    async def drop(self, name: str, number: int) -> None:
+    async def _drop(self, name: str, number: int) -> None:
         """Revision `number` did not come to run."""
         here = (revision_table.c.sequence == name) & (revision_table.c.number == number)
         await self._database().write(lambda connection: connection.execute(delete(revision_table).where(here)))
 
-    async def count(self, name: str) -> int:
-        """Number of the newest revision; 0 = there is none."""
-        query = select(func.max(revision_table.c.number)).where(revision_table.c.sequence == name)
-        return await self._database().read(lambda connection: connection.execute(query).scalar() or 0)
 
-
-def _of(person: Person, name: str):  # type: ignore[no-untyped-def]
+def _of(person: Person, name: str) -> ColumnElement[bool]:
     return (draft_table.c.sequence == name) & (draft_table.c.person == person.id)

@@ -12,7 +12,7 @@ from app.plant.picture import MOST_MACHINES, Picture, arrange
 from app.web.guard import allow
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
-from app.web.today import drawn
+from app.web.today import PATIENCE, drawn, told
 from app.web.view import area_label, areas
 
 router = APIRouter()
@@ -69,7 +69,8 @@ async def _page(request: Request, members: list[Equipment], area: str, title: st
         area=area,
         machines=[view.machine(request, item) for item in members],
         plant_picture=flow_of(plant, area, members),
-        today=await drawn(request, members),
+        tells_today=bool(told(members)),
+        today=await drawn(request, members, PATIENCE),
         today_url=f"/today?area={quote(area)}" if area else "/today",
     )
 

@@ -118,7 +118,8 @@ async def _found(request: Request, looked: str) -> list[Place]:
     places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
     mine = (place for place in places if permitted(person, place.needs, simulated=runtime.simulated))
     marked = people_access(request).kept.of(person.id, FAVOURITE) if person is not None else {}
-    return await asyncio.to_thread(ranked, _marked(mine, list(marked)), looked)
+    favourites = list(marked)
+    return await asyncio.to_thread(lambda: ranked(_marked(mine, favourites), looked))
 
 
 def _marked(places: Iterable[Place], favourites: Sequence[str]) -> list[Place]:

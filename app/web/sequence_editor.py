@@ -5,7 +5,8 @@ check`; nothing of the plant changes before it is reviewed and taken (app/web/se
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -22,11 +23,9 @@ from app.access.audit.line import printable
 from app.access.roles import Person
 from app.errors import Refused, UnusableFile
 from app.plant.definitions import Equipment, Kind, Plant, Scan
-from app.plant.problems import Problem
 from app.plant.sequence_text import (
     STEPS,
     TESTS,
-    Section,
     above,
     changes,
     free_bit,
@@ -112,10 +111,17 @@ async def editing(request: Request, key: str) -> Editing:
     drafts, name = view_of(request).runtime(request).drafts, item.sequence.name
     try:
         draft = await drafts.draft(person, name)
-        file = drafts.file(name)
+        file = await drafts.file(name)
     except UnusableFile as error:
         raise Refused("editor.unreadable", 409, file=f"{FOLDER}/{name}.toml", why=error.found) from error
     return Editing(person, view_of(request).machine(request, item), plant, name, draft, file)
+
+
+@asynccontextmanager
+async def changing(request: Request, key: str) -> AsyncIterator[Editing]:
+    """As `editing`, and nobody else changes a draft inside."""
+    async with view_of(request).runtime(request).drafts.turn:
+        yield await editing(request, key)
 
 
 # ---- the page ------------------------------------------------------------------------------------------------
@@ -128,21 +134,16 @@ async def editor(request: Request, key: str, section: str = "1") -> Response:
     return await _page(request, at, section)
 
 
-async def _page(
-    request: Request, at: Editing, section: str, status: int = 200, refused: str = "", written: str | None = None
-) -> Response:
+async def _page(request: Request, at: Editing, section: str) -> Response:
     view = view_of(request)
     return view.page(
         request,
         "pages/sequence_editor.html",
-        status=status,
         title=view.text(request, "editor.title"),
         chip=at.item.id,
         area=at.item.area,
-        refused=refused,
         tab=chance.token_hex(8),
         seen=at.draft.version,
-        written=written,
         **await _shown(request, at, section),
     )
 
@@ -160,7 +161,7 @@ async def _shown(request: Request, at: Editing, section: str) -> dict[str, Any]:
         "part": part,
         "places": forms.places(parts),
         "form": forms.form(part.key, broken=at.data is None),
-        "problems": [(one, _place(parts, forms, one)) for one in forms.problems],
+        "problems": [(one, forms.place(one, parts)) for one in forms.problems],
         "elsewhere": forms.elsewhere,
         "others": await runtime.drafts.others(at.person, at.name),
         "users": [one.id for one in at.plant.equipment.values() if one.sequence and one.sequence.name == at.name],
@@ -178,18 +179,15 @@ def when(request: Request, micros: int) -> str:
     return fmt.moment_or_time(micros, zone, language_of(request), runtime.clock.micros())
 
 
-def _place(parts: list[Section], forms: Forms, problem: Problem) -> str:
-    return next((part.key for part in parts if problem in forms.problems_of(part)), "0")
-
-
 # ---- what is typed -------------------------------------------------------------------------------------------
 
 
 @router.post("/equipment/{key}/definition/fields", dependencies=[allow("configure")])
 async def typed(request: Request, key: str) -> Response:
     """Take the fields of a form into the draft, and say what is wrong now."""
-    before, given = await editing(request, key), await _given(request)
-    at = await _with_fields(request, before, given)
+    given = await _given(request)
+    async with changing(request, key) as before:
+        at = await _with_fields(request, before, given)
     shown = await _shown(request, at, given["section"])
     moved = at.draft.text != before.draft.text  # else whoever types in the text by now is left alone
     return view_of(request).fragment(request, "fragments/editor_after_fields.html", moved=moved, **shown)
@@ -198,8 +196,9 @@ async def typed(request: Request, key: str) -> Response:
 @router.post("/equipment/{key}/definition/text", dependencies=[allow("configure")])
 async def written(request: Request, key: str) -> Response:
     """Take the text of a section into the draft, right or wrong, and say what is wrong now."""
-    before, given = await editing(request, key), await _given(request)
-    at = await _with_text(request, before, given)
+    given = await _given(request)
+    async with changing(request, key) as before:
+        at = await _with_text(request, before, given)
     moved = at.draft.text != before.draft.text  # else whoever types in a field by now is left alone
     shown = await _shown(request, at, given["section"])
     return view_of(request).fragment(
@@ -215,25 +214,28 @@ async def written(request: Request, key: str) -> Response:
 @router.post("/equipment/{key}/definition/do", dependencies=[allow("configure")])
 async def do(request: Request, key: str) -> Response:
     """Add, remove or move something; what was typed in the form beside it is taken first."""
-    at, given = await editing(request, key), await _given(request)
-    section = given["section"]
-    if "text" in given:
-        at = await _with_text(request, at, given)
-    else:
-        at = await _with_fields(request, at, given)
-    data = _tables(at)
-    what, _, which = given.get("do", "").partition(":")
-    made, section = _asked(at, view_of(request).runtime(request).texts, data, section, what, which)
-    if made:
-        await _keep(request, at, given, _edited(at, made))
+    given = await _given(request)
+    async with changing(request, key) as before:
+        at = await (_with_text if "text" in given else _with_fields)(request, before, given)
+        what, _, which = given.get("do", "").partition(":")
+        texts = view_of(request).runtime(request).texts
+        made, section = _asked(at, texts, _tables(at), given["section"], what, which)
+        if made:
+            await _keep(request, at, given, _edited(at, made))
     return RedirectResponse(f"{at.url}?section={quote(section)}", 303)
 
 
 @router.post("/equipment/{key}/definition/condition", dependencies=[allow("configure")])
 async def condition(request: Request, key: str) -> Response:
     """A new permissive, or abort condition, about a point that was looked for."""
-    at = await editing(request, key)
     given = await fields(request, ["tab", "seen", "section", "point", "is", "value"])
+    async with changing(request, key) as at:
+        bit = await _with_condition(request, at, given)
+    return RedirectResponse(f"{at.url}?section={quote(given['section'])}#b-{bit}", 303)
+
+
+async def _with_condition(request: Request, at: Editing, given: Mapping[str, str]) -> int:
+    """The number of the bit that it becomes."""
     data, section = _tables(at), given["section"]
     table = _table_of(data, section)
     bit, point = free_bit(table, section), at.plant.equipment
@@ -258,7 +260,7 @@ async def condition(request: Request, key: str) -> Response:
         made["value"] = written
     path = (*above(section), ABORT if section == "0" else "permissives", str(bit))
     await _keep(request, at, given, _edited(at, [Put(path, made)]))
-    return RedirectResponse(f"{at.url}?section={quote(section)}#b-{bit}", 303)
+    return bit
 
 
 @router.get("/equipment/{key}/definition/points", dependencies=[allow("configure")])

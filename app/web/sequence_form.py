@@ -154,6 +154,10 @@ class Forms:
         """What is wrong in a section: by its key, else by its line."""
         return [one for one in self.problems if self._section_of(one, part) == part.key]
 
+    def place(self, one: Problem, parts: Iterable[Section]) -> str:
+        """The section of a mistake."""
+        return next((part.key for part in parts if self._section_of(one, part) == part.key), "0")
+
     @staticmethod
     def _section_of(one: Problem, part: Section) -> str:
         head, _, rest = one.key.partition(".")

@@ -16,7 +16,7 @@ from app.errors import Refused
 from app.plant.sequence_differences import Difference, differences
 from app.plant.toml import TomlRefused, parse
 from app.running.plant_files import Reading
-from app.running.sequence_drafts import Revision
+from app.running.sequence_drafts import OVERTAKEN, Revision
 from app.web.guard import address_of, allow, fields
 from app.web.pages import view_of
 from app.web.plant import drawn
@@ -47,29 +47,26 @@ async def take(request: Request, key: str) -> Response:
     if not given["read"]:
         return await _review(request, at, 422, "plant.refused.unread", reason=reason)
     if at.overtaken:
-        return await _review(request, at, 409, "editor.refused.overtaken", reason=reason)
+        return await _review(request, at, 409, OVERTAKEN, reason=reason)
     if given["version"] != str(at.draft.version) or not at.changed:
         return await _review(request, at, 409, "plant.refused.other", reason=reason)
     runtime, drafts = view_of(request).runtime(request), view_of(request).runtime(request).drafts
-    revision = await drafts.keep(at.person, at.name, at.file, at.draft.text, reason)
-    done = False
-    try:
-        reading = await runtime.plant_files.take_definition(
-            at.person,
-            drafts.path(at.name),
-            at.draft.text,
-            given["digest"],
-            reason,
-            address_of(request.scope),
-            former=at.file,
+    readings: list[Reading] = []
+
+    async def into() -> bool:
+        text, address = at.draft.text, address_of(request.scope)
+        path, digest, former = drafts.path(at.name), given["digest"], at.draft.base
+        readings.append(
+            await runtime.plant_files.take_definition(at.person, path, text, digest, reason, address, former=former)
         )
-        done = reading.done
-    finally:
-        if not done:
-            await drafts.drop(at.name, revision.number)
-    if not reading.done:
-        return await _review(request, at, 409, reading.refused, reading=reading, reason=reason)
-    await drafts.discard(at.person, at.name)
+        return readings[-1].done
+
+    try:
+        revision = await drafts.take(at.person, at.name, at.draft, reason, into)
+    except Refused as refusal:
+        return await _review(request, at, refusal.status, refusal.reason, reason=reason)
+    if revision is None:
+        return await _review(request, at, 409, readings[-1].refused, reading=readings[-1], reason=reason)
     return RedirectResponse(f"{at.url}/history?done={revision.number}", 303)
 
 
@@ -114,9 +111,10 @@ async def restore(request: Request, key: str) -> Response:
         raise HTTPException(404)
     if at.changed and not given["over"]:
         raise Refused("editor.refused.draft", 409)
-    await drafts.discard(at.person, at.name)
-    fresh = await drafts.draft(at.person, at.name)
-    await drafts.save(at.person, at.name, fresh, found.text, tab="restored", seen=0)
+    async with drafts.turn:
+        await drafts.discard(at.person, at.name)
+        fresh = await drafts.draft(at.person, at.name)
+        await drafts.save(at.person, at.name, fresh, found.text, tab="restored", seen=0)
     return RedirectResponse(f"{at.url}/review", 303)
 
 

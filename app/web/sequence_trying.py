@@ -1,6 +1,7 @@
 """A draft of a sequence tried out before it is taken: begun with a button, and its outcome in words on the page of the review."""
 
 import asyncio
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.sequence_editor import Editing, editing
 
+log = logging.getLogger(__name__)
 router = APIRouter()
 
 MOST_KEPT = 50
@@ -60,13 +62,13 @@ async def begin(request: Request, key: str) -> Response:
     """Try the draft out."""
     given = await fields(request, [], ["test"])
     at = await editing(request, key)
-    trials = _trials(request.app)
-    if any(one.trial is None for one in trials.values()):
-        raise Refused("editor.trial.busy", 409)
     plant = await view_of(request).runtime(request).plant_files.drawn_up({at.name: at.draft.text})
     definition = plant.equipment[at.item.id].sequence if plant and at.item.id in plant.equipment else None
     if plant is None or definition is None:
         raise Refused("editor.trial.mistakes", 409)
+    trials = _trials(request.app)
+    if any(one.trial is None for one in trials.values()):
+        raise Refused("editor.trial.busy", 409)
     while len(trials) >= MOST_KEPT:
         trials.pop(next(iter(trials)))
     task = asyncio.ensure_future(_tried(plant, at.item.id, definition, given["test"]))
@@ -100,7 +102,11 @@ def trial_of(request: Request, at: Editing) -> dict[str, Any]:
 
 async def _tried(plant: Plant, id: str, definition: SequenceDefinition, test: str) -> Trial:
     given = next((one for one in definition.tests if one.name == test), None)
-    return await asyncio.to_thread(try_out, plant, id, given)
+    try:
+        return await asyncio.to_thread(try_out, plant, id, given)
+    except Exception:
+        log.exception("trial failed sequence=%s", id)
+        raise
 
 
 def _told(request: Request, at: Editing, definition: SequenceDefinition, trial: Trial) -> Told:

@@ -1,11 +1,12 @@
 """Today's figures: what each machine did since midnight of the plant, on the overview and on the page of an area.
 
-They are read beside the loop, once for all who look within some seconds, and say where they don't know.
+They are read beside the loop, once for all who look within some seconds, and say where they don't know. A page waits for them only so
+long as nobody notices; then it is drawn without them and fetches them.
 """
 
 import asyncio
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
@@ -25,8 +26,10 @@ from app.web.pages import plant_of, view_of
 if TYPE_CHECKING:
     from app.runtime import Runtime
 
-FRESH = 10.0
+FRESH = 20.0
 """So long what was read is good enough for the next who asks [s]."""
+PATIENCE = 0.3
+"""So long a page that shows more than these figures waits for them [s]."""
 NOTHING = "–"
 
 
@@ -44,42 +47,63 @@ class Today:
 class _Kept:
     """The last that was read, and of which plant."""
 
-    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     plant: Plant | None = None
-    read: float = 0.0
-    today: Today | None = None
+    begin: int = 0
+    """Of the day [µs UTC]."""
+    asked: float = 0.0
+    """When it was asked for [s]."""
+    reading: "asyncio.Future[Today] | None" = None
+    former: "asyncio.Future[Today] | None" = None
+    """Of the same day: good enough for a page that does not wait."""
 
 
-async def drawn(request: Request, machines: Sequence[Equipment]) -> dict[str, Any] | None:
-    """The figures of `machines` in the language of the page; None: none of them has any."""
-    told = [item for item in machines if item.type.today]
-    if not told:
+def told(machines: Iterable[Equipment]) -> list[Equipment]:
+    """Those of `machines` that have figures."""
+    return [item for item in machines if item.type.today]
+
+
+async def drawn(
+    request: Request, machines: Sequence[Equipment], patience: float | None = None
+) -> dict[str, Any] | None:
+    """The figures of `machines` in the language of the page; what was read before where nothing newer is read within `patience` [s].
+
+    None: none of them has any, or nothing was read.
+    """
+    if not (wanted := told(machines)):
         return None
     plant, runtime = plant_of(request), view_of(request).runtime(request)
-    found = await _read(request.app, runtime, plant)
-    return _Words(request, plant, found).table(told)
+    reading, former = _reading(request.app, runtime, plant)
+    await asyncio.wait([reading], timeout=patience)
+    found = reading if reading.done() else former
+    return _Words(request, plant, found.result()).table(wanted) if found is not None else None
 
 
-async def _read(app: FastAPI, runtime: "Runtime", plant: Plant) -> Today:
+def _reading(
+    app: FastAPI, runtime: "Runtime", plant: Plant
+) -> "tuple[asyncio.Future[Today], asyncio.Future[Today] | None]":
+    """What was read or is being read, and what was before; whoever comes meanwhile gets the same."""
     if not hasattr(app.state, "today"):
         app.state.today = _Kept()
     kept: _Kept = app.state.today
-    async with kept.lock:  # whoever comes meanwhile gets the same
-        now = runtime.clock.micros()
-        begin, end = local_day(now, ZoneInfo(plant.timezone))
-        fresh = kept.plant is plant and runtime.clock.monotonic() - kept.read < FRESH
-        if kept.today is not None and fresh and kept.today.day.begin == begin:
-            return kept.today
-        until = max(begin + 1, min(now, end))
-        machines = list(plant.equipment.values())
-        try:
-            day = await runtime.history.read(lambda connection: read_day(connection, machines, begin, until))
-            stops = await runtime.db.read(lambda connection: read_stops(connection, begin, until))
-            kept.today = Today(day, stops)
-        except StorageError:
-            kept.today = Today(Day(begin, until), {}, complete=False)
-        kept.plant, kept.read = plant, runtime.clock.monotonic()
-        return kept.today
+    begin, end = local_day(runtime.clock.micros(), ZoneInfo(plant.timezone))
+    now = runtime.clock.monotonic()
+    same = kept.plant is plant and kept.begin == begin
+    if kept.reading is None or not same or (kept.reading.done() and now - kept.asked >= FRESH):
+        kept.former = kept.reading if same else None
+        kept.plant, kept.begin, kept.asked = plant, begin, now
+        kept.reading = asyncio.ensure_future(_read(runtime, plant, begin, end))
+    return kept.reading, kept.former
+
+
+async def _read(runtime: "Runtime", plant: Plant, begin: int, end: int) -> Today:
+    until = max(begin + 1, min(runtime.clock.micros(), end))
+    machines = list(plant.equipment.values())
+    try:
+        day = await runtime.history.read(lambda connection: read_day(connection, machines, begin, until))
+        stops = await runtime.db.read(lambda connection: read_stops(connection, begin, until))
+    except StorageError:
+        return Today(Day(begin, until), {}, complete=False)
+    return Today(day, stops)
 
 
 class _Words:

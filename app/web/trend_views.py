@@ -9,14 +9,23 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
+from app.access.kept import TREND_LAST
+from app.access.roles import Person
 from app.errors import Refused, StorageError
 from app.historian.saved_views import LONGEST_NAME, SavedView, SavedViews
-from app.web.guard import allow, fields, person_of
+from app.web.guard import allow, fields, people_access, person_of
 from app.web.pages import view_of
 from app.web.signin import zone_of
 from app.web.trend_address import kept
 
 router = APIRouter(prefix="/trends")
+LAST = "last"
+"""Under which name the view is kept that somebody had last."""
+
+
+def last_view(request: Request, person: Person) -> str:
+    """The view that `person` had last; empty when there was none."""
+    return str(people_access(request).kept.of(person.id, TREND_LAST).get(LAST, ""))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +99,9 @@ async def remove(request: Request, number: int) -> Response:
 async def last(request: Request) -> Response:
     """What one looks at now: the page of trends begins with it next time."""
     given = await fields(request, ["view"])
-    await _saved(request).remember(person_of(request), _view(request, given["view"]))
+    person, at, own = person_of(request), _view(request, given["view"]), people_access(request).kept
+    if own.of(person.id, TREND_LAST).get(LAST) != at:
+        await own.keep(person.id, TREND_LAST, LAST, at)
     return Response(status_code=204)
 
 

@@ -7,7 +7,6 @@ this one is, and how the value axes are scaled (`axis`). Curves come from
 """
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,6 @@ from app.alarms.lifecycle import Entry
 from app.errors import Refused, StorageError
 from app.historian import query
 from app.historian.aggregate import Aggregate, Column, aggregate, first_time
-from app.historian.saved_views import SavedViews
 from app.historian.store import GAP_AFTER
 from app.plant.definitions import Kind, Point
 from app.web import format as fmt
@@ -45,7 +43,7 @@ from app.web.trend_address import (
     range_asked,
     view_asked,
 )
-from app.web.trend_views import views_of
+from app.web.trend_views import last_view, views_of
 
 if TYPE_CHECKING:
     from app.runtime import Runtime
@@ -102,7 +100,7 @@ async def trends(request: Request) -> Response:
     """The page; an address without any tag shows what one looked at last, the first time the speeds of all drives."""
     plant_of(request)
     view = view_of(request)
-    if "tags" not in request.query_params and (begun := await _beginning(request)):
+    if "tags" not in request.query_params and (begun := _beginning(request)):
         return RedirectResponse(f"/trends?{begun}", 303)
     pens = await _pens(request)
     query_of = request.query_params
@@ -263,7 +261,7 @@ async def _read(runtime: "Runtime", work: Any) -> Any:
         raise Refused("trend.unavailable", 503) from error
 
 
-async def _beginning(request: Request) -> str:
+def _beginning(request: Request) -> str:
     """The query to begin with; what the address does say (a span) wins."""
     runtime, person, asked = _runtime(request), request.state.person, request.query_params
     said = [(key, value) for key, value in asked.multi_items() if key != "tags"]
@@ -272,12 +270,9 @@ async def _beginning(request: Request) -> str:
         point = runtime.points.get(name)
         return point is not None and _drawable(point) and may_read(request, point)
 
-    if person is not None and person.may("views") and not said:
-        last = ""
-        with suppress(StorageError):
-            last = await SavedViews(runtime.db, runtime.access.audit, runtime.clock).last(person)
-        if begun := opened(last, usable, runtime.clock.micros(), zone_of(request)):
-            return begun
+    last = last_view(request, person) if person is not None and person.may("views") and not said else ""
+    if begun := opened(last, usable, runtime.clock.micros(), zone_of(request)):
+        return begun
     first = first_pens(plant_of(request))
     return query_of([("tags", ",".join(first)), *said]) if first else ""
 

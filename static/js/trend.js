@@ -130,10 +130,10 @@ async function load() {
 
 /** The notes of the range: their list, and their marks on the curves. What somebody types meanwhile stays. */
 async function notes(range, signal) {
-  const place = one("[data-notes-place]"), typed = place?.querySelector("[name=text]")?.value;
-  if (!place || typed) return;
+  const place = one("[data-notes-place]"), typing = () => place.querySelector("[name=text]")?.value || place.contains(document.activeElement);
+  if (!place || typing()) return;
   const answer = await fetch(`/trends/notes?${range}`, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
-  if (!answer.ok) return;
+  if (!answer.ok || typing()) return;
   place.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
   window.htmx.process(place);
 }

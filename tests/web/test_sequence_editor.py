@@ -3,11 +3,14 @@
 import re
 import shutil
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from app import bundled
+from app.access.roles import Person
+from app.errors import Refused
 from tests.web.conftest import Start
 from tests.web.people import Staff
 
@@ -177,3 +180,25 @@ def test_fields_that_are_none_are_refused(staff: Staff) -> None:
     assert window.send("fields", **{"../x": "1"}).status_code == 422
     assert window.send("fields", permissives__9__when="1").status_code == 409
     assert window.send("do", do="remove_order:7").status_code == 409
+
+
+def test_what_was_made_from_an_older_draft_takes_nothing_away(staff: Staff) -> None:
+    """Two requests of one window at once: the later one begins where the first one ended, else it is refused."""
+    window = Window(staff, "2")
+    state = staff.client.app.state  # type: ignore[attr-defined]
+    drafts, person = state.runtime.drafts, Person(staff.add("ivana"), "ivana")
+    before = staff.wait(drafts.draft, person, "feed")
+    assert window.send("fields", minimum="25").status_code == 200
+    late = partial(drafts.save, person, "feed", before, FILE + "# mine", tab=window.window["tab"], seen=0)
+    with pytest.raises(Refused) as refused:
+        staff.wait(late)
+    assert refused.value.status == 409
+    assert "minimum = 25" in text_of(Window(staff, "2").page)
+
+
+def test_a_window_from_before_the_draft_was_given_up_does_not_bring_it_back(staff: Staff) -> None:
+    Window(staff, "2").send("fields", minimum="25")
+    old = Window(staff, "2")
+    assert staff.post(f"{URL}/discard", {}).status_code == 303
+    assert old.send("fields", maximum="80").status_code == 409
+    assert "As in the file" in Window(staff, "2").page

@@ -1,5 +1,6 @@
 """Today's figures on the overview: right in every language, after a restart and over midnight, and honest about what nobody saw."""
 
+import asyncio
 import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -68,7 +69,7 @@ def test_it_tells_what_was_seen_and_since_when(running: VirtualClient) -> None:
 def test_the_page_has_them_in_every_language_and_an_area_has_its_own(running: VirtualClient, language: str) -> None:
     running.cookies.set("pogon_lang", language)
     page = plain(running.get("/").text)
-    assert 'hx-get="/today" hx-trigger="every 30s"' in page and "<caption>" in page
+    assert 'hx-get="/today"\n  hx-trigger="every 30s"' in page and "<caption>" in page
     whole, area = lines(running, language=language), lines(running, "/today?area=drives", language)
     assert len(whole) == 3 and len(area) == 2 and set(area) < set(whole)
     assert 'hx-get="/today?area=drives"' in running.get("/area/drives").text
@@ -112,3 +113,29 @@ def test_whoever_looks_within_seconds_costs_nothing(running: VirtualClient, monk
     running.pass_time(today.FRESH + 1)
     running.get("/today")
     assert len(asked) == 2
+
+
+def test_a_history_that_is_slow_keeps_no_page_shut(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The overview comes at once and fetches the figures, which are read once however many ask."""
+    read, begun = today._read, list[int]()
+
+    async def slowly(*asked: Any) -> today.Today:
+        begun.append(1)
+        await asyncio.sleep(20)
+        return await read(*asked)
+
+    with house(Settings(plant=folder, data=tmp_path / "data"), begin=NOON) as client:
+        client.pass_time(30)
+        monkeypatch.setattr(today, "_read", slowly)
+        before = client.clock.monotonic()
+        page = plain(client.get("/").text)
+        assert client.clock.monotonic() - before < 1
+        assert 'hx-trigger="load, every 30s"' in page and "<caption>" not in page
+        client.get("/")
+        assert lines(client)[""].startswith("Today since 00:00")
+        assert len(begun) == 1
+        client.pass_time(today.FRESH)
+        assert "<caption>" in client.get("/").text, "what was read before is better than nothing"
+        assert len(begun) == 2

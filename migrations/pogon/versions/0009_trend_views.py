@@ -1,4 +1,4 @@
-"""Views of trends that people keep under a name, and where each was last."""
+"""Views of trends that people keep under a name."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -21,13 +21,7 @@ def upgrade() -> None:
         sa.UniqueConstraint("person", "name", name="uq_trend_view_name"),
         sqlite_autoincrement=True,
     )
-    op.create_table(
-        "trend_last",
-        sa.Column("person", sa.Integer(), sa.ForeignKey("person.id", ondelete="CASCADE"), primary_key=True),
-        sa.Column("query", sa.Text(), nullable=False),
-    )
 
 
 def downgrade() -> None:
-    op.drop_table("trend_last")
     op.drop_table("trend_view")
