@@ -186,7 +186,7 @@ def test_what_was_made_from_an_older_draft_takes_nothing_away(staff: Staff) -> N
     """Two requests of one window at once: the later one begins where the first one ended, else it is refused."""
     window = Window(staff, "2")
     state = staff.client.app.state  # type: ignore[attr-defined]
-    drafts, person = state.runtime.drafts, Person(staff.add("ivana"), "ivana")
+    drafts, person = state.runtime.drafts, Person(staff.add("ivana"), "ivana", "", frozenset(), frozenset(), "")
     before = staff.wait(drafts.draft, person, "feed")
     assert window.send("fields", minimum="25").status_code == 200
     late = partial(drafts.save, person, "feed", before, FILE + "# mine", tab=window.window["tab"], seen=0)
