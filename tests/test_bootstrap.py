@@ -95,14 +95,14 @@ def test_the_build_server_runs_what_a_newcomer_runs() -> None:
 
 def test_the_front_end_is_packaged_with_its_licences_and_not_committed() -> None:
     vendor = {path.name for path in (ROOT / "static" / "vendor").iterdir()}
-    scripts = {"htmx.min.js", "uPlot.iife.min.js", "uPlot.min.css", "swagger-ui-bundle.js", "swagger-ui.css"}
+    scripts = {"htmx.min.js", "uPlot.iife.min.js", "uPlot.min.css"}
     letters = {
         f"{face}.woff2"
         for face in ("arimo-latin", "arimo-latin-ext", "cousine-latin", "cousine-latin-ext", "noto-sans-math")
     }
     assert scripts | letters <= vendor
     fonts = ("fontsource-variable-arimo", "fontsource-cousine", "fontsource-noto-sans-math")
-    for package in ("htmx.org", "uplot", "swagger-ui-dist", *fonts):
+    for package in ("htmx.org", "uplot", *fonts):
         assert any(name.startswith(f"{package}-LICENSE") for name in vendor), package
     assert (ROOT / "tests" / ".vendor" / "axe.min.js").is_file()
     if (ROOT / ".git").exists():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import import_circles, large_parts, long_lines, named_machines, raw_sql
+from tools.check_house import forks, import_circles, large_parts, long_lines, named_machines, raw_sql
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -167,3 +167,28 @@ def test_a_statement_written_as_text_is_found(tmp_path: Path, source: str) -> No
 )
 def test_words_that_are_no_statement_are_none(tmp_path: Path, source: str) -> None:
     assert not list(raw_sql(house(tmp_path, historian__store=source)))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ((("1", None), ("2", "1"), ("3", "2")), []),
+        ((("1", None), ("2", "1"), ("3", "1")), ["comes after 1, as "]),
+        ((("1", None), ("2", "1"), ("2", "1")), ["revision 2 is also that of "]),
+        ((("1", None), ("3", "2")), ["comes after 2, which is not there"]),
+        ((("1", None), ("2", None)), ["comes after None, as "]),
+    ],
+)
+def test_migrations_that_are_no_row_are_told(
+    tmp_path: Path, numbers: tuple[tuple[str, str | None], ...], told: list[str]
+) -> None:
+    folder = tmp_path / "migrations" / "pogon" / "versions"
+    folder.mkdir(parents=True)
+    for index, (number, last) in enumerate(numbers):
+        (folder / f"{index}_x.py").write_text(f"revision = {number!r}\ndown_revision = {last!r}\n")
+    found = list(forks(tmp_path))
+    assert len(found) == len(told) and all(one in two for one, two in zip(told, found, strict=True))
+
+
+def test_those_of_the_house_are() -> None:
+    assert not list(forks(Path(__file__).parent.parent))

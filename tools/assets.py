@@ -20,8 +20,6 @@ FILES = {
         "htmx.org/dist/htmx.min.js",
         "uplot/dist/uPlot.iife.min.js",
         "uplot/dist/uPlot.min.css",
-        "swagger-ui-dist/swagger-ui-bundle.js",
-        "swagger-ui-dist/swagger-ui.css",
     ],
     "tests/.vendor": ["axe-core/axe.min.js"],
 }

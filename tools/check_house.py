@@ -1,4 +1,5 @@
-"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; nothing is too long; SQL is Core.
+"""The shape of the house: no import circles, inside a folder neither; general rooms name no machine; nothing is too long; SQL is Core;
+migrations are one row.
 
 A new machine is folders of its own. So no equipment type, none of its tables and no kind of its records is named in the rooms that serve
 all of them: in Python as a string or an imported module, in templates, scripts and sheets anywhere.
@@ -45,7 +46,14 @@ what replaces what people keep, and the lock of the audit's chain. Everywhere el
 
 
 def main() -> int:
-    problems = [*import_circles(ROOT), *named_machines(ROOT), *long_lines(ROOT), *large_parts(ROOT), *raw_sql(ROOT)]
+    problems = [
+        *import_circles(ROOT),
+        *named_machines(ROOT),
+        *long_lines(ROOT),
+        *large_parts(ROOT),
+        *raw_sql(ROOT),
+        *forks(ROOT),
+    ]
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 
@@ -156,6 +164,33 @@ def raw_sql(root: Path) -> Iterator[str]:
                     yield f"{name}:{node.lineno}: {' '.join(node.value.split())[:40]!r}, expected a statement of SQLAlchemy Core"
             elif isinstance(node, ast.Import | ast.ImportFrom) and (module := _of_sqlite(node)):
                 yield f"{name}:{node.lineno}: imports {module}, expected it in {SQLITE[0]} or {SQLITE[1]}"
+
+
+def forks(root: Path) -> Iterator[str]:
+    """Migrations that come after the same one, or after none that is there: two people made the next one, and no database can be begun."""
+    for folder in sorted(root.glob("migrations/*/versions")):
+        row: dict[str, str] = {}
+        before: dict[str, str] = {}
+        for path in sorted(folder.glob("*.py")):
+            said = {
+                node.targets[0].id: node.value.value
+                for node in ast.parse(path.read_bytes(), str(path)).body
+                if isinstance(node, ast.Assign)
+                and isinstance(node.targets[0], ast.Name)
+                and isinstance(node.value, ast.Constant)
+            }
+            name, number, last = (
+                path.relative_to(root).as_posix(),
+                str(said.get("revision")),
+                str(said.get("down_revision")),
+            )
+            if number in row:
+                yield f"{name}: revision {number} is also that of {row[number]}"
+            elif last in before:
+                yield f"{name}: comes after {last}, as {before[last]} does"
+            elif last not in ("None", *row):
+                yield f"{name}: comes after {last}, which is not there"
+            row[number], before[last] = path.name, path.name
 
 
 def _of_sqlite(node: ast.Import | ast.ImportFrom) -> str:

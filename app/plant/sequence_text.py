@@ -35,7 +35,6 @@ HEAD = (
 """Keys of `[sequence]` that a form has, beside its label."""
 STEP = ("key", "label", "minimum", "maximum", "loss_aborts", "actions", "orders", "permissives")
 """Keys of a step that a form has; others are told and left to the text."""
-PERMISSIVE = ("key", "label", "when", "value", "forceable")
 
 
 @dataclass(frozen=True, slots=True)

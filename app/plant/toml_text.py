@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from app.plant.toml import TOKEN, TomlRefused, parse
+from app.plant.toml import TOKEN, parse
 
 KeyPath = tuple[str, ...]
 """Keys from the outside inwards; rows of a list of tables by their number: `("steps", "2", "label")`."""
@@ -420,12 +420,3 @@ def _text(value: str) -> str:
         return _SIGNS.get(one) or (one if one.isprintable() or one == " " else f"\\U{ord(one):08X}")
 
     return '"' + "".join(sign(one) for one in value) + '"'
-
-
-def is_toml(text: str) -> bool:
-    """Whether `text` can be read at all."""
-    try:
-        parse(text)
-    except TomlRefused:
-        return False
-    return True

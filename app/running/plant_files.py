@@ -92,7 +92,7 @@ class PlantFiles:
                 reading = replace(reading, refused="plant.refused.problems")
             elif running is None or plant is None:
                 reading = replace(reading, refused="editor.refused.no_plant")
-            elif busy := self._who_runs(running, name):
+            elif busy := self.who_runs(name):
                 reading = replace(reading, refused="editor.refused.runs", error=", ".join(busy))
             elif reading.digest != confirm:
                 reading = replace(reading, refused="plant.refused.other")
@@ -131,9 +131,13 @@ class PlantFiles:
                 return replace(taken, refused="editor.refused.not_put_back")
         return taken
 
-    def _who_runs(self, plant: Plant, definition: str) -> list[str]:
-        runs = self._running_sequences(plant)
-        return [id for id in runs if (one := plant.equipment[id].sequence) is not None and one.name == definition]
+    def who_runs(self, definition: str) -> list[str]:
+        """Machines whose sequence is `definition` and runs now, suspended or not."""
+        plant = self._running()
+        runs = self._running_sequences(plant) if plant else []
+        return [
+            id for id in runs if plant and (one := plant.equipment[id].sequence) is not None and one.name == definition
+        ]
 
     async def drawn_up(self, drafts: Mapping[str, str]) -> Plant | None:
         """The plant as it would be with `drafts`; None when something is wrong."""

@@ -46,7 +46,6 @@ from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 from app.web.points import EquipmentView
 from app.web.sequence_form import Forms
-from app.web.sequence_plant import runs_of
 
 router = APIRouter()
 
@@ -165,7 +164,7 @@ async def _shown(request: Request, at: Editing, section: str) -> dict[str, Any]:
         "elsewhere": forms.elsewhere,
         "others": await runtime.drafts.others(at.person, at.name),
         "users": [one.id for one in at.plant.equipment.values() if one.sequence and one.sequence.name == at.name],
-        "runs": runs_of(runtime, at.name),
+        "runs": runtime.plant_files.who_runs(at.name),
         "file": f"{FOLDER}/{at.name}.toml",
         "steps": sum(part.key not in ("0", TESTS) for part in parts),
         "when": partial(when, request),

@@ -5,12 +5,11 @@ from zoneinfo import ZoneInfo
 
 from app.plant.expression import Reading, parse
 from app.plant.sequence_definition import SequenceDefinition, SequenceOrder
-from app.plant.sequences import RUNNING
 from app.running.sequence_orders import SequenceDesk, SequenceDesks
 from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web import sentences
-from app.web.points import EquipmentView, PointView, Surroundings
+from app.web.points import EquipmentView, PointView
 
 
 class SequencePlant:
@@ -121,14 +120,3 @@ class SequencePlant:
         machine = self.equipment.other(id) if id else self.equipment.other(self.equipment.equipment.machine)
         point = machine.point(key) if machine is not None and machine.has(key) else None
         return (point.value, point.quality) if point and point.state == "good" else (None, NO_DATA)
-
-
-def runs_of(runtime: Surroundings, definition: str) -> list[str]:
-    """Machines whose sequence is `definition` and runs now, suspended or not."""
-    found: list[str] = []
-    for id, item in runtime.plant.equipment.items() if runtime.plant else ():
-        ring = item.type.device.plc if item.sequence and item.sequence.name == definition else None
-        name = f"{id}.{ring.status}" if ring else ""
-        if name in runtime.tags and runtime.tags.sample(name).value in RUNNING:
-            found.append(id)
-    return found

@@ -21,7 +21,6 @@ from app.web.guard import address_of, allow, fields
 from app.web.pages import view_of
 from app.web.plant import drawn
 from app.web.sequence_editor import Editing, editing, when
-from app.web.sequence_plant import runs_of
 from app.web.sequence_trying import trial_of
 
 router = APIRouter()
@@ -146,7 +145,7 @@ async def _review(
         differences=_words(request, at, at.file, at.draft.text),
         changes=[drawn(request, change) for change in reading.changes if change.name in own],
         others=[drawn(request, change) for change in reading.changes if change.name not in own],
-        runs=runs_of(runtime, at.name),
+        runs=runtime.plant_files.who_runs(at.name),
         refused=view.text(request, refused, name=printable(error, 200)) if refused else "",
         error=error,
         reason=reason,
