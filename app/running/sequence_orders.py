@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from math import isfinite, nan
+from math import inf, isfinite, nan
 
 from app import chance
 from app.access.roles import Person, permissions_of
@@ -36,6 +36,8 @@ LIVE = "why.sequence_live"
 TOO_SOON = "why.too_soon"
 LOOK = 0.1
 """Between two looks at whether an action has ended [s]."""
+STANDING = 60.0
+"""How long a machine may take to stand after its `suspend`; then it is stopped [s]."""
 UNSEEN: Reading = (None, NO_DATA)
 
 
@@ -101,6 +103,8 @@ class _Carried:
     given: GivenOrders
     number: int
     stage: Stage = Stage.WAITING
+    again: bool = False
+    """It was confirmed and is given again after a Stop."""
 
     @property
     def moves(self) -> bool:
@@ -130,6 +134,8 @@ class SequenceDesk:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._halts: dict[str, asyncio.Task[None]] = {}
         """Machines that are being stopped or suspended: nothing is given to them meanwhile."""
+        self._ends: dict[str, asyncio.Task[None]] = {}
+        """Those of them that end what the run had the machine do."""
         self._paused: set[str] = set()
         """Machines that stand still by the `suspend` of an action and go on by its `resume`."""
         self._close = gate.subscribe_ends(self._ended)
@@ -169,12 +175,10 @@ class SequenceDesk:
         again = GivenOrders([], 0)
         for machine, held in self._carried.items():
             for one in held if machine not in self._paused else ():
-                if one.stage is Stage.SENT:
-                    one.stage = Stage.WAITING
-                elif one.stage is Stage.DONE and not one.action.done:
+                if one.stage is Stage.DONE and not one.action.done:
                     again.orders.append(one.order)
                     again.open += 1
-                    one.given, one.number, one.stage = again, again.open, Stage.WAITING
+                    one.given, one.number, one.stage, one.again = again, again.open, Stage.WAITING, True
             self._go(machine)
         return again
 
@@ -182,7 +186,7 @@ class SequenceDesk:
         """Stop every machine that still does something for this run: by the action's `stop`, else by the Stop of its type, which the
         gate repeats until it is read back."""
         self._halt(self._end)
-        self._carried = {}
+        self._carried, self._paused = {}, set()
 
     def leave(self) -> None:
         """The run is over: its control of its machines is free."""
@@ -205,9 +209,10 @@ class SequenceDesk:
             task.cancel()
         self._tasks = {}
         for machine, held in self._carried.items():
-            self._halts[machine] = asyncio.ensure_future(
-                self._after(self._halts.get(machine), machine, how, list(held))
-            )
+            task = asyncio.ensure_future(self._after(self._halts.get(machine), machine, how, list(held)))
+            self._halts[machine] = task
+            if how == self._end:
+                self._ends[machine] = task
 
     async def _after(
         self,
@@ -217,7 +222,8 @@ class SequenceDesk:
         held: Sequence[_Carried],
     ) -> None:
         if before is not None:
-            before.cancel()
+            if before is not self._ends.get(machine):  # a suspend gives way; what ends something is never given up
+                before.cancel()
             await asyncio.wait([before])
         try:
             await how(machine, held)
@@ -230,6 +236,11 @@ class SequenceDesk:
         if halt is not None:
             await asyncio.wait([halt])
         held = self._carried.get(machine, [])
+        if machine in self._paused:  # it goes on from where it stands
+            for each in held:
+                if each.again and each.stage is Stage.WAITING:
+                    each.stage = Stage.DONE
+                    each.given.open -= 1
         while one := next((each for each in held if each.stage is not Stage.DONE), None):
             if one.given.refused:
                 return
@@ -279,18 +290,19 @@ class SequenceDesk:
         if await self._first_true(item, action.done, action.failed) != action.done:
             raise Refused("why.order_ended", 409, machine=item.id)
 
-    async def _first_true(self, item: Equipment, *sentences: str) -> str:
-        """Wait until one of `sentences` is true by what was read from now on; which one."""
+    async def _first_true(self, item: Equipment, *sentences: str, within: float = inf) -> str:
+        """Wait until one of `sentences` is true by what was read from now on; which one, empty = none was `within` so many seconds."""
         loop = asyncio.get_running_loop()
         since = loop.time()
         wanted = [text for text in sentences if text]
         names = {f"{item.id}.{name}" for text in wanted for name in parse(text).names}
-        while True:
-            if self._fresh(names, loop.time() - since):
+        while (passed := loop.time() - since) <= within:
+            if self._fresh(names, passed):
                 for text in wanted:
                     if self._true(item, text) is True:
                         return text
             await asyncio.sleep(LOOK)
+        return ""
 
     def _fresh(self, names: Iterable[str], age: float) -> bool:
         tags = self._tags
@@ -362,9 +374,11 @@ class SequenceDesk:
         action = under_way.action if under_way is not None and under_way.action.suspend else None
         if action is not None and (machine in self._paused or await self._done(machine, action.suspend)):
             self._paused.add(machine)
-            if action.stands:
-                await self._first_true(self._plant.equipment[machine], action.stands)
-            return
+            item = self._plant.equipment[machine]
+            if not action.stands or await self._first_true(item, action.stands, within=STANDING):
+                return
+            self._paused.discard(machine)
+            log.warning("suspended machine does not stand sequence=%s machine=%s", self.person.name, machine)
         if any(one.moves for one in held):
             await self._stop(machine)
 

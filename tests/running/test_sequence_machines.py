@@ -1,6 +1,7 @@
 """A sequence orders every kind of machine: what its action means, when it is done, how it stands still and ends."""
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -88,6 +89,90 @@ async def test_a_move_that_is_suspended_goes_on_to_its_target_and_is_not_given_a
         assert plant.value("a1.position") == pytest.approx(790, abs=0.5)
         given = [key for key, _ in commands(plant, "a1")]
         assert given.count("move_absolute") == 1 and given[-2:] == ["intermediate_stop", "resume"]
+
+
+async def test_a_suspend_that_is_taken_back_before_the_machine_stands_is_followed_by_its_resume(tmp_path: Path) -> None:
+    work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
+    async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: (plant.value("a1.position") or 0) > 450)
+        plant.ask(2)
+        await plant.until(lambda: plant.state is SequenceState.SUSPENDED)
+        plant.ask(3)
+        await plant.until(lambda: plant.state is SequenceState.DONE)
+        assert plant.value("a1.position") == pytest.approx(790, abs=0.5)
+        given = [key for key, _ in commands(plant, "a1")]
+        assert given.count("move_absolute") == 1 and given[-2:] == ["intermediate_stop", "resume"]
+
+
+async def test_an_abort_while_suspended_forgets_what_stood_so_that_a_safe_step_can_be_suspended(tmp_path: Path) -> None:
+    work = file(
+        step("power", "a1.enable"),
+        step("there", "a1.move_to(target = 790, velocity = 3000)"),
+        step("park", "a1.enable", "a1.move_to(target = 20, velocity = 1500)"),
+        head='abort_to = "park"\n',
+    )
+    async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: (plant.value("a1.position") or 0) > 450)
+        plant.ask(2)
+        await plant.until(lambda: plant.value("a1.zsw1_drive_stopped") == 1 and plant.value("a1.speed") == 0)
+        stood = plant.value("a1.position")
+        plant.ask(4)
+        await plant.until(lambda: plant.device.block.safe and plant.state is SequenceState.SUSPENDED)
+        plant.ask(3)
+        await plant.until(lambda: plant.device.block.safe and (plant.value("a1.position") or 999) < stood - 20)
+        plant.ask(2)
+        await plant.until(lambda: plant.state is SequenceState.SUSPENDED)
+        await asyncio.sleep(3)
+        stood = plant.value("a1.position")
+        await asyncio.sleep(5)
+        assert stood > 30 and plant.value("a1.position") == pytest.approx(stood, abs=0.5), "it stands as the run does"
+        plant.ask(3)
+        await plant.until(lambda: plant.state is SequenceState.ABORTED)
+        assert plant.value("a1.position") == pytest.approx(20, abs=0.5)
+
+
+async def test_a_suspended_machine_that_never_stands_is_stopped_and_its_order_given_again(tmp_path: Path) -> None:
+    work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 3000)"))
+    async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
+        desk = plant.runtime.desks.of("seq1")
+        assert desk
+        axis = desk._plant.equipment["a1"]
+        move = replace(axis.type.orders["move_to"], stands="zsw1_operation_enabled > 1")
+        axis = replace(axis, type=replace(axis.type, orders={**axis.type.orders, "move_to": move}))
+        desk._plant = replace(desk._plant, equipment={**desk._plant.equipment, "a1": axis})
+        await plant.started()
+        await plant.until(lambda: (plant.value("a1.position") or 0) > 450)
+        plant.ask(2)
+        await plant.until(lambda: ("stop", "confirmed") in commands(plant, "a1"), 70)
+        plant.ask(3)
+        await plant.until(lambda: plant.state is SequenceState.DONE)
+        assert plant.value("a1.position") == pytest.approx(790, abs=0.5)
+        assert [key for key, _ in commands(plant, "a1")].count("move_absolute") == 2
+
+
+async def test_a_suspend_right_after_the_end_of_a_run_does_not_take_its_stop_back(tmp_path: Path) -> None:
+    work = file(step("turn", "d1.run_forward(setpoint = 50)", minimum=600))
+    async with hall(tmp_path, work, LINKS + DRIVE + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: (plant.value("d1.speed") or 0) > 700)
+        desk = plant.runtime.desks.of("seq1")
+        assert desk
+        stop, stopped = desk._stop, list[str]()
+
+        async def slow(machine: str) -> None:
+            await asyncio.sleep(0.5)
+            await stop(machine)
+            stopped.append(machine)
+
+        desk._stop = slow
+        desk.stop()
+        desk.give(plant.device.definition.steps[0].orders)
+        await asyncio.sleep(0.1)
+        desk.suspend()
+        await asyncio.sleep(30)
+        assert stopped == ["d1"] and abs(plant.value("d1.speed")) <= 30
 
 
 async def test_an_axis_that_loses_its_enable_ends_the_order_and_the_sequence_says_so(tmp_path: Path) -> None:
