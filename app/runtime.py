@@ -112,8 +112,7 @@ class Runtime:
         self.derived: DerivedPoints
         self.files: DatabaseWatch
         """Whether the files of both databases are still there."""
-        self.access: Access
-        """People, sessions and the audit."""
+        self.access: Access  # people, sessions and the audit
         self.alarms: AlarmEngine  # all alarms
         self.command_ends: CommandEnds  # what became of commands
         self.classroom: Classroom  # how far everybody is in their lessons
@@ -243,7 +242,8 @@ class Runtime:
         return gate
 
     def _link(self, link: Link, machines: list[Equipment], bus: Bus | None) -> RegisterLink:
-        return self.ring_events.follow(RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus)))
+        made = RegisterLink(link, machines, self.tags, self.clock, exchange=_carried_by(bus), paused=_pause_of(bus))
+        return self.ring_events.follow(made)
 
     def _simulate(self, plant: Plant, links: list[str]) -> SimPlant:
         return self.desks.serve(SimPlant(plant, self.clock, links=links, memories=self._memories.found), self.tags)
@@ -370,6 +370,11 @@ def _carried_by(bus: Bus | None) -> Callable[[int, bytes], Awaitable[bytes | Non
     if bus is None:
         return None
     return lambda unit, pdu: exchange(bus, unit, pdu)
+
+
+def _pause_of(bus: Bus | None) -> Callable[[], bool]:
+    """Whether the simulation behind a link is paused now."""
+    return lambda: bus is not None and bus.paused
 
 
 def _access(settings: Settings, database: Database, clock: Clock, threads: Threads) -> Access:

@@ -79,6 +79,8 @@ class Checks:
             reasons.append((RefusalReason("why.no_link", {"link": machine.item.link}), 503))
         elif not machine.link.may_write:
             reasons.append((RefusalReason("why.writes_off", {"link": machine.item.link}), 409))
+        if writer is not None and writer.paused and not prepared.command.stop:
+            reasons.append((RefusalReason("why.simulation_paused"), 409))
         if prepared.command.stop:
             return reasons
         look, age = self._readings.look(machine), self._readings.age(machine)

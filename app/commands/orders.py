@@ -19,6 +19,11 @@ class Writer(Protocol):
         """Whether nothing real is behind it."""
         ...
 
+    @property
+    def paused(self) -> bool:
+        """Whether what is behind it is simulated, and paused."""
+        ...
+
     async def write(self, equipment: str, point: str, value: float, *, urgent: bool = False) -> int:
         """Write `value` [EU]; returns when the echo was checked. Urgent goes before everything that waits.
 

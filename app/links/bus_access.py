@@ -1,7 +1,7 @@
 """What those who care for one unit (links/plc.py, orders.py, events.py) need of the loop around the link."""
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 from app.clock import Clock
@@ -20,6 +20,8 @@ class BusAccess(Protocol):
     statistics: LinkStatistics
     clock: Clock
     events: EventTaker
+    paused: Callable[[], bool]
+    """Whether the simulation behind the link is paused."""
 
     async def ask(self, job: Job, priority: Priority) -> list[int]:
         """Send the telegram of `job` when it is its turn."""

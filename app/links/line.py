@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 from app.clock import Clock
@@ -30,6 +30,7 @@ class Line:
         self.demanded: frozenset[str] = frozenset()
         self.clock = clock
         self.events = EventTaker()
+        self.paused: Callable[[], bool] = lambda: False
         self._tags = tags
         self._schedule = Schedule()
         self._open: set[int] = set()

@@ -192,7 +192,7 @@ class PlcUnit:
                 now = asyncio.get_running_loop().time()
                 self._header(words, self._bus.clock.micros() - round((now - started) * 1e6))
                 if len(words) > LAST:
-                    self._pulse.header(words[FIRST : LAST + 1], started, now)
+                    self._pulse.header(words[FIRST : LAST + 1], started, now, paused=self._bus.paused())
                     self._judge()
                 return Seen.WHOLE
         return self._rows_seen(block, words, started) if isinstance(block, TableBlock) else Seen.WHOLE
@@ -284,7 +284,7 @@ class PlcUnit:
         loop, pulse = asyncio.get_running_loop(), self._pulse
         pulse.begin(loop.time())
         pause, wrong = FIRST_LOOK, 0
-        while not (pulse.moved or pulse.halted):
+        while not (pulse.moved or pulse.halted or self._bus.paused()):
             try:
                 await self._look_at_pulse()
             except (BadAnswer, DeviceException) as error:
@@ -320,11 +320,11 @@ class PlcUnit:
         except DeviceException:
             if self._pulse_words.address == plc_map.HEADER:
                 raise
-            # it takes no part of its header
-            self._pulse_words = Block(plc_map.HEADER, max(self._header_words, LAST + 1))
+            self._pulse_words = Block(plc_map.HEADER, max(self._header_words, LAST + 1))  # it takes no part of it
             return
         skip = plc_map.HEADER + FIRST - self._pulse_words.address
-        self._pulse.header(words[skip : skip + LAST - FIRST + 1], started, asyncio.get_running_loop().time())
+        now, paused = asyncio.get_running_loop().time(), self._bus.paused()
+        self._pulse.header(words[skip : skip + LAST - FIRST + 1], started, now, paused=paused)
 
     def _judge(self) -> None:
         station = self._station

@@ -63,8 +63,12 @@ class Pulse:
         if before is not None and before != mark:
             self._moves(now)
 
-    def header(self, words: Sequence[int], started: float, now: float) -> None:
-        """Words `FIRST` to `LAST` of the header, asked for at `started` and answered at `now` [s]."""
+    def header(self, words: Sequence[int], started: float, now: float, *, paused: bool = False) -> None:
+        """Words `FIRST` to `LAST` of the header, asked for at `started` and answered at `now` [s]; `paused`: its simulation
+        is, and that it does not go round is no fault of its program."""
+        if paused:
+            self._rest(now)
+            return
         if started < self._asked:  # overtaken on another connection
             return
         self._asked = started
@@ -80,6 +84,10 @@ class Pulse:
             self._quiet += min(max(0.0, started - self._at), self.limit / 2)
             self._at = max(self._at, started)
             self.halted = self.halted or self._quiet >= self.limit - 1e-6
+
+    def _rest(self, now: float) -> None:
+        self.halted, self._quiet, self._at, self._anchor = False, 0.0, max(self._at, now), None
+        self._told.pop(-1, None)
 
     def _moves(self, now: float) -> None:
         if self.halted:

@@ -5,7 +5,7 @@ device only when the plant file says `writes = true`; without a word of it, to w
 """
 
 import asyncio
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import count
 from typing import cast
 
@@ -44,8 +44,9 @@ class RegisterLink:
         clock: Clock,
         *,
         exchange: Exchange | None = None,
+        paused: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`equipment`: the machines on this link; `exchange`: the simulated line of a memory link.
+        """`equipment`: the machines on this link; `exchange`: the simulated line of a memory link; `paused`: whether that is paused now.
 
         Raises:
             ConfigurationError: an unknown transport, a memory link without line, a unit outside 1 to 247 (255 over TCP).
@@ -68,6 +69,7 @@ class RegisterLink:
         self._runner = LinkRunner(
             link, stations, tags, clock, lambda: cast(Transport, transport(link, exchange)), _lanes(link, equipment)
         )
+        self._runner.paused = paused
         self._writes = Writes(self._runner, self._machines)
 
     @property
@@ -79,6 +81,11 @@ class RegisterLink:
     def simulated(self) -> bool:
         """Whether nothing real is behind the link: it is in this process, or the plant file lets its devices say so and all do."""
         return self._runner.statistics.simulated
+
+    @property
+    def paused(self) -> bool:
+        """Whether the simulation behind the link is paused: its devices answer, and nothing moves."""
+        return self._runner.paused()
 
     @property
     def up(self) -> bool:

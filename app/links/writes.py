@@ -87,7 +87,7 @@ class Writes:
         """Whether anything may be written to a unit now; `urgent` is also tried on a silent one.
 
         Raises:
-            Refused: writes are off, or its program stands still.
+            Refused: writes are off, its simulation is paused, or its program stands still.
             LinkError: nothing would arrive.
         """
         link = self._runner.link.name
@@ -99,6 +99,8 @@ class Writes:
             raise NoAnswer(f"link {link}: unit {station.number} is silent")
         if not station.may_write:
             raise Refused("command.writes_off", link=link)
+        if self._runner.paused() and not urgent:
+            raise Refused("why.simulation_paused")
         if station.halted and not urgent:
             raise Refused("why.program_halted", link=link)
 

@@ -38,8 +38,10 @@ async def write(link: RegisterLink, item: Equipment, wanted: Mapping[int, int], 
     """Write `wanted` and wait until it is read back; what was there before. What acts once cannot be read back.
 
     Raises:
-        Refused: the device is not simulated, does not answer, or shows something else.
+        Refused: its simulation is paused, the device is not simulated, does not answer, or shows something else.
     """
+    if link.paused:
+        raise Refused("why.simulation_paused", 409)
     before = await look(link, item)
     if before.words is None:
         raise Refused(before.problem, 409, machine=item.id, cause=before.reason)

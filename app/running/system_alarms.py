@@ -41,7 +41,10 @@ def tell_of_links(alarms: AlarmEngine, plant: Plant | None, links: Mapping[str, 
 def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, recorder: Recorder, events: Events) -> None:
     """A simulation that is late, an audit or a history that is not written."""
     tell = alarms.system.report
-    tell("simulation_late", active=sim is not None and (sim.lag > SIMULATION_LATE or sim.pace < SIMULATION_SLOW))
+    tell(
+        "simulation_late",
+        active=sim is not None and (sim.lag > SIMULATION_LATE or sim.achieved < SIMULATION_SLOW * min(1, sim.speed)),
+    )
     tell("audit_waiting", active=not audit.healthy)
     tell("audit_broken", active=not audit.intact)
     tell("history_full", active=recorder.full or events.failed)

@@ -20,7 +20,14 @@ def system_values(
         "links_up": sum(link.statistics.state is LinkState.UP for link in links),
         "links_total": len(links),
         "sim_lag": round(sim.lag * 1000, 1) if sim else 0.0,
+        "sim_speed": sim.speed if sim else 1,
+        "sim_pace": _whole(sim.achieved, sim.speed) if sim else 1.0,
         "sim_overruns": sim.overruns if sim else 0,
         "watchers": live.watchers,
         **{f"history.{key}": value for key, value in recorder.statistics().items()},
     }
+
+
+def _whole(achieved: float, speed: int) -> float:
+    """What is achieved, in tenths; all of the speed within 5 % of it."""
+    return float(speed) if achieved > 0.95 * speed else round(achieved, 1)

@@ -71,6 +71,8 @@ class Bus:
         """`turnaround`: time that every device takes for an answer [s]."""
         self.devices = dict(devices)
         self.turnaround = turnaround
+        self.paused = False
+        """Whether its devices are not stepped at present; they answer all the same, and what is written acts when they go on."""
         self._noise = Random(1)
 
     def answer(self, unit: int, pdu: bytes) -> Answer:

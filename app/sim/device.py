@@ -48,6 +48,18 @@ class VirtualDevice(Protocol):
 
 
 @runtime_checkable
+class Paced(Protocol):
+    """A virtual device with a time beside its steps: what waits for a host, and what tells a time, goes by the clock of whoever looks."""
+
+    tempo: float
+    """Simulated time per real time, above 0."""
+
+    def stood(self, seconds: float) -> None:
+        """So much real time passed without a step."""
+        ...
+
+
+@runtime_checkable
 class Permanent(Protocol):
     """A virtual device with a memory that needs no power: it outlives the server, too."""
 

@@ -1,6 +1,8 @@
 """The simulated plant: a virtual device for every equipment, a bus for every link, and the clock that drives them.
 
-Time is steps x dt. Behind the clock it catches up at most 20 steps at a time; what is still owed then is given up, so an overloaded
+Time is steps x dt, at a speed that an instructor chooses: none at all up to ten times as fast as real time. Only what happens in the plant
+is faster then: lines, time-outs of hosts and time stamps keep real time.
+Behind the clock it catches up at most 20 steps at a time; what is still owed then is given up, so an overloaded
 machine shows a slower plant, never a jumping one.
 """
 
@@ -22,7 +24,7 @@ from app.plant.problems import Problem
 from app.plant.sequences import program
 from app.registers.codec import decode
 from app.sim.bus import Bus, damaged
-from app.sim.device import DT, Permanent, VirtualDevice
+from app.sim.device import DT, Paced, Permanent, VirtualDevice
 from app.sim.machines import VIRTUAL_DEVICES, Factory
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.machine import Machine
@@ -31,8 +33,12 @@ from app.sim.sequence.program import VirtualSequence
 
 log = logging.getLogger(__name__)
 
+SPEEDS = (0, 1, 2, 5, 10)
+"""Simulated time per real time that can be chosen; 0 = paused."""
 CATCH_UP = 20
-"""Most steps that are made up for."""
+"""Most steps that are made up for, times the speed."""
+REST = 0.02
+"""Between two looks at a plant that is paused [s]."""
 TURN = 0.02
 """After this the loop is given back, whatever is still owed [s]."""
 GIVE_BACK = 0.5
@@ -115,6 +121,8 @@ class SimPlant:
         self._clock = clock
         self._measure_scans()
         self._turnaround = turnaround
+        self.speed = 1
+        """Chosen simulated time per real time, 0 = paused."""
         self._due = clock.monotonic() + DT
         self.steps = 0
         self.lag = 0.0
@@ -124,9 +132,11 @@ class SimPlant:
         self.overruns = 0
         """Rounds that had to give time up."""
         self.pace = 1.0
-        """Simulated time per real time, over the last 5 s."""
+        """What it keeps of the chosen speed, over the last 5 s: 1 = all of it."""
         self._paced = (clock.monotonic(), 0)
         """Since when it is measured [s], and steps given up since then."""
+        self._rested = clock.monotonic()
+        """Up to when a paused plant was told of its pause [s]."""
         self.step_last = 0.0
         """Computing time of the last step of the whole plant [s]."""
         self.step_max = 0.0
@@ -172,6 +182,44 @@ class SimPlant:
         self.equipment, self.devices, self.buses = equipment, devices, buses
         self._couple()
         self._measure_scans()
+        self._tell_speed()
+
+    def set_speed(self, speed: int) -> None:
+        """Go on `speed` times as fast as real time, or not at all.
+
+        Raises:
+            ConfigurationError: not one of `SPEEDS`.
+        """
+        if speed not in SPEEDS:
+            raise ConfigurationError(f"speed {speed}: expected one of {', '.join(map(str, SPEEDS))}")
+        now = self._clock.monotonic()
+        if not self.speed:
+            self._rest(now)
+        self.speed, self.pace, self.lag = speed, 1.0, 0.0
+        self._due, self._paced, self._rested = now + DT / max(1, speed), (now, 0), now
+        self._tell_speed()
+
+    @property
+    def achieved(self) -> float:
+        """Simulated time per real time as it was over the last 5 s."""
+        return self.speed * self.pace
+
+    def _tell_speed(self) -> None:
+        for bus in self.buses.values():
+            bus.paused = not self.speed
+        for device in self.devices.values():
+            if isinstance(device, Paced):
+                device.tempo = float(max(1, self.speed))
+
+    def _rest(self, now: float) -> None:
+        """The plant is paused: clocks of devices go on."""
+        self._stand(now - self._rested)
+        self._rested = now
+
+    def _stand(self, seconds: float) -> None:
+        for device in self.devices.values():
+            if isinstance(device, Paced):
+                device.stood(seconds)
 
     def permanent(self) -> dict[str, Permanent]:
         """The devices with a permanent memory, by `place_of`."""
@@ -226,33 +274,39 @@ class SimPlant:
         self.step_max = max(self.step_max, self.step_last)
 
     def catch_up(self) -> int:
-        """Do the steps that are due, at most 20 and for about 20 ms, and give up what is owed beyond 20; the number done."""
+        """Do the steps that are due, at most 20 at speed 1 and for about 20 ms, and give up what is owed beyond; the number done."""
         began = self._clock.monotonic()
+        if not self.speed:
+            self._rest(began)
+            return 0
+        dt, most = DT / self.speed, CATCH_UP * self.speed
         late = began - self._due
         self.lag = max(0.0, late)
         if late < 0:
             self._measure_pace(began, 0)
             return 0
-        owed = int(late / DT) + 1
-        given_up = max(0, owed - CATCH_UP)
+        owed = int(late / dt) + 1
+        given_up = max(0, owed - most)
         if given_up:
-            self._due += given_up * DT
+            self._due += given_up * dt
             self.overruns += 1
             self.lost += given_up * DT
+            if self.speed > 1:
+                self._stand(given_up * dt)
         done = 0
         while done < owed - given_up:
             self.step()
             done += 1
             if self._clock.monotonic() - began >= TURN:
                 break
-        self._due += done * DT
+        self._due += done * dt
         self._measure_pace(began, given_up)
         return done
 
     def _measure_pace(self, now: float, given_up: int) -> None:
         since, lost = self._paced
         if now - since >= PACE_WINDOW:
-            self.pace = max(0.0, 1 - lost * DT / (now - since))
+            self.pace = max(0.0, 1 - lost * DT / self.speed / (now - since))
             since, lost = now, 0
         self._paced = since, lost + given_up
 
@@ -263,11 +317,12 @@ class SimPlant:
         """
         self._due = self._clock.monotonic() + DT
         self._paced = (self._clock.monotonic(), 0)
+        self._rested = self._clock.monotonic()
         while True:
             began = self._clock.monotonic()
             self.catch_up()
             now = self._clock.monotonic()
-            await asyncio.sleep(max(GIVE_BACK * (now - began), self._due - now))
+            await asyncio.sleep(max(GIVE_BACK * (now - began), self._due - now) if self.speed else REST)
 
     def merged(self) -> Bus:
         """One bus with the units of all links, for one port.

@@ -5,7 +5,7 @@ again right before each write. A live device has no such registers; nothing is e
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from fastapi import APIRouter, Request
@@ -19,6 +19,7 @@ from app.plant.definitions import Equipment, TrainingWord
 from app.plant.training import text_of_code
 from app.running.instruction import Trainee, Words, look, says_simulated, write
 from app.sim import training
+from app.sim.plant import SPEEDS
 from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of
@@ -34,18 +35,76 @@ LINE_FIELDS: Mapping[str, TrainingWord] = {
         ("count", training.REG_LINE_COUNT, ""),
     )
 }
-DONE = ("fault", "line", "world", "reset")
+DONE = ("fault", "line", "world", "reset", "speed")
 
 
 @router.get("/instructor", dependencies=[allow("instruct")])
 async def instructor(request: Request) -> Response:
     """All simulated machines, and what is active on each."""
+    return await _all(request)
+
+
+@router.get("/simulation", dependencies=[allow("view")])
+async def simulation(request: Request) -> Response:
+    """What the top line says of the simulation."""
+    runtime = view_of(request).runtime(request)
+    return view_of(request).fragment(request, "fragments/simulation.html", simulated=runtime.simulated, sim=runtime.sim)
+
+
+@router.post("/instructor/speed", dependencies=[allow("instruct")])
+async def set_speed(request: Request) -> Response:
+    """Have the simulated plant of this server pause, or run as fast as real time or faster. Nothing live is behind it."""
+    given = await fields(request, ["speed"], ["back"])
+    sim, text = view_of(request).runtime(request).sim, given["speed"].strip()
+    old = str(sim.speed) if sim else ""
+    refused: Refused | None = None
+    if sim is None:
+        refused = Refused("instructor.no_speed", 409)
+    elif text not in map(str, SPEEDS):
+        choice = ", ".join(map(str, SPEEDS))
+        refused = Refused("instructor.wrong_speed", 422, value=text[:20] or "–", choice=choice)
+    else:
+        sim.set_speed(int(text))
+    await people_access(request).audit.record(
+        "instructor.speed",
+        person_of(request),
+        "simulation",
+        old=old,
+        new=text[:20],
+        result="refused" if refused else "ok",
+        reason=refused.reason if refused else "",
+        address=address_of(request.scope),
+        **(refused.params if refused else {}),
+    )
+    back = given["back"] if given["back"] in plant_of(request).equipment else ""
+    if refused:
+        return await (_page(request, back, refused) if back else _all(request, refused))
+    return RedirectResponse(f"/instructor{'/' if back else ''}{back}?done=speed", 303)
+
+
+def _speeds(request: Request) -> tuple[int, ...]:
+    """Speeds that the simulated plant of this server can be given; none while it simulates nothing."""
+    return SPEEDS if view_of(request).runtime(request).sim else ()
+
+
+async def _all(request: Request, refused: Refused | None = None) -> Response:
     runtime = view_of(request).runtime(request)
     items = [item for item in plant_of(request).equipment.values() if says_simulated(runtime.links[item.link], item)]
     rows = [_row(request, one) for one in await asyncio.gather(*(look(link_of(request, item), item) for item in items))]
     view = view_of(request)
     title = view.text(request, "instructor.title")
-    return view.page(request, "pages/instructor.html", title=title, kind="frame", rows=rows, chosen=None)
+    return view.page(
+        request,
+        "pages/instructor.html",
+        title=title,
+        kind="frame",
+        status=refused.status if refused else 200,
+        rows=rows,
+        chosen=None,
+        speeds=_speeds(request),
+        error=_said(request, refused),
+        done=_done(request, refused, ("speed",)),
+    )
 
 
 @router.get("/instructor/{key}", dependencies=[allow("instruct")])
@@ -200,9 +259,7 @@ def _item(request: Request, key: str) -> Equipment:
 
 async def _page(request: Request, key: str, refused: Refused | None = None) -> Response:
     view, item = view_of(request), _item(request, key)
-    runtime = view.runtime(request)
     one = await look(link_of(request, item), item)
-    done = request.query_params.get("done", "")
     drawn = view.machine(request, item)
     return view.page(
         request,
@@ -226,9 +283,20 @@ async def _page(request: Request, key: str, refused: Refused | None = None) -> R
         world=_entries(request, item.type.training.world, one.words, f"{item.type.name}.training"),
         hands=_hands_template(item) if one.words else "",
         said="",
-        error=runtime.texts.text(language_of(request), refused.reason, **refused.params) if refused else "",
-        done=_deed(request, item, done) if done in _deeds(item) and not refused else "",
+        speeds=_speeds(request) if link_of(request, item).link.simulated else (),
+        error=_said(request, refused),
+        done=_done(request, refused, _deeds(item), item),
     )
+
+
+def _said(request: Request, refused: Refused | None) -> str:
+    return view_of(request).text(request, refused.reason, **refused.params) if refused else ""
+
+
+def _done(request: Request, refused: Refused | None, deeds: Collection[str], item: Equipment | None = None) -> str:
+    """What was just done, in words."""
+    done = request.query_params.get("done", "")
+    return _deed(request, item, done) if done in deeds and not refused else ""
 
 
 async def _hands(request: Request, item: Equipment, act: str = "", refused: Refused | None = None) -> Response:
@@ -260,9 +328,10 @@ def _deeds(item: Equipment) -> frozenset[str]:
     return frozenset((*DONE, *item.type.training.acts, *item.type.training.switches))
 
 
-def _deed(request: Request, item: Equipment, deed: str) -> str:
+def _deed(request: Request, item: Equipment | None, deed: str) -> str:
     """What was done, in words."""
-    return view_of(request).text(request, f"instructor.{deed}" if deed in DONE else f"{item.type.name}.training.{deed}")
+    key = f"instructor.{deed}" if item is None or deed in DONE else f"{item.type.name}.training.{deed}"
+    return view_of(request).text(request, key)
 
 
 def _entries(

@@ -324,6 +324,7 @@ class View:
             "nav": self._tabs(texts, plant, lang, path, area)
             + _engineering_tab(text("nav.engineering"), path, engineering),
             "simulated": runtime.simulated,
+            "sim": runtime.sim,
             "lesson_here": runtime.classroom.strip(person, machine) if head == "equipment" else None,
             "has_lessons": bool(runtime.classroom.lessons),
             "counts": self._counts(runtime, text, any(tab.url == "/communication" for tab in engineering)),

@@ -89,6 +89,7 @@ class FakeLink:
     def __init__(self, stand: "Stand") -> None:
         self.stand = stand
         self.simulated = True
+        self.paused = False
         self.writes: list[tuple[str, str, float, bool]] = []
         self.refreshed: list[tuple[str, tuple[str, ...]]] = []
         self.spoil: Callable[[str, str, float], LinkError | None] = lambda equipment, point, value: None

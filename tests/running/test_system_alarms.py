@@ -51,7 +51,7 @@ def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_he
 
 def server(**changed: Any) -> set[str]:
     state: dict[str, Any] = {
-        "lag": 0.0, "pace": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
+        "lag": 0.0, "speed": 1, "achieved": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
         "disk_low": False,
     } | changed  # fmt: skip
     it: Any = SimpleNamespace(**state)
@@ -66,7 +66,10 @@ def server(**changed: Any) -> set[str]:
     [
         ({}, set()),
         ({"lag": 1.1}, {"simulation_late"}),
-        ({"pace": 0.8}, {"simulation_late"}),
+        ({"achieved": 0.8}, {"simulation_late"}),
+        ({"achieved": 0.0, "speed": 0}, set()),
+        ({"achieved": 1.5, "speed": 10}, set()),
+        ({"achieved": 0.8, "speed": 10}, {"simulation_late"}),
         ({"healthy": False}, {"audit_waiting"}),
         ({"intact": False}, {"audit_broken"}),
         ({"full": True}, {"history_full"}),

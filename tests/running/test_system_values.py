@@ -42,8 +42,9 @@ def test_tasks_that_are_down_are_counted(alive: list[bool], failed: int) -> None
 
 
 def test_the_simulation_is_late_in_milliseconds_and_without_one_nothing_is() -> None:
-    values = parts([], [], SimpleNamespace(lag=0.12345, overruns=4))
+    values = parts([], [], SimpleNamespace(lag=0.12345, overruns=4, speed=10, achieved=7.26))
     assert (values["sim_lag"], values["sim_overruns"]) == (123.5, 4)
+    assert (values["sim_speed"], values["sim_pace"]) == (10, 7.3)
     assert (parts([], [])["sim_lag"], parts([], [])["sim_overruns"], parts([], [])["watchers"]) == (0.0, 0, 3)
 
 

@@ -10,11 +10,14 @@ import pytest
 from app.clock import ManualClock
 from app.errors import ConfigurationError
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
+from app.registers import plc_map
 from app.registers.pdu import read_request
 from app.sim.machines import VIRTUAL_DEVICES
 from app.sim.plant import SimPlant, read_simulated
 from app.sim.server import Openings, simulate
+from app.sim.watchdog import Watchdog
 from tests.sim.fake_device import FakeDevice
+from tests.sim.fake_plc import FakePlc
 from tests.virtual import loop_clock
 
 FAKE = EquipmentType("fake", Path("fake"), "fake", Device(), {}, {}, (), (), {}, (), {})
@@ -226,3 +229,88 @@ async def test_all_openings_serve_the_same_devices_until_a_signal(monkeypatch: p
     os.kill(os.getpid(), 15)
     async with asyncio.timeout(2):
         await served
+
+
+@pytest.mark.parametrize("speed", [1, 2, 5, 10])
+def test_a_faster_plant_does_its_steps_so_much_faster(speed: int) -> None:
+    clock = ManualClock()
+    sim = simulated(clock=clock)
+    sim.set_speed(speed)
+    for _ in range(600):
+        clock.advance(0.01)
+        sim.catch_up()
+    assert sim.steps == pytest.approx(600 * speed, abs=1)
+    assert (sim.achieved, sim.lost) == (speed, 0.0)
+
+
+def test_a_paused_plant_stands_still_and_makes_up_for_nothing() -> None:
+    clock = ManualClock()
+    sim = simulated(clock=clock)
+    sim.set_speed(0)
+    assert all(bus.paused for bus in sim.buses.values())
+    for _ in range(500):
+        clock.advance(0.02)
+        assert sim.catch_up() == 0
+    sim.set_speed(1)
+    assert not any(bus.paused for bus in sim.buses.values())
+    clock.advance(0.0101)
+    assert (sim.catch_up(), sim.steps, sim.lost) == (1, 1, 0.0)
+
+
+def test_what_a_computer_does_not_follow_is_told() -> None:
+    clock = ManualClock()
+    sim = simulated(clock=clock)
+    sim.set_speed(10)
+    for _ in range(20):
+        clock.advance(0.4)  # owes 400 steps each time and makes up for 200
+        sim.catch_up()
+    assert sim.achieved == pytest.approx(5.0, abs=0.5)
+
+
+@pytest.mark.parametrize("speed", [-1, 3, 11])
+def test_another_speed_is_refused(speed: int) -> None:
+    with pytest.raises(ConfigurationError, match=f"speed {speed}: expected one of 0, 1, 2, 5, 10"):
+        simulated().set_speed(speed)
+
+
+@pytest.mark.parametrize("speed", [1, 10])
+def test_the_clock_of_a_plc_goes_on_with_real_time(speed: int) -> None:
+    clock, device = ManualClock(), FakePlc()
+    sim = SimPlant(TWO_LINKS, clock, factories={"fake": lambda item, seed: device})
+    before = device.time
+
+    def run(seconds: float) -> None:
+        for _ in range(round(seconds / 0.01)):
+            clock.advance(0.01)
+            sim.catch_up()
+
+    sim.set_speed(speed)
+    run(3.0)
+    sim.set_speed(0)
+    run(7.0)
+    sim.set_speed(1)
+    run(2.0)
+    # three machines are one device here: it does each step three times
+    assert device.time - before == pytest.approx(3 * 12_000_000, rel=0.01)
+
+
+def test_a_host_is_waited_for_in_real_time() -> None:
+    device, watch = FakePlc(), Watchdog()
+    device.tempo = 10.0
+    watch.telegram()
+    device._hold.take([1, 7, 0, 0])
+    for _ in range(499):
+        device.step()
+        watch.step(1.0, device.dt / device.tempo)
+    assert device.hold == 1, "500 ms of the host's, 5 s of the plant's"
+    for _ in range(3):
+        device.step()
+    assert device.hold == 0
+    assert [watch.step(1.0, device.dt / device.tempo) for _ in range(600)].count(True) == pytest.approx(98, abs=3)
+
+
+def test_heartbeats_that_a_paused_device_hears_do_not_pile_up() -> None:
+    device = FakePlc()
+    for beat in range(1000):
+        device.write(6, plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT, [beat])
+    assert len(device._pending) == 1

@@ -63,6 +63,8 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
 
     type: str = "epos"
     dt: float = DT
+    tempo: float = 1.0
+    """Simulated time per real time; a host is waited for in real time."""
     _acknowledge: bool
     """Asked for by a parameter."""
 
@@ -159,15 +161,20 @@ class VirtualPositioningAxis(PermanentParameters, AxisState):
         if numbers.start < STATUS + map.WORDS and numbers.stop > CONTROL:
             self._watchdog.telegram()
 
+    def stood(self, seconds: float) -> None:
+        """So much real time passed without a step: its clock goes on."""
+        self._uptime += seconds
+        self.buffer.now = round(1000 * self._uptime)
+
     # ---- one step
 
     def step(self) -> None:
         """Advance by 10 ms: writes act, the program and the physics move, the words are new."""
-        self._uptime += self.dt
+        self._uptime += self.dt / self.tempo
         self.buffer.now = round(1000 * self._uptime)
         if self._pending:
             self._take_writes()
-        if self._watchdog.step(self._value["p2040"] / 1000, self.dt) and self.machine.pulses:
+        if self._watchdog.step(self._value["p2040"] / 1000, self.dt / self.tempo) and self.machine.pulses:
             self.buffer.enter(messages.TIMEOUT)
         self._run_machine()
         self._position()

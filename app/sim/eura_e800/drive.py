@@ -50,6 +50,8 @@ class VirtualE800:
 
     type: str = "eura_e800"
     dt: float = DT
+    tempo: float = 1.0
+    """Simulated time per real time; a host is waited for in real time."""
 
     outputs: dict[int, int]
     """Words last written for the outputs (0x2002–0x2007)."""
@@ -240,6 +242,9 @@ class VirtualE800:
         self.memory.power_up()
         self._power_up()
 
+    def stood(self, seconds: float) -> None:
+        """So much real time passed without a step; it has no clock that would tell."""
+
     # ---- one step
 
     def step(self) -> None:
@@ -248,7 +253,7 @@ class VirtualE800:
         if self._pending:
             self._take_writes()
             values = self.memory.value
-        if self._watchdog.step(values["F905"], self.dt) and self._ramp.on:
+        if self._watchdog.step(values["F905"], self.dt / self.tempo) and self._ramp.on:
             self._commands.trip(CE)
         if self._ramp.step(values, self.dt):
             self._commands.output_off()

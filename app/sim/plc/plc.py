@@ -11,7 +11,7 @@ scan as a whole. Between two scans nothing changes, so an image is encoded when 
 | setpoints | staged, then valid by `COMMIT_SETTINGS`: all or none; reasons 20 count, 22 check sum, 21 value (detail: number from 1) |
 | events | the ring keeps the last 59 with their time; retained, so that a power cycle loses none; row = sequence % 59 |
 | causes | an event that a command causes carries its id: one of the same scan, told while it is executed or named by `causes` |
-| time | scans x dt since the device was first switched on: two runs with the same writes are equal to the bit |
+| time | scans x dt since the device was first switched on: equal to the bit for the same writes; paused or faster, it is real time |
 | scan time | read from `stopwatch`, 0 without one: what was measured never enters the program |
 | host | its heartbeat must change within the host time-out once that is above 0 |
 | training | 0xE030 = initial state, retained area included; 0xE031 = power off and on, retained area kept |
@@ -24,12 +24,12 @@ from app.errors import DeviceException
 from app.registers import plc_map
 from app.registers.plc_map import AnswerState, Request
 from app.sim import training
-from app.sim.device import DT
 from app.sim.plc.areas import Image, Table
 from app.sim.plc.command_area import CommandArea
 from app.sim.plc.header import Header
 from app.sim.plc.hold import HoldRequest
 from app.sim.plc.host import HostWatch
+from app.sim.plc.real_time import RealTime
 from app.sim.plc.register_map import RegisterMap
 from app.sim.plc.ring import EventRing
 from app.sim.plc.scan_time import ScanTime
@@ -39,19 +39,17 @@ from app.sim.plc.writes import check_write
 from app.sim.training import LineFault, TrainingRegisters, is_training
 
 MAX_READ = 125
+HEARTBEAT_AT = plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT
 READING, WRITING = (3, 23), (6, 16, 23)
 
 
-class VirtualPlc(ABC):
+class VirtualPlc(RealTime, ABC):
     """A Pogon PLC. A machine gives images, settings, commands and its program; it must call `_start_up` when it is built."""
 
     type: str
-    dt: float = DT
     TYPE_CODE: int
     """Word 3 of the header and of the training registers."""
 
-    steps: int
-    """Scans since the device was first switched on."""
     boots: int
     """Starts, the first one counted."""
     _initial: bool
@@ -130,10 +128,10 @@ class VirtualPlc(ABC):
         """Number (from 1) of a setting that does not go with the others, 0 = none."""
         return 0
 
-    def _settings_changed(self) -> None:  # noqa: B027
+    def _settings_changed(self) -> None:
         """New settings are in effect."""
 
-    def _trained(self, address: int, word: int) -> None:  # noqa: B027
+    def _trained(self, address: int, word: int) -> None:
         """The instructor wrote a training register that is the machine's own."""
 
     @property
@@ -148,7 +146,7 @@ class VirtualPlc(ABC):
         """What the instructor did to the line of this unit; only kept here."""
         return self.training.line_fault
 
-    def telegram_seen(self) -> None:  # noqa: B027
+    def telegram_seen(self) -> None:
         """A host that only reads is not alive to this device: its heartbeat is a register."""
 
     def read(self, function: int, address: int, count: int) -> list[int]:
@@ -185,6 +183,8 @@ class VirtualPlc(ABC):
             raise DeviceException(3, f"{self.type}: {list(words)} with function {function:02d}")
         staging = range(self._staging_at, self._staging_at + self._settings.words)
         check_write(self.type, address, words, newest=self.newest, staging=staging)
+        if address == HEARTBEAT_AT and self._pending and self._pending[-1][0] == address:
+            self._pending.pop()  # a device that stands still hears of it for hours
         self._pending.append((address, tuple(words)))
 
     # ---- what a machine uses
@@ -193,11 +193,6 @@ class VirtualPlc(ABC):
     def host_silent(self) -> bool:
         """Whether the host's heartbeat stood still for longer than the host time-out."""
         return self._host_watch.silent
-
-    @property
-    def time(self) -> int:
-        """Device time [µs]: scans since the device was first switched on."""
-        return round(self.steps * self.dt * 1_000_000)
 
     @property
     def hold(self) -> int:
@@ -238,9 +233,9 @@ class VirtualPlc(ABC):
     def step(self) -> None:
         """One scan: writes act, watchdogs, program and physics, then the images are new."""
         self.scan_time.begin()
-        self.steps += 1
-        self._hold.step(self.dt)
-        self._host_watch.step(self.dt)
+        passed = self._scanned()
+        self._hold.step(passed)
+        self._host_watch.step(passed)
         if self._pending:
             self._take_writes()
         self._host_watch.judge(self.host_timeout)
@@ -263,7 +258,7 @@ class VirtualPlc(ABC):
                 self._command_area.take(words, self.time)
             elif address == plc_map.HOLD:
                 self._hold.take(words)
-            elif address == plc_map.HEADER + plc_map.AT_HOST_HEARTBEAT:
+            elif address == HEARTBEAT_AT:
                 if not self._host_deaf():
                     self._host_watch.take(words[0])
             elif address == plc_map.EVENTS + plc_map.AT_ACKNOWLEDGED:
@@ -296,6 +291,7 @@ class VirtualPlc(ABC):
     def _forget_all(self) -> None:
         """As never switched on before."""
         self.steps = 0
+        self._beside = 0.0
         self.boots = 0
         self.training.reset()
         self._pending = []

@@ -67,6 +67,8 @@ class VirtualSinamics(PermanentParameters, DriveState):
 
     type: str = "sinamics"
     dt: float = DT
+    tempo: float = 1.0
+    """Simulated time per real time; a host is waited for in real time."""
 
     def __init__(
         self,
@@ -172,15 +174,20 @@ class VirtualSinamics(PermanentParameters, DriveState):
             self._watchdog.telegram()
 
     # ---- what one sees from outside
+    def stood(self, seconds: float) -> None:
+        """So much real time passed without a step: its clock goes on."""
+        self._uptime += seconds
+        self.buffer.now = round(1000 * self._uptime)
+
     # ---- one step
 
     def step(self) -> None:
         """Advance by 10 ms: writes act, the program and the physics move, the words are new."""
-        self._uptime += self.dt
+        self._uptime += self.dt / self.tempo
         self.buffer.now = round(1000 * self._uptime)
         if self._pending:
             self._take_writes()
-        if self._watchdog.step(self._value["p2040"] / 1000, self.dt) and self.machine.pulses:
+        if self._watchdog.step(self._value["p2040"] / 1000, self.dt / self.tempo) and self.machine.pulses:
             self.buffer.enter(messages.TIMEOUT)
         self._run_machine()
         self._excitation.step(self.machine, self._value, self.dt)
