@@ -13,6 +13,7 @@ from app.errors import MissingFile, UnusableFile
 from app.files import ORDINARY, read_text
 from app.plant.problems import Problem
 from app.plant.toml import LARGEST_FILE, TomlRefused, parse
+from app.plant.toml_text import headed, split
 
 REQUIRED: Any = object()
 MOST_PROBLEMS = 200
@@ -114,21 +115,11 @@ class Source:
         for number, raw in enumerate(self._lines, 1):
             text = raw.strip()[:LONGEST_LINE]
             if header := re.match(r"^(\[{1,2})\s*([^\]]+?)\s*\]", text):
-                *parents, last = _split(header[2]) or ("",)
-                table = ()
-                for part in parents:  # a table inside a list of tables is of the list's latest row
-                    table = (*table, part)
-                    table = (*table, str(counts[table] - 1)) if table in counts else table
-                table = (*table, last)
-                if header[1] == "[[":
-                    index = counts.get(table, 0)
-                    counts[table] = index + 1
-                    table = (*table, str(index))
-                found = table
+                found = table = headed(header[2], counts, row=header[1] == "[[")
             elif assignment := re.match(
                 r"""^((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""", text
             ):
-                found = (*table, *_split(assignment[1]))
+                found = (*table, *split(assignment[1]))
             else:
                 continue
             whole.setdefault(found, number)  # of `[[steps]]`, a list, the first row is where it begins
@@ -320,10 +311,6 @@ def span(what: str, low: float, high: float) -> str:
     if math.isinf(high):
         return f"{what} from {low:g} up"
     return f"{what} up to {high:g}" if math.isinf(low) else f"{what} from {low:g} to {high:g}"
-
-
-def _split(dotted: str) -> tuple[str, ...]:
-    return tuple(part.strip().strip("\"'") for part in re.findall(r"""[^."'\s]+|"[^"]*"|'[^']*'""", dotted))
 
 
 def _printable(text: str, longest: int) -> str:

@@ -115,22 +115,27 @@ def pieces(text: str) -> list[Piece]:
     counts: dict[KeyPath, int] = {}
     for line in _logical_lines(text):
         if line.lstrip().startswith("[") and (header := _HEADER.match(line)):
-            *parents, last = _split(header[2]) or ("",)
-            table = ()
-            for part in parents:  # a table inside a list of tables is of the list's latest row
-                table = (*table, part)
-                table = (*table, str(counts[table] - 1)) if table in counts else table
-            table = (*table, last)
-            if row := header[1] == "[[":
-                index = counts.get(table, 0)
-                counts[table] = index + 1
-                table = (*table, str(index))
+            table = headed(header[2], counts, row=(row := header[1] == "[["))
             found.append(Piece(line, table, header=True, row=row))
         elif assigned := _ASSIGNED.match(line):
-            found.append(Piece(line, (*table, *_split(assigned[1]))))
+            found.append(Piece(line, (*table, *split(assigned[1]))))
         else:
             found.append(Piece(line))
     return found
+
+
+def headed(dotted: str, counts: dict[KeyPath, int], *, row: bool) -> KeyPath:
+    """The table that the header `dotted` begins; `counts`: rows of each list of tables so far, this one included from now on."""
+    *parents, last = split(dotted) or ("",)
+    table: KeyPath = ()
+    for part in parents:  # a table inside a list of tables is of the list's latest row
+        table = (*table, part)
+        table = (*table, str(counts[table] - 1)) if table in counts else table
+    table = (*table, last)
+    if row:
+        counts[table] = counts.get(table, 0) + 1
+        table = (*table, str(counts[table] - 1))
+    return table
 
 
 def span(found: Sequence[Piece], path: KeyPath) -> range:
@@ -404,7 +409,8 @@ def _logical_lines(text: str) -> list[str]:
     return found
 
 
-def _split(dotted: str) -> KeyPath:
+def split(dotted: str) -> KeyPath:
+    """The parts of a key with dots, without their quotation marks."""
     return tuple(part.strip("\"'") for part in re.findall(r"""[^."'\s]+|"[^"]*"|'[^']*'""", dotted))
 
 
