@@ -158,14 +158,14 @@ def more(data: TypeData, most: TypeData) -> str:
     usual, kind = data.type, most.type
     assert usual.device.plc and kind.device.plc
     ranges = {option: usual.ranges[option] for option in sorted(data.counted)}
-    numbers = ", ".join(f"{low:g} to {high:g} {option}" for option, (low, high) in ranges.items())
+    numbers = ", ".join(f"`{option}` {low:g} to {high:g}" for option, (low, high) in ranges.items())
     known = [image.address for image in usual.device.plc.images]
     held = [(key, one) for key, one in kind.commands.items() if one.hold_bits and key not in usual.commands]
     rows = [(f"0x{command.hold_bits:04X}", f"`{key}`", _text(kind, command.label)) for key, command in held]
     parts = [
         f"# Register map: {_text(kind, kind.label)}, more of everything",
         f"Made by `make registers` like [{kind.name}.md]({kind.name}.md), the map of the usual machine: do not edit.",
-        f"The plant file says how many there are: {numbers}. A machine with fewer than the usual one serves the usual map with 0 or NaN "
+        f"The plant file says what there is: {numbers}. A machine with fewer than the usual one serves the usual map with 0 or NaN "
         "in the places of what it lacks. One with more serves the following beside it, each image of which it needs a part as a whole, "
         "with 0 or NaN in the places that it does not use.",
         *(part for image in kind.device.plc.images if image.address not in known for part in _image(kind, image)),
@@ -175,8 +175,9 @@ def more(data: TypeData, most: TypeData) -> str:
         *(
             f"`{key}` is at 0x{table.address:04X} where the usual map has no room for it, with at most {table.capacity} rows."
             for key, table in kind.tables.items()
-            if table.address != usual.tables[key].address
+            if key in usual.tables and table.address != usual.tables[key].address
         ),
+        *(part for key, table in kind.tables.items() if key not in usual.tables for part in _table(most, table)),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -296,9 +297,15 @@ def _snapshot(kind: EquipmentType) -> Iterator[str]:
         note = _note(kind, "events.toml", f"snapshot.{name}", "word")
         none = "" if field.none is None else f"; {field.none} = none"
         place = f"{first}–{last}" if last > first else f"{first}"
+        note = ", ".join(part for part in (note, _codes("of", field.only), _codes("not of", field.but)) if part)
         yield f"| {place} | snapshot: `{name}` {field.type}: {_with(_text(kind, f'snapshot.{name}'), note)}{none} |"
     if free:
         yield f"| {', '.join(str(at + word) for word in sorted(free))} | snapshot: 0 |"
+
+
+def _codes(word: str, codes: Iterable[int]) -> str:
+    found = ", ".join(str(code) for code in sorted(codes))
+    return f"{word} event {found}" if found else ""
 
 
 def _table(data: TypeData, table: TableMap) -> Iterator[str]:

@@ -20,7 +20,8 @@ def untold(layout: Layout) -> dict[str, object]:
 def of_event(layout: Layout, event: RingEvent, before: Params) -> dict[str, object]:
     """Parameters of an alarm that `event` raised. `before`: those of its former occurrences that nobody has acknowledged, else empty."""
     params: dict[str, object] = {"source": event.source, "event": event.sequence}
-    for name, value in decode(layout, event.snapshot).items():
+    said = decode(layout, event.snapshot, event.code)
+    for name, value in {**dict.fromkeys(layout), **said}.items():
         params[name] = UNKNOWN if value is None else round(value, 3)
         if every := layout[name].all:
             params[every] = _listed(before.get(every, UNKNOWN), value)

@@ -76,7 +76,7 @@ class EventExport(ListExport[EventExportSettings, Event]):
 
     def _line(self, one: Event) -> str:
         settings = self.settings
-        said = decode(settings.layouts.get(one.equipment, {}), one.words)
+        said = decode(settings.layouts.get(one.equipment, {}), one.words, one.code)
         named = ((settings.fields.get((one.equipment, name), name), value) for name, value in said.items())
         cells = [
             self._times(one.time),

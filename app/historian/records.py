@@ -55,7 +55,7 @@ class Source:
             self.events.get(event.code, str(event.code)),
             event.source,
             event.value,
-            decode(self.layout, event.words),
+            decode(self.layout, event.words, event.code),
             event.id,
         )
 

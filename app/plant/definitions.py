@@ -14,7 +14,7 @@ from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.today import Figures
 from app.profidrive.parameter_access.parameter import DriveParameter
-from app.records.kind import RecordKind
+from app.records.kind import RecordKind, joined
 from app.records.snapshot import Layout
 from app.registers.register import Order as Order
 from app.registers.register import Register as Register
@@ -587,8 +587,8 @@ class Plant:
     records: Mapping[str, RecordKind] = field(init=False, compare=False)  # by name: no two types name a kind alike
 
     def __post_init__(self) -> None:
-        kinds = {name: kind for item in self.equipment.values() for name, kind in item.type.records.items()}
-        object.__setattr__(self, "records", kinds)
+        kinds = (kind for item in self.equipment.values() for kind in item.type.records.values())
+        object.__setattr__(self, "records", joined(kinds))
 
     @property
     def points(self) -> Mapping[str, Point]:

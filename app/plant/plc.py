@@ -27,6 +27,7 @@
     word = 0                                            the first of its words
     type = "u32"                                        u16 i16 u32 i32 f32
     none = 0                                            number that means "no value"
+    events = ["read"]                                   events that say it (as it stands all); `but`: all others do
     all = "products"                                    under this name an alarm lists all of them since it was acknowledged
 
 The points that they lie on are read in plant/type_files/tables.py.
@@ -118,16 +119,18 @@ def read_names(file: Table, key: str) -> dict[int, str]:
     return found
 
 
-def read_snapshot(file: Table) -> Layout:
+def read_snapshot(file: Table, events: Mapping[int, str]) -> Layout:
     """`[snapshot.<name>]`: what the words of an event say."""
     table = file.table("snapshot")
     found: dict[str, Field] = {}
-    taken: dict[int, str] = {}
+    taken: dict[int, list[str]] = {}
     for name, row in table.tables():
         field = Field(
             word=row.whole("word", low=0, high=WORDS - 1),
             type=row.text("type", choices=TYPES),
             none=row.whole("none", low=-(2**31), high=2**32 - 1) if row.has("none") else None,
+            only=_codes(row, "events", events),
+            but=_codes(row, "but", events),
             all=row.text("all", "", pattern=KEY, expected="a key of small letters, digits and _"),
         )
         row.done()
@@ -138,11 +141,31 @@ def read_snapshot(file: Table) -> Layout:
         for word in range(field.word, field.word + words_of(field.type) if field.type in TYPES else 0):
             if word >= WORDS:
                 row.note("word", field.word, f"words within the {WORDS} of a snapshot: {field.type} takes two")
-            elif taken.setdefault(word, name) != name:
-                row.note("word", field.word, f"words that {taken[word]} does not use")
+                continue
+            others = [other for other in taken.setdefault(word, []) if _together(found[other], field, events)]
+            if others:
+                row.note("word", field.word, f"words that {others[0]} does not use")
                 break
+            taken[word].append(name)
         found[name] = field
     return found
+
+
+def _codes(row: Table, key: str, events: Mapping[int, str]) -> frozenset[int]:
+    """Codes of the events that stand at `key`."""
+    codes = {name: code for code, name in events.items()}
+    found = set()
+    for index, one in enumerate(row.items(key, [], "a list of events")):
+        if one in codes:
+            found.add(codes[one])
+        else:
+            row.note(f"{key}.{index}", one, "an event of this file: " + one_of(list(codes), one))
+    return frozenset(found)
+
+
+def _together(one: Field, other: Field, events: Mapping[int, str]) -> bool:
+    """Whether some event would say both."""
+    return not events or any(one.is_said(code) and other.is_said(code) for code in events)
 
 
 def read_table(

@@ -123,10 +123,11 @@ class _KindReader:
         ends = tuple(self._ends())
         fields = {key: self._field(key, row) for key, row in table.tables("fields")}
         reopen = table.table("reopen")
-        csv = table.table("csv")
+        csv, absent = table.table("csv"), self._absent(fields)
         lasts = table.text("lasts", "")
         if lasts:
             self._of(table, "lasts", lasts)
+        filters = {key: self._filter(key, row, fields) for key, row in table.tables("filters")}
         kind = RecordKind(
             name=self.name,
             begin=self._events(table, "begin", required=True) or frozenset(),
@@ -152,12 +153,13 @@ class _KindReader:
             fields=fields,
             key=self._field_name("key", fields),
             value=self._field_name("value", fields),
-            columns=tuple(self._columns("columns", fields, DEFAULT)),
+            columns=tuple(one for one in self._columns("columns", fields, DEFAULT) if one not in absent),
             minor=frozenset(self._columns("minor", fields, ())),
             shown=tuple(self._shown(row) for row in table.rows("shown")),
-            details=tuple(self._columns("details", fields, DEFAULT)),
-            filters={key: self._filter(key, row, fields) for key, row in table.tables("filters")},
-            csv=tuple(self._csv(csv, fields)),
+            absent=absent,
+            details=tuple(one for one in self._columns("details", fields, DEFAULT) if one not in absent),
+            filters={key: one for key, one in filters.items() if one.of not in absent},
+            csv=tuple(column for column in self._csv(csv, fields) if column.of not in absent),
             repeat=self._repeat(csv),
             complete=table.text("complete", ""),
             former=table.text("former", ""),
@@ -292,6 +294,17 @@ class _KindReader:
         rule = Rule(verb, self._when(row), of, row.flag("amount"), None if above is None else float(above))
         row.done()
         return rule
+
+    def _absent(self, fields: Mapping[str, Field]) -> frozenset[str]:
+        """`[<kind>.absent]`: fields that a machine has not that has nothing to fill them with."""
+        table = self.table.table("absent")
+        found = [str(one) for one in table.items("fields", ())]
+        for index, one in enumerate(found):
+            if one not in fields:
+                table.note(f"fields.{index}", one, "a field: " + one_of(list(fields), one))
+        if self.table.has("absent"):
+            table.done()
+        return frozenset(found)
 
     def _field_name(self, key: str, fields: Mapping[str, Field]) -> str:
         name = self.table.text(key, "")

@@ -161,7 +161,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     head.done()
     file = files.open("events.toml")
     events, reasons = plc.read_names(file, "events"), plc.read_names(file, "reasons")
-    snapshot = plc.read_snapshot(file)
+    snapshot = plc.read_snapshot(file, events)
     file.done()
     kinds = record_kinds.read_kinds(files.open("records.toml"), files.folder, PACKAGE, events, list(snapshot))
     sentences = Sentences()

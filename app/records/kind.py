@@ -4,7 +4,7 @@ Which events make a record is data; what these words cannot say is a function of
 `<kind>_number`, `<kind>_belongs`, `<kind>_fold`, `<kind>_detail`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -46,6 +46,8 @@ class Type(StrEnum):
     """A key whose text the type has: `record.<kind>.<field>.<key>`."""
     NAME = "name"
     """A key of the definition kept with the record, shown as its label."""
+    IDENTITY = "identity"
+    """A number that counts nothing: of an order, of a class."""
     PART = "part"
     """Number of a part, shown with its name."""
     PERSON = "person"
@@ -265,6 +267,8 @@ class RecordKind:
     minor: frozenset[str] = frozenset()
     """Of these those that a small screen leaves out."""
     shown: Sequence[Shown] = ()
+    absent: frozenset[str] = frozenset()
+    """Fields that this machine never fills: they are in no list, file or filter of it."""
     details: Sequence[str] = ()
     """What stands above the events of one."""
     filters: Mapping[str, Filter] = field(default_factory=dict)
@@ -288,3 +292,12 @@ class RecordKind:
         if self.displaced == UNKNOWN:
             found |= dict.fromkeys((UNKNOWN,))
         return tuple(found)
+
+
+def joined(kinds: Iterable[RecordKind]) -> dict[str, RecordKind]:
+    """The kinds of several machines by name: of each that with the fewest fields absent."""
+    found: dict[str, RecordKind] = {}
+    for kind in kinds:
+        if kind.name not in found or len(kind.absent) <= len(found[kind.name].absent):
+            found[kind.name] = kind
+    return found

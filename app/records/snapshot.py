@@ -23,11 +23,18 @@ class Field:
     """Number that means "no value"; NaN always does."""
     all: str = ""
     """Name under which an alarm lists all of them since it was acknowledged; empty = it does not."""
+    only: frozenset[int] = frozenset()
+    """Codes of the events that say it; empty = all but those of `but`."""
+    but: frozenset[int] = frozenset()
 
     @property
     def words(self) -> int:
         """How many it takes, from `word` on."""
         return words_of(self.type)
+
+    def is_said(self, code: int) -> bool:
+        """Whether an event of this code says it."""
+        return code not in self.but and (not self.only or code in self.only)
 
 
 Layout = Mapping[str, Field]
@@ -39,10 +46,11 @@ def words_of(type: str) -> int:
     return 2 if type.endswith("32") else 1
 
 
-def decode(layout: Layout, words: Sequence[int]) -> dict[str, int | float | None]:
-    """The value of each field in `words`, which may be fewer than six (the rest is 0); None = no value."""
+def decode(layout: Layout, words: Sequence[int], code: int) -> dict[str, int | float | None]:
+    """The value of each field that an event of this `code` says, in its `words`, which may be fewer than six (the rest is 0); None = no
+    value."""
     padded = [*words, *(0,) * WORDS]
-    return {name: _value(field, padded) for name, field in layout.items()}
+    return {name: _value(field, padded) for name, field in layout.items() if field.is_said(code)}
 
 
 def _value(field: Field, words: Sequence[int]) -> int | float | None:

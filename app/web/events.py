@@ -350,7 +350,7 @@ class EventWords:
     def _said(self, kind: EquipmentType, one: Event) -> list[tuple[str, str]]:
         return [
             (self.runtime.texts.of_type(self.lang, kind, f"snapshot.{name}"), self._number(value))
-            for name, value in decode(kind.snapshot, one.words).items()
+            for name, value in decode(kind.snapshot, one.words, one.code).items()
             if value is not None and value != 0
         ]
 

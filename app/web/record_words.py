@@ -104,6 +104,8 @@ class RecordWords:
                 return f"{value} {label}".strip() if value else ""
             case Type.TIME:
                 return self.moment(value) if isinstance(value, int) else ""
+            case Type.IDENTITY:
+                return f"{value:.0f}" if isinstance(value, int | float) else ""
         if value is None or isinstance(value, str):
             return value or (NOTHING if field.unit else "")
         if field.unit == "s":

@@ -48,7 +48,7 @@ class Line {
 
   take(group, detail) {
     const cells = {};
-    for (const [key, tag] of Object.entries(detail)) cells[key.slice(key.lastIndexOf("_") + 1)] = tag;
+    for (const [key, tag] of Object.entries(detail)) cells[(/\bmarking_/.test(key) ? "read" : "") + key.slice(key.lastIndexOf("_") + 1)] = tag;
     let product = this.products.get(group);
     if (!product) {
       product = { group, id: 0, edge: 0, backwards: false };
@@ -96,8 +96,9 @@ class Line {
     const state = valued(cells.state) ?? 0;
     if (group.dataset.state !== String(state) || fresh) {
       group.dataset.state = String(state);
-      group.setAttribute("aria-label", this.svg.dataset.product.replace("{id}", id));
+      product.named = "";
     }
+    this.name(product);
     group.dataset.q = cells.head.state === "good" ? cells.id.state : cells.head.state;
     group.classList.toggle("chosen", id === this.chosen);
     group.classList.toggle("backwards", backwards);
@@ -106,6 +107,23 @@ class Line {
     product.dts.style.width = `${round(Math.abs(this.fact(`stop_distance_${this.belt(head)}`) ?? 0) * this.factor)}px`;
     if (state === STATE.LOST) product.cross.setAttribute("d", `M0 88L${round(width)} 130M0 130L${round(width)} 88`);
     return true;
+  }
+
+  /** What it is called, for whoever points at it or cannot see it: its identity, and the order that a scanner read of it. */
+  name(product) {
+    const { group, cells, id } = product;
+    const order = valued(cells.readid) === id && valued(cells.readstate) === 1 ? valued(cells.readorder) : 0;
+    const texts = this.svg.dataset;
+    const name = texts.product.replace("{id}", id) + (order ? `, ${texts.order.replace("{order}", order)}` : "");
+    if (product.named === name) return;
+    product.named = name;
+    group.setAttribute("aria-label", name);
+    let title = group.querySelector(":scope > title");
+    if (!title) {
+      title = document.createElementNS("http://www.w3.org/2000/svg", "title");
+      group.prepend(title);
+    }
+    title.textContent = name;
   }
 
   /** Number of the belt under a place. */

@@ -33,6 +33,7 @@ def test_a_conveyor_names_its_products() -> None:
     event = told(0, 7, 0, 6, *long_words(real(float("nan"))))
     assert of_event(layout("conveyor"), event, {}) == {
         "source": 4, "event": 9, "product": 7, "products": "7", "second": 6, "second_value": UNKNOWN,
+        "order": UNKNOWN, "category": UNKNOWN,
     }  # fmt: skip
 
 

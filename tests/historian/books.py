@@ -77,7 +77,16 @@ def events(history: Database, one: Told, of: EquipmentType) -> list[Said]:
     """What happened in a record."""
     found: list[Stored] = history.run(lambda connection: record_query.events(connection, [one.id]))[one.id]
     return [
-        Said(e.time, e.sequence, e.code, e.source, e.value, dict(decode(of.snapshot, e.words)), e.person, e.reason)
+        Said(
+            e.time,
+            e.sequence,
+            e.code,
+            e.source,
+            e.value,
+            dict(decode(of.snapshot, e.words, e.code)),
+            e.person,
+            e.reason,
+        )
         for e in found
     ]
 

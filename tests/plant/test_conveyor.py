@@ -278,7 +278,7 @@ def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType)
 
 def test_every_text_key_of_the_data_exists_in_every_language(line: EquipmentType) -> None:
     product = {f"table.{name}" for name in ("generation", "capacity", "count")}
-    most, problems = types.read_type("conveyor", LANGUAGES, given={"belts": 16, "sensors": 32})
+    most, problems = types.read_type("conveyor", LANGUAGES, given={"belts": 16, "sensors": 32, "scanner": 2})
     assert problems == []
     wanted = {"area", *types.text_keys(_data), *types.text_keys(most)}
     wanted |= {setpoint.group for setpoint in line.setpoints.values()}
@@ -359,12 +359,19 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         "resolution": 1650,
         "slots": 20,
         "product_slots": 20,
-        **{"belts": 3, "device_belts": 3, "sensors": 4, "device_sensors": 4},
+        **{"belts": 3, "device_belts": 3, "sensors": 4, "device_sensors": 4, "scanner": 0, "device_scanner": 0},
         **{f"sensor_position_{n}": 100.0 * n for n in (1, 2, 3, 4)},
         **{f"sensor_{n}": 100 * n for n in (1, 2, 3, 4)},
     }
     assert parse(derived.when).true(same) is False
-    for key in ("belt_end_2", "device_line_length", "sensor_position_3", "device_resolution", "slots"):
+    for key in (
+        "belt_end_2",
+        "device_line_length",
+        "sensor_position_3",
+        "device_resolution",
+        "slots",
+        "device_scanner",
+    ):
         assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
 
 

@@ -87,7 +87,7 @@ def test_a_kind_is_read(tmp_path: Path) -> None:
             "[thing.fields.size]",
             '[thing.fields.size]\ntype = "colour"',
             "thing.fields.size.type",
-            "one of number, time, word, name, part, person",
+            "one of number, time, word, name, identity, part, person",
         ),
         (
             "[thing.fields.size]",

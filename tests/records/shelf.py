@@ -21,7 +21,7 @@ def reading(kind: EquipmentType, event: Event) -> Reading:
         kind.events.get(event.code, str(event.code)),
         event.source,
         event.value if math.isfinite(event.value) else None,
-        decode(kind.snapshot, event.snapshot),
+        decode(kind.snapshot, event.snapshot, event.code),
     )
 
 

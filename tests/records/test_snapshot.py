@@ -26,18 +26,24 @@ SIX = (0x0003, 0x0005, 0x8000, 0xFFFE, *long_words(real(-2.5)))
     ],
 )
 def test_a_field_is_read_where_and_as_the_layout_says(field: Field, value: float | None) -> None:
-    assert decode({"it": field}, SIX) == {"it": value}
+    assert decode({"it": field}, SIX, 1) == {"it": value}
+
+
+def test_the_same_words_say_other_things_of_other_events() -> None:
+    layout = {"second": Field(2, "u32", but=frozenset({42})), "order": Field(2, "u32", only=frozenset({42}))}
+    assert decode(layout, (0, 0, 0, 7), 20) == {"second": 7}
+    assert decode(layout, (0, 0, 0, 7), 42) == {"order": 7}
 
 
 @pytest.mark.parametrize("number", [nan, inf, -inf])
 def test_what_is_no_number_is_no_value(number: float) -> None:
-    assert decode({"it": Field(4, "f32")}, (0, 0, 0, 0, *long_words(real(number)))) == {"it": None}
+    assert decode({"it": Field(4, "f32")}, (0, 0, 0, 0, *long_words(real(number))), 1) == {"it": None}
 
 
 @pytest.mark.parametrize("type", sorted(TYPES))
 @pytest.mark.parametrize("words", [(), (1,), (1, 2, 3)])
 def test_words_that_are_missing_are_zero(type: str, words: tuple[int, ...]) -> None:
-    assert decode({"it": Field(4, type)}, words) == {"it": 0}
+    assert decode({"it": Field(4, type)}, words, 1) == {"it": 0}
 
 
 @pytest.mark.parametrize("used", range(WORDS + 1))

@@ -87,3 +87,41 @@ def test_what_the_plc_says_agrees_with_the_plant_file(staff: Staff) -> None:
         )
         assert all(tags.sample(f"{machine}.{key}").value is not None for key in last), machine
         assert tags.sample(f"{machine}.products").value > 0, machine
+
+
+def test_the_order_that_a_scanner_read_is_shown_and_found(staff: Staff) -> None:
+    pass_time(60)
+    drawn = page(staff, "/equipment/c5")
+    assert 'class="c-scan"' in drawn and ">Order</th>" in drawn
+    rows = re.findall(r'<tr data-product="(\d+)".*?</tr>', drawn, re.DOTALL)
+    orders = re.findall(r">\s*(24\d{6}) <span class=\"cap c-class\">class ([123])</span>", drawn)
+    assert rows and orders, "some of the products have passed the scanner"
+    known = [
+        (id, found[1]) for id in rows if (found := re.search(r"<dd class=\"num\">(24\d{6})</dd>", dialog(staff, id)))
+    ]
+    assert {order for _, order in known} == {order for order, _ in orders}
+    assert "\N{NO-BREAK SPACE}kg" in dialog(staff, known[0][0])
+
+    order = known[0][1]
+    listed = page(staff, f"/records/passage?equipment=c5&order={order}")
+    assert f">{order}</td>" in listed and f"#{known[0][0]}" in listed
+    assert set(re.findall(r">(24\d{6})</td>", listed)) == {order}, "those of this order and no others"
+    assert ">24" not in page(staff, "/records/passage?equipment=c5&order=23999999")
+    refused = staff.client.get("/records/passage?order=abc")
+    assert refused.status_code == 422
+    sheet = page(staff, f"/records/passage/export.csv?equipment=c5&order={order}&locale=machine")
+    head = next(line for line in sheet.splitlines() if "order" in line and "length_mm" in line).split(",")
+    row = next(line for line in sheet.splitlines() if line.count(",") > 10 and order in line).split(",")
+    told = dict(zip(head, row, strict=False))
+    assert told["order"] == order and told["class"] in "123" and float(told["weight_kg"]) > 0
+    events = page(staff, "/equipment/c5/events")
+    assert "Label read" in events and order in events.replace("\N{NARROW NO-BREAK SPACE}", "").replace("\xa0", "")
+
+
+def dialog(staff: Staff, product: str) -> str:
+    return page(staff, f"/equipment/c5/table/product/{product}")
+
+
+def test_a_line_without_a_scanner_speaks_of_none(staff: Staff) -> None:
+    drawn = page(staff, "/equipment/c16")
+    assert "c-scan" not in drawn and ">Order</th>" not in drawn

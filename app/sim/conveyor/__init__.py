@@ -12,13 +12,13 @@ __all__ = ["FAULTS", "build"]
 
 def build(item: Equipment, seed: int) -> VirtualDevice:
     """A line as the plant file describes it: its measures, and `simulation` = start, arrivals (1 or 0), interval [s], shortest,
-    longest [mm] and settings by name."""
+    longest [mm], not_read [%] and settings by name."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", "stopped"))
     if start not in ("automatic", "stopped"):
         raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or stopped")
     given = {key: number(f"simulation.{key}", value) for key, value in simulation.items()}
-    world = {key: given.pop(key) for key in ("interval", "shortest", "longest") if key in given}
+    world = {key: given.pop(key) for key in ("interval", "shortest", "longest", "not_read") if key in given}
     arrivals = bool(given.pop("arrivals", 1.0))
 
     def measure(key: str, default: float = 0.0) -> float:
@@ -43,6 +43,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
             start=start,
             arrivals=arrivals,
             settings=given,
+            scanner=round(measure("scanner")),
             **world,
         )
     except ValueError as error:

@@ -13,10 +13,12 @@ from app.sim.conveyor.register_map import (
     MORE_FIRST,
     MORE_STATUS_IMAGE,
     RAMP_IMAGE,
+    READING_IMAGE,
     ROW_IMAGE,
     SHARES_IMAGE,
     STATUS_IMAGE,
 )
+from app.sim.conveyor.scanner import ReadingState
 from app.sim.conveyor.state import LineState
 
 _FEW = 0b1111
@@ -85,6 +87,7 @@ def configuration(plc: LineState) -> bytes:
         measures.intact_is_one,
         plc.line.slots,
         measures.pulse_length,
+        plc.scanner.sensor,
     )
 
 
@@ -150,6 +153,16 @@ def row(plc: LineState, slot: int) -> bytes:
         product.entered_us,
         mark,
     )
+
+
+def reading(plc: LineState, slot: int) -> bytes:
+    """The row of a slot of the table of readings."""
+    product, mark = plc.tracking.slots[slot], plc.generation
+    if product is None:
+        return READING_IMAGE.pack(0, mark, 0, 0, 0, nan, 0, mark)
+    state, label, time = plc.scanner.of(product.id)
+    weight = label.weight if state == ReadingState.READ else nan
+    return READING_IMAGE.pack(product.id, mark, state, label.order, label.category, weight, time, mark)
 
 
 def ramp(plc: LineState, slot: int) -> bytes:

@@ -12,6 +12,8 @@ The program behind the virtual PLC sees none of this but pulses, beams and the t
 | end | what hangs over the end of the last belt by more than half falls off |
 | unloader | takes the front-most product within 15 mm of the end, only while told to and while the last belt stands |
 | unloader, reach | less than the shortest product (20 mm): were the front-most gone, the next one would be out of reach |
+| label | products of one order come one after the other, 3 to 8 of them; each order has a class, and a product weighs by its length |
+| scanner | what it cannot read of a product it cannot read however often that passes |
 | products | cannot pass through one another: the moving one is held back, both are marked |
 """
 
@@ -21,6 +23,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import exp, floor, inf, pi
 from random import Random
+from typing import NamedTuple
 
 MOST_BELTS, MOST_SENSORS = 16, 32
 
@@ -38,6 +41,10 @@ INFEED_GAP = 30.0
 """Least distance that the infeed keeps [mm]."""
 UNLOAD_ZONE = 15.0
 """Reach of the unloader from the end of the line [mm]."""
+FIRST_ORDER, CATEGORIES = 24_000_000, 3
+"""Orders are counted from here; classes."""
+WEIGHT = 0.04
+"""Of a product [kg/mm]."""
 STANDS = 1.0
 """The unloader takes from a belt that is slower [%]."""
 
@@ -109,6 +116,40 @@ class Geometry:
         return (*self.belt_ends[:-1], self.sensors[-1], self.belt_ends[-1])
 
 
+class Label(NamedTuple):
+    """What is printed on a product, and what it weighs."""
+
+    order: int
+    category: int
+    weight: float
+    """[kg]"""
+    legible: float
+    """0 to 100: the scanner reads it while fewer per cent than this are not read."""
+
+
+NO_LABEL = Label(0, 0, 0.0, 0.0)
+
+
+class Labels:
+    """Prints the labels of the products in the order in which they come."""
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+        self._order = FIRST_ORDER + random.randrange(1000)
+        self._category = random.randint(1, CATEGORIES)
+        self._left = 0
+
+    def label(self, length: float) -> Label:
+        """For the next product, so long [mm]."""
+        chance = self._random
+        if not self._left:
+            self._order += 1
+            self._category, self._left = chance.randint(1, CATEGORIES), chance.randint(3, 8)
+        self._left -= 1
+        weight = round(length * WEIGHT * chance.uniform(0.9, 1.1), 2)
+        return Label(self._order, self._category, weight, chance.uniform(0, 100))
+
+
 @dataclass(slots=True)
 class TrueProduct:
     """A product where it really is."""
@@ -123,6 +164,7 @@ class TrueProduct:
     collided: bool = False
     """It has been pushed against another."""
     by_hand: bool = False
+    label: Label = NO_LABEL
 
     @property
     def tail(self) -> float:
@@ -142,11 +184,16 @@ class Conveyor:
         interval: float = 6.0,
         shortest: float = 20.0,
         longest: float = 60.0,
+        labels: Labels | None = None,
+        not_read: float = 0.0,
     ) -> None:
-        """`interval`: mean time between two products while belt 1 runs forward [s]; `shortest`, `longest` [mm]."""
+        """`interval`: mean time between two products while belt 1 runs forward [s]; `shortest`, `longest` [mm]; `labels`: what is printed
+        on them; `not_read`: of so many the scanner cannot read it [%]."""
         self.geometry = geometry
         self.arrivals, self.interval, self.shortest, self.longest = arrivals, interval, shortest, longest
         belts = geometry.belts
+        self.not_read = not_read
+        self._labels = labels or Labels(Random(0))
         self._faults = {code: name for name, code in fault_names(belts, len(geometry.sensors)).items()}
         self.fault = 0
         self.pressed = 0
@@ -334,7 +381,16 @@ class Conveyor:
 
     def _add(self, head: float, length: float, *, by_hand: bool = False) -> None:
         slip = self._random.uniform(LEAST_SLIP, MOST_SLIP)
-        self.products.append(TrueProduct(self.entered + self.put, head, length, slip, by_hand=by_hand))
+        number, label = self.entered + self.put, self._labels.label(length)
+        self.products.append(TrueProduct(number, head, length, slip, by_hand=by_hand, label=label))
+
+    def scanned(self, sensor: int) -> Label | None:
+        """What the scanner at a sensor (from 1) reads of the product in its beam, an input of the PLC; None: nothing that it can read."""
+        x = self.geometry.sensors[sensor - 1]
+        for product in self.products:
+            if product.tail <= x <= product.head:
+                return product.label if product.label.legible >= self.not_read else None
+        return None
 
     def _interval(self) -> float:
         return self.interval * self._random.uniform(0.5, 1.5)

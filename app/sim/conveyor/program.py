@@ -40,7 +40,7 @@ from app.sim.conveyor.commands import LineCommands
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.first_out import FirstOut
 from app.sim.conveyor.gap_stop import GapStop
-from app.sim.conveyor.machine import EMERGENCY_STOP, FEW_BELTS, HOST_OFF, Conveyor, Geometry, fault_names
+from app.sim.conveyor.machine import EMERGENCY_STOP, FEW_BELTS, HOST_OFF, Conveyor, Geometry, Labels, fault_names
 from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
@@ -52,6 +52,8 @@ from app.sim.conveyor.register_map import (
     MORE_STATUS,
     RAMP_WORDS,
     RAMPS,
+    READING_WORDS,
+    READINGS,
     REVERSE,
     ROW_WORDS,
     SETTINGS,
@@ -65,6 +67,7 @@ from app.sim.conveyor.register_map import (
     require_settings,
     words_of,
 )
+from app.sim.conveyor.scanner import Scanner
 from app.sim.conveyor.state import LineState
 from app.sim.plc import EVENT_CAPACITY, Image, Setting, Table, Verdict
 
@@ -98,9 +101,12 @@ class VirtualConveyor(LineState):
         shortest: float = 20.0,
         longest: float = 60.0,
         settings: Mapping[str, float] | None = None,
+        scanner: int = 0,
+        not_read: float = 2.0,
     ) -> None:
         """A line just switched on for the first time. `slots` 5–250; `start`: automatic or stopped; `arrivals`, `interval` [s], `shortest`,
-        `longest` [mm]: what the infeed gives; `settings`: initial setpoints by name.
+        `longest` [mm]: what the infeed gives; `settings`: initial setpoints by name; `scanner`: sensor that it stands at, 0 = none, and
+        of how many products it cannot read the label: `not_read` [%].
 
         Raises:
             ValueError: a measure of the line that cannot be, or settings that do not go together.
@@ -113,10 +119,12 @@ class VirtualConveyor(LineState):
         require_settings(given)
         self.table = Table(TABLE, ROW_WORDS, slots, lambda slot: images.row(self, slot))
         belts, sensors = self.geometry.belts, len(self.geometry.sensors)
+        self.readings = Table(READINGS, READING_WORDS, slots, lambda slot: images.reading(self, slot))
         ramps, rows = (MORE_RAMPS, 2 * belts) if belts > FEW_BELTS else (RAMPS, 2 * FEW_BELTS)
         self.ramps = Table(ramps, RAMP_WORDS, rows, lambda slot: images.ramp(self, slot))
         self.scale = self.geometry.full_speed / 100
-        self._machine_options = {"shortest": shortest, "longest": longest, "interval": interval}
+        self._scanner_at = scanner
+        self._machine_options = {"shortest": shortest, "longest": longest, "interval": interval, "not_read": not_read}
         super().__init__(
             settings=[Setting(s.name, given.get(s.name, s.default), s.low, s.high) for s in SETTINGS],
             settings_at=SETTINGS_AT,
@@ -127,7 +135,7 @@ class VirtualConveyor(LineState):
                 *(self._more_images() if is_wide(belts, sensors) else ()),
             ),
             configuration=CONFIGURATION,
-            tables=(self.ramps, self.table),
+            tables=(self.ramps, self.table, *([self.readings] if scanner else [])),
             capacities=(belts, sensors, slots, EVENT_CAPACITY, len(SETTINGS)),
             faults=tuple(fault_names(belts, sensors).values()),
             words={
@@ -183,6 +191,7 @@ class VirtualConveyor(LineState):
         )
         for event in happened:
             self.report(event)
+            self.scan_label(event)
             if event.code == tracking.Code.GAP_STOP:
                 self.stopped_by(event.code, 0, event.value, rear=event.id, front=event.second)
             elif event.code == tracking.Code.UNLOADED:
@@ -309,8 +318,10 @@ class VirtualConveyor(LineState):
             self.geometry,
             Random(self._seed),
             arrivals=bool(self.training[own.REG_ARRIVALS]),
+            labels=Labels(Random(f"{self._seed} labels")),
             **self._machine_options,
         )
+        self.scanner = Scanner(self._scanner_at)
         self.tracking = ProductTracking(self.line)
         self._start_automatic = self._start_in == "automatic"
 

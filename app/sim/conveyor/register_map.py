@@ -17,6 +17,8 @@ BELT_AT, BELT_WORDS = STATUS + 48, 14
 ROW_WORDS, RAMP_WORDS = 24, 25
 MORE_STATUS, MORE_BELTS, MORE_CONFIGURATION, SHARES, MORE_RAMPS = 0x2000, 0x2080, 0x2100, 0x2180, 0x2200
 """What a line of more than three belts or four sensors has beside it."""
+READINGS, READING_WORDS = 0x2800, 16
+"""What a line with a scanner has beside it."""
 MORE_WORDS, MORE_FIRST = 12, 11
 """Words of a belt there; belts up to this one are in the first image, the others in the second."""
 
@@ -82,6 +84,8 @@ class ConveyorEvent(IntEnum):
     SETTINGS, RESET, SLIP = 38, 39, 40
     AUTOMATIC = 41
     """The mode is chosen."""
+    READ, NOT_READ = 42, 43
+    """By the scanner."""
 
 
 class ConveyorState(IntEnum):
@@ -160,6 +164,7 @@ def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS) -> Mapping[str, R
         "device_intact_is_one": RegisterPlace(CONFIGURATION + 34),
         "slots": RegisterPlace(CONFIGURATION + 35),
         "pulse_length": RegisterPlace(CONFIGURATION + 36, f32),
+        "device_scanner": RegisterPlace(CONFIGURATION + 38),
     }
     for word, names in (
         (
@@ -254,13 +259,26 @@ RAMP: Mapping[str, RegisterPlace] = MappingProxyType(
 )
 """Cells of a row of the table of ramps: slot 2n − 1 is the last start of belt n, slot 2n its last stop; the id is the slot."""
 
+READING: Mapping[str, RegisterPlace] = MappingProxyType(
+    {
+        "id": RegisterPlace(0, "u32"),
+        "state": RegisterPlace(3),
+        "order": RegisterPlace(4, "u32"),
+        "category": RegisterPlace(6),
+        "weight": RegisterPlace(8, "f32"),
+        "time": RegisterPlace(10, "u64"),
+    }
+)
+"""Cells of a row of the table of readings: that of a product is in the slot of the product."""
+
 FORWARD, REVERSE, BELT_BITS, BELT_NUMBER = 1, 2, 4, 8
 """Hold-to-run: bits 0 and 1, then a bit for each of belts 1–3 from bit 4, and the number of another belt from bit 8."""
 
 STATUS_IMAGE = Struct(">9HIffIIHHIIQfIIIIIffI" + 3 * "fffif4H" + "5H")
-CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHf50x")
+CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHfH48x")
 ROW_IMAGE = Struct(">IHHfffHHfIfHQH")
 RAMP_IMAGE = Struct(">IHHQ8fH")
+READING_IMAGE = Struct(">IHHIHxxfQxxH")
 """How the images, without their generations, and a row are packed."""
 MORE_STATUS_IMAGE = Struct(">11H" + 8 * "fffifHH" + "H")
 MORE_BELTS_IMAGE = Struct(">H" + 5 * "fffifHH" + "H")
@@ -285,3 +303,8 @@ def require_settings(given: Mapping[str, float]) -> None:
 def words_of(id: int, second: int = 0, value: float = 0.0) -> tuple[int, ...]:
     """Snapshot words of an event: product, second product, second value."""
     return (*long_words(id), *long_words(second), *long_words(real(value)))
+
+
+def reading_words(id: int, order: int, category: int) -> tuple[int, ...]:
+    """Snapshot words of what the scanner read: product, order, class."""
+    return (*long_words(id), *long_words(order), category, 0)

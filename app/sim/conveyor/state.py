@@ -6,7 +6,8 @@ from app.blocks.product_tracking import ProductTracking, TrackingEvent
 from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.first_out import FirstOut, StopCause
 from app.sim.conveyor.machine import Conveyor, Geometry
-from app.sim.conveyor.register_map import ConveyorState, words_of
+from app.sim.conveyor.register_map import ConveyorEvent, ConveyorState, reading_words, words_of
+from app.sim.conveyor.scanner import ReadingState, Scanner
 from app.sim.plc import Table, VirtualPlc
 
 
@@ -34,6 +35,9 @@ class LineState(VirtualPlc):
     """In which the belts are driven by hand: 1 forward, −1 reverse, 0 not at all."""
     table: Table
     """The products."""
+    readings: Table
+    """What the scanner read of them, in the same slots."""
+    scanner: Scanner
     ramps: Table
     """The last start and stop of every belt."""
     scale: float
@@ -69,6 +73,15 @@ class LineState(VirtualPlc):
         """Put what tracking found into the ring."""
         self.event(event.code, event.source, event.value, words_of(event.id, event.second, event.value2))
 
+    def scan_label(self, event: TrackingEvent) -> None:
+        """Let the scanner read the label of the product that has come to it."""
+        scanner = self.scanner
+        if not scanner.sees(event) or not scanner.take(event.id, self.machine.scanned(scanner.sensor), self.time):
+            return
+        state, label, _ = scanner.of(event.id)
+        code = ConveyorEvent.READ if state == ReadingState.READ else ConveyorEvent.NOT_READ
+        self.event(code, scanner.sensor, label.weight, reading_words(event.id, label.order, label.category))
+
     def name_ramps(self) -> None:
         """A belt has started or stopped for the first time since power-up: its row is there."""
         for number, belt in enumerate(self.belts):
@@ -81,5 +94,7 @@ class LineState(VirtualPlc):
         """Products have come, gone or changed places."""
         ids = [product.id if product else 0 for product in self.tracking.slots]
         if ids != self.table.ids:
-            self.table.ids = ids
-            self.table.generation = self.table.generation + 2 & 0xFFFE
+            self.scanner.keep(ids)
+            for table in (self.table, self.readings):
+                table.ids = list(ids)
+                table.generation = table.generation + 2 & 0xFFFE

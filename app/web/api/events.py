@@ -131,7 +131,7 @@ def _event(request: Request, draw: EventWords, one: Event) -> RingEventOut:
         text=draw.text(kind, one.code),
         source=one.source,
         value=one.value,
-        words=decode(kind.snapshot, one.words) if kind else {},
+        words=decode(kind.snapshot, one.words, one.code) if kind else {},
         raw=list(one.words),
         command=one.request,
         person=shown_name(request, one.person),

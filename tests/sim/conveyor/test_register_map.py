@@ -161,8 +161,9 @@ def test_every_state_word_has_a_text() -> None:
 
 def test_a_simulated_line_begins_with_settings_within_their_limits() -> None:
     numbers = dict(_data.numbers["simulation"])
-    assert {"arrivals", "interval", "shortest", "longest"} <= set(numbers), "of the products that arrive"
+    world = {"arrivals", "interval", "shortest", "longest", "not_read"}
+    assert world <= set(numbers), "of the products that arrive"
     limits = {setting.name: (setting.low, setting.high) for setting in SETTINGS}
-    for key in set(numbers) - {"arrivals", "interval", "shortest", "longest"}:
+    for key in set(numbers) - world:
         assert numbers[key] == limits[key], key
     assert set(limits) - set(numbers) == set(), "every setting can be given"
