@@ -1,29 +1,22 @@
 // What a person asks of the alarms: posts it, says what became of it in the message line.
-const body = document.body;
+import { answered, parsed } from "./fetched.js";
 
 /** Post `fields` ([name, value] pairs) to `url`; true when it was taken. Nothing is asked while nobody answers. */
 export async function post(url, fields) {
-  const say = window.pogon.say;
-  if (body.dataset.live === "offline") {
+  const { say } = window.pogon, { network, refused } = document.getElementById("message").dataset;
+  if (document.body.dataset.live === "offline") {
     say(document.getElementById("alarms").dataset.offline, "error");
     return false;
   }
-  const csrf = document.querySelector("[name=csrf]")?.value ?? "";
-  let answer, html;
-  try {
-    answer = await fetch(url, {
-      method: "POST", body: new URLSearchParams([["csrf", csrf], ...fields]),
-      headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(10000),
-    });
-    html = await answer.text(); // its time may end after the head came
-  } catch {
-    say(document.getElementById("message").dataset.network, "error");
+  const answer = await answered(url, { fields, limit: 10000 });
+  if (!answer) {
+    say(network, "error");
     return false;
   }
   if (answer.headers.get("hx-redirect")) location.assign(answer.headers.get("hx-redirect"));
   else if (answer.redirected) location.assign(answer.url);
-  const line = new DOMParser().parseFromString(html, "text/html").querySelector("[data-message]");
-  say(line?.textContent.trim() || document.getElementById("message").dataset.refused, answer.ok ? line?.dataset.kind ?? "done" : "error");
+  const line = parsed(answer.text).querySelector("[data-message]");
+  say(line?.textContent.trim() || refused, answer.ok ? line?.dataset.kind ?? "done" : "error");
   return answer.ok;
 }
 

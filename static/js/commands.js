@@ -1,6 +1,6 @@
 // Commands: a press fetches a fresh nonce, posts, and draws what became of it. Whatever has a data-part is drawn anew in place, so that
 // focus, what is being typed and what is being held survive; everybody's column is fetched again when the revision tag of its machine changes.
-import { parsed, renewing } from "./fetched.js";
+import { answered, parsed, renewing } from "./fetched.js";
 import { number } from "./format.js";
 
 const body = document.body, lang = body.dataset.lang;
@@ -9,12 +9,10 @@ const offline = () => body.dataset.live === "offline";
 const say = (text, kind) => window.pogon.say(text, kind);
 const roots = () => [...document.querySelectorAll("[data-operation]")];
 const rootOf = (element) => element.closest("[data-operation]") ?? document.querySelector(`[data-operation="${machineOf(element)}"]`) ?? document.querySelector("[data-operation]");
-const textsOf = (element) => JSON.parse(rootOf(element)?.dataset.texts ?? "{}");
+export const textsOf = (element) => JSON.parse(rootOf(element)?.dataset.texts ?? "{}");
 const named = (element) => element.dataset.command ?? element.dataset.hold ?? element.dataset.setpoint ?? element.dataset.ask ?? "";
 function machineOf(element) { return named(element).split(".")[0]; }
-const csrf = () => document.querySelector("[name=csrf]")?.value ?? ""; // any token of this session is good
-const HEADERS = { "HX-Request": "true" };
-const identity = () => crypto.randomUUID?.() ?? Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
+export const identity = () => crypto.randomUUID?.() ?? Array.from(crypto.getRandomValues(new Uint8Array(16)), (n) => n.toString(16).padStart(2, "0")).join("");
 
 // ---- nonces: one is fetched when a button goes down, so that no command ever fails for an old one ----------------------------------
 
@@ -26,12 +24,8 @@ export function prepare() {
 }
 
 async function fetchNonce() {
-  try {
-    const answer = await fetch("/nonce", { headers: HEADERS, signal: AbortSignal.timeout(3000) });
-    return answer.ok ? (await answer.json()).nonce : "";
-  } catch {
-    return "";
-  }
+  const got = await answered("/nonce", { limit: 3000 });
+  return got?.ok ? JSON.parse(got.text).nonce : "";
 }
 
 /** A nonce that is good now; each is used once. */
@@ -44,25 +38,11 @@ export async function nonce() {
 // ---- posting ------------------------------------------------------------------------------------------------------------------------
 
 /** Post `fields` to `url`; the answer, or null when nobody answered. */
-export async function post(url, fields, limit = ANSWER, keepalive = false) {
-  const data = new URLSearchParams({ csrf: csrf(), ...fields });
-  try {
-    return await whole(await fetch(url, { method: "POST", body: data, headers: HEADERS, keepalive, signal: AbortSignal.timeout(limit) }));
-  } catch {
-    return null;
-  }
-}
-
-/** An answer with all its text: a request may break off, and its time may end, after the head came. */
-export async function whole(answer) {
-  const { ok, status, headers, redirected, url } = answer, text = await answer.text();
-  return { ok, status, headers, redirected, url, text: async () => text, json: async () => JSON.parse(text) };
-}
+export const post = (url, fields, limit = ANSWER, keepalive = false) => answered(url, { fields, limit, keepalive });
 
 /** Draw an answer: its parts, its line, what it asks back. Returns the element it asks with, or nothing. */
-export async function take(answer, near) {
-  const html = await answer.text();
-  const inside = new DOMParser().parseFromString(html, "text/html");
+export function take(answer, near) {
+  const inside = parsed(answer.text);
   patch(inside);
   const line = inside.querySelector("[data-message]");
   if (line) {
@@ -142,7 +122,7 @@ function alongside(old, fresh) {
 
 let silent = 0;
 /** For `ms` only what went wrong replaces the line that was just said. */
-const quiet = (ms) => { silent = performance.now() + ms; };
+export const quiet = (ms) => { silent = performance.now() + ms; };
 let spoken = document.querySelector("[data-part$='.message']")?.dataset.id ?? "";
 
 function story(fresh) {
@@ -229,8 +209,9 @@ document.addEventListener("click", (event) => {
   const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel], [data-arguments]");
   if (!button || event.ctrlKey || event.metaKey) return;
   if (button.matches("[data-cancel]")) return button.closest("[data-ask]")?.cancel?.();
-  if (button.matches("[data-faceplate]")) return offline() ? undefined : faceplate(event, button);
+  if (button.matches("[data-faceplate]") && offline()) return;
   event.preventDefault();
+  if (button.matches("[data-faceplate]")) return fetchDialog(button.getAttribute("href"));
   if (button.getAttribute("aria-disabled") === "true") {
     const text = button.querySelector("small")?.textContent || button.title;
     if (text) told(`${(button.querySelector(".cmd-t")?.firstChild ?? button).textContent.trim()}: ${text}`, "error");
@@ -249,12 +230,8 @@ async function askFor(button) {
     if (!chosen) return told(button.dataset.needsRow, "error");
     url += `?${button.dataset.argument}=${chosen}`;
   }
-  try {
-    const answer = await fetch(url, { headers: HEADERS, signal: AbortSignal.timeout(5000) });
-    await take(answer, null);
-  } catch {
-    told(textsOf(button).no_answer, "error");
-  }
+  const got = await answered(url, { limit: 5000 });
+  got ? take(got, null) : told(textsOf(button).no_answer, "error");
 }
 
 const pressing = new Set();
@@ -278,7 +255,7 @@ async function press(button, answer = {}) {
   for (const one of document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`)) delete one.dataset.locked;
   let pause = LOCK;
   if (got) {
-    const asked = await take(got, null);
+    const asked = take(got, null);
     current(button, got, asked);
     if (asked) { // nothing was done yet
       pause = 0;
@@ -306,7 +283,7 @@ async function token(button) {
   if (pressing.has("token")) return;
   pressing.add("token");
   const got = await post(button.dataset.url, {});
-  if (got) await take(got, null);
+  if (got) take(got, null);
   else told(textsOf(button).no_answer, "error");
   pressing.delete("token");
 }
@@ -391,12 +368,12 @@ async function settle(form, got) {
     delete form.dataset.dirty;
     clearTimeout(timers.get(form));
     delete form.fresh;
-    await take(got, null);
+    take(got, null);
     return;
   }
   hint(form, "");
   const typed = form.elements.argument.value;
-  const asked = await take(got, form);
+  const asked = take(got, form);
   const fresh = form.fresh ?? form;
   if (!asked) form.elements.expected.value = fresh.querySelector("[name=expected]").value;
   form.elements.argument.value = typed;
@@ -448,7 +425,7 @@ async function confirm(form, submitter) {
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);
   if (field) return settle(field, got);
-  if (got) current(asked, got, await take(got, null));
+  if (got) current(asked, got, take(got, null));
   else told(textsOf(asked).no_answer, "error");
 }
 
@@ -464,7 +441,7 @@ async function typed(asked, form, fields) {
     return told(textsOf(asked).no_answer, "error");
   }
   if (got.ok) asked.cancel();
-  current(asked, got, await take(got, asked));
+  current(asked, got, take(got, asked));
 }
 
 document.addEventListener("keydown", (event) => {
@@ -483,7 +460,7 @@ export function open(dialog) {
   scrim.className = "scrim";
   scrim.append(dialog);
   const machine = dialog.dataset.operation ?? machineOf(dialog);
-  const stop = machine && !dialog.querySelector(".stop") && document.querySelector(`.stop[data-command^="${CSS.escape(machine)}."]`);
+  const stop = !dialog.querySelector(".stop") && document.querySelector(machine ? `.stop[data-command^="${CSS.escape(machine)}."]` : ".zone .stop[data-command]");
   if (stop) {
     const also = stop.cloneNode(true); // Stop is never behind a dialog
     also.classList.add("scrim-stop");
@@ -510,17 +487,17 @@ function still() {
   scrims.forEach((scrim, index) => { scrim.inert = index < scrims.length - 1; });
 }
 
-async function faceplate(event, link) {
-  event.preventDefault();
-  let answer = null;
-  try {
-    answer = await whole(await fetch(link.getAttribute("href"), { headers: HEADERS, signal: AbortSignal.timeout(5000) }));
-  } catch { /* told below */ }
-  if (!answer?.ok) return told(document.getElementById("message").dataset.network, "error");
-  const dialog = document.importNode(new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("dialog"), true);
-  const close = open(dialog);
-  dialog.addEventListener("click", (inside) => { if (inside.target.closest("[data-close]")) close(); });
-  dialog.addEventListener("keydown", (inside) => { if (inside.key === "Escape" && !document.querySelector("#overlay [data-ask]") && dialog.querySelector("[data-dirty]") === null) close(); });
+/** Open the dialog that `url` answers; a click on `closing` shuts it. Gives the dialog and what closes it; null when there is none, which is said. */
+export async function fetchDialog(url, closing = "[data-close]", closed = () => {}) {
+  const got = await answered(url, { limit: 5000 }), inside = parsed(got?.text ?? ""), found = got?.ok && inside.querySelector("dialog");
+  if (!found) {
+    told(inside.querySelector("[data-message]")?.textContent.trim() || document.getElementById("message").dataset.network, "error");
+    return null;
+  }
+  const dialog = document.importNode(found, true), shut = open(dialog), close = () => { shut(); closed(); };
+  dialog.addEventListener("click", ({ target }) => { if (target.closest(closing)) close(); });
+  dialog.addEventListener("keydown", ({ key }) => {
+    if (key === "Escape" && !document.querySelector("#overlay [data-ask]") && !dialog.querySelector("[data-dirty]")) close();
+  });
+  return { dialog, close };
 }
-
-window.pogon.commands = { prepare, nonce, post, whole, take, patch, told, identity, textsOf, open, quiet };

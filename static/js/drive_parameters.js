@@ -1,5 +1,5 @@
 // Orders from the list of drive parameters: each gets an identity and a fresh nonce before htmx sends its form.
-const { commands } = window.pogon;
+import * as commands from "./commands.js";
 
 document.addEventListener("submit", async (event) => {
   const form = event.target.closest?.("form[data-order]");

@@ -1,17 +1,19 @@
-// Parts of a page that the server draws: fetched whole or not at all, and kept as they are now although an answer gets lost.
+// What the server answers, asked for whole or not at all; parts of a page that it draws are kept as they are now although an answer gets lost.
 const AGAIN = 2000; // after an answer that did not come, or not whole [ms]
 const PAUSE = 50; // between two that follow one another [ms]
 const LATER = [408, 425, 429]; // and all of 5xx: the same question may be answered another time
+const csrf = () => document.querySelector("[name=csrf]")?.value ?? ""; // any token of this session is good
 
-/** Ask for `path`: `{ html }` is what came; null when nobody answers, it breaks off or it is refused, and `again` says whether to ask once more. */
-async function ask(path, limit) {
+/** The answer of `url` with all its text, null when nobody answers or it breaks off, which it may after the head came; `fields` are posted. */
+export async function answered(url, { fields, limit = 8000, keepalive = false } = {}) {
+  const body = fields && new URLSearchParams(fields);
+  body?.set("csrf", csrf());
   try {
-    const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(limit) });
-    const html = await answer.text(); // a request may break off, and its time may end, after the head came
-    const taken = answer.ok && !answer.redirected;
-    return { html: taken ? html : null, again: answer.status >= 500 || LATER.includes(answer.status) };
+    const answer = await fetch(url, { method: body ? "POST" : "GET", body, keepalive, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(limit) });
+    const { ok, status, headers, redirected } = answer;
+    return { ok, status, headers, redirected, url: answer.url, text: await answer.text() };
   } catch {
-    return { html: null, again: true };
+    return null;
   }
 }
 
@@ -28,9 +30,9 @@ export function renewing(path, draw, limit = 8000) {
     if (busy || !asked) { again = busy; return; }
     busy = true;
     again = false;
-    const got = await ask(asked, limit);
+    const got = await answered(asked, { limit });
     busy = false;
-    if (got.html !== null) draw(got.html, asked);
-    if (again || got.again) timer = setTimeout(renew, again ? PAUSE : AGAIN);
+    if (got?.ok && !got.redirected) draw(got.text, asked);
+    if (again || !got || got.status >= 500 || LATER.includes(got.status)) timer = setTimeout(renew, again ? PAUSE : AGAIN);
   };
 }

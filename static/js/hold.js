@@ -1,10 +1,10 @@
 // Hold-to-run: a machine moves only while a finger, a mouse button or the space bar holds a button, and while word of that gets through.
 // An aid for operating, not a safety function. Whatever is doubtful stops: the server ends the motion 500 ms after the last keep-alive, and
 // behind it stands the watchdog of the drive. Nothing here ever starts again by itself.
+import * as commands from "./commands.js";
 
 const EVERY = 150, SLOW = 300, LONGEST = 30000, PAUSE = 300;
 let hold = null, let_go = { at: -Infinity, name: "" };
-const { commands } = window.pogon;
 
 document.addEventListener("contextmenu", (event) => { if (event.target.closest?.("[data-hold]")) event.preventDefault(); });
 document.addEventListener("pointerover", ({ target }) => { if (target.closest?.("[data-hold]") && document.body.dataset.live === "live") commands.prepare(); });
@@ -66,11 +66,11 @@ async function begin(button, by) {
   const got = await commands.post(button.dataset.url, { id: commands.identity(), nonce: await commands.nonce() }, 3000);
   if (!got?.ok || got.status === 204) {
     if (hold === mine) over(mine);
-    if (got) await commands.take(got, null);
+    if (got) commands.take(got, null);
     else commands.told(texts.no_answer, "error");
     return;
   }
-  mine.lease = (await got.json()).lease;
+  mine.lease = JSON.parse(got.text).lease;
   if (hold !== mine) return tell(mine, "released"); // already up: it never moved
   line(button, texts.moving);
   mine.timer = setInterval(beat, EVERY);

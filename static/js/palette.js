@@ -1,28 +1,16 @@
 // Search over everything: fetched when it is asked for. What is typed goes to the server by htmx; arrows choose, Enter goes there.
 // Both are about what was typed: until that is answered they wait, so that nobody is led to what an earlier letter found.
-import { open, told } from "./commands.js";
+import { fetchDialog } from "./commands.js";
 let shown = null;
 
 /** Show what `url` answers over the page, once. */
 export async function show(url) {
   if (shown) return;
-  shown = { close() {} };
-  let html = "";
-  try {
-    const answer = await fetch(url, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(5000) });
-    if (answer.ok) html = await answer.text();
-  } catch { /* told below */ }
-  const found = new DOMParser().parseFromString(html, "text/html").querySelector("dialog");
-  if (!found) {
-    shown = null;
-    return told(document.getElementById("message").dataset.network, "error");
-  }
-  const dialog = document.importNode(found, true), stop = document.querySelector(".zone .stop[data-command]");
-  if (stop) dialog.dataset.operation = stop.dataset.command.split(".")[0]; // Stop stays in reach
-  const shut = open(dialog);
-  shown = { close() { shut(); shown = null; } };
+  shown = {};
+  shown = await fetchDialog(url, "[data-close], a[href]", () => { shown = null; });
+  if (!shown) return;
+  const { dialog } = shown;
   window.htmx.process(dialog);
-  dialog.addEventListener("click", ({ target }) => { if (target.closest("[data-close], a[href]")) shown?.close(); });
   const waiting = [];
   dialog.addEventListener("keydown", (event) => { keys(event, dialog, waiting); });
   dialog.addEventListener("htmx:after:swap", () => {
@@ -39,8 +27,7 @@ function behind(dialog) {
 
 function keys(event, dialog, waiting) {
   const { key, target } = event;
-  if (key === "Escape") shown.close();
-  else if ((key === "Enter" && target.matches("input")) || key === "ArrowDown" || key === "ArrowUp") {
+  if ((key === "Enter" && target.matches("input")) || key === "ArrowDown" || key === "ArrowUp") {
     if (behind(dialog)) waiting.push(key); else if (!act(key, dialog)) return;
   } else return;
   event.preventDefault();

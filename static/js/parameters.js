@@ -1,7 +1,8 @@
 // The parameter page: what is typed stays here until it is reviewed and written; then one request, and a result per row.
+import * as commands from "./commands.js";
+import { parsed } from "./fetched.js";
 import { number } from "./format.js";
 
-const { commands } = window.pogon;
 const lang = document.body.dataset.lang, mark = lang === "en" ? "." : ",";
 const form = document.querySelector("[data-write]"), list = document.querySelector("[data-changes]");
 const results = document.querySelector("[data-results]"), rows = [...document.querySelectorAll("tr[data-key]")];
@@ -100,20 +101,17 @@ form.addEventListener("submit", async (event) => {
   form.dataset.busy = "";
   $("submit").disabled = $("discard").disabled = true;
   commands.told(form.dataset.writing, "info");
-  const fields = new URLSearchParams({ csrf: form.elements.csrf.value, id: commands.identity(), nonce: await commands.nonce(), reason: form.elements.reason.value });
+  const fields = new URLSearchParams({ id: commands.identity(), nonce: await commands.nonce(), reason: form.elements.reason.value });
   for (const { row, field } of found) {
     fields.append("key", row.dataset.key);
     fields.append("value", field.tagName === "SELECT" ? field.value : field.value.trim());
     fields.append("expected", row.dataset.seen ?? "");
   }
-  let got = null;
-  try {
-    got = await commands.whole(await fetch(form.action, { method: "POST", body: fields, headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(300000) }));
-  } catch { /* told below */ }
+  const got = await commands.post(form.action, fields, 300000);
   delete form.dataset.busy;
   if (!got) return void (commands.told(document.getElementById("message").dataset.network, "error"), review());
-  const answer = new DOMParser().parseFromString(await got.text(), "text/html").querySelector("[data-answer]");
-  await commands.take(got, null);
+  const answer = parsed(got.text).querySelector("[data-answer]");
+  commands.take(got, null);
   commands.quiet(3000);
   if (answer) {
     results.replaceChildren(document.importNode(answer, true));
@@ -133,7 +131,7 @@ $("read").addEventListener("submit", async (event) => {
   if (button.getAttribute("aria-disabled") === "true") return;
   button.disabled = true;
   const got = await commands.post(event.target.getAttribute("action"), {}, 30000);
-  if (got) await commands.take(got, null);
+  if (got) commands.take(got, null);
   else commands.told(document.getElementById("message").dataset.network, "error");
   button.disabled = false;
 });

@@ -1,9 +1,9 @@
 // Parts of a screen that are fetched again when what they are made of has changed, and rows of tables as dialogs.
 //   data-refetch      address of the part; with data-tags: the content is replaced when one of these tags shows another value
 //   data-row          address of a row as a dialog
+import { fetchDialog } from "./commands.js";
 import { renewing } from "./fetched.js";
 
-const { commands } = window.pogon;
 const LIMIT = 5000; // [ms]
 const PRESS = 1000; // who holds a button longer than this clicks no more, and what is shown has to be true [ms]
 const parts = new Map(); // part → {of: what it was made of, renew}
@@ -18,7 +18,7 @@ document.addEventListener("tags", ({ target, detail }) => {
 });
 
 /** Fetch a part again, from where its data-refetch points now. */
-const again = (element) => partOf(element).renew();
+export const again = (element) => partOf(element).renew();
 
 function partOf(element) {
   if (!parts.has(element))
@@ -55,31 +55,10 @@ function draw(element, html) {
   element.dispatchEvent(new CustomEvent("part", { bubbles: true }));
 }
 
-/** What `url` answers, or null when nobody does; a refusal is said. */
-async function text(url) {
-  try {
-    const answer = await fetch(url, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(LIMIT) });
-    if (answer.ok) return await answer.text();
-    commands.told(new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("[data-message]")?.textContent.trim() ?? "", "error");
-  } catch {
-    commands.told(document.getElementById("message").dataset.network, "error");
-  }
-  return null;
-}
-
 /** Open the row at `url` over the page. */
-async function openRow(url) {
-  const html = await text(url);
-  const found = html && new DOMParser().parseFromString(html, "text/html").querySelector("dialog");
-  if (!found) return;
-  const dialog = document.importNode(found, true), close = commands.open(dialog);
-  dialog.addEventListener("click", ({ target }) => { if (target.closest("[data-close], [data-arguments]:not([aria-disabled])")) close(); });
-  dialog.addEventListener("keydown", (event) => { if (event.key === "Escape" && !document.querySelector("#overlay [data-ask]")) close(); });
-}
+export const openRow = (url) => fetchDialog(url, "[data-close], [data-arguments]:not([aria-disabled])");
 
 document.addEventListener("click", (event) => {
   const button = event.target.closest?.("[data-row]");
   if (button) openRow(button.dataset.row);
 });
-
-window.pogon.parts = { openRow, again };

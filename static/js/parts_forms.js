@@ -1,6 +1,7 @@
 // Forms whose answer draws parts of the page anew; an order (data-order) gets an identity and a fresh nonce first. While somebody types into
 // a part it stays as it is.
-const { commands } = window.pogon;
+import * as commands from "./commands.js";
+
 const partOf = (element) => element.closest("form")?.closest("[data-part]");
 const said = (form) => commands.textsOf(form).no_answer;
 
@@ -31,5 +32,5 @@ document.addEventListener("submit", async (event) => {
     delete form.dataset.identity;
     delete partOf(form)?.dataset.dirty;
   }
-  await commands.take(answer, form);
+  commands.take(answer, form);
 });

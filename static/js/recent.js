@@ -1,4 +1,5 @@
 // The last ten minutes of a page: what sparklines show before the page was opened, and the small trend of a machine. One request for all.
+import { answered } from "./fetched.js";
 import { page } from "./values.js";
 
 const SPAN = 600e6, AGAIN = 60000, LIMIT = 15000;
@@ -7,10 +8,11 @@ const { lang, zone } = page;
 let heard = [0, 0];
 const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
 
+/** What the history answers; an error when it does not. */
 async function ask(path) {
-  const answer = await fetch(path, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(LIMIT) });
-  if (!answer.ok) throw new Error(path);
-  return await answer.json();
+  const answer = await answered(path, { limit: LIMIT });
+  if (!answer?.ok) throw new Error(path);
+  return JSON.parse(answer.text);
 }
 
 /** Give the sparklines on the page their past. */

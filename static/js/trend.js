@@ -1,4 +1,5 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
+import { post } from "./commands.js";
 import { TrendChart } from "./trend_chart.js";
 import * as format from "./format.js";
 import { page } from "./values.js";
@@ -69,7 +70,7 @@ function keep(here) {
   if (here === kept) return;
   kept = here;
   clearTimeout(keeping);
-  keeping = setTimeout(() => window.pogon.commands.post("/trends/last", { view: here }), 1500);
+  keeping = setTimeout(() => post("/trends/last", { view: here }), 1500);
 }
 
 // ---- fetching -------------------------------------------------------------------------------------------------

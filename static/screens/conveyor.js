@@ -1,13 +1,14 @@
 // The products of a line, to scale. Every slot of the table has its group. What it draws hangs on its head, and only the head is moved: the
 // box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
 // tail changed about) nothing glides.
+import { post } from "../js/commands.js";
 import { renewing } from "../js/fetched.js";
 import { number } from "../js/format.js";
+import { openRow } from "../js/parts.js";
 
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
 const STATE = { LOST: 5 };
 const lang = document.body.dataset.lang;
-const { commands, parts } = window.pogon;
 const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
 const valued = (tag) => (usable(tag) ? tag.value : null);
 const round = (value) => Math.round(value * 100) / 100;
@@ -170,7 +171,7 @@ class Line {
     const product = this.products.get(group);
     if (!product?.id) return;
     this.choose(product.id);
-    parts.openRow(`${this.svg.dataset.url}/table/product/${product.id}`);
+    openRow(`${this.svg.dataset.url}/table/product/${product.id}`);
   }
 
   /** The product that Edit and Remove ask about. */
@@ -225,8 +226,8 @@ document.addEventListener("submit", async (event) => {
   const fields = Object.fromEntries(new FormData(form, event.submitter)), pressed = event.submitter?.textContent;
   delete fields.csrf;
   for (const field of place.querySelectorAll(`input[form="${form.id}"]`)) fields[field.name] = field.value;
-  const answer = await commands.post(form.getAttribute("action"), fields);
+  const answer = await post(form.getAttribute("action"), fields);
   if (!answer) return;
-  place.innerHTML = await answer.text();
+  place.innerHTML = answer.text;
   [...place.querySelectorAll("button")].find((button) => button.textContent === pressed)?.focus();
 });

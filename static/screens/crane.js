@@ -1,11 +1,11 @@
 // The circular lift as it was: where the load went, and how far beside its circle over the angle. Each lift begins with an empty sheet;
 // a page that is opened later begins with the last one of the history.
-import { page } from "../js/values.js";
+import { answered } from "../js/fetched.js";
 import { quantity } from "../js/format.js";
+import { page } from "../js/values.js";
 
 const MOST = 1500, FINE = 0.05; // points of a trace; a point nearer than this adds nothing [units]
 const PAST = "-10m", COLUMNS = 1500; // how far back a lift is looked for, in how many columns
-const LIMIT = 8000; // for the history to answer [ms]
 const MOVES = new Set([1, 2, 3, 4]); // phases in which the load is on its way
 
 for (const sheet of document.querySelectorAll("[data-arc]")) {
@@ -51,19 +51,15 @@ for (const sheet of document.querySelectorAll("[data-arc]")) {
 
 /** Angle and deviation of the last lift that the history has. */
 async function past(names) {
-  try {
-    const answer = await fetch(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`, { headers: { "HX-Request": "true" }, signal: AbortSignal.timeout(LIMIT) });
-    if (!answer.ok) return [];
-    const [angles, errors] = (await answer.json()).series.map(({ time = [], first = [], last = first }) => {
-      let at = 0;
-      return time.map((later, n) => [(at += later), last[n]]);
-    });
-    const end = angles.findLastIndex(([, angle]) => angle !== null);
-    const start = angles.findLastIndex(([, angle], n) => n < end && angle === null) + 1;
-    return angles.slice(start, end + 1).map(([at, angle]) => [angle, errors.findLast(([time]) => time <= at)?.[1] ?? 0]);
-  } catch {
-    return []; // the history is down, or too slow: the trace grows from what arrives
-  }
+  const answer = await answered(`/history/series?tags=${names.join(",")}&from=${PAST}&width=${COLUMNS}`);
+  if (!answer?.ok) return []; // the history is down, or too slow: the trace grows from what arrives
+  const [angles, errors] = JSON.parse(answer.text).series.map(({ time = [], first = [], last = first }) => {
+    let at = 0;
+    return time.map((later, n) => [(at += later), last[n]]);
+  });
+  const end = angles.findLastIndex(([, angle]) => angle !== null);
+  const start = angles.findLastIndex(([, angle], n) => n < end && angle === null) + 1;
+  return angles.slice(start, end + 1).map(([at, angle]) => [angle, errors.findLast(([time]) => time <= at)?.[1] ?? 0]);
 }
 
 /** A line through these points; a part that leaps is drawn, too: it says that something was not seen. */

@@ -1,6 +1,7 @@
 // A sequence: which step is active, how many permissives are there, which step's permissives are shown. Everything else is drawn by the
 // server, in parts that are fetched again when what they are made of changes (parts.js).
-const { parts } = window.pogon;
+import { again } from "../js/parts.js";
+
 const word = document.querySelector(".q-word"), list = document.getElementById("q-steps");
 const shown = { step: new URLSearchParams(location.search).get("step") ?? "", all: "" };
 const CHECK = '<svg class="ic"><use href="{}"/></svg>';
@@ -52,7 +53,7 @@ async function show(change) {
   Object.assign(shown, change);
   const asked = new URLSearchParams(Object.entries(shown).filter(([, value]) => value !== ""));
   word.dataset.refetch = `${word.dataset.partOf}${asked.size ? `?${asked}` : ""}`;
-  await parts.again(word);
+  await again(word);
   for (const row of document.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === shown.step);
 }
 
