@@ -12,6 +12,11 @@
     htmx_before_on_init: () => false,
     htmx_after_request: (element, { ctx }) => { ctx.text = withoutScripts(ctx.text); },
     htmx_config_request: (element, { ctx }) => {
+      if (ctx.request.submitter?.ariaDisabled === "true") {
+        const why = ctx.request.submitter.title || element.querySelector("[data-why]")?.textContent.trim();
+        if (why) say(why, "error");
+        return false;
+      }
       try {
         return new URL(ctx.request.action || "", location.href).origin === location.origin;
       } catch {

@@ -56,6 +56,17 @@ export function take(answer, near) {
   return asks;
 }
 
+// An answer that htmx puts nowhere (hx-swap="none") is drawn by its parts; an order that was taken is not tried again.
+document.addEventListener("htmx:after:request", ({ detail: { ctx } }) => {
+  const { sourceElement: form, swap, response } = ctx;
+  if (swap !== "none") return;
+  if (response.status < 400) {
+    delete form.closest("[data-part]")?.dataset.dirty;
+    if (form.elements?.id) form.elements.id.value = "";
+  }
+  take({ ok: response.status < 400, text: ctx.text }, form);
+});
+
 /** Say `text` in the message line, to who hears the page, too. */
 export function told(text, kind, time) {
   const place = document.getElementById("message");
@@ -73,7 +84,7 @@ function hint(near, text) {
 // ---- drawing anew ---------------------------------------------------------------------------------------------------------------------
 
 /** Take over every data-part of `inside` wherever the page shows it. */
-export function patch(inside) {
+function patch(inside) {
   let drawn = false;
   for (const fresh of inside.querySelectorAll("[data-part]")) {
     if (fresh.dataset.part.endsWith(".message")) { story(fresh); continue; }

@@ -1,5 +1,6 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
 import { post } from "./commands.js";
+import { answered, parsed } from "./fetched.js";
 import { TrendChart } from "./trend_chart.js";
 import * as format from "./format.js";
 import { page } from "./values.js";
@@ -78,7 +79,7 @@ function keep(here) {
 async function fetched(path, signal) {
   const answer = await fetch(path, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
   if (answer.ok) return await answer.json();
-  const words = new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("[data-message]")?.textContent.trim();
+  const words = parsed(await answer.text()).querySelector("[data-message]")?.textContent.trim();
   throw new Error(words || texts.unavailable, { cause: answer.status });
 }
 
@@ -112,7 +113,7 @@ async function load() {
       fetched(`/trends/table?tags=${tags}&from=${Math.floor(first)}&to=${Math.ceil(last)}`, mine.signal),
       fetched(`/trends/marks?${range}`, mine.signal),
       state.under ? fetched(`/trends/table?${earlier(first, last)}`, mine.signal) : null,
-      notes(range, mine.signal),
+      notes(range),
     ]);
     fill(table, "stat");
     for (const line of all("[data-under-stat]")) line.hidden = !before;
@@ -130,12 +131,12 @@ async function load() {
 }
 
 /** The notes of the range: their list, and their marks on the curves. What somebody types meanwhile stays. */
-async function notes(range, signal) {
+async function notes(range) {
   const place = one("[data-notes-place]"), typing = () => place.querySelector("[name=text]")?.value || place.contains(document.activeElement);
   if (!place || typing()) return;
-  const answer = await fetch(`/trends/notes?${range}`, { signal: AbortSignal.any([signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
-  if (!answer.ok || typing()) return;
-  place.replaceChildren(...new DOMParser().parseFromString(await answer.text(), "text/html").body.childNodes);
+  const answer = await answered(`/trends/notes?${range}`, { limit: LIMIT });
+  if (!answer?.ok || typing()) return;
+  place.replaceChildren(...parsed(answer.text).body.childNodes);
   window.htmx.process(place);
 }
 
@@ -494,24 +495,11 @@ function pens() {
   mark();
 }
 
-/** Points that can be added; fetched when the list is opened and while somebody types. */
+/** Points that can be added: htmx fetches them, the view that one has is kept. */
 function picker() {
-  const drop = one("[data-picker]"), field = drop.querySelector("input"), found = drop.querySelector("[data-found]");
-  let due = 0, search = null;
-  const find = async () => {
-    search?.abort();
-    search = new AbortController();
-    try {
-      const answer = await fetch(`${drop.dataset.picker}&q=${encodeURIComponent(field.value)}`, { signal: AbortSignal.any([search.signal, AbortSignal.timeout(LIMIT)]), headers: { "HX-Request": "true" } });
-      const content = new DOMParser().parseFromString(await answer.text(), "text/html").body;
-      found.replaceChildren(...content.childNodes);
-    } catch (error) {
-      if (error.name !== "AbortError") found.textContent = texts.unavailable;
-    }
-  };
-  drop.addEventListener("toggle", () => { if (drop.open) { find(); field.focus(); } });
-  field.addEventListener("input", () => { clearTimeout(due); due = setTimeout(find, 200); });
-  found.addEventListener("click", (event) => {
+  const drop = one("[data-picker]");
+  drop.addEventListener("toggle", () => { if (drop.open) drop.querySelector("input").focus(); });
+  drop.addEventListener("click", (event) => {
     const link = event.target.closest("[data-add]");
     if (!link || event.ctrlKey || event.metaKey) return;
     event.preventDefault();

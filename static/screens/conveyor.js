@@ -1,8 +1,6 @@
 // The products of a line, to scale. Every slot of the table has its group. What it draws hangs on its head, and only the head is moved: the
 // box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
 // tail changed about) nothing glides.
-import { post } from "../js/commands.js";
-import { renewing } from "../js/fetched.js";
 import { number } from "../js/format.js";
 import { openRow } from "../js/parts.js";
 
@@ -210,24 +208,4 @@ document.addEventListener("tags", ({ target, detail }) => {
 document.addEventListener("change", ({ target }) => {
   if (!target.matches?.(".c-belts [name=belt]")) return;
   for (const pair of target.closest(".c-jog").querySelectorAll("[data-belt]")) pair.hidden = pair.dataset.belt !== target.value;
-});
-
-// ---- the hand of an instructor -------------------------------------------------------------------------------------------------------------
-
-document.addEventListener("toggle", ({ target }) => {
-  const place = target.open && target.querySelector?.("[data-hands]");
-  if (place) renewing(() => place.isConnected && place.closest("[open]") && place.dataset.hands, (html) => { place.innerHTML = html; })();
-}, true);
-
-document.addEventListener("submit", async (event) => {
-  const form = event.target, place = form.closest("[data-hands]");
-  if (!place) return;
-  event.preventDefault();
-  const fields = Object.fromEntries(new FormData(form, event.submitter)), pressed = event.submitter?.textContent;
-  delete fields.csrf;
-  for (const field of place.querySelectorAll(`input[form="${form.id}"]`)) fields[field.name] = field.value;
-  const answer = await post(form.getAttribute("action"), fields);
-  if (!answer) return;
-  place.innerHTML = answer.text;
-  [...place.querySelectorAll("button")].find((button) => button.textContent === pressed)?.focus();
 });
