@@ -22,6 +22,10 @@ from app.web.trend_address import names_of, range_asked
 router = APIRouter(prefix="/trends")
 
 
+JUST_NOW = 60_000_000
+"""How long a chart that follows the present may have been drawn before a note of now is written [µs]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
     """A note as it is drawn."""
@@ -61,11 +65,13 @@ async def add(request: Request) -> Response:
     """Write a note at a time, in the plant's zone when it says no other."""
     given = await fields(request, ["time", "text", "machine", "range"])
 
-    async def work(kept: Notes) -> None:
+    async def work(kept: Notes) -> int:
         plant, machine = plant_of(request), given["machine"]
         if machine and machine not in plant.equipment:
             raise Refused("trend.error.note_machine", 422, machine=machine[:64])
-        await kept.add(person_of(request), _time(request, given["time"]), machine, given["text"])
+        time = _time(request, given["time"])
+        await kept.add(person_of(request), time, machine, given["text"])
+        return time
 
     return await _do(request, given, work)
 
@@ -74,7 +80,12 @@ async def add(request: Request) -> Response:
 async def remove(request: Request, number: int) -> Response:
     """Delete one's own note; an engineer those of others, too."""
     given = await fields(request, ["range"])
-    return await _do(request, given, lambda kept: kept.remove(person_of(request), number))
+
+    async def work(kept: Notes) -> int:
+        await kept.remove(person_of(request), number)
+        return 0
+
+    return await _do(request, given, work)
 
 
 async def lines_for_export(request: Request, tags: Sequence[str], begin: int, end: int) -> list[Note]:
@@ -98,19 +109,22 @@ def _time(request: Request, text: str) -> int:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
 
 
-async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], Awaitable[None]]) -> Response:
-    problem = ""
+async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], Awaitable[int]]) -> Response:
+    """Do `work`, which gives the time of a new note, and draw the range: a note of a moment after it belongs to it, too."""
+    problem, new = "", 0
     try:
-        await work(_notes(request))
+        new = await work(_notes(request))
     except Refused as refused:
         problem = view_of(request).text(request, refused.reason, **refused.params)
-    return await _drawn(request, given["range"], problem, given.get("text", "") if problem else "")
+    return await _drawn(request, given["range"], problem, given.get("text", "") if problem else "", new)
 
 
-async def _drawn(request: Request, wanted: str, problem: str = "", typed: str = "") -> Response:
+async def _drawn(request: Request, wanted: str, problem: str = "", typed: str = "", new: int = 0) -> Response:
     view, runtime, person = view_of(request), view_of(request).runtime(request), person_of(request)
     asked, now, zone = QueryParams(wanted[:2000]), runtime.clock.micros(), zone_of(request)
     begin, end = range_asked(asked, now, zone)
+    if end < new <= end + JUST_NOW:
+        end = new + 1
     ids = list(dict.fromkeys(name.partition(".")[0] for name in names_of(asked)))
     plant, lang = plant_of(request), language_of(request)
     known = {key: view.machine(request, plant.equipment[key]).label for key in ids if key in plant.equipment}

@@ -92,6 +92,11 @@ def test_a_note_is_seen_with_its_machine_or_with_all_and_within_its_range(staff:
     assert seen(staff, urlencode({"tags": "m1.speed", "from": BEGIN, "to": BEGIN + 600_000_000})) == {}
 
 
+def test_a_note_of_now_is_listed_though_the_chart_was_drawn_a_moment_before(staff: Staff) -> None:
+    assert "right now" in listed(write(staff, "right now", "08.03.2026 08:00:30"))
+    assert "later" not in listed(write(staff, "later", "08.03.2026 08:01:30"))
+
+
 def test_its_author_or_an_engineer_deletes_a_note_and_nobody_else(staff: Staff) -> None:
     write(staff, "first")
     write(staff, "second")
