@@ -171,6 +171,8 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     tables, columns = read_tables(table_file, options, points, has_map=device.plc is not None)
     for counting in {map.capacity for map in tables.values()} & set(options.ranges):
         options.check_whole(head, counting)
+    for option in sorted(options.whole):
+        options.check_whole(head, option, "a whole number: `whole` is true")
     setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
     orders = read_orders(head.table("actions").table("orders"), commands, sentences)
@@ -240,8 +242,9 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     )
     codes = frozenset(setpoint.code for setpoint in setpoints.values() if setpoint.code)
     parameters = {key: codes if takes else frozenset() for key, takes in options.parameters.items()}
+    counted, whole = files.repeats.options, frozenset(options.whole)
     return TypeData(
-        kind, points.found, options.choices, parameters, options.numbers, columns, option_checks, files.repeats.options
+        kind, points.found, options.choices, parameters, options.numbers, columns, option_checks, counted, whole
     )
 
 

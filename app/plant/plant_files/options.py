@@ -19,7 +19,7 @@ def read_options(
     options = {**data.type.options, **preset}
     if sequence:
         options |= definition_options(sequence)
-    counts = {map.capacity for map in data.type.tables.values()} | data.counted
+    counts = {map.capacity for map in data.type.tables.values()} | data.counted | data.whole
     for name, default in options.items():
         if sequence and name in BY_DEFINITION:
             continue  # the definition says it

@@ -35,3 +35,5 @@ class TypeData:
     checks: Sequence[OptionCheck] = ()
     counted: frozenset[str] = frozenset()
     """Options by which rows of the type are repeated: with other values it is another set of points, commands, alarms."""
+    whole: frozenset[str] = frozenset()
+    """Options that have whole numbers only."""

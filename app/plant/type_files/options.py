@@ -48,6 +48,8 @@ class Options:
     choices: dict[str, Mapping[str, Sequence[str]]] = field(default_factory=dict)
     parameters: dict[str, bool] = field(default_factory=dict)
     numbers: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
+    whole: set[str] = field(default_factory=set)
+    """Numbers that have no fraction: their register has none."""
     presets: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
@@ -65,13 +67,13 @@ class Options:
             for name in sorted(unknown):
                 table.note(key, text, f"options of {self.owner} only; {name} is none")
 
-    def check_whole(self, head: Table, option: str) -> None:
-        """An option that counts slots has whole numbers only."""
+    def check_whole(self, head: Table, option: str, why: str = "a whole number: it is the capacity of a table") -> None:
+        """An option that counts slots, or whose register has no fraction, has whole numbers only."""
         given = {f"options.{option}.default": self.values[option]}
         given |= {f"presets.{name}.{option}": one[option] for name, one in self.presets.items() if option in one}
         for key, value in given.items():
             if isinstance(value, float) and not value.is_integer():
-                head.note(key, value, "a whole number: it is the capacity of a table")
+                head.note(key, value, why)
 
 
 def read_options(head: Table, owner: str, *, sequence: bool) -> Options:
@@ -119,6 +121,8 @@ def _read_option(options: Options, key: str, table: Table) -> None:
         low, high = float(table.number("low")), float(table.number("high"))
         options.ranges[key] = (low, high)
         options.values[key] = float(table.number("default", low=low, high=high))
+        if table.flag("whole"):
+            options.whole.add(key)
     else:
         options.values[key] = {}
         words = table.table("words")

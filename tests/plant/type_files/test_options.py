@@ -10,6 +10,7 @@ MISTAKES = [
     ("device", "length = 4000", "length = 9000", "presets.long.length", "from 100 to 5000"),
     ("device", "length = 4000", "lenght = 4000", "presets.long.lenght", "perhaps length"),
     ("device", "default = 3", "default = 2.5", "options.slots.default", "a whole number: it"),
+    ("device", "default = 660", "default = 660.5\nwhole = true", "options.length.default", "a whole number: `whole`"),
     ("device", "slots = 5", "slots = 4.5", "presets.long.slots", "a whole number"),
     ("device", "arrivals = [0, 60]", "arrivals = [60]", "options.simulation.numbers.arrivals", "[low, high]"),
 ]
