@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, Route, expect
 
 from app import bundled
 from tests.browser.station import Sit, serving
@@ -35,6 +35,52 @@ def test_fields_and_text_follow_one_another_and_a_mistake_stands_at_its_field(si
     expect(page.locator("[name=maximum]")).to_have_value("77")
     page.fill("[name=minimum]", "13")
     expect(text).to_have_value(re.compile("minimum = 13\n"))
+
+
+def slow(page: Page, what: str) -> None:
+    """The server answers a post to `what` of the editor half a second late."""
+
+    def later(route: Route) -> None:
+        page.wait_for_timeout(500)
+        route.continue_()
+
+    page.route(f"**/definition/{what}", later)
+
+
+def test_what_is_typed_while_the_answer_to_a_field_is_awaited_stays_in_the_text(sit: Sit) -> None:
+    page = sit(path="/equipment/steps1/definition?section=2")
+    text = page.locator("#ed-text")
+    slow(page, "fields")
+    page.fill("[name=maximum]", "44")
+    with page.expect_response("**/definition/fields"):
+        text.click()  # the field is left, and asked about
+        page.keyboard.press("Control+Home")
+        page.keyboard.press("End")
+        page.keyboard.type("  # seen by Ivana")
+    expect(text).to_have_value(re.compile(r"# seen by Ivana\n(?s:.*)maximum = 44\n"))
+    page.keyboard.type(", twice")
+    expect(text).to_have_value(re.compile("# seen by Ivana, twice"))
+    expect(page.locator("#ed-problems")).to_contain_text("No mistakes.")
+    expect(page.locator("[name=maximum]")).to_have_value("44")
+    with page.expect_response("**/definition/text"):
+        text.blur()
+    page.reload()
+    expect(text).to_have_value(re.compile(r"# seen by Ivana, twice\n(?s:.*)maximum = 44\n"))
+
+
+def test_what_is_typed_while_the_answer_to_the_text_is_awaited_stays_in_the_field(sit: Sit) -> None:
+    page = sit(path="/equipment/steps1/definition?section=4")
+    text = page.locator("#ed-text")
+    slow(page, "text")
+    text.fill(text.input_value().replace("maximum = 60", "maximum = 55"))
+    with page.expect_response("**/definition/text"):
+        page.locator("[name=minimum]").click()  # the text is left, and asked about
+        page.keyboard.press("Control+A")
+        page.keyboard.type("3")
+    expect(page.locator("[name=maximum]")).to_have_value("55")
+    expect(page.locator("[name=minimum]")).to_have_value("3")
+    expect(page.locator("[name=minimum]")).to_be_focused()
+    expect(text).to_have_value(re.compile("minimum = 3\nmaximum = 55\n"))
 
 
 def test_the_drive_runs_its_steps_from_its_own_page(sit: Sit) -> None:
