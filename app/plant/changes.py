@@ -235,9 +235,12 @@ def _leaves(definition: SequenceDefinition) -> dict[tuple[str, str, str], object
         ("", "", key): getattr(definition, key)
         for key in ("label", "output_while_suspended", "stall_after", "keep_forces", "longest_force", *WISHES)
     }
+    for value in definition.recipe:
+        for key in ("label", "unit", "low", "high", "default", "decimals"):
+            found["", value.key, f"recipe.{key}"] = getattr(value, key)
     found["", "", "branches"] = "; ".join(chart_lines(definition.chart))
     for step in definition.steps:
-        for key in ("label", "minimum", "maximum", "loss_aborts", "actions", "orders"):
+        for key in ("label", "minimum", "maximum", "recipe", "loss_aborts", "actions", "orders"):
             found[step.key, "", key] = getattr(step, key)
     words = {ABORT: definition.abort, **{step.key: step.permissives for step in definition.steps}}
     for name, word in words.items():

@@ -9,7 +9,7 @@ from hashlib import sha256
 from json import dumps, loads
 from typing import Any
 
-from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
+from app.plant.sequence_definition import PREFIX, SequenceDefinition, SequencePermissive
 
 ABORT = "abort"
 """In place of the key of a step: the abort conditions."""
@@ -27,6 +27,8 @@ class Kept:
     """Keys."""
     permissives: Mapping[tuple[int, int], str] = field(default_factory=dict)
     """(step, bit) → `<step>.<permissive>`, `abort.<permissive>`."""
+    values: tuple[str, ...] = ()
+    """Keys of the values of a run, `recipe.<key>`."""
 
     def part(self, number: int) -> str:
         """Key of a step; its number when the definition has no such step."""
@@ -37,6 +39,10 @@ class Kept:
         word = self.part(part) if part else ABORT
         return self.permissives.get((part, bit), f"{word}.bit_{bit}")
 
+    def value(self, number: int) -> str:
+        """Key of a value that is given at Start, from 1; empty when the definition has no such value."""
+        return self.values[number - 1] if 1 <= number <= len(self.values) else ""
+
 
 def kept(definition: SequenceDefinition) -> Kept:
     """A definition with what a reader of the history needs: keys, labels, the point behind each permissive."""
@@ -46,6 +52,10 @@ def kept(definition: SequenceDefinition) -> Kept:
             {"bit": each.bit, "key": each.key, "label": dict(each.label), "value": each.value} for each in permissives
         ]
 
+    recipe = [
+        {"key": one.key, "label": dict(one.label), "unit": one.unit, "decimals": one.decimals}
+        for one in definition.recipe
+    ]
     text = dumps(
         {
             "name": definition.name,
@@ -55,6 +65,7 @@ def kept(definition: SequenceDefinition) -> Kept:
                 for step in definition.steps
             ],
             "abort": words(definition.abort),
+            **({"recipe": recipe} if recipe else {}),
         },
         ensure_ascii=False,
         sort_keys=True,
@@ -63,7 +74,9 @@ def kept(definition: SequenceDefinition) -> Kept:
     for number, step in enumerate(definition.steps, 1):
         names |= {(number, each.bit): f"{step.key}.{each.key}" for each in step.permissives}
     steps = tuple(step.key for step in definition.steps)
-    return Kept(sha256(text.encode()).hexdigest()[:16], text, steps, names)
+    return Kept(
+        sha256(text.encode()).hexdigest()[:16], text, steps, names, tuple(PREFIX + one.key for one in definition.recipe)
+    )
 
 
 class Definition:
@@ -78,8 +91,13 @@ class Definition:
         """Key → label of each part, in their order."""
         words = [(ABORT, content.get("abort", [])), *((step["key"], step["permissives"]) for step in steps)]
         bits = [(f"{key}.{each['key']}", step, each) for step, (key, word) in enumerate(words) for each in word]
-        self.labels: Mapping[str, Mapping[str, str]] = {key: each["label"] for key, _, each in bits} | self.parts
-        """Key of a part or of a bit → its label."""
+        self.recipe: Mapping[str, Mapping[str, Any]] = {PREFIX + one["key"]: one for one in content.get("recipe", [])}
+        """Key of a value of the run → its label, unit and decimals."""
+        values = {key: one["label"] for key, one in self.recipe.items()}
+        self.labels: Mapping[str, Mapping[str, str]] = (
+            {key: each["label"] for key, _, each in bits} | self.parts | values
+        )
+        """Key of a part, of a bit or of a value of the run → its label."""
         self._keys = {(step, each["bit"]): key for key, step, each in bits}
         self._values = {(step, each["bit"]): str(each.get("value", "")) for _, step, each in bits}
         self._steps = [key for key, _ in words]

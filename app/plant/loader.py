@@ -17,6 +17,7 @@ from app.plant.plant_files.names import check_id
 from app.plant.plant_files.shifts import USUAL, read_shifts
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.problems import MoreProblems, Problem
+from app.plant.sequence_recipe import texts_of
 from app.plant.sequences import SequenceFiles
 from app.plant.tables import MOST_PROBLEMS, NONE, STOP_AT, Enough, Plain, Source, Table
 
@@ -95,6 +96,9 @@ class _PlantReader:
         texts: dict[str, dict[str, str]] = {}
         for row in root.rows("alarms"):
             read_plant_alarm(row, machines, self._languages, texts)
+        for key, label in texts_of(machines.found):
+            for language, text in label.items():
+                texts.setdefault(language, {})[key] = text
         flow = read_flow(root.table("picture"), machines)
         self._lessons.read(self._types.usable)
         root.done()

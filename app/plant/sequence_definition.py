@@ -1,7 +1,7 @@
 """A sequence as its file says: steps, permissives, abort conditions and tests."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from app.blocks.sequence import Chart
 from app.plant.expression import parse
@@ -10,6 +10,22 @@ WISHES = ("start_when", "suspend_when", "advance_when")
 """Sentences of the plant by which a sequence starts, stands still, goes on."""
 Texts = Mapping[str, str]
 """Language → text."""
+PREFIX = "recipe."
+"""Before the key of a value of a run, where it stands for a number."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecipeValue:
+    """A value of a run: the operator gives it at Start, and it is fixed until the run is over."""
+
+    key: str
+    label: Texts
+    low: float
+    high: float
+    default: float
+    """Before the first run."""
+    unit: str = ""
+    decimals: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +56,21 @@ class SequenceOrder:
     action: str
     """Of its type, device.toml `[actions.orders]`."""
     values: Mapping[str, float] = field(default_factory=dict)
-    """By the names that the action declares [EU]."""
+    """By the names that the action declares [EU]; of a value of the run its default."""
+    recipe: Mapping[str, str] = field(default_factory=dict)
+    """Those that are values of the run: name → key."""
+
+    def given(self, values: Mapping[str, float]) -> "SequenceOrder":
+        """The order as it is in a run with these `values`."""
+        if not self.recipe:
+            return self
+        now = {name: values[key] for name, key in self.recipe.items() if key in values}
+        return replace(self, values={**self.values, **now})
 
     def __str__(self) -> str:
-        values = ", ".join(f"{name} = {value:g}" for name, value in self.values.items())
+        said = {name: f"{value:g}" for name, value in self.values.items()}
+        said |= {name: PREFIX + key for name, key in self.recipe.items()}
+        values = ", ".join(f"{name} = {value}" for name, value in said.items())
         return f"{self.machine}.{self.action}" + (f"({values})" if values else "")
 
 
@@ -65,6 +92,8 @@ class SequenceStep:
     orders: Sequence[SequenceOrder] = ()
     """What it commands when it is entered; those of one machine one after the other, machines side by side. It is
     left when all are confirmed."""
+    recipe: Mapping[str, str] = field(default_factory=dict)
+    """Times that are values of the run: `minimum`, `maximum` → key; above stand their defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +128,8 @@ class SequenceDefinition:
     chart: Chart = field(default_factory=Chart)
     """Branches, loops and safe steps."""
     tests: Sequence[SequenceTest] = ()
+    recipe: Sequence[RecipeValue] = ()
+    """What is given at Start."""
     start_when: str = ""
     """In automatic it starts when this becomes true; empty = whenever it can."""
     suspend_when: str = ""
@@ -122,7 +153,12 @@ class SequenceDefinition:
         """Points of any machine, `equipment.point`, that its sentences and values name."""
         values = [one.value for word in (self.abort, *(step.permissives for step in self.steps)) for one in word]
         names = [name for text in self.sentences for name in sorted(parse(text, machines=True).names)]
-        return list(dict.fromkeys(name for name in (*names, *values) if "." in name))
+        found = (name for name in (*names, *values) if "." in name and not self.is_recipe(name))
+        return list(dict.fromkeys(found))
+
+    def is_recipe(self, name: str) -> bool:
+        """Whether `name` stands for a value of the run."""
+        return bool(self.recipe) and name.startswith(PREFIX)
 
     def permissives(self, step: int) -> Sequence[SequencePermissive]:
         """The named bits of step `step`, from 1; of the abort conditions for 0."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
 from app.plant.definitions import Equipment, Kind, Link, Plant, Scan, Type
-from app.plant.sequence_definition import SequenceOrder
+from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.orders import expected_action
 
@@ -53,7 +53,12 @@ def check_points(table: Table, key: str, text: str, names: Sequence[str], found:
 
 
 def check_order(
-    table: Table, order: SequenceOrder, item: Equipment, found: Mapping[str, Equipment], links: Mapping[str, Link]
+    table: Table,
+    order: SequenceOrder,
+    item: Equipment,
+    found: Mapping[str, Equipment],
+    links: Mapping[str, Link],
+    recipe: Sequence[RecipeValue] = (),
 ) -> None:
     """Note what is wrong with an order of the sequence `item`: where it runs, whom it commands, what, with which values."""
     if item.link in links and not links[item.link].simulated:
@@ -84,26 +89,36 @@ def check_order(
         if name not in action.values:
             expected = f"a value of {order.action}: " + one_of(list(action.values), name)
             table.note(f"values.{name}", value, expected)
+    ends = {one.key: (one.low, one.high) for one in recipe}
+    spans = {name: ends.get(order.recipe.get(name, ""), (value,)) for name, value in order.values.items()}
     for each in action.commands:
         command = machine.type.commands[each.command]
         if each.value in order.values:
             low, high = (_widest(machine, command.argument, end) for end in ("low", "high"))
-            _check_range(table, each.value, order.values[each.value], low, high, machine)
+            _check_range(table, each.value, spans[each.value], low, high, machine)
         for argument in command.arguments:
             if argument.name in order.values:
                 value = order.values[argument.name]
-                _check_range(table, argument.name, value, _number(argument.low), _number(argument.high), machine)
-                if argument.type is not Type.F32 and not value.is_integer():
+                span = spans[argument.name]
+                _check_range(table, argument.name, span, _number(argument.low), _number(argument.high), machine)
+                if argument.type is not Type.F32 and argument.name in order.recipe:
+                    table.note(
+                        f"values.{argument.name}",
+                        PREFIX + order.recipe[argument.name],
+                        "a whole number, no value of a run",
+                    )
+                elif argument.type is not Type.F32 and not value.is_integer():
                     table.note(f"values.{argument.name}", value, "a whole number")
 
 
 def _check_range(
-    table: Table, name: str, value: float, low: float | None, high: float | None, machine: Equipment
+    table: Table, name: str, values: Sequence[float], low: float | None, high: float | None, machine: Equipment
 ) -> None:
-    """The widest range that there can be; narrower limits that are set in the drive are the gate's."""
-    if (low is not None and value < low) or (high is not None and value > high):
+    """The widest range that there can be; narrower limits that are set in the drive are the gate's. `values`: one, or both ends."""
+    wrong = [value for value in values if (low is not None and value < low) or (high is not None and value > high)]
+    if wrong:
         ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
-        table.note(f"values.{name}", value, f"a number {ends} for {machine.id}")
+        table.note(f"values.{name}", wrong[0], f"a number {ends} for {machine.id}")
 
 
 def _widest(machine: Equipment, key: str, end: str) -> float | None:

@@ -9,7 +9,8 @@
     start_when = "c1.automatic == 1"                    in automatic: starts when it becomes true; sentences of the whole plant
     suspend_when = "m1.fault != 0"                      stands still while it is true, or not known
     advance_when = "c1.button == 1"                     in single step: goes on when it becomes true
-    abort_to = "rest"                                   its safe steps begin there; [[branches]], [[loops]]: sequence_chart.py
+    abort_to = "rest"                                   its safe steps begin there; [[branches]], [[loops]]: sequence_chart.py;
+                                                        values of a run, [[recipe]]: sequence_recipe.py
 
     [[steps]]                                           in order
     key = "lower"
@@ -60,6 +61,8 @@ from app.plant.definitions import Equipment, Kind, Link, Plant, Point, Texts, Ty
 from app.plant.problems import Problem
 from app.plant.sequence_chart import chart_lines, read_chart
 from app.plant.sequence_definition import (
+    PREFIX,
+    RecipeValue,
     SequenceDefinition,
     SequenceOrder,
     SequencePermissive,
@@ -67,6 +70,7 @@ from app.plant.sequence_definition import (
     SequenceTest,
 )
 from app.plant.sequence_plant import check_order, check_points, others, own
+from app.plant.sequence_recipe import check_names, check_time, named, read_recipe, refers
 from app.plant.tables import MISSING, Plain, Source, Table, one_of
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import MOST_STEPS, STEPS
@@ -102,6 +106,7 @@ class _File:
 
     source: Source
     definition: SequenceDefinition
+    recipe: tuple[RecipeValue, ...] = ()
     signals: list[tuple[Table, str, str]] = field(default_factory=list)
     """Sentences of permissives; an empty one needs a device that knows its signals itself."""
     values: list[tuple[Table, str, str]] = field(default_factory=list)
@@ -198,11 +203,13 @@ class SequenceFiles:
             return
         self._checked.add(kinds)
         for table, key, text in (*file.signals, *file.wishes):
-            check_points(table, key, text, others(_names(text)), found)
+            values = [name for name in others(_names(text)) if file.definition.is_recipe(name)]
+            check_names(table, key, text, values, file.recipe)
+            check_points(table, key, text, [name for name in others(_names(text)) if name not in values], found)
         for table, key, name in file.values:
             check_points(table, key, name, others([name]), found)
         for table, order in file.orders:
-            check_order(table, order, item, found, links)
+            check_order(table, order, item, found, links, file.recipe)
         if file.orders and file.definition.tests:
             table = file.orders[0][0]
             table.source.note(("tests",), f"{len(file.definition.tests)} tests", NO_TESTS)
@@ -240,6 +247,7 @@ class SequenceFiles:
         head = root.table("sequence", required=True, expected="[sequence] with label")
         if not root.has("sequence"):
             head = Table(source, ("sequence",), {"label": name})
+        file.recipe = read_recipe(root, self._label)
         rows = list(root.rows("steps"))
         if not root.has("steps") or root.data["steps"] == []:
             root.note("steps", MISSING, "at least one [[steps]]")
@@ -261,6 +269,7 @@ class SequenceFiles:
             suspend_when=_wish(file, head, "suspend_when"),
             advance_when=_wish(file, head, "advance_when"),
             chart=read_chart(root, head, steps),
+            recipe=file.recipe,
         )
         head.done()
         tests: list[SequenceTest] = []
@@ -274,10 +283,7 @@ class SequenceFiles:
         key = row.text("key", pattern=NAME, expected="a key of small letters, digits and _")
         if key in (*others, ABORT):
             row.note("key", key, f"a key that no other step has; not {ABORT}")
-        minimum = float(row.number("minimum", 0.0, 0, LONGEST_TIME))
-        maximum = float(row.number("maximum", 0.0, 0, LONGEST_TIME))
-        if 0 < maximum < minimum:
-            row.note("maximum", maximum, f"0 (stay), or at least the minimum, which is {minimum:g} s")
+        times, of_recipe = _times(file, row)
         actions: list[str] = []
         for index, action in enumerate(row.items("actions", [], "a list of actions of the machine")):
             if not isinstance(action, str) or not re.fullmatch(KEY, action):
@@ -290,12 +296,12 @@ class SequenceFiles:
         step = SequenceStep(
             key,
             self._label(row, "label"),
-            minimum,
-            maximum,
+            *times,
             row.flag("loss_aborts"),
             tuple(actions),
             tuple(self._permissives(file, row, "permissives", forceable=True)),
             tuple(_order(file, each) for each in row.rows("orders")),
+            of_recipe,
         )
         row.done()
         return step
@@ -418,12 +424,14 @@ def canonical(definition: SequenceDefinition) -> str:
             if number:
                 step = definition.steps[number - 1]
                 yield f"step {number} {step.key} loss_aborts={int(step.loss_aborts)} actions={','.join(step.actions)}"
+                yield from (f"  {name} = {PREFIX}{key}" for name, key in step.recipe.items())
                 yield from (f"  order {order}" for order in step.orders)
             else:
                 yield ABORT
             for each in definition.permissives(number):
                 yield f"  {each.bit} {each.key} forceable={int(each.forceable)} value={each.value} when={each.when}"
 
+        yield from (f"recipe {one.key} {one.low:g} {one.high:g}" for one in definition.recipe)
         yield from (f"{key} {text}" for key, text in definition.wishes.items())
         yield from chart_lines(definition.chart)
 
@@ -452,7 +460,9 @@ def program(definition: SequenceDefinition) -> SequenceDefinition:
         return tuple(replace(each, label={}, missing={}) for each in word)
 
     steps = tuple(replace(step, label={}, permissives=bare(step.permissives)) for step in definition.steps)
-    return replace(definition, name="", label={}, steps=steps, abort=bare(definition.abort), tests=())
+    recipe = tuple(replace(one, label={}) for one in definition.recipe)
+    abort = bare(definition.abort)
+    return replace(definition, name="", label={}, steps=steps, abort=abort, tests=(), recipe=recipe)
 
 
 def _words(definition: SequenceDefinition) -> dict[str, tuple[float, float]]:
@@ -493,16 +503,41 @@ def _wish(file: _File, head: Table, key: str) -> str:
     return ""
 
 
+def _times(file: _File, row: Table) -> tuple[tuple[float, float], dict[str, str]]:
+    """Least and greatest time of a step, and which of them are values of the run."""
+    least, most, of_recipe = [0.0, 0.0], [0.0, 0.0], dict[str, str]()
+    for n, key in enumerate(("minimum", "maximum")):
+        value = named(row, key, file.recipe)
+        if value is not None:
+            check_time(row, key, value, LONGEST_TIME)
+            of_recipe[key], least[n], most[n] = value.key, value.low, value.high
+        elif not refers(row.data.get(key)):
+            least[n] = most[n] = float(row.number(key, 0.0, 0, LONGEST_TIME))
+    if most[1] > 0 and least[1] < most[0] and of_recipe.get("minimum") != of_recipe.get("maximum", ""):
+        said = f"{most[0]:g} s at most" if "minimum" in of_recipe else f"{most[0]:g} s"
+        row.note("maximum", row.data.get("maximum"), f"0 (stay), or at least the minimum, which is {said}")
+    defaults = {one.key: one.default for one in file.recipe}
+    minimum, maximum = (defaults.get(of_recipe.get(key, ""), least[n]) for n, key in enumerate(("minimum", "maximum")))
+    return (minimum, maximum), of_recipe
+
+
 def _order(file: _File, row: Table) -> SequenceOrder:
     """A row of `[[steps.orders]]`."""
-    values = row.table("values")
+    values, numbers, of_recipe = row.table("values"), dict[str, float](), dict[str, str]()
+    for name in values.data:
+        value = named(values, name, file.recipe)
+        if value is not None:
+            of_recipe[name], numbers[name] = value.key, value.default
+        elif not refers(values.data[name]):
+            numbers[name] = float(values.number(name))
     order = SequenceOrder(
         row.text("machine", pattern=NAME, expected="the id of an equipment"),
         row.text("action", pattern=KEY, expected="an action of its type"),
-        {name: float(values.number(name)) for name in values.data},
+        numbers,
+        of_recipe,
     )
     row.done()
-    if order.machine and order.action:
+    if order.machine and order.action and order.values.keys() == values.data.keys():
         file.orders.append((row, order))
     return order
 

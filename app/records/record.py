@@ -45,6 +45,10 @@ class Names(Protocol):
         """Key of a bit of a part (0: of all of them)."""
         ...
 
+    def value(self, number: int) -> str:
+        """Key of a value that is given at the beginning; empty: it has no name."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Unnamed:
@@ -57,6 +61,9 @@ class Unnamed:
 
     def bit(self, part: int, bit: int) -> str:
         return f"{part}.bit_{bit}"
+
+    def value(self, number: int) -> str:
+        return ""
 
 
 @dataclass(slots=True)

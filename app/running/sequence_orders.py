@@ -23,6 +23,7 @@ from app.plant.actions import Action, ActionCommand
 from app.plant.definitions import Equipment, Plant
 from app.plant.expression import Reading, parse
 from app.plant.sequence_definition import SequenceOrder
+from app.plant.sequence_recipe import last_of
 from app.sim.plant import SimPlant
 from app.tags.database import TagDatabase
 from app.tags.quality import NO_DATA, is_good
@@ -309,13 +310,7 @@ class SequenceDesk:
         return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
 
     def _true(self, item: Equipment, sentence: str) -> bool | None:
-        def look(name: str) -> Reading:
-            handle = self._tags.handles.get(f"{item.id}.{name}") if self._tags else None
-            return (
-                (self._tags.value(handle), self._tags.quality(handle)) if self._tags and handle is not None else UNSEEN
-            )
-
-        return parse(sentence).true(look)
+        return parse(sentence).true(lambda name: self._look(item, name))
 
     async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
         """Ask for one command and wait until it is confirmed.
@@ -353,7 +348,7 @@ class SequenceDesk:
                 item.id,
                 command.command,
                 argument=values.get(command.value),
-                arguments={name: values[name] for name in command.arguments},
+                arguments={name: values[name] for name in command.arguments} or self._last(item, command.command),
                 id=id,
                 nonce=nonce,
                 confirmed=True,
@@ -361,6 +356,16 @@ class SequenceDesk:
             return asked if asked.over else await ended
         finally:
             self._waits.pop(id, None)
+
+    def _last(self, item: Equipment, command: str) -> dict[str, float]:
+        """The values of the run with which another sequence is started: those of its last one, else its defaults."""
+        if item.sequence is None or not item.type.commands[command].arguments:
+            return {}
+        return last_of(item.sequence, lambda key: self._look(item, key))
+
+    def _look(self, item: Equipment, key: str) -> Reading:
+        handle = self._tags.handles.get(f"{item.id}.{key}") if self._tags else None
+        return (self._tags.value(handle), self._tags.quality(handle)) if self._tags and handle is not None else UNSEEN
 
     def _ended(self, progress: Progress) -> None:
         waiting = self._waits.get(progress.id)

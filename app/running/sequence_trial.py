@@ -224,7 +224,8 @@ class _Trial:
         trial, end = Trial(), real.monotonic() + MOST_TIME
         await asyncio.sleep(SETTLE)
         command = self._item.type.commands["start"]
-        self._device.write(16, plc_map.COMMAND, plc_map.request_words(Request(command.code, id=1)))
+        given = tuple(plc_map.real(one.default) for one in self._definition.recipe)
+        self._device.write(16, plc_map.COMMAND, plc_map.request_words(Request(command.code, arguments=given, id=1)))
         began = since = self._clock.monotonic()
         at = 0
         while True:

@@ -1,6 +1,6 @@
 """What is known of records in the words of a request: labels, outcomes, fields, events, times."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from fastapi import Request
 
@@ -9,6 +9,7 @@ from app.historian.record_query import Asked, person
 from app.plant.definitions import Equipment
 from app.plant.kept import Definition
 from app.plant.record_kinds import COMMON
+from app.plant.sequence_recipe import MOST_VALUES, point_of
 from app.records.kind import RecordKind, Type
 from app.records.record import Part, Record
 from app.web import format as fmt
@@ -185,6 +186,19 @@ class RecordWords:
             return f"{key} {fmt.number(value, 2, self.lang)}"
         unit = fmt.unit_symbol(point.unit, lambda name, **given: self.view.text(self.request, name, **given))
         return fmt.quantity(value, point.decimals, unit, self.lang)
+
+    def recipe(self, record: Record, definition: Definition) -> Iterator[tuple[str, str]]:
+        """(label, value with its unit) of every value that a run was started with."""
+        for number in range(1, MOST_VALUES + 1):
+            point = point_of(number)
+            value, key = record.fields.get(point), str(record.fields.get(f"{point}_name") or "")
+            if isinstance(value, int | float):
+                known = definition.recipe.get(key, {})
+                unit = fmt.unit_symbol(
+                    known.get("unit", ""), lambda name, **given: self.view.text(self.request, name, **given)
+                )
+                label = self.label(known.get("label", {})) or key or str(number)
+                yield label, fmt.quantity(value, int(known.get("decimals", 1)), unit, self.lang)
 
     def item(self, equipment: str) -> Equipment | None:
         """The machine of this name, if the plant has it."""

@@ -1,6 +1,7 @@
 """What templates know of a sequence and the rest of the plant: where it runs, what its steps command, which points it cannot rely on."""
 
 from functools import cached_property
+from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
 from app.plant.expression import Reading, parse
@@ -10,6 +11,7 @@ from app.tags.quality import NO_DATA
 from app.web import format as fmt
 from app.web import sentences
 from app.web.points import EquipmentView, PointView
+from app.web.sequence_recipe import RecipeValueView, recipe_of
 
 
 class SequencePlant:
@@ -22,7 +24,9 @@ class SequencePlant:
     def doubt(self, sentence: str) -> str:
         """The first point of another machine in a sentence that has no good value."""
         names = parse(sentence, machines=True).names if "." in sentence else ()
-        for id, _, key in sorted(name.partition(".") for name in names if "." in name):
+        for id, _, key in sorted(
+            name.partition(".") for name in names if "." in name and not self.definition.is_recipe(name)
+        ):
             machine = self.equipment.other(id)
             if machine is None or not machine.has(key) or machine.point(key).state != "good":
                 return f"{machine.label if machine else id} · {machine.point(key).label if machine and machine.has(key) else key}"
@@ -35,6 +39,16 @@ class SequencePlant:
         link = plant.links.get(self.equipment.link) if plant else None
         return link is not None and link.simulated
 
+    @cached_property
+    def recipe(self) -> list[RecipeValueView]:
+        """The values of its runs."""
+        return recipe_of(self.equipment, self.definition)
+
+    @property
+    def asks_start(self) -> str:
+        """Where a start asks for the values of the run; empty = it takes none."""
+        return f"/equipment/{quote(self.equipment.id)}/ask/start" if self.recipe else ""
+
     def orders(self, step: int) -> list[str]:
         """What step `step` commands, each in words: `Fan 1: Frequency 30.0 Hz, Forward`."""
         return [self._order(order) for order in self.definition.steps[step - 1].orders]
@@ -44,6 +58,7 @@ class SequencePlant:
         action = machine.equipment.type.orders.get(order.action) if machine else None
         if machine is None or action is None:
             return str(order)
+        order = order.given({one.key: one.point.value for one in self.recipe if one.known})  # type: ignore[misc]
         said = []
         for each in action.commands:
             view, value = machine.commands[each.command], order.values.get(each.value)
@@ -109,6 +124,9 @@ class SequencePlant:
 
     def _named(self, name: str) -> tuple[str, PointView | None]:
         id, _, key = name.rpartition(".")
+        if self.definition.is_recipe(name):
+            own = next((one for one in self.recipe if one.key == key), None)
+            return (own.label, own.point) if own else (name, None)
         machine = self.equipment.other(id or self.equipment.equipment.machine)
         if machine is None or not machine.has(key):
             return name, None
@@ -117,6 +135,9 @@ class SequencePlant:
 
     def _reading(self, name: str) -> Reading:
         id, _, key = name.rpartition(".")
+        if self.definition.is_recipe(name):
+            own = next((one.point for one in self.recipe if one.key == key and one.known), None)
+            return (own.value, own.quality) if own else (None, NO_DATA)
         machine = self.equipment.other(id) if id else self.equipment.other(self.equipment.equipment.machine)
         point = machine.point(key) if machine is not None and machine.has(key) else None
         return (point.value, point.quality) if point and point.state == "good" else (None, NO_DATA)

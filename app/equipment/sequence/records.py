@@ -7,6 +7,7 @@
 | safe steps | belong to the run: what was active when they began ended there |
 | acknowledged | belongs to a run that was aborted or has timed out, once |
 | aborted by power-up | is told again by a device that was switched on; it changes nothing |
+| values of the run | each by the name that the definition has for it |
 | first-out | the permissive that the end names; it fell when it was last told as lost in this run, else before it mattered: no time |
 """
 
@@ -73,6 +74,8 @@ def run_fold(record: Record, former: Record, event: Reading, names: Names) -> No
             record.memo[place] = [event.time, event.words.get("signal")]
         case "permissive_back":
             record.memo.pop(place, None)
+        case "recipe_1" | "recipe_2" | "recipe_3" | "recipe_4":
+            record.fields[f"{event.key}_name"] = names.value(int(event.key[-1])) or None
         case "power_up":
             record.fields["cause"] = CAUSES[POWER_UP]
         case "aborted" | "timed_out":

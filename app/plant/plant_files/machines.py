@@ -12,6 +12,7 @@ from app.plant.plant_files.names import ID, check_id
 from app.plant.plant_files.options import read_options, read_overrides
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.sequence_definition import SequenceDefinition
+from app.plant.sequence_recipe import with_recipe
 from app.plant.sequences import SequenceFiles
 from app.plant.tables import Table, one_of
 from app.plant.type_files.data import PointData, TypeData
@@ -135,7 +136,7 @@ class Machines:
                 self._ids.setdefault(lasting, f"{item.id}.{cell.key}")
                 points[cell.key] = replace(cell, name=f"{item.id}.{cell.key}", id=lasting, equipment=item.id)
         self._points += len(points)
-        self.found[item.id] = replace(item, points=points)
+        self.found[item.id] = with_recipe(replace(item, points=points))
 
     def _own_points(
         self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]

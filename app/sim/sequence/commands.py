@@ -20,6 +20,7 @@ from app.sim.sequence.forces import ForceRows
 from app.sim.sequence.operator import OperatorRequests
 from app.sim.sequence.orders import StepOrders
 from app.sim.sequence.permissives import Permissives
+from app.sim.sequence.recipe import Recipe
 from app.sim.sequence.register_map import (
     LONGEST,
     NO_BIT,
@@ -52,9 +53,15 @@ class Device(Protocol):
 REASON_OF: Mapping[str, SequenceReason] = MappingProxyType(
     {"forbidden": SequenceReason.FORBIDDEN, "duration": SequenceReason.DURATION}
 )
-CAUSED: Mapping[int, tuple[SequenceEvent, ...]] = MappingProxyType(
+RECIPE_EVENTS = (
+    SequenceDeviceEvent.RECIPE_1,
+    SequenceDeviceEvent.RECIPE_2,
+    SequenceDeviceEvent.RECIPE_3,
+    SequenceDeviceEvent.RECIPE_4,
+)
+CAUSED: Mapping[int, tuple[int, ...]] = MappingProxyType(
     {
-        SequenceCommand.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED),
+        SequenceCommand.START: (SequenceEvent.STARTED, SequenceEvent.START_REFUSED, *RECIPE_EVENTS),
         SequenceCommand.SUSPEND: (SequenceEvent.SUSPENDED,),
         SequenceCommand.RESUME: (SequenceEvent.RESUMED,),
         SequenceCommand.ABORT: (SequenceEvent.ABORTED, SequenceEvent.ABORTING),
@@ -74,13 +81,14 @@ class SequenceCommands:
         permissives: Permissives,
         operator: OperatorRequests,
         forces: ForceRows,
+        recipe: Recipe,
         device: Device,
     ) -> None:
         """Over the parts of the PLC that it commands."""
         self._block, self._permissives, self._operator = block, permissives, operator
-        self._forces, self._device = forces, device
+        self._forces, self._recipe, self._device = forces, recipe, device
         self._table: Mapping[int, Callable[[Request], Verdict]] = {
-            SequenceCommand.START: lambda _: self._start(),
+            SequenceCommand.START: self._start,
             SequenceCommand.SUSPEND: lambda _: self._suspend(),
             SequenceCommand.RESUME: lambda _: self._resume(),
             SequenceCommand.ABORT: lambda _: self._abort(),
@@ -126,9 +134,17 @@ class SequenceCommands:
                 return no(SequenceReason.MISSING, number * BITS + bit)
         return None
 
-    def _start(self) -> Verdict:
+    def _start(self, request: Request) -> Verdict:
+        if self._block.running:
+            return no(SequenceReason.WRONG_STATE, self._block.state)
+        if number := self._recipe.outside(request.arguments):
+            return no(SequenceReason.RECIPE, number)
+        before = self._recipe.values
+        self._recipe.take(request.arguments)  # the permissives of the first step may ask for them
         if refusal := self._start_refusal():
+            self._recipe.put(before)
             return refusal
+        self._recipe.apply(self._block)
         self._operator.ask("start")
         return _proved(lambda: self._block.running)
 
@@ -208,6 +224,11 @@ class SequenceCommands:
             return no(SequenceReason.NO_SUCH_STEP, step)
         if not (0 <= minimum <= LONGEST and 0 <= maximum <= LONGEST) or (maximum and maximum < minimum):
             return no(SequenceReason.TIMES, step)
+        given = (("minimum", minimum), ("maximum", maximum))
+        if any(
+            (own := self._recipe.time(step, which)) is not None and abs(own - asked) > 1e-3 for which, asked in given
+        ):
+            return no(SequenceReason.OF_RECIPE, step)
         if self._block.running and override != 1:
             return no(SequenceReason.LOCKED, step)
         self._block.set_times(step, minimum, maximum)

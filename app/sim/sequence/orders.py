@@ -5,7 +5,7 @@ Who gives them is handed in: here nobody knows gates or telegrams. What a run se
 its last step wants them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -64,6 +64,8 @@ class StepOrders:
 
     def __init__(self, definition: SequenceDefinition) -> None:
         self._orders = tuple(tuple(step.orders) for step in definition.steps)
+        self.values: Callable[[], Mapping[str, float]] = dict
+        """The values of the run, by key."""
         self.any = any(self._orders)
         """Whether a step commands anything."""
         self.desk: Callable[[], Desk | None] = lambda: None
@@ -120,7 +122,7 @@ class StepOrders:
 
     def _take(self, step: int) -> None:
         self._given.pop(step, None)
-        if orders := self._orders[step - 1]:
+        if orders := [order.given(self.values()) for order in self._orders[step - 1]]:
             desk = self.desk()
             self._given[step] = desk.give(orders) if desk else _Refused()
 

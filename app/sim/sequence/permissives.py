@@ -24,6 +24,8 @@ class Permissives:
         self.machine: Machine | None = None
         self.plant: Callable[[str], float] = lambda name: nan
         """The value of a point of any machine, `m1.speed`; NaN unless it is good."""
+        self.recipe: Callable[[str], float | None] = lambda name: None
+        """The value of the run that a name stands for; None = it is the name of a point."""
         self.steps = len(definition.steps)
         words = tuple(definition.permissives(number) for number in range(self.steps + 1))
         sentences = definition.sentences
@@ -136,7 +138,8 @@ class Permissives:
 
     def _signal(self, name: str) -> float:
         if "." in name:
-            return self.plant(name)
+            given = self.recipe(name)
+            return self.plant(name) if given is None else given
         return self.machine.signal(name) if self.machine else nan
 
     def _decide(self) -> bool:

@@ -7,7 +7,7 @@ Header words 23–27: steps N · 16 · 59 events · 16 falls · 32 forces; the c
 
 | registers | content |
 | --- | --- |
-| 0x0100, 64 words | status image: generation · +1 state · +2 active step · +3 bits · +4 steps · +5 abort word that counts · +6 its input · +7 forced · +8 forces · +9 abort conditions that may be forced · f32 +10 run time, +12 last run time [s] · u32 +14 runs done, +16 aborted, +18 timed out · f32 +20 shortest, +22 mean, +24 longest completed run [s] · +26 last outcome · +28 first-out: cause, +29 step, +30 bit (0xFFFF none), +31 at step, u64 +32 time [µs], f32 +36 value, +38 fallen together, +39 abort word · u64 +40 start of the run [µs] · +44 falls · +45 active steps · generation |
+| 0x0100, 64 words | status image: generation · +1 state · +2 active step · +3 bits · +4 steps · +5 abort word that counts · +6 its input · +7 forced · +8 forces · +9 abort conditions that may be forced · f32 +10 run time, +12 last run time [s] · u32 +14 runs done, +16 aborted, +18 timed out · f32 +20 shortest, +22 mean, +24 longest completed run [s] · +26 last outcome · +28 first-out: cause, +29 step, +30 bit (0xFFFF none), +31 at step, u64 +32 time [µs], f32 +36 value, +38 fallen together, +39 abort word · u64 +40 start of the run [µs] · +44 falls · +45 active steps · +46 values that a run takes · f32 +47, +49, +51, +53 those of the last start · generation |
 | 0x0180, 16 words | configuration image: generation · steps · f32 +2 longest force [s] · +4 forces outlive a restart · generation |
 | 0x0200, 8 words | settings image: generation · 2 · f32 stall_after [s] · f32 output_while_suspended · spare · generation; staged at 0x0240 |
 | 0x0800, rows of 32 | steps: u32 number · generation · state · +4 word that counts · +5 input · +6 forced · +7 may be forced · f32 +8 minimum, +10 maximum, +12 elapsed [s] · +14 bits 0 loss aborts, 1 output · +15 word of the first-out · u32 +16 runs · f32 +18 least, +20 mean, +22 most, +24 last [s] · +26 bits lost in this run · +27 how often its loop went back · generation |
@@ -18,15 +18,16 @@ State: 0 idle 1 running 2 suspended 3 done 4 timed out 5 aborted; of a step more
 2 single step 3 automatic 4 start possible 5 forces active 6 output on 7 the machine takes no actions (it is not in automatic)
 8 safe steps are done. Active step: the lowest of several.
 
-Commands: 1 start · 2 suspend · 3 resume · 4 abort · 5 acknowledge · 6/7 single step on/off · 8 advance · 9/10 automatic on/off · 11 times (u32 step,
+Commands: 1 start (as many f32 as it takes values of a run) · 2 suspend · 3 resume · 4 abort · 5 acknowledge · 6/7 single step on/off · 8 advance · 9/10 automatic on/off · 11 times (u32 step,
 f32 minimum, f32 maximum, u32 override) · 12 force (u32 step, 0 = abort; u32 bit; f32 seconds) · 13 release (step, bit) · 14 release all.
 Reasons: 1 unknown 2 wrong state 3 permissives missing (detail step·16+bit) 4 needs acknowledge 5 locked while running 6 no such step 7 no such
 bit 8 may not be forced 9 duration 10 not forced 11 times outside limits 12 no free place for a force 13 not suspended 14 not in single step
-15 the machine is not in automatic 20–22 settings.
-Events 1–16, 23: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up · 19/20 automatic on/off · 21/22 single step on/off. Source: step. Snapshot:
+15 the machine is not in automatic 16 a value of the run outside its limits (detail: its number) 17 a value of the run gives this time 20–22 settings.
+Events 1–16, 23: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up · 19/20 automatic on/off · 21/22 single step on/off
+· 24–27 values 1–4 of the run, behind its start. Source: step, of these none. Snapshot:
 0 bit (0xFFFF none) · 1 together · 2 abort conditions as input · 3 input word of that step · 4–5 f32 value behind the permissive.
 
-Retained: times, statistics, first-out, settings, events, forces if the definition says so. Training registers: 0xE010 = 1 freezes the inputs;
+Retained: times, values of the last run, statistics, first-out, settings, events, forces if the definition says so. Training registers: 0xE010 = 1 freezes the inputs;
 without a machine 0xE100 is the abort word, 0xE101 + n that of step n + 1; the first 15 of these also stand at 0xE020–0xE02E.
 
 | subject | rule |
@@ -70,6 +71,7 @@ from app.sim.sequence.machine import Machine
 from app.sim.sequence.operator import OperatorRequests
 from app.sim.sequence.orders import StepOrders
 from app.sim.sequence.permissives import Permissives
+from app.sim.sequence.recipe import Recipe
 from app.sim.sequence.register_map import FALL_ROWS, FORCE_ROWS, MOST_STEPS, NO_BIT, SequenceDeviceEvent
 from app.sim.sequence.runs import OUTCOMES, RunCounts
 
@@ -137,6 +139,8 @@ class VirtualSequence(VirtualPlc):
         self._crc = checksum(definition)
         self.permissives = Permissives(definition)
         self.orders = StepOrders(definition)
+        self.recipe = Recipe(definition, self._take_inputs)
+        self.permissives.recipe, self.orders.values = self.recipe.value, lambda: self.recipe.by_key
         self._wanted, self._wished = not definition.start_when, False
         self._actions = tuple(tuple(step.actions) for step in definition.steps)
         self._steps_table = Table(map.STEPS, map.STEP_WORDS, self._count, self._step_row)
@@ -258,10 +262,17 @@ class VirtualSequence(VirtualPlc):
         self.event(event, step, report.value, snapshot)
         if event is SequenceEvent.STARTED:
             self.runs.begin(self.time)
+            self._tell_recipe()
         elif event is SequenceEvent.PERMISSIVE_LOST:
             self.runs.lose(step, bit)
         elif event in OUTCOMES:
             self.runs.end(event, self.block.run_time)
+
+    def _tell_recipe(self) -> None:
+        """The values of the run that has just begun, each as an event of its own."""
+        for number, value in enumerate(self.recipe.values, 1):
+            code = SequenceDeviceEvent(SequenceDeviceEvent.RECIPE_1 + number - 1)
+            self.event(code, 0, value, (NO_BIT, 0, 0, 0, *long_words(real(nan))))
 
     def _renew_falls(self) -> None:
         rows = min(len(self.block.falls), FALL_ROWS)
@@ -304,6 +315,7 @@ class VirtualSequence(VirtualPlc):
     def _forget(self) -> None:
         self.block = SequenceBlock(self._settings_of, self.permissives.value)
         self.runs = RunCounts()
+        self.recipe.forget()
         self._forces.clear()
         self.permissives.forget()
         self._automatic_next = self._automatic_first
@@ -315,7 +327,7 @@ class VirtualSequence(VirtualPlc):
         self.block = SequenceBlock(self._settings_of, self.permissives.value)
         self.operator = OperatorRequests(automatic=self._automatic_next)
         self._automatic_next = False
-        self._commands = SequenceCommands(self.block, self.permissives, self.operator, self._forces, self)
+        self._commands = SequenceCommands(self.block, self.permissives, self.operator, self._forces, self.recipe, self)
         self.permissives.take()
         self.event(SequenceDeviceEvent.POWER_UP, value=self.boots)
         for report in self.block.restore(kept, self.time) if self._was_on else ():
@@ -325,6 +337,7 @@ class VirtualSequence(VirtualPlc):
         self._was_on = True
         self.orders.follow(self.block)
         self._take_settings()
+        self.recipe.apply(self.block)
         if not self._steps_table.ids[0]:
             self._steps_table.ids = list(range(1, self._count + 1))
             self._steps_table.generation = 2
@@ -342,6 +355,7 @@ class VirtualSequence(VirtualPlc):
             self.permissives.words,
             self.operator,
             self.runs,
+            recipe=self.recipe.values,
             start_possible=self._commands.start_possible,
             machine_manual=self.permissives.machine_manual,
         )

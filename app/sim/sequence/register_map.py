@@ -22,6 +22,8 @@ FROZEN = 1
 FAULTS = (FROZEN,)
 """Machine faults that the instructor can cause: the inputs stand still."""
 NO_BIT = 0xFFFF
+RECIPE_VALUES = 4
+"""Of a run."""
 
 
 class SequenceCommand(IntEnum):
@@ -59,6 +61,8 @@ class SequenceReason(IntEnum):
     NOT_SUSPENDED = 13
     NOT_SINGLE = 14
     MACHINE = 15
+    RECIPE = 16
+    OF_RECIPE = 17
 
 
 class SequenceDeviceEvent(IntEnum):
@@ -68,6 +72,8 @@ class SequenceDeviceEvent(IntEnum):
     POWER_UP = 18
     AUTOMATIC_ON, AUTOMATIC_OFF = 19, 20
     SINGLE_ON, SINGLE_OFF = 21, 22
+    RECIPE_1, RECIPE_2, RECIPE_3, RECIPE_4 = 24, 25, 26, 27
+    """What was given for the values of a run, behind its start."""
 
 
 def configuration(steps: int, settings: SequenceSettings) -> bytes:
@@ -82,6 +88,7 @@ def status(
     operator: OperatorRequests,
     counts: RunCounts,
     *,
+    recipe: tuple[float, ...],
     start_possible: bool,
     machine_manual: bool,
 ) -> bytes:
@@ -129,6 +136,8 @@ def status(
         counts.start,
         len(run.falls),
         len(run.active),
+        len(recipe),
+        *(*recipe, 0.0, 0.0, 0.0, 0.0)[:RECIPE_VALUES],
     )
 
 
@@ -183,7 +192,7 @@ def _snapshot(run: SequenceBlock, number: int) -> int:
     return out.snapshot[number] if out and number < len(out.snapshot) else 0
 
 
-_STATUS = Struct(">9H2f3I3f2H4HQf2HQ2H34x")
+_STATUS = Struct(">9H2f3I3f2H4HQf2HQ3H4f16x")
 _STEP = Struct(">I6H3f2HI4f2H6xH")
 _FALL = Struct(">I4HQQ2xH")
 _FORCE = Struct(">I4HfIHH")

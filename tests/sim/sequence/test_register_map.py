@@ -73,6 +73,8 @@ def test_a_run_that_was_aborted_reads_as_it_was() -> None:
         "steps": 8,
         "stalled": 0,
         "active_steps": 0,
+        "recipe_count": 0,
+        **{f"recipe_{n}": 0 for n in range(1, 5)},
         "aborting": 0,
         "needs_acknowledge": 1,
         "single_step": 0,

@@ -1,0 +1,154 @@
+"""Values of a run (recipe values) of a sequence file: what an operator gives at Start, fixed until the run is over.
+
+    [[recipe]]                                          up to four, in the order in which Start takes them
+    key = "frequency"
+    label = { hr = "Frekvencija", en = "Frequency", de = "Frequenz", cs = "Frekvence" }
+    unit = "Hz"
+    decimals = 1
+    minimum = 5.0
+    maximum = 50.0
+    default = 30.0                                      before the first run; then the values of the last one
+
+`recipe.<key>` stands for the value in place of a time of a step (`minimum`, `maximum`), of a value of an order, and as a name in the
+sentences of permissives and abort conditions. Whatever is checked of a number is checked of both ends of its range.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from app.plant import expression
+from app.plant.definitions import Argument, Command, Condition, Equipment, Point, Texts
+from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceDefinition
+from app.plant.tables import Table, one_of
+from app.plant.type_files.names import KEY, KEY_EXPECTED
+
+ReadLabel = Callable[[Table, str], Texts]
+MOST_VALUES = 4
+"""As many arguments as a command takes."""
+START = "start"
+COUNT = "recipe_count"
+"""Point: how many values of a run the device takes."""
+TAKEN = ("step", "bit", "override")
+"""Names that arguments of a sequence have already."""
+
+
+def read_recipe(root: Table, label: ReadLabel) -> tuple[RecipeValue, ...]:
+    """`[[recipe]]` of a sequence file; notes everything that cannot be."""
+    found: list[RecipeValue] = []
+    for index, row in enumerate(root.rows("recipe")):
+        key = row.text("key", pattern=KEY, expected=KEY_EXPECTED)
+        if index == MOST_VALUES:
+            row.note("key", key, f"at most {MOST_VALUES} values of a run")
+        if key in (one.key for one in found):
+            row.note("key", key, "a key that no other value of a run has")
+        elif key in expression.RESERVED or key in TAKEN:
+            row.note("key", key, f"a key that is no word of the grammar and none of {', '.join(TAKEN)}")
+        low, high = float(row.number("minimum")), float(row.number("maximum"))
+        if low >= high:
+            row.note("maximum", row.data.get("maximum"), f"more than the minimum, which is {low:g}")
+            high = low + 1
+        default = float(row.number("default"))
+        if not low <= default <= high:
+            row.note("default", row.data.get("default"), f"a number from {low:g} to {high:g}")
+            default = low
+        text = label(row, "label")
+        found.append(RecipeValue(key, text, low, high, default, row.text("unit", ""), row.whole("decimals", 1, 0, 6)))
+        row.done()
+    return tuple(found[:MOST_VALUES])
+
+
+def named(table: Table, key: str, known: Sequence[RecipeValue]) -> RecipeValue | None:
+    """The value of a run that `key` of `table` names in place of a number; None = it names none, noted when it means one."""
+    given = table.data.get(key)
+    if not refers(given):
+        return None
+    table.raw(key)
+    found = next((one for one in known if given == PREFIX + one.key), None)
+    if found is None:
+        names = [PREFIX + one.key for one in known]
+        table.note(
+            key, given, "a number, or " + (one_of(names, given) if names else "a value of [[recipe]], which has none")
+        )
+    return found
+
+
+def refers(given: object) -> bool:
+    """Whether `given` is meant as the name of a value of a run."""
+    return isinstance(given, str) and given.startswith(PREFIX)
+
+
+def check_time(table: Table, key: str, value: RecipeValue, most: float) -> None:
+    """Note a value of a run that no time of a step can be."""
+    if not (value.low >= 0 and value.high <= most):
+        table.note(
+            key,
+            PREFIX + value.key,
+            f"a value of a run from 0 to {most:g} s; its range is {value.low:g} to {value.high:g}",
+        )
+
+
+def check_names(table: Table, key: str, text: str, names: Sequence[str], known: Sequence[RecipeValue]) -> None:
+    """Note values of a run that a sentence names and the file does not have."""
+    for name in names:
+        if name not in (PREFIX + one.key for one in known):
+            have = one_of([PREFIX + one.key for one in known], name) if known else "none in this file"
+            table.note(key, text, f"values of a run of [[recipe]]; {name} is none ({have})")
+
+
+def with_recipe(item: Equipment) -> Equipment:
+    """`item` with a Start that takes the values of its run, and points that are called as they are; itself when it has none."""
+    values = item.sequence.recipe if item.sequence else ()
+    if not values or START not in item.type.commands:
+        return item
+    start: Command = replace(item.type.commands[START], arguments=tuple(_argument(item, value) for value in values))
+    takes = Condition(
+        "recipe_taken",
+        "screen.recipe_taken",
+        f"{COUNT} == {len(values)}",
+        (START,),
+        "screen.recipe_missing",
+    )
+    type = replace(
+        item.type, commands={**item.type.commands, START: start}, permissives=(*item.type.permissives, takes)
+    )
+    points = dict(item.points)
+    for number, value in enumerate(values, 1):
+        points[point_of(number)] = _called(item, points[point_of(number)], value)
+    return replace(item, type=type, points=points)
+
+
+def point_of(number: int) -> str:
+    """The point that shows value `number` of a run, from 1."""
+    return f"recipe_{number}"
+
+
+def texts_of(items: Mapping[str, Equipment]) -> Iterator[tuple[str, Texts]]:
+    """Key → label of every value of a run of the plant, as its arguments and points ask for them."""
+    for item in items.values():
+        for value in item.sequence.recipe if item.sequence else ():
+            yield _label(item, value), value.label
+
+
+def last_of(definition: SequenceDefinition, look: expression.Look) -> dict[str, float]:
+    """What a start takes that nobody gives values for: those of the last run as the device says, else the defaults."""
+    found: dict[str, float] = {}
+    for number, value in enumerate(definition.recipe, 1):
+        known = look(point_of(number))[0]
+        usable = isinstance(known, int | float) and value.low <= known <= value.high
+        found[value.key] = float(known) if usable and known is not None else value.default
+    return found
+
+
+def _argument(item: Equipment, value: RecipeValue) -> Argument:
+    return Argument(
+        value.key, low=f"{value.low!r}", high=f"{value.high!r}", unit=value.unit, decimals=value.decimals,
+        label=_label(item, value),
+    )  # fmt: skip
+
+
+def _called(item: Equipment, point: Point, value: RecipeValue) -> Point:
+    return replace(point, label=_label(item, value), unit=value.unit, decimals=value.decimals)
+
+
+def _label(item: Equipment, value: RecipeValue) -> str:
+    return f"recipe.{item.sequence.name if item.sequence else item.id}.{value.key}"
