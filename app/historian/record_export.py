@@ -1,5 +1,6 @@
 """Records of a kind as CSV (event_export.py), newest first: one line each, with the columns that its kind declares."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,6 +20,8 @@ from app.records.kind import Column, RecordKind, Repeat, Type
 from app.records.record import Part, Record, Value
 
 PEOPLE = ("person", "reason")
+GIVEN = re.compile(r"recipe_(\d+)(?:_name)?")
+"""Fields of the values that a run was started with: number of the value."""
 Label = Callable[[Mapping[str, str]], str]
 """A label of a definition in the reader's language."""
 
@@ -59,6 +62,7 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
         self._definitions: dict[str, Definition] = {}
         self._people: Mapping[int, Sequence[Asked]] = {}
         """Of the page at hand, like the next two."""
+        self._csv: Sequence[Column] = kind.csv
         self._parts: Mapping[int, Mapping[int, Part]] = {}
         self._events: Mapping[int, Sequence[Event]] = {}
 
@@ -72,10 +76,19 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
 
     def _columns(self) -> Iterator[str]:
         headers, repeat = self.settings.headers, self.settings.kind.repeat
-        yield from (headers.get(column.name, column.name) for column in self.settings.kind.csv)
+        self._csv = [column for column in self.settings.kind.csv if self._is_said(column)]
+        yield from (headers.get(column.name, column.name) for column in self._csv)
         for n, name in enumerate(self.settings.names, 1):
             for column in repeat.columns if repeat else ():
                 yield headers.get(column.name, column.name).replace("{n}", str(n)).replace("{name}", name)
+
+    def _is_said(self, column: Column) -> bool:
+        """False for the column of a value of a run where no definition ever had so many."""
+        found = GIVEN.fullmatch(column.of)
+        if found is None:
+            return True
+        assert self._connection is not None
+        return int(found[1]) <= query.given_at_most(self._connection)
 
     def _page(self, connection: Connection, before: tuple[int, int] | None) -> Sequence[Record]:
         kind = self.settings.kind
@@ -96,7 +109,7 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
         return one.begun, one.id
 
     def _line(self, one: Record) -> str:
-        cells = [self._shown(one, column) for column in self.settings.kind.csv]
+        cells = [self._shown(one, column) for column in self._csv]
         if self.settings.kind.repeat is not None:
             cells += self._repeated(one, self.settings.kind.repeat)
         return self._separator.join(cells) + "\r\n"

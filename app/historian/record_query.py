@@ -182,6 +182,12 @@ def definitions(connection: Connection, ids: Iterable[str]) -> dict[str, Definit
     return {id: found.get(id) or Definition() for id in wanted}
 
 
+def given_at_most(connection: Connection) -> int:
+    """How many values a run was ever started with, by all definitions that are kept."""
+    rows = connection.execute(select(definition.c.text).where(definition.c.text.like('%"recipe"%')))
+    return max((len(Definition(row[0]).recipe) for row in rows), default=0)
+
+
 def choices(connection: Connection, kind: RecordKind, equipment: str) -> list[Record]:
     """For each `key` that a machine's records of a kind ever had, the newest of them: what one can choose from."""
     rows = CHOICES(connection, equipment=equipment, kind=kind.name).all()

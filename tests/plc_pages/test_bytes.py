@@ -165,6 +165,9 @@ def test_the_minute_says_enough_to_judge(kind: str) -> None:
     """A row that is 0 in every look would also be right one word further: most are not."""
     page, looks = read_page(kind), snapshots()[kind]
     cells = [cell for area in page.images for cell in area.cells if cell.bit is None]
+    cells = [
+        cell for cell in cells if not cell.name.startswith("recipe_")
+    ]  # the demo's sequence takes no values of a run
     seen = [cell.name for cell in cells if any(any(words(memory, cell.at, cell.words)) for memory in looks)]
     assert len(seen) > len(cells) / 3, sorted({cell.name for cell in cells} - set(seen))
 
