@@ -310,7 +310,7 @@ class SequenceDesk:
         return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
 
     def _true(self, item: Equipment, sentence: str) -> bool | None:
-        return parse(sentence).true(lambda name: self._look(item, name))
+        return parse(sentence).true(lambda name: _seen(self._tags, f"{item.id}.{name}"))
 
     async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
         """Ask for one command and wait until it is confirmed.
@@ -361,11 +361,7 @@ class SequenceDesk:
         """The values of the run with which another sequence is started: those of its last one, else its defaults."""
         if item.sequence is None or not item.type.commands[command].arguments:
             return {}
-        return last_of(item.sequence, lambda key: self._look(item, key))
-
-    def _look(self, item: Equipment, key: str) -> Reading:
-        handle = self._tags.handles.get(f"{item.id}.{key}") if self._tags else None
-        return (self._tags.value(handle), self._tags.quality(handle)) if self._tags and handle is not None else UNSEEN
+        return last_of(item.sequence, lambda key: _seen(self._tags, f"{item.id}.{key}"))
 
     def _ended(self, progress: Progress) -> None:
         waiting = self._waits.get(progress.id)
@@ -417,6 +413,11 @@ class SequenceDesk:
             log.warning(
                 "stop by a sequence refused sequence=%s machine=%s reason=%s", self.person.name, machine, refusal.reason
             )
+
+
+def _seen(tags: TagDatabase | None, name: str) -> Reading:
+    handle = tags.handles.get(name) if tags else None
+    return (tags.value(handle), tags.quality(handle)) if tags and handle is not None else UNSEEN
 
 
 def _replaces(one: _Carried, former: _Carried) -> bool:
