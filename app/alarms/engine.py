@@ -31,6 +31,7 @@ from app.alarms.watch import Answer, ListedAlarm, Watch, carry
 from app.clock import Clock
 from app.db import Database
 from app.errors import Refused
+from app.plant.alarm_class import AlarmClass
 from app.plant.definitions import Alarm, Plant
 from app.plant.texts import Texts
 from app.tags.database import TagDatabase
@@ -49,6 +50,8 @@ class NextAlarms:
     config: str
     """Digest of their definitions."""
     index: AlarmIndex
+    classes: Mapping[str, AlarmClass]
+    """What the plant file says of classes of alarms."""
 
 
 class AlarmEngine:
@@ -97,7 +100,9 @@ class AlarmEngine:
         rows = [alarm for item in equipment.values() for alarm in item.alarms]
         index = AlarmIndex(self._tags, handles)
         index.fill(equipment)
-        return NextAlarms(texts, hashlib.sha256(repr(rows).encode()).hexdigest()[:12], index)
+        return NextAlarms(
+            texts, hashlib.sha256(repr(rows).encode()).hexdigest()[:12], index, plant.alarm_classes if plant else {}
+        )
 
     def take(self, new: NextAlarms, person: Person | None = None) -> None:
         """Take the alarms of a plant; those that stand stay by their id, those whose definition is gone are closed.
@@ -106,6 +111,7 @@ class AlarmEngine:
         plant read anew.
         """
         self._texts = new.texts or self._texts
+        self.hiding.classes = new.classes
         self._states.configure(self._texts, new.config)
         self._occurrences.clear()
         self.evaluation.clear()

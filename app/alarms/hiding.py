@@ -4,17 +4,19 @@ What is put aside goes on being evaluated and is written down silently (lifecycl
 a shelf ends when it said it would, also when the server was off in between. Source: reference/alarms.md sections 1.2 and 4.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from app.access.roles import Person
 from app.alarms.index import AlarmIndex
 from app.alarms.lifecycle import AlarmEvent
-from app.alarms.shelf import MOST_SHELVED, OPERATORS, SHORTEST_REASON, Service, Shelf, longest
+from app.alarms.shelf import MOST_SHELVED, OPERATORS, SHORTEST_REASON, Service, Shelf
 from app.alarms.states import AlarmStates
 from app.alarms.system_alarms import SystemAlarms
 from app.alarms.watch import Watch
 from app.clock import Clock
 from app.errors import Refused
+from app.plant.alarm_class import AlarmClass, usual
 
 BY_TIME, BY_HAND = "timer", "by hand"
 """What the journal says ended a shelf; the third is `states.ONE_SHOT`."""
@@ -28,6 +30,12 @@ class Hiding:
         self._states = states
         self._system = system
         self._clock = clock
+        self.classes: Mapping[str, AlarmClass] = {}
+        """What the plant file says of classes of alarms."""
+
+    def allowed(self, alarm_class: str) -> AlarmClass:
+        """What may be done with alarms of this class."""
+        return self.classes.get(alarm_class) or usual(alarm_class)
 
     def shelve(self, id: str, person: Person, seconds: float, reason: str, *, once: bool = False) -> Watch:
         """Shelve the alarm `id` for `seconds`; with `once` it comes back with its return to normal, if that is earlier.
@@ -37,14 +45,14 @@ class Hiding:
                 has as many as it may; 422 a time or a reason that is none.
         """
         watch = self._find(id)
-        limit = longest(watch.alarm.alarm_class)
-        if not limit:
+        allowed = self.allowed(watch.alarm.alarm_class)
+        if not allowed.longest:
             raise Refused("alarm.why.never_shelved", 409)
         if watch.alarm.priority not in OPERATORS and not person.may("configure"):
             raise Refused("alarm.why.priority_engineer", 403, priority=watch.alarm.priority)
-        if not 60 <= seconds <= limit:
-            raise Refused("alarm.why.shelve_time", 422, most=round(limit / 3600))
-        reason = _reason(reason)
+        if not 60 <= seconds <= allowed.longest:
+            raise Refused("alarm.why.shelve_time", 422, most=_span(allowed.longest))
+        reason = _reason(reason, needed=allowed.reason)
         if watch.life.shelved:
             raise Refused("alarm.why.already_shelved", 409)
         others = sum(one.life.shelved and one.area == watch.area for one in self._index)
@@ -72,10 +80,13 @@ class Hiding:
         """Take the alarm `id` out of service, until somebody puts it back.
 
         Raises:
-            Refused: 404 no such alarm; 409 it is out of service; 422 a reason that is none.
+            Refused: 404 no such alarm; 409 it is out of service, or its class never is; 422 a reason that is none.
         """
         watch = self._find(id)
-        reason = _reason(reason)
+        allowed = self.allowed(watch.alarm.alarm_class)
+        if not allowed.out_of_service:
+            raise Refused("alarm.why.never_out", 409)
+        reason = _reason(reason, needed=allowed.reason)
         if watch.life.out_of_service:
             raise Refused("alarm.why.already_out", 409)
         permit = permit.strip()
@@ -129,13 +140,19 @@ class Hiding:
         return watch
 
 
-def _reason(text: str) -> str:
-    """`text` without the blanks around it.
+def _span(seconds: float) -> str:
+    """Limit of a time as it is read: `4 h`, `90 min`."""
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes % 60 else f"{minutes // 60} h"
+
+
+def _reason(text: str, *, needed: bool) -> str:
+    """`text` without the blanks around it; where none is needed it may say anything.
 
     Raises:
         Refused: 422, it says nothing.
     """
     found = " ".join(text.split())
-    if len(found) < SHORTEST_REASON:
+    if needed and len(found) < SHORTEST_REASON:
         raise Refused("alarm.why.reason", 422, least=SHORTEST_REASON)
     return found

@@ -1,23 +1,13 @@
-"""Who put an alarm aside, why and until when: shelves, service, and what the class of an alarm allows. Pure.
+"""Who put an alarm aside, why and until when: shelves and service. Pure.
 
 Source: reference/alarms.md section 4. The limits are decisions of ours, not figures of the standard.
 """
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 DAY = 86_400.0
 """[s]"""
-LONGEST = 12 * 3600.0
-"""An alarm is shelved no longer than this [s]."""
-CLASS_LONGEST: Mapping[str, float] = {
-    "comm": 4 * 3600.0,
-    "command": 0.0,
-    "crane-safety-related": 0.0,
-    "highly-managed": 0.0,
-}
-"""Class of alarms → longest shelving [s] where it is other than `LONGEST`; 0 = it is never shelved."""
 MOST_SHELVED = 20
 """Shelved at once in one area."""
 OPERATORS = frozenset({3, 4})
@@ -57,11 +47,6 @@ class Service:
     def review_due(self, now: int) -> bool:
         """Whether somebody is to look at it again at `now` [µs UTC]."""
         return now - max(self.since, self.reviewed) >= REVIEW * 1e6
-
-
-def longest(alarm_class: str) -> float:
-    """How long an alarm of this class may be shelved at most [s]; 0 = not at all."""
-    return CLASS_LONGEST.get(alarm_class, LONGEST)
 
 
 def packed(shelf: Shelf | None, service: Service | None) -> str:

@@ -110,7 +110,7 @@ def same_line(one: Link, other: Link) -> bool:
 
 
 def _plant(old: Plant, new: Plant) -> list[Change]:
-    keys = ("name", "timezone", "languages", "areas", "texts", "shifts")
+    keys = ("name", "timezone", "languages", "areas", "texts", "shifts", "alarm_classes")
     details = [_detail(key, getattr(old, key), getattr(new, key)) for key in keys if _differs(old, new, key)]
     names = [name for name in {**old.lessons, **new.lessons} if old.lessons.get(name) != new.lessons.get(name)]
     details += [f"lessons: {', '.join(sorted(names))}"] if names else []
@@ -119,6 +119,8 @@ def _plant(old: Plant, new: Plant) -> list[Change]:
         effects.append(("timezone", {}))
     if old.shifts != new.shifts:
         effects.append(("shifts", {}))
+    if old.alarm_classes != new.alarm_classes:
+        effects.append(("alarm_classes", {}))
     return [_change("plant", "changed", "plant", details, effects)] if details else []
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from app.plant.actions import Action
+from app.plant.alarm_class import AlarmClass
 from app.plant.lesson_definition import Lesson
 from app.plant.picture import PictureData
 from app.plant.sequence_definition import SequenceDefinition
@@ -20,8 +21,7 @@ from app.registers.register import Order as Order
 from app.registers.register import Register as Register
 from app.registers.register import Type as Type
 
-Texts = Mapping[str, str]
-"""Language → text, for what the plant file itself names (labels)."""
+Texts = Mapping[str, str]  # language → text, for what the plant file itself names (labels)
 
 
 class Kind(StrEnum):
@@ -256,8 +256,7 @@ class Alarm:
     ack_required: bool = True
     audible: bool = True
     alarm_class: str = "process"
-    value: str = ""
-    """Point whose value is kept with the alarm."""
+    value: str = ""  # point whose value is kept with the alarm
     limit: float | None = None
     consequence: str = ""
     cause: str = ""
@@ -584,6 +583,7 @@ class Plant:
     flow: Sequence[tuple[str, str]] = ()  # material flows from the first machine of each to the second
     lessons: Mapping[str, Lesson] = field(default_factory=dict)  # by name (plant/lessons.py)
     shifts: Sequence[int] = (6 * 60, 14 * 60, 22 * 60)  # when they begin [minutes of the local day]
+    alarm_classes: Mapping[str, AlarmClass] = field(default_factory=dict)  # what it says of them itself
     records: Mapping[str, RecordKind] = field(init=False, compare=False)  # by name: no two types name a kind alike
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from app.plant import types
 from app.plant.definitions import Plant, Texts
 from app.plant.lessons import LessonFiles
+from app.plant.plant_files.alarm_classes import read_alarm_classes
 from app.plant.plant_files.alarms import read_plant_alarm
 from app.plant.plant_files.couplings import couple
 from app.plant.plant_files.flow import read_flow
@@ -99,6 +100,9 @@ class _PlantReader:
         for key, label in texts_of(machines.found):
             for language, text in label.items():
                 texts.setdefault(language, {})[key] = text
+        classes = read_alarm_classes(
+            root, {alarm.alarm_class for item in machines.found.values() for alarm in item.alarms}
+        )
         flow = read_flow(root.table("picture"), machines)
         self._lessons.read(self._types.usable)
         root.done()
@@ -108,7 +112,9 @@ class _PlantReader:
         named = tuple(self._languages.named)
         kinds, lessons = self._types.usable, self._lessons.found
         all = machines.found
-        return Plant(self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts)
+        return Plant(
+            self._folder, name, timezone, named, areas, links, all, kinds, texts, flow, lessons, shifts, classes
+        )
 
     def _head(self, root: Table) -> tuple[dict[str, str], str, tuple[int, ...]]:
         """`[plant]`: name, time zone and shifts; its languages are known from then on."""

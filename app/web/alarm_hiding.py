@@ -22,7 +22,7 @@ LONGEST_PERMIT = 40
 @router.post("/alarms/shelve", dependencies=[allow("shelve")])
 async def shelve(request: Request) -> Response:
     """Shelve one alarm for some minutes, with a reason."""
-    typed = await fields(request, ["alarm", "minutes", "reason"], ["more", "once"])
+    typed = await fields(request, ["alarm", "minutes"], ["reason", "more", "once"])
     minutes = typed["minutes"]
     if not minutes.isascii() or not minutes.isdecimal() or len(minutes) > 6:
         raise Refused("access.form_field", 422, field="minutes")
@@ -46,7 +46,7 @@ async def unshelve(request: Request) -> Response:
 @router.post("/alarms/take-out", dependencies=[allow("configure")])
 async def take_out(request: Request) -> Response:
     """Take one alarm out of service, with a reason."""
-    typed = await fields(request, ["alarm", "reason"], ["more", "permit"])
+    typed = await fields(request, ["alarm"], ["reason", "more", "permit"])
     reason, permit = _reason(typed), typed["permit"].strip()[:LONGEST_PERMIT]
 
     def do(hiding: Hiding, person: Person) -> Watch:

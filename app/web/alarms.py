@@ -21,7 +21,7 @@ from app.alarms import journal
 from app.alarms.engine import AlarmEngine
 from app.alarms.journal import DAY, Filter, Record
 from app.alarms.lifecycle import Entry
-from app.alarms.shelf import OPERATORS, longest
+from app.alarms.shelf import OPERATORS
 from app.alarms.watch import Answer, ListedAlarm
 from app.errors import Refused
 from app.historian.calendar import Shifts
@@ -300,17 +300,24 @@ async def _detail(request: Request, one: ListedAlarm) -> dict[str, Any]:
 
 def _choices(request: Request, one: ListedAlarm) -> dict[str, Any]:
     """For how long, and why, whoever asks may shelve `one`; no spans where they may not."""
-    most = longest(one.alarm_class)
+    allowed = _engine(request).hiding.allowed(one.alarm_class)
+    most = allowed.longest
     if one.priority not in OPERATORS and not _may(request, "configure"):
         most = 0.0
     return {
-        "spans": [(minutes, _span(request, minutes)) for minutes in SPANS if minutes * 60 <= most],
-        "reasons": [_view(request).text(request, f"alarm.reason.{key}") for key in REASONS],
+        "spans": [
+            (minutes, _span(request, minutes))
+            for minutes in sorted({*SPANS, int(most / 60)} - {0})
+            if minutes * 60 <= most
+        ],
+        "may_take_out": allowed.out_of_service,
+        "reasons": ([] if allowed.reason else [""])
+        + [_view(request).text(request, f"alarm.reason.{key}") for key in REASONS],
     }
 
 
 def _span(request: Request, minutes: int) -> str:
-    key, number = ("hours", minutes // 60) if minutes >= 60 else ("minutes", minutes)
+    key, number = ("minutes", minutes) if minutes % 60 else ("hours", minutes // 60)
     return _view(request).text(request, f"alarm.shelve_{key}", n=number)
 
 

@@ -11,6 +11,7 @@ from app.alarms.engine import AlarmEngine
 from app.alarms.hiding import Hiding
 from app.alarms.shelf import MOST_SHELVED
 from app.errors import Refused
+from app.plant.alarm_class import AlarmClass
 from app.tags.quality import NO_DATA
 from tests.alarms.conftest import ANA, HOT, LOST, TRIP, Plot, plant
 
@@ -194,3 +195,26 @@ async def test_a_definition_that_goes_takes_its_shelf_along(plot: Plot) -> None:
     plot.configure(plant())
     plot.configure(plant(HOT))
     assert one(engine) == "" and engine._index.get("m1.hot").shelf is None  # type: ignore[union-attr]
+
+
+async def test_the_plant_file_says_what_may_be_done_with_a_class(plot: Plot) -> None:
+    engine = await plot.begin(HOT)
+    assert plot.plant is not None
+    kind = HOT.alarm_class
+    plot.configure(
+        replace(plot.plant, alarm_classes={kind: AlarmClass(0.5 * HOUR, out_of_service=False, reason=False)})
+    )
+    with pytest.raises(Refused) as told:
+        engine.hiding.shelve("m1.hot", ANA, HOUR, WHY)
+    assert (told.value.reason, told.value.params["most"]) == ("alarm.why.shelve_time", "30 min")
+    with pytest.raises(Refused, match="never_out"):
+        engine.hiding.take_out("m1.hot", EVA, WHY)
+    assert engine.hiding.shelve("m1.hot", ANA, 0.5 * HOUR, "").life.shelved
+    engine.hiding.unshelve("m1.hot", ANA)
+    plot.configure(replace(plot.plant, alarm_classes={kind: AlarmClass(0.0)}))
+    with pytest.raises(Refused, match="never_shelved"):
+        engine.hiding.shelve("m1.hot", ANA, 60.0, WHY)
+    with pytest.raises(Refused, match=r"alarm\.why\.reason"):
+        engine.hiding.take_out("m1.hot", EVA, "")
+    plot.configure(replace(plot.plant, alarm_classes={}))
+    assert engine.hiding.shelve("m1.hot", ANA, 12 * HOUR, WHY).life.shelved

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from app.access.audit.search import Filter
+from app.plant.alarm_class import AlarmClass
 from app.settings import Settings
 from tests import virtual
 from tests.web.test_alarms import LANGUAGES, Hall, rows
@@ -101,3 +102,34 @@ def test_the_detail_offers_what_one_may(hall: Hall) -> None:
             shelves,
             takes,
         )
+
+
+def test_the_dialog_offers_what_the_class_allows_and_the_server_refuses_the_rest(hall: Hall) -> None:
+    hall.tell("history_quota", percent=83)
+    hall.staff.enter("ema", "engineer", "operator")
+    number = next(one.occurrence for one in hall.engine.list.active() if one.id == ALARM)
+
+    def dialog() -> str:
+        return str(hall.client.get(f"/alarms/detail/{number}", headers={"HX-Request": "true"}).text)
+
+    detail = dialog()
+    assert [minutes in detail for minutes in ('value="15"', 'value="720"', 'form="alarm-take-out"')] == [True] * 3
+    before, hiding = hall.engine.hiding.classes, hall.engine.hiding
+    try:
+        hiding.classes = {"system": AlarmClass(90 * 60.0, out_of_service=False, reason=False)}
+        detail = dialog()
+        spans = [minutes for minutes in (15, 60, 90, 240, 720) if f'<option value="{minutes}">' in detail]
+        assert spans == [15, 60, 90] and 'form="alarm-take-out"' not in detail
+        assert "<option></option>" in detail, "a reason may be left out"
+        long = ask(hall, "shelve", SHELVE | {"minutes": "240"})
+        assert long.status_code == 422 and "90 min" in unescape(long.text)
+        out = ask(hall, "take-out")
+        assert out.status_code == 409 and "not taken out of service in this plant" in unescape(out.text)
+        assert ask(hall, "shelve", {"alarm": ALARM, "minutes": "90"}).status_code == 200
+        assert ask(hall, "unshelve").status_code == 200
+        hiding.classes = {"system": AlarmClass(0.0)}
+        detail = dialog()
+        assert 'form="alarm-shelve"' not in detail and 'form="alarm-take-out"' in detail
+        assert ask(hall, "shelve").status_code == 409
+    finally:
+        hiding.classes = before
