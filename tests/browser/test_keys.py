@@ -1,0 +1,60 @@
+"""The keys that every page promises (F1 help, F2 overview, F4 alarms, F6 trends, F8 acknowledge) do it on every kind of page."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.station import Operator
+
+KINDS = (
+    *("/", "/equipment/m1", "/equipment/m1/parameters", "/trends", "/alarms", "/alarms?tab=journal", "/events"),
+    *("/instructor/m1", "/communication", "/users", "/audit", "/help"),
+)
+FOCUS = """() => { // the focus in the first field that one can write in, if there is one
+  const field = [...document.querySelectorAll('main input:not([type=hidden], [type=radio], [type=checkbox]), aside input[name=argument]')]
+    .find((one) => one.checkVisibility() && !one.disabled);
+  field?.focus();
+  return Boolean(field);
+}"""
+
+
+@pytest.mark.timeout(300)
+def test_each_key_leads_there_from_every_page_and_out_of_a_field(operator: Operator) -> None:
+    page, fields = operator.page, 0
+    for path in KINDS:
+        operator.go(path)
+        fields += page.evaluate(FOCUS)
+        page.keyboard.press("F1")
+        expect(page.locator(".help [data-close]")).to_be_focused()
+        page.keyboard.press("F4")  # over a page that asks something no other key leads away from it
+        page.keyboard.press("Escape")
+        expect(page.locator(".help [data-close]")).to_have_count(0)
+        assert page.url.startswith(operator.server.url + path), "it stays where it was"
+        for key, there in (("F4", "/alarms"), ("F2", "/"), ("F6", "/trends")):
+            page.evaluate(FOCUS)
+            with page.expect_navigation():
+                page.keyboard.press(key)
+            assert page.url.partition("?")[0] == operator.server.url + there, f"{key} on {path}"
+            operator.go(path)
+    assert fields >= 4, "fields in which the keys were tried"
+
+
+def test_the_key_acknowledges_what_is_shown_and_on_the_list_what_is_chosen(operator: Operator) -> None:
+    page = operator.page
+    operator.go("/equipment/m1")
+    page.keyboard.press("F8")  # there is nothing to acknowledge, and nothing happens
+    banner = page.locator("#alarms")
+    for unit, code, text in ((2, 9, "Converter: overheated"), (1, 4, "Converter: overcurrent")):
+        operator.trip(unit, code)
+        expect(banner.locator("strong")).to_have_text(text, timeout=30_000)
+    operator.go("/alarms")
+    rows = page.locator("tr[data-unack]")
+    expect(rows).to_have_count(2, timeout=30_000)
+    rows.filter(has_text="overcurrent").locator(".ck").check()
+    page.keyboard.press("F8")
+    expect(rows).to_have_count(1, timeout=30_000)
+    expect(rows).to_contain_text("overheated")
+    operator.go("/equipment/m2")
+    expect(banner.locator("strong")).to_have_text("Converter: overheated", timeout=30_000)
+    page.wait_for_timeout(600)  # a press right after the banner changed was meant for what stood there before
+    page.keyboard.press("F8")
+    expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
