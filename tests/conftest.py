@@ -47,13 +47,20 @@ Who has no more than two tests left gets another file at once; so what follows t
 START_LIMIT = 90.0
 """A server has answered by then even on a machine that is busy with other tests [s]."""
 
+YOUNG = 50_000
+"""So many new objects are there before garbage is searched for: a house that starts makes that many, and none of them is garbage."""
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """What test files read of the product's types, to say what they sweep, is read once, too."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(types, "read_type", read_once)
-        return (yield)
+    gc.disable()  # nothing of what is collected here is garbage
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(types, "read_type", read_once)
+            return (yield)
+    finally:
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -72,6 +79,7 @@ def pytest_collection_finish() -> None:
     """What is there now stays until the end: thousands of tests are not looked through again at every search for garbage."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
 
 
 def _order(item: pytest.Item) -> tuple[bool, int]:
