@@ -60,6 +60,7 @@ HTMX = {
     "noSwap": [204, 304, "4xx", "5xx"],
     "extensions": "pogon",
     "defaultTimeout": 10000,
+    "morphIgnore": ["data-htmx-powered", "aria-selected", "open"],
 }
 """htmx 4: requests to this server only, no cache of pages, no style of its own, errors are never swapped in (app.js shows them in the
 message line), no extension but ours, which turns evaluation, `hx-on` and scripts in fragments off."""

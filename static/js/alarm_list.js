@@ -119,11 +119,9 @@ function tick(row, on) {
 function show(occurrence) {
   open = occurrence;
   for (const row of rows()) row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
-  if (panel) renewShown();
+  panel?.setAttribute("hx-get", `/alarms/detail/${open}`);
+  if (panel) window.htmx.trigger(panel, "again");
 }
-
-const detail = () => open && `/alarms/detail/${open}`;
-const renewShown = renewing(detail, (html, path) => { if (path === detail()) panel.replaceChildren(...parsed(html).body.childNodes); });
 
 let drawnDetail = "";
 function renewDetail() {
@@ -139,14 +137,12 @@ async function acknowledge(occurrences) {
   refresh();
 }
 
-/** Shelve, take out of service, or bring back: what the form of the button `put` says. */
-async function putAside(put) {
-  const typed = [...new FormData(put.form, put)].filter(([name]) => name !== "csrf" && name !== "next");
-  if (!await post(put.form.getAttribute("action"), typed)) return;
-  drawnDetail = "";
-  open = "";
-  await refresh();
-}
+// Shelved, taken out of service, brought back, reset: what one looked at may be another alarm now.
+document.addEventListener("htmx:after:request", ({ target, detail: { ctx } }) => {
+  if (!/^alarm-/.test(target.id) || !target.matches("form") || ctx.response.status >= 400) return;
+  if (target.id !== "alarm-reset") drawnDetail = open = "";
+  refresh();
+});
 
 document.addEventListener("click", async (event) => {
   const target = event.target;
@@ -160,13 +156,6 @@ document.addEventListener("click", async (event) => {
   } else if (target.closest("#ack-visible")) {
     const wanted = inSight().map((one) => one.dataset.row), dialog = document.getElementById("ack-confirm");
     if (wanted.length && await ask(dialog, dialog.querySelector("[data-question]").dataset.question.replace("{n}", wanted.length))) acknowledge(wanted);
-  } else if (target.closest("[data-reset]")) {
-    event.preventDefault();
-    if (await post("/alarms/reset", [["occurrence", target.closest("[data-reset]").value]])) refresh();
-  } else if (target.closest("[data-put]")) {
-    event.preventDefault();
-    const put = target.closest("[data-put]");
-    if (put.form.reportValidity()) await putAside(put);
   } else if (target.closest(".a-new")) {
     for (const one of rows()) tick(one, false);
     refresh();
@@ -195,5 +184,5 @@ if (list()) {
   setClock();
   setInterval(count, 1000);
   const first = rows()[0];
-  if (first) show(first.dataset.row);
+  if (first) addEventListener("DOMContentLoaded", () => show(first.dataset.row)); // htmx begins then, too
 }

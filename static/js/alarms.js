@@ -2,7 +2,6 @@
 //   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
 //   data-mark-of | data-mark-area | data-mark-part | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a part, a point
 import { post } from "./alarm_post.js";
-import { parsed, renewing } from "./fetched.js";
 
 const banner = document.getElementById("alarms");
 const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
@@ -60,18 +59,16 @@ export function mark() {
 const inside = document.getElementById("banner");
 const shown = () => inside?.querySelector("[data-marks]")?.dataset ?? {};
 
-/** Fetch the banner again. */
-const refresh = renewing(() => banner.dataset.src, (html) => draw(parsed(html).body));
+let occurrence = shown().occurrence;
 
-function draw(fresh) {
-  const before = shown().occurrence;
-  const focused = inside.contains(document.activeElement) && document.activeElement.id;
-  inside.replaceChildren(...fresh.childNodes);
-  if (focused) document.getElementById(focused)?.focus();
-  if (shown().occurrence !== before) drawn = performance.now();
+document.addEventListener("htmx:after:swap", ({ target }) => {
+  if (target === inside) {
+    if (shown().occurrence !== occurrence) drawn = performance.now();
+    occurrence = shown().occurrence;
+    announce();
+  }
   mark();
-  announce();
-}
+});
 
 banner.querySelector("form")?.addEventListener("submit", (event) => {
   event.preventDefault();
@@ -202,14 +199,9 @@ setInterval(listen, 1000); // silence ends by itself
 
 // ---- what the tags say --------------------------------------------------------------------------------------------
 
-document.getElementById("alarm-changes")?.addEventListener("signal", refresh);
 level?.addEventListener("signal", listen);
 news?.addEventListener("signal", listen);
 document.addEventListener("pogon:drawn", mark);
-document.addEventListener("htmx:after:swap", mark);
-const summary = document.getElementById("alarm-summary");
-const renewSummary = renewing(() => summary.dataset.url, (html) => summary.replaceChildren(...parsed(html).body.childNodes));
-if (summary) document.getElementById("alarm-changes")?.addEventListener("signal", renewSummary);
 mark();
 listen();
 

@@ -48,12 +48,32 @@
   }
   window.pogon = { say };
 
-  document.addEventListener("htmx:response:error", ({ detail: { ctx } }) => {
+  const renewed = (element) => element.dataset?.renewed !== undefined;
+  document.addEventListener("htmx:response:error", ({ target, detail: { ctx } }) => {
+    if (renewed(target)) return;
     const answer = new DOMParser().parseFromString(ctx.text ?? "", "text/html");
     say(answer.querySelector("[data-message]")?.textContent.trim() || line.dataset.refused, "error");
   });
-  document.addEventListener("htmx:error", ({ detail: { ctx } }) => {
-    if (ctx && !ctx.response) say(line.dataset.network, "error");
+  document.addEventListener("htmx:error", ({ target, detail: { ctx } }) => {
+    if (ctx && !ctx.response && !renewed(target)) say(line.dataset.network, "error");
+  });
+
+  // ---- what is fetched again by itself (data-renewed, hx-trigger="…, again"): asked for once more when an answer got lost, and nobody is
+  // told, as that nobody answers at all the page says; a list (data-renewed="list") waits while a finger is on it or nobody sees it
+  const AGAIN = 2000, PAUSE = 300, LATER = [408, 425, 429]; // [ms]; and all of 5xx: the same question may be answered another time
+  let down = null;
+  document.addEventListener("pointerdown", ({ target }) => { down = target; }, true);
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => setTimeout(() => { down = null; }, PAUSE), true);
+  for (const step of ["htmx:before:request", "htmx:before:swap"])
+    document.addEventListener(step, (event) => {
+      if (event.target.dataset?.renewed !== "list" || !(document.hidden || event.target.contains(down))) return;
+      event.detail.ctx.late = true;
+      event.preventDefault();
+    });
+  document.addEventListener("htmx:finally:request", ({ target, detail: { ctx } }) => {
+    const { response, request: { signal }, late } = ctx;
+    if (!renewed(target) || (signal.aborted && signal.reason !== "timeout")) return;
+    if (late || ctx.text === undefined || response.status >= 500 || LATER.includes(response.status)) setTimeout(() => window.htmx.trigger(target, "again"), late ? PAUSE : AGAIN);
   });
 
   // ---- menus ----------------------------------------------------------------------------------------------------

@@ -323,3 +323,21 @@ def test_a_stop_is_drawn_beside_the_start_without_a_reload(sit: Sit) -> None:
     expect(stop.locator("header")).not_to_have_text(before, timeout=30_000)
     expect(stop.locator(".c-trace")).to_have_count(3, timeout=30_000)
     expect(stop.locator(".c-ramp-facts dd").first).to_have_text(re.compile(r"[1-9][\d.]*\s–\s0\.0"), timeout=30_000)
+
+
+def test_a_list_of_products_grows_under_who_reads_one_of_them(sit: Sit) -> None:
+    page = sit()
+    run(page)
+    page.goto(page.url.partition("/equipment")[0] + "/products?equipment=c1")
+    rows, chosen = page.locator("#event-list tr[data-row]"), page.locator("#event-list tr[aria-selected]")
+    expect(rows).not_to_have_count(0, timeout=60_000)
+    expect(page.locator("#event-detail .scroll")).to_be_visible()
+    newest = rows.first.get_attribute("data-row")
+    row = page.locator(f"#event-list tr[data-row='{newest}']")
+    row.locator(".a-open").click()
+    expect(row).to_have_attribute("aria-selected", "true")
+    expect(rows.first).not_to_have_attribute("data-row", newest or "", timeout=60_000)
+    expect(row).to_have_attribute("aria-selected", "true")
+    expect(chosen).to_have_count(1)
+    expect(row.locator(".a-open")).to_be_focused()
+    expect(page.locator("#event-detail > header")).to_contain_text(row.locator("th").inner_text().strip())

@@ -176,7 +176,7 @@ def test_pages_follow_one_another_without_a_gap(staff: Staff) -> None:
     assert older
     rest = staff.client.get(older[1].replace("&amp;", "&")).text
     assert (count(page), count(rest)) == (100, 34)
-    assert "data-live-list" in page and "data-live-list" not in rest
+    assert 'data-renewed="list"' in page and 'data-renewed="list"' not in rest
 
 
 def test_it_is_told_where_events_are_missing(staff: Staff) -> None:

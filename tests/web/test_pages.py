@@ -261,10 +261,10 @@ def test_an_area_has_its_own_flow_alarms_figures_and_curves(demo: TestClient) ->
     picture = page[start : page.index("</section>", start)]
     assert set(re.findall(r'href="/equipment/(\w+)"', picture)) == {"cc1", "seq1"} and picture.count("<path") == 1
     alarms = page[page.index('id="alarm-summary"') :]
-    assert 'data-url="/alarms/summary?area=sequences"' in alarms and 'href="/alarms?area=sequences"' in alarms
+    assert 'hx-get="/alarms/summary?area=sequences"' in alarms and 'href="/alarms?area=sequences"' in alarms
     assert len(re.findall(r"<tbody>.*</tbody>", alarms, re.S)) == 1 and alarms.count('<th scope="row">') == 2
     pens = json.loads(re.findall(r'data-panel="([^>]*)" aria-label', page)[0])
     assert [pen["tag"] for pen in pens] == ["cc1.horizontal", "seq1.run_time"]
     assert "uPlot.iife" in page and "uPlot.iife" not in demo.get("/").text
     whole = unescape(demo.get("/").text)
-    assert 'data-url="/alarms/summary"' in whole and "data-panel" not in whole
+    assert 'hx-get="/alarms/summary"' in whole and "data-panel" not in whole

@@ -121,7 +121,7 @@ def test_pages_follow_one_another_without_a_gap(staff: Staff, kind: str) -> None
         if not older:
             break
         page = staff.client.get(older[1].replace("&amp;", "&")).text
-        assert "data-live-list" not in page, "only the first page renews itself"
+        assert 'data-renewed="list"' not in page, "only the first page renews itself"
     assert seen == [one.id for one in found(staff, kind)]
 
 
