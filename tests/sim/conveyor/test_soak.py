@@ -50,6 +50,8 @@ EXPECTED = {
 DOUBTED = (ProductState.UNCERTAIN, ProductState.LOST)
 """States of a row that say: who it is must be looked at."""
 DOUBTFUL = (ProductState.UNCERTAIN, ProductState.OUTSIDE, ProductState.LOST)
+HELD = 10
+"""So long the gap supervision may hold a line before somebody looks [s]."""
 REMOVED, PUT = -1, -2
 """Deeds by hand, among the faults."""
 
@@ -67,6 +69,8 @@ class Soak:
     """Fault → how often it was caused and told."""
     taken_silently: set[int] = field(default_factory=set)
     """Products that a hand took off a running line."""
+    missed_at_stop: set[int] = field(default_factory=set)
+    """Of these: found missing while the gap supervision held the line."""
     worst: float = 0.0
     beat: int = 0
 
@@ -147,13 +151,22 @@ class Soak:
             if known := [n for n, product in enumerate(line.true(), 1) if product.tail > first + 5]:
                 break
             await self.pass_time(1)
+        await self.let_go()
+        known = [n for n, product in enumerate(line.true(), 1) if product.tail > first + 5] or known
         number = self.chance.choice(known)
         gone = line.true()[number - 1].number
         id = self.witness.record[gone]
         await line.train(own.REG_REMOVE, number)
         self.taken_silently.add(gone)
+        held = 0
         for _ in range(60):
             self.line.go(1)
+            held = held + 1 if line.device.state == ConveyorState.GAP else 0
+            if held > HELD:
+                # its record is still there, and somebody comes too near to that: the line stands, and tells which two
+                self.missed_at_stop.add(gone)
+                self.told[REMOVED] = self.told.get(REMOVED, 0) + 1
+                return
             for event in await line.fetch():
                 missed = event.snapshot[0] << 16 | event.snapshot[1] == id
                 if event.code == ConveyorEvent.LOST and missed:
@@ -168,7 +181,8 @@ class Soak:
         line = self.line
         first, *others = (round(place) for place in line.device.geometry.sensors)
         ends = [*others, *line.device.geometry.belt_ends[:-1]]
-        between = range(first + 30, others[-1] - 40, 5)
+        between = range(first + 30, min(others[-1] - 40, own.LIMITS[own.REG_PUT][1] + 1), 5)
+        await self.let_go()
         for _ in range(60):
             spots = [x for x in between if not any(end - 10 < x < end + 35 for end in ends)]
             room = [x for x in spots if all(x + 25 < other.tail or x - 45 > other.head for other in line.true())]
@@ -192,6 +206,14 @@ class Soak:
             assert not life.fate, f"put by hand and {life.fate}, told {life.told}"
         raise AssertionError(f"a product was put by hand and never told: {life}")
 
+    async def let_go(self) -> None:
+        """A line that the gap supervision does not let go by itself has somebody who puts it right."""
+        for _ in range(HELD):
+            if self.line.device.state != ConveyorState.GAP:
+                return
+            await self.pass_time(1)
+        await self.recover()
+
     async def recover(self) -> None:
         """The operator; first let a host that was silent be back."""
         self.beat = self.beat % 65535 + 1
@@ -207,7 +229,7 @@ class Soak:
             case "unloaded":
                 return life.unloaded_as in life.ids or bool(life.told) or life.state in DOUBTED
             case "removed" if number in self.taken_silently:
-                return any(code == Code.LOST for code, _ in life.told)
+                return number in self.missed_at_stop or any(code == Code.LOST for code, _ in life.told)
             case "removed":
                 # the operator's own deed: nothing is lost when the PLC knew where it was until then
                 return bool(life.told) or life.state in DOUBTFUL or (bool(life.state) and life.apart <= TOLERANCE)
