@@ -117,6 +117,8 @@ class _Files:
             numbers = self.repeats.most if name.startswith("texts.") else self.repeats.numbers
             written = written_out(source.data, numbers)
             source.data, source.written = written.data, written.names
+            for path, value, expected in written.mistakes:
+                source.note(path, value, expected)
         return source.table()
 
 

@@ -21,7 +21,7 @@ Options, points, commands, alarms, tables and texts are written once; a machine 
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,8 @@ _JOINS = {"every": " and ", "any": " or "}
 _NONE = {"every": "1 == 1", "any": "1 == 0"}
 """What is said of none at all."""
 
+MOST = 1000
+"""Rows of one kind."""
 _STEERING = ("only", "each")
 
 Scope = Mapping[str, int]
@@ -62,8 +64,11 @@ def read_repeats(data: Mapping[str, Any], given: Mapping[str, float]) -> Repeats
     """
     options = {
         name: one
-        for name, one in data.get("options", {}).items()
-        if isinstance(one, Mapping) and isinstance(one.get("default"), int | float) and "{" not in name
+        for name, one in _table(data.get("options", {})).items()
+        if isinstance(one, Mapping)
+        and all(isinstance(one.get(key, 0), int | float) for key in ("default", "low", "high"))
+        and "default" in one
+        and "{" not in name
     }
     usual = {name: float(given.get(name, one["default"])) for name, one in options.items()}
     lowest, highest = (
@@ -72,6 +77,8 @@ def read_repeats(data: Mapping[str, Any], given: Mapping[str, float]) -> Repeats
     numbers: dict[str, range] = {}
     most: dict[str, range] = {}
     used: set[str] = set()
+    if not isinstance(data.get("repeats", {}), Mapping):
+        raise ConfigurationError(f"repeats is {data['repeats']!r}, expected a table of names")
     for name, row in data.get("repeats", {}).items():
         if not isinstance(row, Mapping) or not all(isinstance(row.get(key, "1"), str) for key in ("from", "to")):
             raise ConfigurationError(f"repeats.{name} is {row!r}, expected expressions over options, `from` and `to`")
@@ -88,7 +95,13 @@ def _limit(name: str, text: str, values: Mapping[str, float], least: int) -> int
     value = expression.number(text, values)
     if value is None:
         raise ConfigurationError(f"repeats.{name} counts with {text}, expected an expression over options")
+    if not value <= MOST:
+        raise ConfigurationError(f"repeats.{name} counts to {value:g}, expected at most {MOST}")
     return max(least, int(value))
+
+
+def _table(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
 
 
 @dataclass(slots=True)
@@ -98,27 +111,32 @@ class Written:
     data: dict[str, Any]
     names: dict[tuple[str, ...], str]
     """Path of a key that was written out → the key as it stands in the file."""
+    mistakes: Sequence[tuple[tuple[str, ...], object, str]] = ()
+    """Path, value, what was expected."""
 
 
 def written_out(data: Mapping[str, Any], numbers: Mapping[str, range]) -> Written:
     """`data` with every repeated row once for each number."""
     writer = _Writer(numbers)
-    return Written(writer.table(data, {}, ()), writer.names)
+    return Written(writer.table(data, {}, ()), writer.names, writer.mistakes)
 
 
 class _Writer:
     def __init__(self, numbers: Mapping[str, range]) -> None:
         self.names: dict[tuple[str, ...], str] = {}
+        self.mistakes: list[tuple[tuple[str, ...], object, str]] = []
         self._numbers = numbers
+        self._told: set[tuple[str, ...]] = set()
 
     def table(self, data: Mapping[str, Any], scope: Scope, path: tuple[str, ...]) -> dict[str, Any]:
         """`path`: of this table as it is written out."""
         found: dict[str, Any] = {}
         for key, value in data.items():
             if key == "bits" and scope and isinstance(value, list):
-                found["address"], found["shift"] = _bit(value, _last(scope))
+                row = self._row(value, _last(scope), (*path, key), "[[from, address, bit], …]")
+                found["address"], found["shift"] = _bit(row, _last(scope))
                 continue
-            if isinstance(value, dict) and not self._wanted(value):
+            if isinstance(value, dict) and not self._wanted(value, (*path, key)):
                 continue
             for inner in self._scopes(key, scope):
                 name = _filled(key, inner)
@@ -130,15 +148,15 @@ class _Writer:
     def value(self, value: Any, scope: Scope, path: tuple[str, ...]) -> Any:
         if isinstance(value, dict):
             if "by" in value and not set(value) - {"by", "of"}:
-                of = value.get("of", "")
-                return _by(value["by"], self._numbers[of].stop - 1 if of else _last(scope))
+                number = self._count(value["of"], (*path, "of")) if "of" in value else _last(scope)
+                return _by(self._row(value["by"], number, (*path, "by"), "[[from, first, step], …]"), number)
             return self.table({key: one for key, one in value.items() if key not in _STEERING}, scope, path)
         if isinstance(value, list):
             return [
                 self.value(item, inner, (*path, str(index)))
                 for index, item in enumerate(value)
-                if not isinstance(item, dict) or self._wanted(item)
-                for inner in self._items(item, scope)
+                if not isinstance(item, dict) or self._wanted(item, (*path, str(index)))
+                for inner in self._items(item, scope, (*path, str(index)))
             ]
         if isinstance(value, str):
             text = _filled(self._groups(value, scope), scope)
@@ -146,19 +164,58 @@ class _Writer:
             return int(text) if alone and alone[1] in scope else text
         return value
 
-    def _items(self, item: Any, scope: Scope) -> Iterator[Scope]:
+    def _wrong(self, path: tuple[str, ...], value: object, expected: str) -> None:
+        """Note a mistake, once of all rows that are written out of it."""
+        written = tuple(self.names.get(path[: at + 1], part) for at, part in enumerate(path))
+        if written not in self._told:
+            self._told.add(written)
+            self.mistakes.append((path, value, expected))
+
+    def _named(self, value: object, path: tuple[str, ...]) -> bool:
+        if isinstance(value, str) and value in self._numbers:
+            return True
+        self._wrong(path, value, f"one of [repeats]: {', '.join(self._numbers)}")
+        return False
+
+    def _count(self, of: object, path: tuple[str, ...]) -> int:
+        return self._numbers[str(of)].stop - 1 if self._named(of, path) else MOST
+
+    def _row(self, rows: object, number: int, path: tuple[str, ...], form: str) -> Sequence[float]:
+        """The row of three numbers that holds at `number`: the last that begins there or before."""
+        begun: Sequence[float] | None = None
+        for row in rows if isinstance(rows, list) else ():
+            match row:
+                case [int() as begin, int() | float(), int() | float()] if begin <= number:
+                    begun = row
+                case [int(), int() | float(), int() | float()]:
+                    pass
+                case _:
+                    begun = None
+                    break
+        if begun is None:
+            self._wrong(path, rows, f"{form} of numbers, the first from {number} or less")
+        return begun or (0, 0, 0)
+
+    def _items(self, item: Any, scope: Scope, path: tuple[str, ...]) -> Iterator[Scope]:
         """The scopes in which an item of a list stands."""
         if isinstance(item, str):
             yield from self._scopes(item, scope)
             return
         scopes = [scope]
-        for name in item.get("each", ()) if isinstance(item, dict) else ():
-            scopes = [{**one, name: number} for one in scopes for number in self._numbers[name]]
+        each = item.get("each", []) if isinstance(item, dict) else []
+        if not isinstance(each, list):
+            self._wrong((*path, "each"), each, f"a list of names of [repeats]: {', '.join(self._numbers)}")
+            return
+        for at, name in enumerate(each):
+            known = self._named(name, (*path, "each", str(at)))
+            scopes = [{**one, name: number} for one in scopes for number in self._numbers[name]] if known else []
         yield from scopes
 
-    def _wanted(self, table: Mapping[str, Any]) -> bool:
+    def _wanted(self, table: Mapping[str, Any], path: tuple[str, ...]) -> bool:
         """Whether the machine has what `table` describes, as far as `only` says."""
-        return "only" not in table or bool(self._numbers.get(table["only"], range(1)))
+        return "only" not in table or (
+            self._named(table["only"], (*path, "only")) and bool(self._numbers[table["only"]])
+        )
 
     def _scopes(self, text: str, scope: Scope) -> Iterator[Scope]:
         """`scope` with every number of a repeat that `text` names and that has none yet; `scope` alone when there is none."""
@@ -196,14 +253,14 @@ def _filled(text: str, scope: Scope) -> str:
     return _PLACE.sub(number, text)
 
 
-def _by(rows: list[list[float]], number: int) -> float:
-    """Of `[[from, first, step], …]` the value at `number`."""
-    begin, first, step = [row for row in rows if row[0] <= number][-1]
+def _by(row: Sequence[float], number: int) -> float:
+    """Of `[from, first, step]` the value at `number`."""
+    begin, first, step = row
     return first + (number - begin) * step
 
 
-def _bit(rows: list[list[int]], number: int) -> tuple[int, int]:
-    """Of `[[from, address, bit], …]` the word and the bit at `number`."""
-    begin, address, first = [row for row in rows if row[0] <= number][-1]
+def _bit(row: Sequence[float], number: int) -> tuple[int, int]:
+    """Of `[from, address, bit]` the word and the bit at `number`."""
+    begin, address, first = (int(one) for one in row)
     bit = first + number - begin
     return address + bit // _WORD, bit % _WORD

@@ -1,5 +1,6 @@
 """Rows of a type that there are as many of as an option says."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,35 @@ def test_a_mistake_in_a_repeated_row_is_told_where_it_is_written(tmp_path: Path)
     assert {(one.key, one.line) for one in problems if "scann" in one.key} == {
         (f"beam_{n}.scann", line) for n in range(1, 5)
     }
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "key", "expected"),
+    [
+        ("tables", "by = [[1, 6, 0], [4, 8, 2]]", 'by = "six"', "capacity.by", "[[from, first, step]"),
+        ("tables", "by = [[1, 6, 0], [4, 8, 2]]", "by = [[5, 6, 0]]", "capacity.by", "the first from 3 or less"),
+        ("tables", "by = [[1, 6, 0], [4, 8, 2]]", "by = [[1, 6]]", "capacity.by", "[[from, first, step]"),
+        ("tables", 'capacity = { of = "belt"', 'capacity = { of = "track"', "capacity.of", "one of [repeats]: belt"),
+        ("tables", 'capacity = { of = "belt"', "capacity = { of = [1]", "capacity.of", "one of [repeats]: belt"),
+        ("points", "by = [[1, 0x2181, 1]]", "by = []", "address.by", "[[from, first, step]"),
+        ("device", 'each = ["next"]', 'each = ["next", "last"]', "each.1", "one of [repeats]"),
+        ("device", 'each = ["next"]', 'each = "later"', "each", "a list of names of [repeats]"),
+        ("device", 'each = ["next"]', "each = [[1]]", "each.0", "one of [repeats]"),
+        ("device", 'only = "', 'only = "x', "only", "one of [repeats]"),
+        ("device", 'belt = { to = "belts" }', 'belt = { to = "belts * 1000" }', "repeats", "at most 1000"),
+    ],
+)
+def test_a_mistake_in_how_rows_are_repeated_is_told(
+    tmp_path: Path, file: str, old: str, new: str, key: str, expected: str
+) -> None:
+    shutil.copytree(types.EQUIPMENT / "conveyor", tmp_path / "conveyor")
+    path = tmp_path / "conveyor" / f"{file}.toml"
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), "utf-8")
+    given = {"belts": 5.0, "sensors": 6.0} if file == "points" else {}
+    _, problems = types.read_type("conveyor", ["en"], tmp_path, given=given)
+    assert [one for one in problems if one.key.endswith(key) and expected in one.expected], problems
 
 
 HEAD = """\
