@@ -96,7 +96,7 @@ def table_of(data: Mapping[str, Any], section: str) -> Mapping[str, Any]:
     if section == "0":
         return data
     rows = data.get(STEPS, [])
-    if not section.isdigit() or not isinstance(rows, list) or not 0 < int(section) <= len(rows):
+    if not _counted(section) or not isinstance(rows, list) or not 0 < int(section) <= len(rows):
         raise LookupError(section)
     row = rows[int(section) - 1]
     if not isinstance(row, Mapping):
@@ -146,7 +146,11 @@ def changes(
             found.insert(0, change)
     if actions:
         before = table.get("actions", [])
-        kept = [one for one in before if actions.get(one, True)] if isinstance(before, list) else []
+        kept = (
+            [one for one in before if not isinstance(one, str) or actions.get(one, True)]
+            if isinstance(before, list)
+            else []
+        )
         after = [*kept, *(name for name, on in actions.items() if on and name not in kept)]
         if after != before:
             found.append(Put((*base, "actions"), after or None))
@@ -178,7 +182,7 @@ def unnamed(table: Mapping[str, Any], section: str) -> list[str]:
 
 def mask(word: object) -> int:
     """The bits that a word of permissives names."""
-    bits = [int(bit) for bit in word if str(bit).isdigit()] if isinstance(word, Mapping) else []
+    bits = [int(bit) for bit in word if _counted(str(bit))] if isinstance(word, Mapping) else []
     return sum(1 << bit for bit in set(bits) if bit < 16)
 
 
@@ -202,7 +206,7 @@ def _relabelled(
 ) -> Change | None:
     parent = _at(table, path[:-1])
     before = parent.get(path[-1]) if isinstance(parent, Mapping) else None
-    was = dict.fromkeys(languages, before) if isinstance(before, str) else dict(before or {})
+    was = dict.fromkeys(languages, before) if isinstance(before, str) else _table(before)
     now = {**was, **{language: text.strip() for language, text in texts.items()}}
     now = {language: text for language, text in now.items() if text}
     return None if now == was else Put((*base, *path), now or None)
@@ -212,16 +216,25 @@ def _moved(table: Mapping[str, Any], base: KeyPath, path: KeyPath, value: str) -
     """A permissive has another bit: the table under it gets another number."""
     old, new = path[-2], value.strip()
     word = _at(table, path[:-2])
-    if new == old or not isinstance(word, Mapping) or old not in word or new in word or not new.isdigit():
+    if new == old or not isinstance(word, Mapping) or old not in word or new in word or not _counted(new):
         return
     yield Rename((*base, *path[:-1]), new)
+
+
+def _counted(text: str) -> bool:
+    """Whether `text` is a number of a row."""
+    return text.isascii() and text.isdecimal() and len(text) < 6
+
+
+def _table(value: object) -> dict[str, Any]:
+    return dict(value) if isinstance(value, Mapping) else {}
 
 
 def _at(table: Mapping[str, Any], path: KeyPath) -> Any:
     at: Any = table
     for key in path:
         if isinstance(at, list):
-            if not key.isdigit() or int(key) >= len(at):
+            if not _counted(key) or int(key) >= len(at):
                 raise LookupError(".".join(path))
             at = at[int(key)]
         elif isinstance(at, Mapping) and (key in at or key in ("values", "sequence", "label")):

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from datetime import date, time
 from typing import Any
 
 from app.plant.toml import TOKEN, parse
@@ -156,8 +157,12 @@ def literal(value: object, indent: str = "") -> str:
     match value:
         case bool():
             return "true" if value else "false"
-        case int() | float():
-            return str(int(value)) if float(value).is_integer() and abs(value) < 2**53 else repr(value)
+        case int():
+            return str(value)
+        case float():
+            return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
+        case date() | time():
+            return value.isoformat()
         case str():
             return _text(value)
         case Mapping():
@@ -204,7 +209,7 @@ def _change_tables(root: dict[str, Any], change: Change) -> None:
 
 def _drop_empty(root: dict[str, Any], path: KeyPath) -> None:
     """Tables that a removed one leaves empty have no header either: `[abort]` is nowhere written when it has no bit."""
-    while path and not path[-1].isdigit():
+    while path and not path[-1].isdecimal():
         at: Any = root
         for key in path[:-1]:
             at = at[int(key)] if isinstance(at, list) else at[key]
@@ -266,7 +271,7 @@ def _put(found: list[Piece], path: KeyPath, value: Any) -> list[Piece]:
             return found
         if any(isinstance(one, Mapping) for one in value.values()):
             return _add_block(found, path, _block(path, value))
-        if path[-1].isdigit():
+        if path[-1].isdecimal():
             return _add_block(found, path, _block(path, value))
     return _add_key(found, path, value)
 
@@ -325,7 +330,7 @@ def _add_block(found: list[Piece], path: KeyPath, block: str) -> list[Piece]:
 def _block(path: KeyPath, value: Mapping[str, Any], *, row: bool = False) -> str:
     """A table with its header; tables of tables and lists of tables in it have headers of their own."""
     written = ".".join(
-        _key(part) for n, part in enumerate(path) if not (part.isdigit() and _is_row(path, n, last_is_row=row))
+        _key(part) for n, part in enumerate(path) if not (part.isdecimal() and _is_row(path, n, last_is_row=row))
     )
     lines, blocks = [f"[[{written}]]" if row else f"[{written}]"], list[str]()
     for name, item in value.items():

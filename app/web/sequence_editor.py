@@ -398,7 +398,7 @@ def _asked(
     rows = data.get(STEPS, [])
     rows = rows if isinstance(rows, list) else []
     if what == "add_step":
-        place = int(section) if section.isdigit() else len(rows)
+        place = int(section) if section.isdecimal() and len(section) < 6 else len(rows)
         taken = [str(row.get("key", "")) for row in rows if isinstance(row, Mapping)]
         label = {language: texts.text(language, "editor.new_step") for language in at.plant.languages}
         made: dict[str, Any] = {"key": free_key([*taken, ABORT], "step"), "label": label, "minimum": 1, "maximum": 60}
@@ -432,6 +432,6 @@ def _asked(
                 made["values"] = dict.fromkeys(action.values, 0)
             orders = table.get("orders", [])
             return [Insert((*path, "orders"), len(orders) if isinstance(orders, list) else 0, made)], section
-        case "remove_order" if which.isdigit() and section != "0":
+        case "remove_order" if which.isdecimal() and len(which) < 6 and section != "0":
             return [Remove((*path, "orders"), int(which))], section
     return [], section

@@ -162,7 +162,7 @@ class Forms:
     def _section_of(one: Problem, part: Section) -> str:
         head, _, rest = one.key.partition(".")
         number = rest.partition(".")[0]
-        if head == "steps" and number.isdigit():
+        if head == "steps" and number.isdecimal():
             return str(int(number) + 1)
         if head in (TESTS, HEAD_TABLE, ABORT):
             return TESTS if head == TESTS else "0"

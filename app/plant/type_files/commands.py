@@ -67,7 +67,7 @@ class CommandReader:
         given = table.table("refused")
         for code in table.raw("refused", {}):
             text = given.text(code)
-            if not code.isdigit() or not 1 <= int(code) <= 255:
+            if not code.isdecimal() or len(code) > 3 or not 1 <= int(code) <= 255:
                 given.note(code, text, "a Modbus exception as key: 1 to 255")
             else:
                 yield int(code), f"reason.{text}"
