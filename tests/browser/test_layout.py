@@ -12,7 +12,12 @@ from tests.conftest import ROOT, PogonServer
 from tools.pictures import MARKS
 
 FAULTS = (ROOT / "tools" / "faults.js").read_text("utf-8")
-SIZES = {"panel": (1280, 800, "desk"), "small": (800, 480, "panel-9"), "phone": (390, 844, "desk")}
+SIZES = {
+    "panel": (1280, 800, "desk"),
+    "small": (800, 480, "panel-9"),
+    "phone": (390, 844, "desk"),
+    "wide": (1920, 1080, "desk"),
+}
 DEMO = tomllib.loads((bundled("plants/demo") / "plant.toml").read_text("utf-8"))["equipment"]
 MACHINES = tuple(DEMO)
 FURTHER = {
@@ -60,6 +65,28 @@ CUT = """() => { // commands that lie under Stop or that one has to scroll for, 
   }
   return [...found];
 }"""
+SMALLEST = """(least) => { // commands and what leads to them that a finger misses; a way of operating is one press, not a motion
+  const found = [];
+  for (const [kind, chosen, px] of [['command', '.zone .cmd', least.command], ['Stop', '.zone .cmd.stop', least.stop],
+    ['other', '.zone :is(.btn, .seg > :is(button, label, a), .in)', least.other]])
+    for (const one of document.querySelectorAll(chosen)) {
+      const { height, width } = one.getBoundingClientRect();
+      if (one.checkVisibility() && Math.min(height, width) < px - 0.5)
+        found.push([kind, one.textContent.trim().slice(0, 30), Math.round(width), 'x', Math.round(height), 'expected', px].join(' '));
+    }
+  return found;
+}"""
+FLOORS = {
+    "panel": {"command": 44, "stop": 74, "other": 36},
+    "small": {"command": 34, "stop": 52, "other": 28},
+    "phone": {"command": 44, "stop": 56, "other": 36},
+    "wide": {"command": 44, "stop": 74, "other": 36},
+}
+"""Size → least side of what is pressed beside a machine [px]. What is wanted is 15 mm: 61 px on the small panel, 74 on the others.
+
+On the small panel Stop takes what the other commands leave it, up to its 15 mm; a crane's cycle (34) and the choice of its axis (28)
+are the lowest: ten commands share 290 px there, and none may lie under Stop or be scrolled for.
+"""
 AXE_RUN = """axe.run(document, {resultTypes: ['violations']}).then(({ violations }) => violations.map(
   ({ id, nodes }) => `${id} ${nodes.length}: ${nodes[0].html.slice(0, 160)}`))"""
 ENGINEERED = ("parameters", "/events", "/compare", "/encoder", "/fault-buffer", "/definition")
@@ -148,6 +175,7 @@ def test_nothing_is_cut_at_any_size(abnormal: Page, server: PogonServer, lang: s
                 found.append(f"{lang} {path} {size}: the page is higher than the screen")
             if size != "phone":
                 found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(CUT)]
+            found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(SMALLEST, FLOORS[size])]
             found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
             if path.startswith("/equipment/") and not path.endswith(ENGINEERED):
                 found += [f"{lang} {path} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
