@@ -17,6 +17,7 @@ from app.access.roles import Person
 from app.clock import to_datetime, to_micros
 from app.commands.open_sets import values_of
 from app.errors import Refused
+from app.plant.system import SYSTEM
 from app.web import format as fmt
 from app.web import language, typed_time
 from app.web.guard import allow, fields, people_access, person_of
@@ -169,10 +170,38 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
         "time": moment(request, line.time),
         "iso": fmt.iso(line.time, zone),
         "text": _text(request, line),
+        "object": _object(request, line.object),
         "result": _known(request, f"audit.result.{line.result}", line.result),
         "reason": _reason(request, line),
         "why": line.parameters.get("why", ""),
     }
+
+
+def _object(request: Request, object: str) -> str:
+    """What a line is about, by its name in the reader's language; empty when nothing of the plant is called so now."""
+    view = view_of(request)
+    runtime, lang = view.runtime(request), language.language_of(request)
+    if object == "simulation":
+        return view.text(request, "instructor.speed")
+    name, _, key = object.partition(".")
+    if name == SYSTEM:
+        return _blank(_known(request, f"alarm.system.{key.partition('.')[0]}.label", ""))
+    item = runtime.plant.equipment.get(name) if runtime.plant else None
+    if item is None:
+        return ""
+    machine = runtime.texts.label(lang, item.label)
+    part = next((alarm.label for alarm in item.alarms if alarm.key == key), "")
+    if key in item.type.commands:
+        part = item.type.commands[key].label
+    elif key in item.points:
+        part = item.points[key].label
+    told = _blank(runtime.texts.of_type(lang, item.type, part)) if part else ""
+    return f"{machine}: {told}" if told else machine
+
+
+def _blank(text: str) -> str:
+    """A text whose placeholders nobody fills."""
+    return re.sub(r"\{\w+\}", "…", text)
 
 
 def _text(request: Request, line: Record) -> str:
