@@ -19,7 +19,11 @@ TESTS = "tests"
 """The section behind the last step."""
 LARGEST_TEXT = 512 * 1024
 """Of a definition that is edited [bytes]."""
-NUMBERS = frozenset({"minimum", "maximum", "stall_after", "longest_force"})
+NUMBERS = frozenset({"minimum", "maximum", "stall_after", "longest_force", "default", "decimals", "times"})
+LISTS = frozenset({"paths"})
+"""Keys that hold several names, which a field shows with commas between."""
+ROWS = ("recipe", "branches", "loops")
+"""Lists of tables of the whole sequence that a form over the head has."""
 FLAGS = frozenset({"loss_aborts", "forceable", "output_while_suspended", "keep_forces"})
 HEAD_TABLE = "sequence"
 """Of the whole sequence."""
@@ -31,6 +35,7 @@ HEAD = (
     "start_when",
     "suspend_when",
     "advance_when",
+    "abort_to",
 )
 """Keys of `[sequence]` that a form has, beside its label."""
 STEP = ("key", "label", "minimum", "maximum", "loss_aborts", "actions", "orders", "permissives")
@@ -176,7 +181,7 @@ def unnamed(table: Mapping[str, Any], section: str) -> list[str]:
     if section == "0":
         head = table.get("sequence", {})
         own = [f"sequence.{key}" for key in head if key not in (*HEAD, "label")] if isinstance(head, Mapping) else []
-        return [*own, *(key for key in table if key not in ("sequence", STEPS, ABORT, TESTS))]
+        return [*own, *(key for key in table if key not in ("sequence", STEPS, ABORT, TESTS, *ROWS))]
     return [key for key in table if key not in STEP]
 
 
@@ -196,6 +201,8 @@ def _changed(table: Mapping[str, Any], base: KeyPath, path: KeyPath, value: obje
             return None
     elif path[-1] in NUMBERS or (len(path) > 1 and path[-2] == "values"):
         after = number_of(str(value)) if str(value).strip() else None
+    elif path[-1] in LISTS:
+        after = [name for one in str(value).split(",") if (name := one.strip())] or None
     else:
         after = str(value).replace("\r\n", " ").strip() or None
     return Put((*base, *path), after) if after != before else None

@@ -23,6 +23,7 @@ from app.access.audit.line import printable
 from app.access.roles import Person
 from app.errors import Refused, UnusableFile
 from app.plant.definitions import Equipment, Kind, Plant, Scan
+from app.plant.sequence_recipe import MOST_VALUES
 from app.plant.sequence_text import (
     STEPS,
     TESTS,
@@ -432,6 +433,40 @@ def _asked(
                 made["values"] = dict.fromkeys(action.values, 0)
             orders = table.get("orders", [])
             return [Insert((*path, "orders"), len(orders) if isinstance(orders, list) else 0, made)], section
+        case "add_recipe" | "add_branches" | "add_loops" if section == "0":
+            name = what.removeprefix("add_")
+            return [Insert((name,), len(_list(data, name)), _new_row(at, texts, data, name))], section
+        case "remove_recipe" | "remove_branches" | "remove_loops" if (
+            section == "0" and which.isdecimal() and len(which) < 6
+        ):
+            name = what.removeprefix("remove_")
+            return [Remove((name,), int(which))] if int(which) < len(_list(data, name)) else [], section
         case "remove_order" if which.isdecimal() and len(which) < 6 and section != "0":
             return [Remove((*path, "orders"), int(which))], section
     return [], section
+
+
+def _list(data: Mapping[str, Any], name: str) -> list[Any]:
+    found = data.get(name, [])
+    return found if isinstance(found, list) else []
+
+
+def _new_row(at: Editing, texts: Texts, data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A new value of a run, branch or loop, to be filled in; what does not fit the steps, the check names.
+
+    Raises:
+        Refused: 409, no more fit, or there are too few steps.
+    """
+    keys = [str(row.get("key", "")) for row in _list(data, STEPS) if isinstance(row, Mapping)]
+    if name == "recipe":
+        rows = _list(data, name)
+        if len(rows) >= MOST_VALUES:
+            raise Refused("editor.no_value", 409, most=MOST_VALUES)
+        taken = [str(row.get("key", "")) for row in rows if isinstance(row, Mapping)]
+        label = {language: texts.text(language, "editor.new_value") for language in at.plant.languages}
+        return {"key": free_key(taken, "value"), "label": label, "minimum": 0, "maximum": 100, "default": 0}
+    if len(keys) < (4 if name == "branches" else 2):
+        raise Refused("editor.few_steps", 409)
+    if name == "loops":
+        return {"from": keys[0], "to": keys[1], "times": 2}
+    return {"after": keys[0], "take": "first", "paths": keys[1:3], "then": keys[3]}

@@ -1,14 +1,16 @@
 """The form over one section of a sequence's definition: its fields with what is wrong with each, and what its sentences say now."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment, Plant
 from app.plant.expression import Reading, parse
 from app.plant.problems import Problem
-from app.plant.sequence_text import HEAD_TABLE, TESTS, Section, mask, table_of, unnamed
+from app.plant.sequence_chart import TAKES
+from app.plant.sequence_definition import PREFIX
+from app.plant.sequence_text import HEAD_TABLE, ROWS, TESTS, Section, mask, table_of, unnamed
 from app.plant.sequences import ABORT, FOLDER
 from app.plant.tables import LONGEST_EXPECTED
 from app.tags.quality import NO_DATA
@@ -42,6 +44,8 @@ class Field:
     """What was expected."""
     lang: str = ""
     required: bool = False
+    names: bool = False
+    """Whether the name of a value of the run may stand there."""
 
     @property
     def id(self) -> str:
@@ -67,11 +71,12 @@ class Bit:
 
 @dataclass(frozen=True, slots=True)
 class OrderView:
-    """One order of a step."""
+    """One order of a step, or one value of a run, branch or loop."""
 
     number: int
     fields: Sequence[Field]
     wrong: str = ""
+    labels: Sequence[Field] = ()
 
 
 @dataclass(slots=True)
@@ -84,6 +89,10 @@ class Form:
     actions: list[Field] = field(default_factory=list)
     bits: list[Bit] = field(default_factory=list)
     orders: list[OrderView] = field(default_factory=list)
+    rows: dict[str, list[OrderView]] = field(default_factory=dict)
+    """Of the whole sequence: its values of a run, branches, loops."""
+    recipe: list[str] = field(default_factory=list)
+    """Names of the values of a run, as times and orders write them."""
     unnamed: list[str] = field(default_factory=list)
     mask: int = 0
     broken: bool = False
@@ -101,7 +110,9 @@ class Form:
     def hints(self) -> list[Field]:
         """All fields that say what is wrong with them."""
         rows = [one for bit in self.bits for one in (*bit.fields, *bit.labels)]
-        return [*self.fields, *self.labels, *self.actions, *rows, *(one for row in self.orders for one in row.fields)]
+        lists = [row for found in self.rows.values() for row in found]
+        more = [one for row in (*self.orders, *lists) for one in (*row.fields, *row.labels)]
+        return [*self.fields, *self.labels, *self.actions, *rows, *more]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +127,8 @@ class Place:
     """Mistakes in it."""
 
 
-class Forms:
-    """Makes the forms of one definition, as it is written and as the plant stands."""
+class _Fields:
+    """Makes fields, each with what is wrong with it."""
 
     def __init__(
         self, equipment: EquipmentView, plant: Plant, data: Mapping[str, Any] | None, problems: Sequence[Problem]
@@ -129,6 +140,85 @@ class Forms:
         """Of this definition."""
         self.elsewhere = [one for one in problems if one not in self.problems]
         """Of the plant's other files."""
+
+    @property
+    def _recipe(self) -> list[str]:
+        return [PREFIX + str(row["key"]) for row in _rows(self._data.get("recipe")) if "key" in _table(row)]
+
+    def _labels(self, base: str, name: str, label: object) -> list[Field]:
+        texts = dict.fromkeys(self._plant.languages, label) if isinstance(label, str) else _table(label)
+        problems = self._wrong(base, name)
+        whole = problems.get(name)
+        return [
+            Field(
+                f"{name}.{language}",
+                language,
+                str(texts.get(language, "")),
+                wrong=(problems[one].expected if (one := f"{name}.{language}") in problems else "")
+                or (whole.expected if whole and n == 0 else ""),
+                lang=language,
+            )
+            for n, language in enumerate(self._plant.languages)
+        ]
+
+    def _number(self, base: str, name: str, value: object, *, label: str = "", unit: str = "s") -> Field:
+        last = name.rpartition(".")[2]
+        hint = DEFAULTS.get(last, "")
+        names = bool(base and self._recipe)
+        return self._field(base, name, value, kind="number", label=label, unit=unit, hint=hint, names=names)
+
+    def _flag(self, base: str, name: str, *, on: bool) -> Field:
+        return self._field(base, name, "1", kind="flag", on=on)
+
+    def _field(
+        self,
+        base: str,
+        name: str,
+        value: object,
+        *,
+        kind: str = "text",
+        label: str = "",
+        choices: Sequence[tuple[str, str]] = (),
+        **more: Any,
+    ) -> Field:
+        problem = self._wrong(base, name).get(name)
+        shown = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+        if choices and shown not in [key for key, _ in choices]:
+            choices = [(shown, shown or "–"), *choices]
+        label = label or self._text(f"editor.key.{name.rpartition('.')[2]}")
+        wrong = problem.expected[:LONGEST_EXPECTED] if problem else ""
+        return Field(name, label, shown, kind, choices=choices, wrong=wrong, **more)
+
+    def _wrong(self, base: str, name: str) -> dict[str, Problem]:
+        """Mistakes at `name` and under it, by the name that the form gives them."""
+        found: dict[str, Problem] = {}
+        for one in self.problems:
+            key = one.key.removeprefix(base) if one.key.startswith(base) else ""
+            if key == name or key.startswith(f"{name}."):
+                found.setdefault(key, one)
+        return found
+
+    def _machine(self) -> Equipment | None:
+        return self._plant.equipment.get(self._equipment.equipment.machine)
+
+    def _others(self) -> list[Equipment]:
+        return [one for one in self._plant.equipment.values() if one.id != self._equipment.id]
+
+    def _label_of(self, item: Equipment) -> str:
+        return self._equipment.words(item.label)
+
+    def _words(self, label: object) -> str:
+        if isinstance(label, str):
+            return label
+        return (
+            self._equipment.words({key: text for key, text in _table(label).items() if isinstance(text, str)})
+            if label
+            else ""
+        )
+
+
+class Forms(_Fields):
+    """Makes the forms of one definition, as it is written and as the plant stands."""
 
     # ---- the list of sections -------------------------------------------------------------------------
 
@@ -164,7 +254,7 @@ class Forms:
         number = rest.partition(".")[0]
         if head == "steps" and number.isdecimal():
             return str(int(number) + 1)
-        if head in (TESTS, HEAD_TABLE, ABORT):
+        if head in (TESTS, HEAD_TABLE, ABORT, *ROWS):
             return TESTS if head == TESTS else "0"
         return part.key if part.text and part.line <= (one.line or 1) <= part.last else ""
 
@@ -181,8 +271,13 @@ class Forms:
             return form
         base = "" if section == "0" else f"steps.{int(section) - 1}."
         form.unnamed = unnamed(table, section)
+        form.recipe = self._recipe
         if section == "0":
             self._head(form, _table(table.get(HEAD_TABLE)))
+            form.rows = {
+                name: [make(f"{name}.{n}", n, _table(row)) for n, row in enumerate(_rows(table.get(name)))]
+                for name, make in (("recipe", self._value_of_run), ("branches", self._branch), ("loops", self._loop))
+            }
             word, name = table.get(ABORT), ABORT
         else:
             self._step(form, table, base)
@@ -201,6 +296,59 @@ class Forms:
             form.fields.append(self._flag("", f"{HEAD_TABLE}.{key}", on=head.get(key) is True))
         for key in WISHES:
             form.fields.append(self._field("", f"{HEAD_TABLE}.{key}", head.get(key), kind="sentence"))
+
+        form.fields.append(self._place(f"{HEAD_TABLE}.abort_to", head.get("abort_to"), none=True))
+
+    def _place(self, name: str, key: object, *, none: bool = False) -> Field:
+        """A step by its key."""
+        steps = [_table(row) for row in _rows(self._data.get("steps"))]
+        choices = [
+            (str(step.get("key", "")), f"{n} · {self._words(step.get('label')) or step.get('key', '')}")
+            for n, step in enumerate(steps, 1)
+        ]
+        choices = [("", "–"), *choices] if none else choices
+        return self._field("", name, key, kind="choice", choices=choices, required=not none)
+
+    def _value_of_run(self, name: str, number: int, row: Mapping[str, Any]) -> OrderView:
+        unit = str(row.get("unit", ""))
+        numbers = [
+            self._field("", f"{name}.{key}", row.get(key), kind="number", label=self._text(f"editor.{word}"), unit=unit)
+            for key, word in (("minimum", "least"), ("maximum", "most"), ("default", "before"))
+        ]
+        fields = [
+            self._field("", f"{name}.key", row.get("key"), required=True),
+            self._field("", f"{name}.unit", row.get("unit")),
+            *numbers,
+            self._field("", f"{name}.decimals", row.get("decimals"), kind="number", hint="1"),
+        ]
+        labels = self._labels("", f"{name}.label", row.get("label"))
+        return OrderView(number, fields, self._whole(name), labels)
+
+    def _branch(self, name: str, number: int, row: Mapping[str, Any]) -> OrderView:
+        takes = [(key, self._text(f"editor.take_{key}")) for key in TAKES]
+        paths = row.get("paths")
+        written = ", ".join(map(str, paths)) if isinstance(paths, list) else paths
+        wrong = next((one.expected for one in self._wrong("", f"{name}.paths").values()), "")
+        fields = [
+            self._place(f"{name}.after", row.get("after")),
+            self._field("", f"{name}.take", row.get("take"), kind="choice", choices=takes, required=True),
+            replace(self._field("", f"{name}.paths", written, required=True), wrong=wrong[:LONGEST_EXPECTED]),
+            self._place(f"{name}.then", row.get("then")),
+        ]
+        return OrderView(number, fields, self._whole(name))
+
+    def _loop(self, name: str, number: int, row: Mapping[str, Any]) -> OrderView:
+        fields = [
+            self._place(f"{name}.from", row.get("from")),
+            self._place(f"{name}.to", row.get("to")),
+            self._field("", f"{name}.times", row.get("times"), kind="number", required=True),
+        ]
+        return OrderView(number, fields, self._whole(name))
+
+    def _whole(self, name: str) -> str:
+        """What is wrong with a row as such."""
+        found = self._wrong("", name).get(name)
+        return found.expected if found else ""
 
     def _step(self, form: Form, step: Mapping[str, Any], base: str) -> None:
         form.labels = self._labels(base, "label", step.get("label"))
@@ -306,77 +454,9 @@ class Forms:
         point = machine.point(key) if machine is not None and machine.has(key) else None
         return (point.value, point.quality) if point and point.state == "good" else (None, NO_DATA)
 
-    # ---- fields ---------------------------------------------------------------------------------------
 
-    def _labels(self, base: str, name: str, label: object) -> list[Field]:
-        texts = dict.fromkeys(self._plant.languages, label) if isinstance(label, str) else _table(label)
-        problems = self._wrong(base, name)
-        whole = problems.get(name)
-        return [
-            Field(
-                f"{name}.{language}",
-                language,
-                str(texts.get(language, "")),
-                wrong=(problems[one].expected if (one := f"{name}.{language}") in problems else "")
-                or (whole.expected if whole and n == 0 else ""),
-                lang=language,
-            )
-            for n, language in enumerate(self._plant.languages)
-        ]
-
-    def _number(self, base: str, name: str, value: object, *, label: str = "", unit: str = "s") -> Field:
-        last = name.rpartition(".")[2]
-        hint = DEFAULTS.get(last, "")
-        return self._field(base, name, value, kind="number", label=label, unit=unit, hint=hint)
-
-    def _flag(self, base: str, name: str, *, on: bool) -> Field:
-        return self._field(base, name, "1", kind="flag", on=on)
-
-    def _field(
-        self,
-        base: str,
-        name: str,
-        value: object,
-        *,
-        kind: str = "text",
-        label: str = "",
-        choices: Sequence[tuple[str, str]] = (),
-        **more: Any,
-    ) -> Field:
-        problem = self._wrong(base, name).get(name)
-        shown = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-        if choices and shown not in [key for key, _ in choices]:
-            choices = [(shown, shown or "–"), *choices]
-        label = label or self._text(f"editor.key.{name.rpartition('.')[2]}")
-        wrong = problem.expected[:LONGEST_EXPECTED] if problem else ""
-        return Field(name, label, shown, kind, choices=choices, wrong=wrong, **more)
-
-    def _wrong(self, base: str, name: str) -> dict[str, Problem]:
-        """Mistakes at `name` and under it, by the name that the form gives them."""
-        found: dict[str, Problem] = {}
-        for one in self.problems:
-            key = one.key.removeprefix(base) if one.key.startswith(base) else ""
-            if key == name or key.startswith(f"{name}."):
-                found.setdefault(key, one)
-        return found
-
-    def _machine(self) -> Equipment | None:
-        return self._plant.equipment.get(self._equipment.equipment.machine)
-
-    def _others(self) -> list[Equipment]:
-        return [one for one in self._plant.equipment.values() if one.id != self._equipment.id]
-
-    def _label_of(self, item: Equipment) -> str:
-        return self._equipment.words(item.label)
-
-    def _words(self, label: object) -> str:
-        if isinstance(label, str):
-            return label
-        return (
-            self._equipment.words({key: text for key, text in _table(label).items() if isinstance(text, str)})
-            if label
-            else ""
-        )
+def _rows(value: object) -> Sequence[Any]:
+    return value if isinstance(value, list) else ()
 
 
 def _table(value: object) -> Mapping[str, Any]:
