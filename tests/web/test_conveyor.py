@@ -373,7 +373,7 @@ def test_a_sensor_pressed_by_hand_stays_pressed_until_it_is_pressed_again(crew: 
     for pressed in (1, 0):
         answer = crew.post("/instructor/c2/act", {"act": "sensor", "value": "3"}, **{"HX-Request": "true"})
         assert answer.status_code == 200 and "Read back" in answer.text
-        states = re.findall(r'value="(\d)" form="hand-sensor-c2" aria-pressed="(\w+)"', answer.text)
+        states = re.findall(r'value="(\d)" form="hand-sensor-c2"\s+id="[^"]*" aria-pressed="(\w+)"', answer.text)
         assert dict(states)["3"] == ("true" if pressed else "false")
         assert until(lambda wanted=pressed: value(line, "c2.beam_3") == wanted)
 
