@@ -8,13 +8,12 @@ beside that the tests of its file are run.
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, cast
 
 from app.clock import Clock, ManualClock, SystemClock
 from app.commands.gate import Gate
-from app.errors import PogonError
+from app.errors import ConfigurationError, PogonError
 from app.links.contract import Exchange
 from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment, Plant
@@ -29,7 +28,7 @@ from app.running.tag_list import points_of, tag_of
 from app.running.virtual_time import VirtualLoop
 from app.sim.device import DT
 from app.sim.plant import SimPlant, exchange
-from app.sim.type_tests import TestResult, tests_of
+from app.sim.type_tests import TestResult, begun, tests_of
 from app.tags.database import TagDatabase, TagTable
 
 SETTLE = 3.0
@@ -51,6 +50,10 @@ class Tried(Protocol):
 
     block: Any
     """Its control block: `state`, `step`, `running`, `first_out`, `word(step)`."""
+
+    def awaited(self, stopped: int) -> Sequence[int]:
+        """Steps that may be entered next; `stopped`: the one in which it ended."""
+        ...
 
     def preset(self, values: Mapping[str, float]) -> None:
         """Begin with these presets."""
@@ -209,15 +212,18 @@ class _Trial:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def _preset(self) -> None:
-        """As `given` says; a machine that has a mode is in automatic."""
-        values = dict(self._given.given) if self._given else {}
-        machine = self._machine
-        if "mode" in getattr(machine, "signals", ()):
-            values = {"mode": 1.0, **values}
-        target: Any = machine or self._device
-        if values:
-            with suppress(ValueError):  # the check of the file tells it
+        """As `given` says.
+
+        Raises:
+            ConfigurationError: the machine does not have what it says.
+        """
+        values = begun(self._machine, self._given.given if self._given else {})
+        target: Any = self._machine or self._device
+        try:
+            if values:
                 target.preset(values)
+        except ValueError as error:
+            raise ConfigurationError(f"given: {error}") from error
 
     async def _watched(self) -> Trial:
         real: Clock = SystemClock()
@@ -261,6 +267,7 @@ class _Trial:
             return trial
         if _said(run) == "idle":
             return self._stopped(trial, "not_started", 0)
+        at = run.step or at  # of several that were active the one that stopped it
         self._stopped(trial, "timed_out" if _said(run) == "timed_out" else "aborted", at)
         failed: GivenOrders | None = self._desks.failure(self._item.id)
         if failed is not None and trial.outcome == "aborted":
@@ -273,8 +280,7 @@ class _Trial:
         out = run.first_out
         if out is not None and out.bit >= 0:
             trial.first_out = (out.step, out.bit)
-        awaited = min(at + 1, len(self._definition.steps))
-        for step in dict.fromkeys((0, awaited)):
+        for step in dict.fromkeys((0, *self._device.awaited(at))):
             word = run.word(step)
             trial.missing += [(step, bit) for bit in range(WORD) if not word >> bit & 1]
         return trial

@@ -1,6 +1,6 @@
 """Tests that a plant folder holds for machines of a type: `sim/<type>/tests.py` runs them, for types that have such."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -34,3 +34,8 @@ def tests_of(kind: str) -> RunTests | None:
         return None
     run: RunTests = import_module(f"{name}.tests").run_tests
     return run
+
+
+def begun(machine: object, given: Mapping[str, float]) -> Mapping[str, float]:
+    """The presets with which a test begins: as it says; a machine with a signal `mode` is in automatic unless it says otherwise."""
+    return {"mode": 1.0, **given} if "mode" in getattr(machine, "signals", ()) else given

@@ -1,6 +1,7 @@
 """A sequence is tried out on a plant of its own: through the gate, in virtual time, with the reason when it does not run through."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from app import bundled
@@ -69,3 +70,24 @@ def test_a_machine_begins_as_a_test_says_and_the_tests_of_the_file_are_run(tmp_p
     trial = try_out(plant, "seq1", sequence.tests[0])
     assert trial.outcome == "done" and len(trial.steps) == len(sequence.steps)
     assert [(one.name[:17], one.ok) for one in trial.tests] == [("a guard is opened", True)]
+
+
+def test_in_a_branch_what_follows_as_the_chart_says_is_missing() -> None:
+    text = FEED.replace('"m1.frequency > 29"', '"m1.frequency > 45"').replace("maximum = 60", "maximum = 5", 1)
+    keys = [step.key for step in plant_with(text).equipment["seq1"].sequence.steps]  # type: ignore[union-attr]
+    branch = (
+        f'[[branches]]\nafter = "{keys[0]}"\ntake = "first"\npaths = ["{keys[1]}", "{keys[2]}"]\nthen = "{keys[3]}"\n'
+    )
+    when = '\n[steps.permissives.9]\nkey = "never"\nlabel = "Never"\nwhen = "m1.frequency > 400"\n'
+    begin = text.index("[[steps]]", text.index(f'key = "{keys[2]}"'))
+    trial = feeding(text[:begin] + when + text[begin:] + "\n" + branch)
+    assert trial.outcome == "timed_out" and set(trial.missing) == {(2, 0), (3, 9)}
+
+
+def test_presets_that_the_machine_does_not_have_fail_the_trial_with_the_reason(tmp_path: Path) -> None:
+    plant, problems = read_simulated(plant_folder(tmp_path / "plant", "cc1", "seq1"))
+    assert plant is not None, problems
+    sequence = plant.equipment["seq1"].sequence
+    assert sequence is not None
+    trial = try_out(plant, "seq1", replace(sequence.tests[0], given={"no_such_thing": 1.0}))
+    assert trial.outcome == "failed" and "no_such_thing" in trial.error

@@ -1,6 +1,6 @@
 """A sequence of steps with permissives, abort conditions, first-out and forces."""
 
-from app.blocks.sequence.block import SequenceBlock
+from app.blocks.sequence.block import SequenceBlock, awaited
 from app.blocks.sequence.chart import Branch, Chart, Loop
 from app.blocks.sequence.forces import Force, ForceRefused, Forces
 from app.blocks.sequence.reports import Fall, FirstOut, Report, StepTimes
@@ -32,4 +32,5 @@ __all__ = [
     "StepState",
     "StepTimes",
     "Values",
+    "awaited",
 ]

@@ -459,3 +459,17 @@ def _first_stall(run: SequenceBlock, now: int) -> FirstOut | None:
 def _next(run: SequenceBlock, number: int) -> tuple[int, ...]:
     """Every step that may follow step `number` now."""
     return tuple(step for steps in run.following(number) for step in steps)
+
+
+def awaited(run: SequenceBlock, stopped: int = 0) -> tuple[int, ...]:
+    """Steps that may be entered next, as the chart and its loops say; `stopped`: the step in which it ended. Before all the first."""
+
+    def waits(number: int) -> bool:
+        return any(other not in run.active or not run.left_with(other) for other in run.left_with(number))
+
+    numbers = (
+        [number for number in run.active if not waits(number)] or list(run.active) or ([stopped] if stopped else [])
+    )
+    if not numbers:
+        return (1,)
+    return tuple(dict.fromkeys(step for number in numbers for step in _next(run, number)))

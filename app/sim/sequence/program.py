@@ -56,6 +56,7 @@ from app.blocks.sequence import (
     SequenceEvent,
     SequenceSettings,
     StepSettings,
+    awaited,
 )
 from app.errors import ConfigurationError
 from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
@@ -188,6 +189,10 @@ class VirtualSequence(VirtualPlc):
         """
         self.permissives.attach(machine)
         self._map.forget()
+
+    def awaited(self, stopped: int) -> tuple[int, ...]:
+        """Steps that may be entered next; `stopped`: the one in which it ended."""
+        return awaited(self.block, stopped)
 
     def preset(self, values: Mapping[str, float]) -> None:
         """Of a sequence without a machine: its permissive words, `word_0` (abort conditions) to `word_<steps>`.

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Any
 
-from app.blocks.sequence import BITS, SequenceState
+from app.blocks.sequence import BITS, SequenceState, awaited
 from app.clock import ManualClock, SystemClock
 from app.errors import ConfigurationError, DeviceException
 from app.plant.definitions import Command, Equipment, Plant, Type
@@ -35,7 +35,7 @@ from app.sim.plant import SimPlant
 from app.sim.plc import VirtualPlc
 from app.sim.sequence.machine import Machine
 from app.sim.sequence.program import VirtualSequence
-from app.sim.type_tests import TestResult
+from app.sim.type_tests import TestResult, begun
 from app.tags.quality import GOOD, NO_DATA
 
 IDLE_TIME = 60.0
@@ -130,7 +130,7 @@ class _Run:
         """Run it to its end."""
         began, now = SystemClock().monotonic(), 0.0
         try:
-            self._preset({"mode": 1.0, **self.test.given} if self._has_mode() else self.test.given)
+            self._preset(begun(self.machine, self.test.given))
         except ValueError as error:
             return TestResult(self.test.name, False, f"given: {error}", 0.0, SystemClock().monotonic() - began)
         self.sim.step()
@@ -166,9 +166,6 @@ class _Run:
         return TestResult(self.test.name, not failed, happened, now, SystemClock().monotonic() - began)
 
     # ---- when
-
-    def _has_mode(self) -> bool:
-        return isinstance(self.machine, Machine) and "mode" in self.machine.signals
 
     def _preset(self, values: Mapping[str, float]) -> None:
         target: Any = self.machine or self.sequence
@@ -264,16 +261,16 @@ class _Run:
         if out := run.first_out:
             found = self._first_out() or ("nothing" if out.bit < 0 else f"bit {out.bit}")
             said.append(f"first-out {found} ({out.cause.name.lower().replace('_', ' ')})")
-        next_one = run.step + 1 if run.running else 1 if run.state is SequenceState.IDLE else 0
-        if next_one <= len(steps) and (missing := self._missing(next_one)):
+        following = awaited(run) if run.running or run.state is SequenceState.IDLE else ()
+        if missing := self._missing(following):
             said.append(f"missing {', '.join(missing)}")
         return ", ".join(said)
 
-    def _missing(self, number: int) -> Sequence[str]:
+    def _missing(self, steps: Sequence[int]) -> Sequence[str]:
         run = self.sequence.block
         return [
             one.key if (one := self.definition.permissive(step, bit)) else f"{step}.{bit}"
-            for step in dict.fromkeys((0, number))
+            for step in dict.fromkeys((0, *steps))
             for bit in range(BITS)
             if not run.word(step) >> bit & 1
         ]

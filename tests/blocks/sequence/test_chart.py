@@ -17,6 +17,7 @@ from app.blocks.sequence import (
     Signals,
     StepSettings,
     StepState,
+    awaited,
 )
 
 DT = 0.1
@@ -279,3 +280,24 @@ def test_after_a_restart_a_run_in_two_paths_is_aborted_and_does_no_safe_step() -
     assert [report.event for report in reports] == [SequenceEvent.ABORTED]
     assert again.state is SequenceState.ABORTED and not again.safe and again.active == ()
     assert [again.step_state(step) for step in (2, 3)] == [StepState.ABORTED] * 2
+
+
+def test_in_a_branch_it_lacks_what_the_chart_says_follows() -> None:
+    """Step 1 leads to 2 and 3 side by side, both to 4: of the path that waits nothing is missing, of the other what follows it."""
+    chart = Chart((Branch(1, (2, 3), 5, together=True),), loops=(Loop(1, 5, 2),))
+    steps = tuple(StepSettings(0.1, 100.0) for _ in range(6))
+    block = SequenceBlock(SequenceSettings(steps, chart=chart))
+    words = [ALL] * 6
+    words[3] = ALL & ~1
+    now = 0
+    for _ in range(100):
+        now += 100_000
+        block.scan(Signals(words, start=now == 200_000), 0.1, now)
+    assert (block.active, awaited(block)) == ((2, 3), (4,)), "the end of a path that waits for the other lacks nothing"
+    words[3], words[0] = ALL, ALL & ~1
+    for _ in range(100):
+        now += 100_000
+        block.scan(Signals(words), 0.1, now)
+    assert (block.active, awaited(block)) == ((5,), (1,)), "its loop leads back"
+    assert awaited(SequenceBlock(SequenceSettings(steps, chart=chart))) == (1,)
+    assert awaited(SequenceBlock(SequenceSettings(steps, chart=chart)), 1) == (2, 3)
