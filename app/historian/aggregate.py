@@ -76,7 +76,7 @@ def first_time(
 
     Where only roll-ups are left it is the minute or the hour, from and to. None: no such value is stored.
     """
-    before = sealed.last(connection, number, begin - 1)
+    before = sealed.last(connection, number, begin)  # what held; a sample of this very moment ends it
     if before is not None and before[1] == value and before[3] & 3 < 2 and before[0] >= begin - GAP_AFTER:
         return begin, begin
     table = "hour" if end - begin > BY_HOURS else "minute" if end - begin > BY_MINUTES else "sample"

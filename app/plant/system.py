@@ -21,8 +21,8 @@ FRAME: Sequence[tuple[str, Kind, str, int, float]] = (
     ("links_up", Kind.STEP, "", 0, 0.0),
     ("links_total", Kind.STEP, "", 0, 0.0),
     ("sim_lag", Kind.ANALOG, "ms", 1, 20.0),
-    ("sim_speed", Kind.ANALOG, "", 0, 0.5),
-    ("sim_pace", Kind.ANALOG, "", 1, 0.2),
+    ("sim_speed", Kind.ANALOG, "", 1, 0.5),
+    ("sim_pace", Kind.ANALOG, "", 2, 0.2),
     ("sim_overruns", Kind.STEP, "", 0, 0.0),
     ("watchers", Kind.STEP, "", 0, 0.0),
 )

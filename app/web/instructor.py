@@ -51,7 +51,7 @@ async def simulation(request: Request) -> Response:
     return view_of(request).fragment(request, "fragments/simulation.html", simulated=runtime.simulated, sim=runtime.sim)
 
 
-@router.post("/instructor/speed", dependencies=[allow("instruct")])
+@router.post("/simulation/speed", dependencies=[allow("instruct")])
 async def set_speed(request: Request) -> Response:
     """Have the simulated plant of this server pause, or run as fast as real time or faster. Nothing live is behind it."""
     given = await fields(request, ["speed"], ["back"])

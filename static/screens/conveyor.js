@@ -116,13 +116,7 @@ class Line {
     const name = texts.product.replace("{id}", id) + (order ? `, ${texts.order.replace("{order}", order)}` : "");
     if (product.named === name) return;
     product.named = name;
-    group.setAttribute("aria-label", name);
-    let title = group.querySelector(":scope > title");
-    if (!title) {
-      title = document.createElementNS("http://www.w3.org/2000/svg", "title");
-      group.prepend(title);
-    }
-    title.textContent = name;
+    group.querySelector("title").textContent = name;
   }
 
   /** Number of the belt under a place. */

@@ -223,7 +223,7 @@ def test_a_product_is_reached_with_the_keyboard(sit: Sit) -> None:
     page.wait_for_selector(".prod[data-state='1']:not([display])", timeout=30_000, state="attached")
     page.evaluate("document.querySelector(\".prod[data-state='1']:not([display])\").focus()")
     product = page.evaluate("document.activeElement.querySelector('.p-id').textContent")
-    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == f"Product #{product}"
+    assert page.evaluate("document.activeElement.querySelector('title').textContent") == f"Product #{product}"
     page.keyboard.press("Enter")
     expect(page.locator("#overlay dialog")).to_contain_text(f"Product #{product}")
     expect(page.locator("#overlay dialog")).to_contain_text("Head position")

@@ -165,7 +165,15 @@ def _in_their_order(line: TestClient) -> None:
     assert re.findall(r'data-product="(\d+)"', page)
 
 
-def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(crew: Staff, line: TestClient) -> None:
+@pytest.fixture
+def fresh_line(folder: Path, tmp_path: Path) -> Iterator[TestClient]:
+    """As `line`, and nobody has touched it."""
+    with _running(tmp_path / "data", folder) as client:
+        yield client
+
+
+def test_the_last_start_of_each_belt_is_drawn_and_a_line_that_never_ran_says_so(fresh_line: TestClient) -> None:
+    line, crew = fresh_line, Staff(fresh_line)
     crew.have(crew.enter("ivana", "engineer"))
     line.cookies.set("pogon_lang", "en")
     assert until(lambda: value(line, "c1.ramp_1_state") == 2, 30), "its first start is over"

@@ -73,7 +73,7 @@ def test_a_pause_is_told_as_a_pause_and_not_as_a_fault(staff: Staff) -> None:
     assert runtime.sim is not None
     staff.wait(asyncio.sleep, 3.0)
     before = active(client)
-    assert staff.post("/instructor/speed", {"speed": "0"}).headers["location"] == "/instructor?done=speed"
+    assert staff.post("/simulation/speed", {"speed": "0"}).headers["location"] == "/instructor?done=speed"
     steps = runtime.sim.steps
     staff.wait(asyncio.sleep, 8.0)
     assert runtime.sim.steps == steps
@@ -83,7 +83,7 @@ def test_a_pause_is_told_as_a_pause_and_not_as_a_fault(staff: Staff) -> None:
     assert runtime.tags.age(runtime.tags.handle("m1.speed")) < 2.0, "it is still read"
     assert "SIMULATION PAUSED" in client.get("/equipment/m1").text
     assert "SIMULATION PAUSED" in client.get("/simulation").text
-    assert staff.post("/instructor/speed", {"speed": "1"}).status_code == 303
+    assert staff.post("/simulation/speed", {"speed": "1"}).status_code == 303
     staff.wait(asyncio.sleep, 3.0)
     assert runtime.sim.steps > steps + 250
     assert not {found for found in active(client) - before if found[1] in ("program_halted", "link_down")}
@@ -95,7 +95,7 @@ def test_commands_to_a_paused_machine_are_refused_with_that_reason(staff: Staff)
     operator = Operator(staff, "marko", ("operator",))
     operator.take("m1")
     staff.enter("ivana", "engineer", "operator")
-    staff.post("/instructor/speed", {"speed": "0"})
+    staff.post("/simulation/speed", {"speed": "0"})
     answer = operator.press("/equipment/m1/command/forward")
     assert answer.status_code == 409 and "The simulation is paused" in line_of(answer)
     assert "The simulation is paused" in words(operator.get("/equipment/m1").text)
@@ -108,7 +108,7 @@ def test_commands_to_a_paused_machine_are_refused_with_that_reason(staff: Staff)
 def test_a_faster_plant_keeps_its_links_and_the_times_of_the_server(staff: Staff) -> None:
     client, runtime = staff.client, runtime_of(staff.client)
     assert runtime.sim is not None
-    staff.post("/instructor/speed", {"speed": "10"})
+    staff.post("/simulation/speed", {"speed": "10"})
     steps = runtime.sim.steps
     staff.wait(asyncio.sleep, 12.0)
     assert runtime.sim.steps - steps == pytest.approx(12_000, rel=0.05)
@@ -117,18 +117,18 @@ def test_a_faster_plant_keeps_its_links_and_the_times_of_the_server(staff: Staff
     page = words(client.get("/").text)
     assert "SIMULATION 10×" in page
     assert staff.wait(astray, client) < 200_000
-    staff.post("/instructor/speed", {"speed": "0"})
+    staff.post("/simulation/speed", {"speed": "0"})
     staff.wait(asyncio.sleep, 5.0)
     assert staff.wait(astray, client) < 200_000
-    staff.post("/instructor/speed", {"speed": "1"})
+    staff.post("/simulation/speed", {"speed": "1"})
     staff.wait(asyncio.sleep, 0.05)
     assert staff.wait(astray, client) < 200_000, "what happens right after a pause is not told as before it"
 
 
 def test_who_may_and_what_is_noted(staff: Staff) -> None:
-    assert staff.post("/instructor/speed", {"speed": "3"}).status_code == 422
+    assert staff.post("/simulation/speed", {"speed": "3"}).status_code == 422
     assert (
-        staff.post("/instructor/speed", {"speed": "5", "back": "m1"}).headers["location"] == "/instructor/m1?done=speed"
+        staff.post("/simulation/speed", {"speed": "5", "back": "m1"}).headers["location"] == "/instructor/m1?done=speed"
     )
     first, second = [
         line for line in staff.wait(staff.access.audit.find, Filter(), 50) if line.kind == "instructor.speed"
@@ -137,7 +137,7 @@ def test_who_may_and_what_is_noted(staff: Staff) -> None:
     assert (second.new, second.result, second.reason) == ("3", "refused", "instructor.wrong_speed")
     for role in ("operator", "viewer"):
         staff.enter(f"one-{role}", role)
-        assert staff.post("/instructor/speed", {"speed": "0"}).status_code == 403
+        assert staff.post("/simulation/speed", {"speed": "0"}).status_code == 403
     assert runtime_of(staff.client).sim.speed == 5  # type: ignore[union-attr]
 
 
@@ -151,5 +151,5 @@ def test_live_links_are_offered_no_speed(start: Start, tmp_path: Path) -> None:
     staff.client.cookies.set("pogon_lang", "en")
     page = staff.client.get("/instructor").text
     assert 'name="speed"' not in page and "sys.sim_speed" not in page
-    refused = staff.post("/instructor/speed", {"speed": "0"})
+    refused = staff.post("/simulation/speed", {"speed": "0"})
     assert refused.status_code == 409 and "simulates no machine" in refused.text
