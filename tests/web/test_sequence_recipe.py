@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from re import search
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -84,3 +85,21 @@ def test_a_run_keeps_them_and_says_them_ever_after(ana: Operator, plant: TestCli
     assert run
     page = ana.staff.client.get(f"/records/run/detail/{run[1]}").text
     assert "Recipe values" in page and "22.5 Hz" in words(page), words(page)
+
+
+def test_a_plc_that_knows_none_of_them_is_not_started(ana: Operator, plant: TestClient) -> None:
+    """It would run with values of its own, whatever was given."""
+    runtime = runtime_of(plant)
+    assert runtime.sim is not None
+    device: Any = runtime.sim.devices["steps1"]
+    assert until(lambda: runtime.tags.sample("steps1.start_possible").value, 120)
+    ana.language, known = "en", device.recipe.values
+    device.recipe.values = ()
+    try:
+        assert until(lambda: runtime.tags.sample("steps1.recipe_count").value == 0, 10)
+        answer = ana.press(START, confirmed="1", arg_frequency="30", arg_duration="4")
+        assert answer.status_code == 409 and "recipe" in line_of(answer).lower(), answer.text
+        assert not device.block.running
+    finally:
+        device.recipe.values = known
+    assert until(lambda: runtime.tags.sample("steps1.recipe_count").value == 2, 10)
