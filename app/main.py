@@ -87,6 +87,7 @@ def create_app(settings: Settings, clock: Clock | None = None, threads: Threads 
             async with terminal.listening(runtime):
                 yield
         finally:
+            sequence_trying.end(app)
             await socket.sockets_of(app).close()
             await runtime.stop()
 

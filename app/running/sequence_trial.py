@@ -6,7 +6,7 @@ beside that the tests of its file are run.
 """
 
 import asyncio
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, cast
@@ -101,37 +101,39 @@ class Trial:
     """Of an outcome `failed`."""
 
 
-def try_out(plant: Plant, id: str, given: SequenceTest | None = None) -> Trial:
+def try_out(
+    plant: Plant, id: str, given: SequenceTest | None = None, given_up: Callable[[], bool] = lambda: False
+) -> Trial:
     """Try the sequence of the equipment `id` of `plant` out; `given`: the test whose presets the machine begins with.
 
-    Takes up to 80 s of computing; call it on a thread.
+    Takes up to 80 s of computing, less once it is `given_up`; call it on a thread.
     """
     with ThreadPoolExecutor(1, thread_name_prefix="trial") as one:  # a loop may run on the caller's thread
-        return one.submit(_tried, plant, id, given).result()
+        return one.submit(_tried, plant, id, given, given_up).result()
 
 
-def _tried(plant: Plant, id: str, given: SequenceTest | None) -> Trial:
+def _tried(plant: Plant, id: str, given: SequenceTest | None, given_up: Callable[[], bool]) -> Trial:
     clock = ManualClock()
     try:
         small = _excerpt(plant, id)
         with asyncio.Runner(loop_factory=lambda: VirtualLoop(clock)) as runner:
-            trial = runner.run(_Trial(small, small.equipment[id], given, clock).run())
+            trial = runner.run(_Trial(small, small.equipment[id], given, clock, given_up).run())
     except PogonError as error:
         return Trial("failed", error=str(error))
     item = plant.equipment[id]
     assert item.sequence is not None
     if not any(step.orders for step in item.sequence.steps):
-        _test(plant, item, trial)
+        _test(plant, item, trial, given_up)
     return trial
 
 
-def _test(plant: Plant, item: Equipment, trial: Trial) -> None:
+def _test(plant: Plant, item: Equipment, trial: Trial, given_up: Callable[[], bool]) -> None:
     """The tests of the file, as far as the time goes."""
     assert item.sequence is not None
     clock = SystemClock()
     end, run = clock.monotonic() + MOST_TIME, tests_of(item.type.name)
     for number, test in enumerate(item.sequence.tests if run else ()):
-        if clock.monotonic() > end:
+        if clock.monotonic() > end or given_up():
             trial.untested = len(item.sequence.tests) - number
             break
         alone = replace(item, sequence=replace(item.sequence, tests=(test,)))
@@ -176,8 +178,16 @@ def _named(item: Equipment) -> Iterator[str]:
 class _Trial:
     """One trial on its own plant."""
 
-    def __init__(self, plant: Plant, item: Equipment, given: SequenceTest | None, clock: ManualClock) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        item: Equipment,
+        given: SequenceTest | None,
+        clock: ManualClock,
+        given_up: Callable[[], bool],
+    ) -> None:
         assert item.sequence is not None
+        self._given_up = given_up
         self._item, self._definition, self._given, self._clock = item, item.sequence, given, clock
         self._tags = tags = TagDatabase(clock)
         self._sim = SimPlant(plant, clock)
@@ -248,7 +258,7 @@ class _Trial:
             patience = max(allowed.maximum, allowed.minimum) + PATIENCE if allowed else PATIENCE
             if now - since > patience or trial.seconds > LONGEST:
                 return self._stopped(trial, "waits" if now - since > patience else "too_long", at)
-            if real.monotonic() > end:
+            if real.monotonic() > end or self._given_up():
                 return self._stopped(trial, "too_long", at)
 
     def _enter(self, trial: Trial, step: int, seconds: float) -> None:

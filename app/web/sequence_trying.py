@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from dataclasses import dataclass
+from threading import Event
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
@@ -34,6 +35,8 @@ class Trying:
     """The draft that is tried."""
     definition: SequenceDefinition
     task: "asyncio.Task[Trial]"
+    over: Event
+    """Set when nobody waits for it any more."""
 
     @property
     def trial(self) -> Trial | None:
@@ -71,8 +74,9 @@ async def begin(request: Request, key: str) -> Response:
         raise Refused("editor.trial.busy", 409)
     while len(trials) >= MOST_KEPT:
         trials.pop(next(iter(trials)))
-    task = asyncio.ensure_future(_tried(plant, at.item.id, definition, given["test"]))
-    trials[_key(at)] = Trying(at.draft.text, definition, task)
+    over = Event()
+    task = asyncio.ensure_future(_tried(plant, at.item.id, definition, given["test"], over))
+    trials[_key(at)] = Trying(at.draft.text, definition, task, over)
     if request.headers.get("hx-request") == "true":
         return await shown(request, key)
     return RedirectResponse(f"{at.url}/review#ed-trial", 303)
@@ -83,6 +87,12 @@ async def shown(request: Request, key: str) -> Response:
     """How far it is."""
     at = await editing(request, key)
     return view_of(request).fragment(request, "fragments/editor_trial.html", url=at.url, **trial_of(request, at))
+
+
+def end(app: FastAPI) -> None:
+    """Give up what is tried at present: the server stops, and a thread that computes would keep it."""
+    for one in _trials(app).values():
+        one.over.set()
 
 
 def trial_of(request: Request, at: Editing) -> dict[str, Any]:
@@ -100,10 +110,10 @@ def trial_of(request: Request, at: Editing) -> dict[str, Any]:
     }
 
 
-async def _tried(plant: Plant, id: str, definition: SequenceDefinition, test: str) -> Trial:
+async def _tried(plant: Plant, id: str, definition: SequenceDefinition, test: str, over: Event) -> Trial:
     given = next((one for one in definition.tests if one.name == test), None)
     try:
-        return await asyncio.to_thread(try_out, plant, id, given)
+        return await asyncio.to_thread(try_out, plant, id, given, over.is_set)
     except Exception:
         log.exception("trial failed sequence=%s", id)
         raise

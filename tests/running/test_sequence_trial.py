@@ -91,3 +91,25 @@ def test_presets_that_the_machine_does_not_have_fail_the_trial_with_the_reason(t
     assert sequence is not None
     trial = try_out(plant, "seq1", replace(sequence.tests[0], given={"no_such_thing": 1.0}))
     assert trial.outcome == "failed" and "no_such_thing" in trial.error
+
+
+def test_a_trial_that_nobody_waits_for_any_more_ends() -> None:
+    """The server stops: a thread that computed on for a minute would keep it."""
+    looked = list[int]()
+
+    def given_up() -> bool:
+        looked.append(1)
+        return len(looked) > 3
+
+    trial = try_out(plant_with(FEED), "seq1", None, given_up)
+    assert (trial.outcome, len(looked)) == ("too_long", 4) and trial.seconds < 2
+    own = plant_of_tests("seq1")
+    found = try_out(own, "seq1", None, lambda: True)
+    assert found.tests == [] and found.untested == len(own.equipment["seq1"].sequence.tests) > 0  # type: ignore[union-attr]
+
+
+def plant_of_tests(machine: str) -> Plant:
+    """The demo plant, whose sequence has tests in its file."""
+    plant, problems = read_simulated(bundled("plants/demo"))
+    assert plant is not None and plant.equipment[machine].sequence, problems
+    return plant
