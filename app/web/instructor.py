@@ -296,7 +296,12 @@ def _said(request: Request, refused: Refused | None) -> str:
 def _done(request: Request, refused: Refused | None, deeds: Collection[str], item: Equipment | None = None) -> str:
     """What was just done, in words."""
     done = request.query_params.get("done", "")
-    return _deed(request, item, done) if done in deeds and not refused else ""
+    if done not in deeds or refused:
+        return ""
+    told = (
+        "instructor.chosen" if done == "speed" else "instructor.confirmed"
+    )  # nothing is read back of the server itself
+    return view_of(request).text(request, told, what=_deed(request, item, done))
 
 
 async def _hands(request: Request, item: Equipment, act: str = "", refused: Refused | None = None) -> Response:
