@@ -59,14 +59,19 @@ class MemoryTransport:
         except ValueError as error:
             raise BadAnswer(f"unit {unit}: {error}") from error
         loop = asyncio.get_running_loop()
+        if loop.time() - self._turn >= TURN:  # a device that answers at once must not keep the loop from others
+            await asyncio.sleep(0)
+            self._turn = loop.time()
         try:
-            async with asyncio.timeout(patience):
-                if loop.time() - self._turn >= TURN:  # a device that answers at once must not keep the loop from others
-                    await asyncio.sleep(0)
-                    self._turn = loop.time()
-                answer = await self._exchange(unit, pdu)
-                if answer is None:
-                    await asyncio.sleep(patience + 1)
+            async with asyncio.timeout(None) as limit:
+                # the time-out comes a turn of the loop late: an answer that was due before it counts, however long the loop was held up
+                timer = loop.call_later(patience, lambda: limit.reschedule(loop.time()))
+                try:
+                    answer = await self._exchange(unit, pdu)
+                    if answer is None:
+                        await loop.create_future()
+                finally:
+                    timer.cancel()
         except TimeoutError:
             answer = None
         if answer is None:

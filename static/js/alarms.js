@@ -77,7 +77,7 @@ banner.querySelector("form")?.addEventListener("submit", (event) => {
 
 /** Acknowledge the very alarm that the banner shows; a press right after it changed was meant for another one. */
 function acknowledgeShown(button = document.getElementById("banner-ack")) {
-  if (!button || performance.now() - drawn < GUARD) return;
+  if (!button || shown().occurrence !== occurrence || performance.now() - drawn < GUARD) return;
   post("/alarms/acknowledge", [["occurrence", button.value]]);
 }
 

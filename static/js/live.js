@@ -7,7 +7,7 @@ const DELAYED = 2000, OFFLINE = 2900, MOVE = 100, TEXT = 200, PAUSES = [0, 250, 
 const body = document.body;
 const tags = new Map(); // name → what is known of the tag and what is bound to it
 let byHandle = new Map(), socket = null, rev = null, counted = null;
-let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0;
+let heard = performance.now(), tries = 0, retry = 0, timer = 0, moved = 0, written = 0, fresh = false, told = 0, opened = 0, ready = false;
 
 // ---- binding --------------------------------------------------------------------------------------------------
 
@@ -193,7 +193,7 @@ function receive(message) {
   const changed = message.v.map(([handle]) => byHandle.get(handle)).filter(Boolean);
   document.dispatchEvent(new CustomEvent("pogon:frame", { detail: { time: message.t, changed } }));
   if (body.dataset.live === "live") wake();
-  else connection("live");
+  else if (ready) connection("live");
 }
 
 function welcome(hello) {
@@ -221,6 +221,10 @@ export const current = (name) => tags.get(name);
 
 bind();
 open();
+document.addEventListener("DOMContentLoaded", () => { // every script of the page runs by now: what looks alive answers to a press
+  ready = true;
+  if (fresh) connection("live");
+});
 setInterval(watch, 100);
 setInterval(tick, 1000);
 document.addEventListener("htmx:after:swap", () => { bind(); subscribeAgain(); });

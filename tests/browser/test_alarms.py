@@ -40,7 +40,7 @@ def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operat
 def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(operator: Operator) -> None:
     page = operator.page
     operator.go("/")
-    operator.trip(1, 4)
+    page.wait_for_timeout(600)  # the page itself is not new any more
     # the press comes in the very moment in which the alarm is drawn
     page.evaluate(
         """() => new MutationObserver((_, watcher) => {
@@ -48,6 +48,7 @@ def test_a_press_right_after_the_banner_changed_was_meant_for_another_alarm(oper
             if (button) { watcher.disconnect(); button.click(); document.body.dataset.pressed = "1"; }
         }).observe(document.getElementById("banner"), { childList: true, subtree: true })"""
     )
+    operator.trip(1, 4)
     expect(page.locator("body")).to_have_attribute("data-pressed", "1", timeout=30_000)
     page.wait_for_timeout(800)
     expect(page.locator("#alarms strong")).to_have_text("Converter: overcurrent")

@@ -16,7 +16,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, WebSocketRoute, expect
+from playwright.sync_api import Browser, BrowserContext, Page, Route, WebSocketRoute, expect
 
 from app import bundled
 from app.clock import ManualClock
@@ -588,6 +588,18 @@ def test_the_page_is_right_before_any_script(browser: Browser, server: PogonServ
     assert "translate(" in (page.locator(".mai-ptr").first.get_attribute("transform") or "")
     assert page.evaluate("1") == 1
     context.close()
+
+
+def test_a_page_looks_alive_only_when_all_of_it_answers_to_a_press(page: Page, server: PogonServer) -> None:
+    held: list[Route] = []
+    page.route("**/js/commands*.js*", lambda route: held.append(route))
+    with page.expect_event("websocket") as opened:
+        page.goto(server.url, wait_until="commit")
+    for _ in range(4):
+        opened.value.wait_for_event("framereceived")  # values come
+    expect(page.locator("body")).to_have_attribute("data-live", "delayed")
+    held[0].continue_()
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
 
 
 def test_values_move_on_a_real_server(page: Page, server: PogonServer) -> None:
