@@ -12,7 +12,7 @@
     [[loops]]
     from = "fill"
     to = "settle"
-    times = 3                                           how often it is passed
+    times = 3                                           how often it is passed, or a value of the run ("recipe.count"), whole from 1
 
 The steps of a branch stand together in the file, behind the step after which it divides and before the one in which it meets, so that
 whatever is nested meets again.
@@ -21,15 +21,16 @@ whatever is nested meets again.
 from collections.abc import Iterator, Sequence
 
 from app.blocks.sequence import Branch, Chart, Loop
-from app.plant.sequence_definition import SequenceStep
+from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceStep
+from app.plant.sequence_recipe import check_count, named, refers
 from app.plant.tables import MISSING, Table
 
 MOST_TIMES = 10_000
 TAKES = ("first", "all")
 
 
-def read_chart(root: Table, head: Table, steps: Sequence[SequenceStep]) -> Chart:
-    """The structure that the file gives to its `steps`; notes everything that cannot be."""
+def read_chart(root: Table, head: Table, steps: Sequence[SequenceStep], recipe: Sequence[RecipeValue] = ()) -> Chart:
+    """The structure that the file gives to its `steps`, `recipe` the values of its runs; notes everything that cannot be."""
     keys = [step.key for step in steps]
     branches: list[Branch] = []
     for row in root.rows("branches"):
@@ -38,7 +39,7 @@ def read_chart(root: Table, head: Table, steps: Sequence[SequenceStep]) -> Chart
             branches.append(branch)
     loops: list[Loop] = []
     for row in root.rows("loops"):
-        loop = _loop(row, keys)
+        loop = _loop(row, keys, recipe)
         if loop is not None and _is_whole(row, loop, branches, loops, keys):
             loops.append(loop)
     return Chart(tuple(branches), tuple(loops), _safe(head, keys, branches, loops))
@@ -108,14 +109,19 @@ def _commands_apart(row: Table, branch: Branch, steps: Sequence[SequenceStep]) -
     return True
 
 
-def _loop(row: Table, keys: Sequence[str]) -> Loop | None:
+def _loop(row: Table, keys: Sequence[str], recipe: Sequence[RecipeValue]) -> Loop | None:
     first, last = _step(row, "from", keys), _step(row, "to", keys)
-    times = row.whole("times", low=2, high=MOST_TIMES)
+    value, times = named(row, "times", recipe), 0
+    if value is not None:
+        check_count(row, "times", value, MOST_TIMES)
+        times = round(value.default)
+    elif not refers(row.data.get("times")):
+        times = row.whole("times", low=2, high=MOST_TIMES)
     row.done()
     if first and last and last < first:
         row.note("to", keys[last - 1], f"{keys[first - 1]} or a step behind it")
         return None
-    return Loop(first, last, times) if first and last and times else None
+    return Loop(first, last, times, value.key if value else "") if first and last and (times or value) else None
 
 
 def _is_whole(row: Table, loop: Loop, branches: Sequence[Branch], others: Sequence[Loop], keys: Sequence[str]) -> bool:
@@ -164,6 +170,6 @@ def chart_lines(chart: Chart) -> Iterator[str]:
         paths = ",".join(map(str, branch.paths))
         yield f"branch {branch.after} {'all' if branch.together else 'first'} {paths} then {branch.then}"
     for loop in chart.loops:
-        yield f"loop {loop.first} {loop.last} {loop.times}"
+        yield f"loop {loop.first} {loop.last} {PREFIX + loop.recipe if loop.recipe else loop.times}"
     if chart.safe:
         yield f"abort_to {chart.safe}"

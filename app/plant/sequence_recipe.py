@@ -9,8 +9,9 @@
     maximum = 50.0
     default = 30.0                                      before the first run; then the values of the last one
 
-`recipe.<key>` stands for the value in place of a time of a step (`minimum`, `maximum`), of a value of an order, and as a name in the
-sentences of permissives and abort conditions. Whatever is checked of a number is checked of both ends of its range.
+`recipe.<key>` stands for the value in place of a time of a step (`minimum`, `maximum`), of a value of an order, of the count of a loop
+(`times`; whole numbers only), and as a name in the sentences of permissives and abort conditions. Whatever is checked of a number is
+checked of both ends of its range.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -85,6 +86,16 @@ def check_time(table: Table, key: str, value: RecipeValue, most: float) -> None:
             PREFIX + value.key,
             f"a value of a run from 0 to {most:g} s; its range is {value.low:g} to {value.high:g}",
         )
+
+
+def check_count(table: Table, key: str, value: RecipeValue, most: int) -> None:
+    """Note a value of a run that cannot be how often something is done: whole numbers from 1."""
+    given = PREFIX + value.key
+    if value.decimals or not all(one.is_integer() for one in (value.low, value.high, value.default)):
+        said = f"its decimals are {value.decimals}, its range is {value.low:g} to {value.high:g}, default {value.default:g}"
+        table.note(key, given, f"a value of a run in whole numbers, with decimals = 0; {said}")
+    elif not (value.low >= 1 and value.high <= most):
+        table.note(key, given, f"a value of a run from 1 to {most}; its range is {value.low:g} to {value.high:g}")
 
 
 def check_names(table: Table, key: str, text: str, names: Sequence[str], known: Sequence[RecipeValue]) -> None:

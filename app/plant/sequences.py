@@ -268,7 +268,7 @@ class SequenceFiles:
             start_when=_wish(file, head, "start_when"),
             suspend_when=_wish(file, head, "suspend_when"),
             advance_when=_wish(file, head, "advance_when"),
-            chart=read_chart(root, head, steps),
+            chart=read_chart(root, head, steps, file.recipe),
             recipe=file.recipe,
         )
         head.done()

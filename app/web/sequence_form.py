@@ -341,7 +341,7 @@ class Forms(_Fields):
         fields = [
             self._place(f"{name}.from", row.get("from")),
             self._place(f"{name}.to", row.get("to")),
-            self._field("", f"{name}.times", row.get("times"), kind="number", required=True),
+            self._field("", f"{name}.times", row.get("times"), kind="number", required=True, names=bool(self._recipe)),
         ]
         return OrderView(number, fields, self._whole(name))
 

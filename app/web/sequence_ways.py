@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection
 from functools import cached_property
 
 from app.plant.sequence_definition import SequenceDefinition
+from app.plant.sequence_recipe import point_of
 from app.web.points import EquipmentView
 
 
@@ -35,7 +36,7 @@ class SequenceWays:
             return ((1,),)
         chart = self.definition.chart
         loop, back = chart.loop(step), self._cell(step, "passes") or 0
-        if loop is not None and back + 1 < loop.times:
+        if loop is not None and back + 1 < (self.times(step) or loop.times):
             return ((loop.first,),)
         return chart.ways(step, self._total).targets
 
@@ -65,10 +66,53 @@ class SequenceWays:
             if step == branch.then:
                 said.append(self._say("way_meet"))
         if (loop := chart.loop(step)) is not None:
-            said.append(self._say("way_loop", first=loop.first, times=loop.times))
+            said.append(self._back(step, loop.first))
         if chart.safe and step == chart.safe:
             said.append(self._say("way_safe"))
         return said
+
+    def times(self, last: int) -> int | None:
+        """How often the loop that ends with step `last` is passed in the run that lasts, or was in the last one; None = nobody says it."""
+        loop = self.definition.chart.loop(last)
+        if loop is None or not loop.recipe:
+            return loop.times if loop else None
+        number = [one.key for one in self.definition.recipe].index(loop.recipe) + 1
+        point = self.equipment.point(point_of(number)) if self.equipment.has(point_of(number)) else None
+        return round(point.value) if point and point.usable and isinstance(point.value, int | float) else None
+
+    @property
+    def passes(self) -> list[str]:
+        """Of each loop in which the run is, in words: which pass it is, of how many."""
+        said = []
+        for loop in self.definition.chart.loops:
+            back = self._cell(loop.last, "passes")
+            if back is None or not any(loop.first <= step <= loop.last for step in self.actives):
+                continue
+            times = self.times(loop.last)
+            said.append(self._say("way_pass", n=round(back) + 1, times=times or "–", first=loop.first, last=loop.last))
+        return said
+
+    @property
+    def pass_names(self) -> str:
+        """Tags by which `passes` changes."""
+        keys = [f"step_{loop.last}_passes" for loop in self.definition.chart.loops]
+        return " ".join(self.equipment.point(key).name for key in keys if self.equipment.has(key))
+
+    @property
+    def counted(self) -> bool:
+        """Whether a loop is passed as often as is given at Start."""
+        return any(loop.recipe for loop in self.definition.chart.loops)
+
+    def _back(self, last: int, first: int) -> str:
+        """Where the loop that ends with step `last` leads, and how often; before a run who says so."""
+        loop, times = self.definition.chart.loop(last), self.times(last)
+        given = next((one for one in self.definition.recipe if loop and one.key == loop.recipe), None)
+        if given is None:
+            return self._say("way_loop", first=first, times=times)
+        label = self.equipment.words(given.label)
+        if times is None or not self.actives:
+            return self._say("way_loop_given", first=first, label=label)
+        return self._say("way_loop_run", first=first, times=times, label=label)
 
     def _cell(self, step: int, column: str) -> float | None:
         key = f"step_{step}_{column}"

@@ -12,6 +12,8 @@ from tests.running.test_sequence_machines import DRIVE, LINKS, SEQUENCE, file, s
 STEPS = [step(key) for key in ("a", "b", "c", "d", "e", "f")]
 WAY = '[[branches]]\nafter = "a"\ntake = "all"\npaths = ["b", "c"]\nthen = "e"\n'
 LOOP = '[[loops]]\nfrom = "c"\nto = "d"\ntimes = 3\n'
+COUNT = '[[recipe]]\nkey = "count"\nlabel = "Count"\ndecimals = 0\nminimum = 1\nmaximum = 9\ndefault = 4\n'
+GIVEN = LOOP.replace("3", '"recipe.count"')
 SAFE = 'abort_to = "f"\n'
 
 
@@ -30,6 +32,13 @@ def test_a_file_says_which_step_follows_which(tmp_path: Path) -> None:
     assert problems == []
     assert chart == Chart((Branch(1, (2, 3), 5, together=True),), (Loop(3, 4, 3),), safe=6)
     assert program.endswith("branch 1 all 2,3 then 5\nloop 3 4 3\nabort_to 6\n"), "part of the check sum"
+
+
+def test_a_value_of_the_run_says_how_often_a_loop_is_passed(tmp_path: Path) -> None:
+    chart, problems, program = read(tmp_path / "hall", COUNT + GIVEN)
+    assert problems == [] and chart == Chart(loops=(Loop(3, 4, 4, "count"),))
+    assert "loop 3 4 recipe.count\n" in program, "whatever its default is"
+    assert chart is not None and chart.counted({"count": 7.0}).loops == (Loop(3, 4, 7, "count"),)
 
 
 def test_a_file_without_has_the_check_sum_that_it_had(tmp_path: Path) -> None:
@@ -61,6 +70,14 @@ def test_a_file_without_has_the_check_sum_that_it_had(tmp_path: Path) -> None:
         (WAY + LOOP.replace('from = "c"', 'from = "b"'), "", "a step in the same path as b"),
         (LOOP.replace('to = "d"', 'to = "b"'), "", "c or a step behind it"),
         (LOOP.replace("times = 3", "times = 1"), "", "from 2"),
+        (COUNT + GIVEN.replace("recipe.count", "recipe.counts"), "", "a number, or one of recipe.count (perhaps recipe.count)"),
+        (GIVEN, "", "a number, or a value of [[recipe]], which has none"),
+        (COUNT + LOOP.replace("3", '"count"'), "", "a whole number"),
+        (COUNT.replace("decimals = 0\n", "") + GIVEN, "", "in whole numbers, with decimals = 0; its decimals are 1"),
+        (COUNT.replace("maximum = 9", "maximum = 9.5") + GIVEN, "", "its range is 1 to 9.5"),
+        (COUNT.replace("default = 4", "default = 4.5") + GIVEN, "", "default 4.5"),
+        (COUNT.replace("minimum = 1", "minimum = 0") + GIVEN, "", "a value of a run from 1 to 10000; its range is 0 to 9"),
+        (COUNT.replace("maximum = 9", "maximum = 10001") + GIVEN, "", "its range is 1 to 10001"),
         (LOOP + LOOP.replace('from = "c"', 'from = "b"'), "", "each with an end of its own"),
         (LOOP + LOOP.replace('from = "c"', 'from = "d"').replace('to = "d"', 'to = "e"'), "", "a loop within another one"),
         (WAY, 'abort_to = "c"\n', "a step outside of the branch or loop at a"),

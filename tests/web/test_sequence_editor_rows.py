@@ -93,6 +93,20 @@ def test_branches_and_loops_are_added_checked_and_removed(staff: Staff) -> None:
     assert file(staff).strip() == before.strip()
 
 
+def test_a_loop_is_counted_by_a_number_or_a_value_of_the_run(staff: Staff) -> None:
+    send(staff, "do", do="add_loops")
+    send(staff, "do", do="add_recipe")
+    shown = page(staff)
+    assert re.search(r'name="loops\.0\.times"[^>]*list="ed-recipe"', shown), shown
+    wrong = hint(send(staff, "fields", loops__0__times="recipe.value"), "loops-0-times")
+    assert "in whole numbers, with decimals = 0" in wrong
+    given = {"recipe__2__decimals": "0", "recipe__2__minimum": "1", "recipe__2__default": "2"}
+    assert "No mistakes." in send(staff, "fields", **given)
+    assert 'times = "recipe.value"\n' in file(staff)
+    assert "recipe.times" not in hint(send(staff, "fields", loops__0__times="5"), "loops-0-times")
+    assert "times = 5\n" in file(staff)
+
+
 def test_safe_steps_are_chosen_by_name(staff: Staff) -> None:
     shown = page(staff)
     assert "4 · Stop again" in shown

@@ -9,12 +9,12 @@ twice. Branches follow IEC 61131-3, sequential function chart:
 | alternative | the first path whose first step can be entered, in the order of the row |
 | parallel | all paths at once, when the first steps of all can be entered |
 | they meet | when the last steps of all paths have had their time and the step in which they meet can be entered |
-| loop | behind its last step, until it was passed `times` times; then what follows it |
+| loop | behind its last step, until it was passed `times` times; then what follows it; `times` may be given at the start |
 | safe steps | the end of the row: entered by a run that stops before its end, never else |
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 
@@ -43,6 +43,8 @@ class Loop:
     first: int
     last: int
     times: int
+    recipe: str = ""
+    """Key of the value of the run that says `times`; empty = it is fixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,15 @@ class Chart:
     def final(self, steps: int) -> int:
         """The last step of a run that nothing stops."""
         return self.safe - 1 if self.safe else steps
+
+    def counted(self, values: Mapping[str, float]) -> "Chart":
+        """As it is in a run with these values, by their keys: loops that one of them counts are passed so often."""
+        if not any(loop.recipe in values for loop in self.loops):
+            return self
+        loops = (
+            replace(loop, times=round(values[loop.recipe])) if loop.recipe in values else loop for loop in self.loops
+        )
+        return replace(self, loops=tuple(loops))
 
     def loop(self, step: int) -> Loop | None:
         """The loop that ends with `step`."""

@@ -22,7 +22,7 @@ Commands: 1 start (as many f32 as it takes values of a run) · 2 suspend · 3 re
 f32 minimum, f32 maximum, u32 override) · 12 force (u32 step, 0 = abort; u32 bit; f32 seconds) · 13 release (step, bit) · 14 release all.
 Reasons: 1 unknown 2 wrong state 3 permissives missing (detail step·16+bit) 4 needs acknowledge 5 locked while running 6 no such step 7 no such
 bit 8 may not be forced 9 duration 10 not forced 11 times outside limits 12 no free place for a force 13 not suspended 14 not in single step
-15 the machine is not in automatic 16 a value of the run outside its limits (detail: its number) 17 a value of the run gives this time 20–22 settings.
+15 the machine is not in automatic 16 a value of the run outside its limits, or not whole and the count of a loop (detail: its number) 17 a value of the run gives this time 20–22 settings.
 Events 1–16, 23: `blocks.sequence.SequenceEvent`; 17 times changed · 18 power up · 19/20 automatic on/off · 21/22 single step on/off
 · 24–27 values 1–4 of the run, behind its start. Source: step, of these none. Snapshot:
 0 bit (0xFFFF none) · 1 together · 2 abort conditions as input · 3 input word of that step · 4–5 f32 value behind the permissive.

@@ -1,6 +1,7 @@
 """The values of a run of a virtual sequence: those of the last start until the next one, retained."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import isfinite
 
 from app.blocks.sequence import SequenceBlock
@@ -14,6 +15,7 @@ class Recipe:
     def __init__(self, definition: SequenceDefinition, changed: Callable[[], None]) -> None:
         """`changed` is called when values are others than before."""
         self._declared, self._steps, self._changed = tuple(definition.recipe), definition.steps, changed
+        self._counts = frozenset(loop.recipe for loop in definition.chart.loops)
         self.forget()
 
     values: tuple[float, ...]
@@ -36,11 +38,14 @@ class Recipe:
         return self.by_key.get(name.removeprefix(PREFIX)) if name.startswith(PREFIX) else None
 
     def outside(self, raw: Sequence[int]) -> int:
-        """Number, from 1, of the first of the `raw` arguments of a start that is no value within its limits; 0 = all are."""
+        """Number, from 1, of the first of the `raw` arguments of a start that is no value within its limits, or not
+        whole and the count of a loop; 0 = all are."""
         for number, (one, word) in enumerate(zip(self._declared, raw, strict=False), 1):
             value = real_of(word)
             # both ends as a telegram carries them: an f32
             if not (isfinite(value) and _single(one.low) <= value <= _single(one.high)):
+                return number
+            if one.key in self._counts and not value.is_integer():
                 return number
         return 0
 
@@ -60,7 +65,8 @@ class Recipe:
         return self.by_key[key] if key else None
 
     def apply(self, block: SequenceBlock) -> None:
-        """Times of steps that are values of the run."""
+        """Times of steps and counts of loops that are values of the run."""
+        block.settings = replace(block.settings, chart=block.settings.chart.counted(self.by_key))
         for number in range(1, len(self._steps) + 1):
             minimum, maximum = self.time(number, "minimum"), self.time(number, "maximum")
             if minimum is None and maximum is None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.blocks.sequence import Chart, Loop
 from app.plant.sequence_definition import RecipeValue, SequenceDefinition
 from app.registers.plc_map import real
 from app.sim.sequence.program import VirtualSequence
@@ -12,6 +13,7 @@ from tests.sim.coil_car.line import Talker, bit, teaching
 from tests.sim.sequence.stand import DONE, REJECTED, f32, number, run, step_row, word
 
 HOLD = RecipeValue("hold", {}, 0.5, 20.0, 2.0, "s")
+COUNT = RecipeValue("count", {}, 1.0, 9.0, 2.0, decimals=0)
 LEVEL = RecipeValue("level", {}, 0.0, 100.0, 50.0, "%")
 
 
@@ -97,3 +99,46 @@ def test_a_time_that_is_a_value_of_the_run_is_not_set_by_itself() -> None:
     assert (answer.state, answer.reason, answer.detail) == (REJECTED, SequenceReason.OF_RECIPE, 1)
     assert talker.ask(SequenceCommand.SET_TIMES, 1, real(2.0), real(25.0)).state == DONE
     assert f32(step_row(plc, 1), 8) == 2.0 and f32(step_row(plc, 1), 10) == 25.0
+
+
+def counting() -> tuple[VirtualSequence, Talker]:
+    """Two steps of one second, passed as often as is given."""
+    base = teaching((1.0, 30.0), (1.0, 30.0))
+    steps = tuple(replace(step, permissives=()) for step in base.steps)
+    chart = Chart(loops=(Loop(1, 2, 2, "count"),))
+    plc = VirtualSequence(replace(base, steps=steps, abort=(), recipe=(COUNT,), chart=chart))
+    plc.step()
+    return plc, Talker(plc)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_loop_is_passed_as_often_as_the_start_says(count: int) -> None:
+    plc, talker = counting()
+    assert talker.ask(SequenceCommand.START, real(float(count))).state == DONE
+    run(plc, 2.0 * count - 0.5)
+    assert plc.block.running and word_of_pass(plc) == count - 1
+    run(plc, 1.0)
+    assert plc.state == 3 and [one.runs for one in plc.block.times] == [count, count]
+
+
+def word_of_pass(plc: VirtualSequence) -> int:
+    return step_row(plc, 2)[27]
+
+
+def test_a_count_that_is_not_whole_starts_nothing() -> None:
+    plc, talker = counting()
+    answer = talker.ask(SequenceCommand.START, real(2.5))
+    assert (answer.state, answer.reason, answer.detail) == (REJECTED, SequenceReason.RECIPE, 1)
+    assert not plc.block.running and shown(plc)[0] == 2.0
+
+
+def test_the_next_run_has_its_own_count_and_a_restart_keeps_the_last() -> None:
+    plc, talker = counting()
+    for count in (3, 1):
+        talker.ask(SequenceCommand.START, real(float(count)))
+        run(plc, 2.0 * count + 0.5)
+        assert plc.state == 3 and plc.block.times[0].runs == (3 if count == 3 else 4)
+    talker.ask(SequenceCommand.START, real(5.0))
+    plc.power_cycle()
+    plc.step()
+    assert plc.block.settings.chart.loops[0].times == 5
