@@ -108,11 +108,6 @@ class Gate:
             self._sets.stop(machine, "why.reloaded")
         self.control.keep_only(frozenset(self._state.machines))
 
-    @property
-    def now(self) -> int:
-        """The time by which commands are written down [µs UTC]."""
-        return self._state.clock.micros()
-
     async def ask(
         self,
         person: Person | None,

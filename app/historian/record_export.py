@@ -58,9 +58,7 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
         self.title, self.stem = settings.kind.title, settings.kind.file  # type: ignore[misc]
         super().__init__(settings)
         kind, used = settings.kind, {column.of for column in settings.kind.csv}
-        self._with_people = bool(
-            used & {*PEOPLE, *(f.name for f in kind.fields.values() if f.type in (Type.PERSON, Type.REASON))}
-        )
+        self._with_people = bool(used & {*PEOPLE, *(f.name for f in kind.fields.values() if f.type is Type.PERSON)})
         self._definitions: dict[str, Definition] = {}
         self._people: Mapping[int, Sequence[Asked]] = {}
         """Of the page at hand, like the next two."""
@@ -151,9 +149,9 @@ class RecordExport(ListExport[RecordExportSettings, Record]):
     def _field(self, one: Record, name: str, asked: Sequence[Asked]) -> str:
         of, value = self.settings.kind.fields[name], one.fields.get(name)
         match of.type:
-            case Type.PERSON | Type.REASON:
+            case Type.PERSON:
                 last = query.person(of, asked)
-                return self._cell(getattr(last, of.type.value) if last else "")
+                return self._cell(last.person if last else "")
             case Type.WORD:
                 return self._cell(self.settings.words.get((name, str(value)), str(value)) if value else "")
             case Type.NAME:

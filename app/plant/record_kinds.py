@@ -266,10 +266,8 @@ class _KindReader:
         people = None
         if table.has("events"):
             people = When(self._events(table, "events", required=True) or frozenset())
-            if kind not in (Type.PERSON, Type.REASON):
-                table.note(
-                    "events", table.raw("events"), "`rules`; events of its own has a field of the type person or reason"
-                )
+            if kind is not Type.PERSON:
+                table.note("events", table.raw("events"), "`rules`; events of its own has a field of the type person")
         field = Field(
             name=key,
             type=kind,

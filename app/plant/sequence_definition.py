@@ -59,8 +59,6 @@ class SequenceOrder:
     """By the names that the action declares [EU]; of a value of the run its default."""
     recipe: Mapping[str, str] = field(default_factory=dict)
     """Those that are values of the run: name → key."""
-    begun: int = field(default=0, compare=False)
-    """When the run began that gives it [µs UTC]; 0 = not known."""
 
     def given(self, values: Mapping[str, float]) -> "SequenceOrder":
         """The order as it is in a run with these `values`."""

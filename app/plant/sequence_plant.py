@@ -10,7 +10,7 @@
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
-from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
+from app.plant.definitions import Equipment, Kind, Link, Plant, Scan, Type
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.orders import expected_action
@@ -86,8 +86,8 @@ def check_order(
         if name not in order.values:
             table.note(f"values.{name}", MISSING, f"a number: {order.action} needs {', '.join(action.values)}")
     for name, value in order.values.items():
-        if name not in (*action.values, *action.optional):
-            expected = f"a value of {order.action}: " + one_of([*action.values, *action.optional], name)
+        if name not in action.values:
+            expected = f"a value of {order.action}: " + one_of(list(action.values), name)
             table.note(f"values.{name}", value, expected)
     ends = {one.key: (one.low, one.high) for one in recipe}
     spans = {name: ends.get(order.recipe.get(name, ""), (value,)) for name, value in order.values.items()}
@@ -101,8 +101,6 @@ def check_order(
                 value = order.values[argument.name]
                 span = spans[argument.name]
                 _check_range(table, argument.name, span, _number(argument.low), _number(argument.high), machine)
-                if argument.name in each.optional:
-                    _check_decimals(table, argument, order, recipe, machine)
                 if argument.type is not Type.F32 and argument.name in order.recipe:
                     table.note(
                         f"values.{argument.name}",
@@ -121,20 +119,6 @@ def _check_range(
     if wrong:
         ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
         table.note(f"values.{name}", wrong[0], f"a number {ends} for {machine.id}")
-
-
-def _check_decimals(
-    table: Table, argument: Argument, order: SequenceOrder, recipe: Sequence[RecipeValue], machine: Equipment
-) -> None:
-    """A value of the run of another sequence that has more decimals than that one takes: its start would be refused."""
-    value, name = order.values[argument.name], f"values.{argument.name}"
-    own = next((one for one in recipe if one.key == order.recipe.get(argument.name)), None)
-    takes = f"with at most {argument.decimals} decimals" if argument.decimals else "in whole numbers"
-    if own is not None and own.decimals > argument.decimals:
-        expected = f"a value of a run {takes}, as {machine.id} takes it; {own.key} has decimals = {own.decimals}"
-        table.note(name, PREFIX + own.key, expected)
-    elif own is None and round(value, argument.decimals) != value:
-        table.note(name, value, f"a number {takes}, as {machine.id} takes it")
 
 
 def _widest(machine: Equipment, key: str, end: str) -> float | None:

@@ -52,8 +52,6 @@ class Type(StrEnum):
     """Number of a part, shown with its name."""
     PERSON = "person"
     """Who asked for the last of some of its events; it is read from these."""
-    REASON = "reason"
-    """What they gave as the reason, likewise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,9 @@ plant file says.
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime
+from dataclasses import dataclass, field
 from enum import Enum
 from math import inf, isfinite, nan
-from zoneinfo import ZoneInfo
 
 from app import chance
 from app.access.roles import Person, permissions_of
@@ -155,9 +153,8 @@ class SequenceDesk:
         """Whether an order is not over yet."""
         return any(one.stage is not Stage.DONE for held in self._carried.values() for one in held)
 
-    def give(self, orders: Sequence[SequenceOrder], ago: int = 0) -> GivenOrders:
-        """Give `orders`: those of one machine one after the other, machines side by side; `ago`: how long the run lasts [µs]."""
-        orders = [replace(order, begun=self.gate.now - ago) for order in orders]
+    def give(self, orders: Sequence[SequenceOrder]) -> GivenOrders:
+        """Give `orders`: those of one machine one after the other, machines side by side."""
         given = GivenOrders(list(orders), len(orders))
         for number, order in enumerate(orders, 1):
             item = self._plant.equipment.get(order.machine)
@@ -323,24 +320,23 @@ class SequenceDesk:
         """
         if not self._writers[item.link].simulated:
             raise Refused(LIVE, 409, machine=item.id)
-        progress = await self._ask_in_time(item, command, order)
+        progress = await self._ask_in_time(item, command, order.values if order else {})
         if progress.state is not ProgressState.CONFIRMED:
             raise Refused(progress.reason or progress.text, 409, **progress.params)
 
-    async def _ask_in_time(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None) -> Progress:
+    async def _ask_in_time(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         """As `_ask`; a pulse that was given a moment ago waits until its pause is over, once."""
         try:
-            return await self._ask(item, command, order)
+            return await self._ask(item, command, values)
         except Refused as refusal:
             seconds = refusal.params.get("seconds")
             if refusal.reason != TOO_SOON or not isinstance(seconds, int | float):
                 raise
             await asyncio.sleep(seconds + 0.1)
-        return await self._ask(item, command, order)
+        return await self._ask(item, command, values)
 
-    async def _ask(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None) -> Progress:
+    async def _ask(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         self._number += 1
-        values = order.values if order else {}
         id = f"{self._prefix}-{self._number}"
         ended = self._waits[id] = asyncio.get_running_loop().create_future()
         try:
@@ -352,16 +348,20 @@ class SequenceDesk:
                 item.id,
                 command.command,
                 argument=values.get(command.value),
-                arguments={name: values[name] for name in command.arguments}
-                or _of_run(self._tags, item, command.command, values if command.optional else {}),
+                arguments={name: values[name] for name in command.arguments} or self._last(item, command.command),
                 id=id,
                 nonce=nonce,
                 confirmed=True,
-                reason=_why(self.person, self._plant, item, order),
             )
             return asked if asked.over else await ended
         finally:
             self._waits.pop(id, None)
+
+    def _last(self, item: Equipment, command: str) -> dict[str, float]:
+        """The values of the run with which another sequence is started: those of its last one, else its defaults."""
+        if item.sequence is None or not item.type.commands[command].arguments:
+            return {}
+        return last_of(item.sequence, lambda key: _seen(self._tags, f"{item.id}.{key}"))
 
     def _ended(self, progress: Progress) -> None:
         waiting = self._waits.get(progress.id)
@@ -418,22 +418,6 @@ class SequenceDesk:
 def _seen(tags: TagDatabase | None, name: str) -> Reading:
     handle = tags.handles.get(name) if tags else None
     return (tags.value(handle), tags.quality(handle)) if tags and handle is not None else UNSEEN
-
-
-def _of_run(tags: TagDatabase | None, item: Equipment, command: str, given: Mapping[str, float]) -> dict[str, float]:
-    """The values of the run with which another sequence is started: what is given, else those of its last one, else its defaults."""
-    if item.sequence is None or not item.type.commands[command].arguments:
-        return {}
-    last = last_of(item.sequence, lambda key: _seen(tags, f"{item.id}.{key}"))
-    return last | {key: value for key, value in given.items() if key in last}
-
-
-def _why(person: Person, plant: Plant, item: Equipment, order: SequenceOrder | None) -> str:
-    """With what another sequence is commanded: who does, and when its run began, so that the run of the other says whose it is."""
-    if item.sequence is None or order is None or not order.begun:
-        return ""
-    begun = datetime.fromtimestamp(order.begun / 1e6, ZoneInfo(plant.timezone))
-    return f"{person.name} · {begun:%Y-%m-%d %H:%M:%S}"
 
 
 def _replaces(one: _Carried, former: _Carried) -> bool:

@@ -96,9 +96,6 @@ class RecordWords:
             case Type.PERSON:
                 last = person(field, asked)
                 return shown_name(self.request, last.person) if last else ""
-            case Type.REASON:
-                last = person(field, asked)
-                return self.said(last.reason) if last else ""
             case Type.WORD:
                 return self.text(f"{name}.{value}") if value else ""
             case Type.NAME:

@@ -30,8 +30,8 @@ class Given(Protocol):
 class Desk(Protocol):
     """Who carries the commands of one sequence to the machines, and knows what the run has them do."""
 
-    def give(self, orders: Sequence[SequenceOrder], ago: int) -> Given:
-        """Give `orders`: those of one machine one after the other, machines side by side; `ago`: how long the run lasts [µs]."""
+    def give(self, orders: Sequence[SequenceOrder]) -> Given:
+        """Give `orders`: those of one machine one after the other, machines side by side."""
         ...
 
     def suspend(self) -> None:
@@ -66,8 +66,6 @@ class StepOrders:
         self._orders = tuple(tuple(step.orders) for step in definition.steps)
         self.values: Callable[[], Mapping[str, float]] = dict
         """The values of the run, by key."""
-        self.ago: Callable[[], int] = int
-        """How long ago the run began [µs]."""
         self.any = any(self._orders)
         """Whether a step commands anything."""
         self.desk: Callable[[], Desk | None] = lambda: None
@@ -126,7 +124,7 @@ class StepOrders:
         self._given.pop(step, None)
         if orders := [order.given(self.values()) for order in self._orders[step - 1]]:
             desk = self.desk()
-            self._given[step] = desk.give(orders, self.ago()) if desk else _Refused()
+            self._given[step] = desk.give(orders) if desk else _Refused()
 
     def _switch_off(self) -> None:
         if self._off:

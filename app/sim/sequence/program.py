@@ -142,7 +142,6 @@ class VirtualSequence(VirtualPlc):
         self.orders = StepOrders(definition)
         self.recipe = Recipe(definition, self._take_inputs)
         self.permissives.recipe, self.orders.values = self.recipe.value, lambda: self.recipe.by_key
-        self.orders.ago = lambda: self.time - self.runs.start
         self._wanted, self._wished = not definition.start_when, False
         self._actions = tuple(tuple(step.actions) for step in definition.steps)
         self._steps_table = Table(map.STEPS, map.STEP_WORDS, self._count, self._step_row)
