@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from fontTools import subset  # type: ignore[import-untyped]
@@ -42,7 +43,8 @@ FONTS = {
     "cousine-latin-ext.woff2": ("@fontsource/cousine/files/cousine-latin-ext-400-normal.woff2", LETTERS),
     "noto-sans-math.woff2": ("@fontsource/noto-sans-math/files/noto-sans-math-latin-400-normal.woff2", SYMBOLS),
 }
-"""File in static/vendor: where it comes from, what of it is kept. static/css/font.css names them."""
+FONTS_IN = "static/vendor"
+"""File in it: where it comes from, what of it is kept. static/css/font.css names them."""
 
 
 def main() -> None:
@@ -52,15 +54,24 @@ def main() -> None:
         npm_ci()
         stamp.write_text(lock)
     for folder, files in FILES.items():
-        target = ROOT / folder
-        shutil.rmtree(target, ignore_errors=True)
-        target.mkdir(parents=True)
-        for file in files:
-            shutil.copyfile(MODULES / file, target / Path(file).name)
-            copy_licence(file, target)
-    for name, (file, characters) in FONTS.items():
-        cut_font(MODULES / file, ROOT / "static" / "vendor" / name, characters)
-        copy_licence(file, ROOT / "static" / "vendor")
+        with tempfile.TemporaryDirectory(dir=MODULES) as made:
+            for file in files:
+                shutil.copyfile(MODULES / file, Path(made) / Path(file).name)
+                copy_licence(file, Path(made))
+            for name, (file, characters) in FONTS.items() if folder == FONTS_IN else ():
+                cut_font(MODULES / file, Path(made) / name, characters)
+                copy_licence(file, Path(made))
+            put(Path(made), ROOT / folder)
+
+
+def put(made: Path, target: Path) -> None:
+    """Make the folder `target` hold the files of `made`, each of them at every moment: a server may be reading them."""
+    target.mkdir(parents=True, exist_ok=True)
+    for former in target.iterdir():
+        if not former.name.startswith(".") and not (made / former.name).exists():
+            former.unlink()
+    for file in made.iterdir():
+        file.replace(target / file.name)
 
 
 def npm_ci() -> None:
