@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from app.errors import BadAnswer, ConfigurationError, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange
+from app.links.patience import Patience
 from app.plant.definitions import Link
 from app.registers.pdu import WRITE_MULTIPLE, Request, build_request, parse_answer
 
@@ -63,15 +64,10 @@ class MemoryTransport:
             await asyncio.sleep(0)
             self._turn = loop.time()
         try:
-            async with asyncio.timeout(None) as limit:
-                # the time-out comes a turn of the loop late: an answer that was due before it counts, however long the loop was held up
-                timer = loop.call_later(patience, lambda: limit.reschedule(loop.time()))
-                try:
-                    answer = await self._exchange(unit, pdu)
-                    if answer is None:
-                        await loop.create_future()
-                finally:
-                    timer.cancel()
+            async with Patience(patience):
+                answer = await self._exchange(unit, pdu)
+                if answer is None:
+                    await loop.create_future()
         except TimeoutError:
             answer = None
         if answer is None:

@@ -25,6 +25,7 @@ from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConne
 from app.links.contract import Block, Counts, Exchange, LateAnswerDue
 from app.links.late_answers import LateAnswers, Pattern, Piece, pattern_of_answer, pattern_of_request
 from app.links.line_diagnosis import LineDiagnosis
+from app.links.patience import more
 from app.links.repeats import Repeats
 from app.links.serial_port import close_port, open_port, reason_of
 from app.plant.definitions import Link
@@ -39,6 +40,8 @@ RESTLESS = 1.0
 """A line that is not silent for so long cannot be used [s]."""
 SOONER = 0.9
 """Part of the time that a request and its answer take on the wire: what is complete before that answers something else."""
+TURN = 0.002
+"""A loop that comes to a deadline later than that [s] was held up."""
 NOISE = 5
 """Fewer bytes that are no frame are the click of a driver that switches; from here on it was an answer, damaged."""
 TEMPORARY = (4, 5, 6)
@@ -63,6 +66,8 @@ class _Telegram:
     held: list[bytes] = field(default_factory=list)
     """Answers that may be former ones, said twice."""
     deadline: float = 0.0
+    was_late: bool = False
+    """Whether the loop has come to the deadline: what it was late is given once."""
     timer: asyncio.TimerHandle | None = None
 
 
@@ -229,7 +234,10 @@ class RtuTransport:
 
     def _time_is_up(self, telegram: _Telegram, patience: float) -> None:
         loop = asyncio.get_running_loop()
-        if self._framer.pending and loop.time() < self._heard + GAP:
+        longer, telegram.was_late = 0.0 if telegram.was_late else more(telegram.deadline, patience), True
+        if longer > TURN:
+            telegram.timer = loop.call_later(longer, self._time_is_up, telegram, patience)
+        elif self._framer.pending and loop.time() < self._heard + GAP:
             telegram.timer = loop.call_at(self._heard + GAP, self._time_is_up, telegram, patience)
         elif telegram.older is not None and not telegram.answer.done():
             pdu, until = (

@@ -16,6 +16,7 @@ from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from app.errors import BadAnswer, NoAnswer, NotConnected
 from app.links.contract import Block, Counts, Exchange
+from app.links.patience import Patience
 from app.plant.definitions import Link
 from app.registers.pdu import Request, build_request, parse_answer
 
@@ -109,11 +110,12 @@ class TcpTransport:
         return parse_answer(request, await self._carry(client, telegram, patience))
 
     async def _carry(self, client: AsyncModbusTcpClient, telegram: "_Telegram", patience: float) -> bytes:
-        client.ctx.comm_params.timeout_connect = patience
+        client.ctx.comm_params.timeout_connect = 4 * patience  # never comes: ours does
         self._asking = True
         try:
-            answer = await client.ctx.execute(False, telegram)
-        except ModbusIOException as error:
+            async with Patience(patience):
+                answer = await client.ctx.execute(False, telegram)
+        except (TimeoutError, ModbusIOException) as error:
             _raise_if_cancelled()
             raise NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s") from error
         except (ConnectionException, OSError) as error:

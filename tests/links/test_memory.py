@@ -1,12 +1,8 @@
 """The memory transport: what the device answers in time, and silence like that of a wire."""
 
 import asyncio
-import socket
-import time
-from collections.abc import Callable
 
 import pytest
-import uvloop
 
 from app.errors import BadAnswer, ConfigurationError, NoAnswer, NotConnected
 from app.links.contract import Block, Exchange
@@ -41,36 +37,6 @@ async def test_a_telegram_is_the_one_of_the_wire() -> None:
     assert await transport.read(5, Block(0x1000, 2), 0.1) == [7, 8]
     await transport.write(5, 0x20, [3], 0.1)
     assert seen == [(5, bytes((3, 0x10, 0, 0, 2))), (5, bytes((6, 0, 0x20, 0, 3)))]
-
-
-@pytest.mark.real_time
-@pytest.mark.parametrize("new_loop", [asyncio.new_event_loop, uvloop.new_event_loop])
-@pytest.mark.parametrize("delay", [0.0, 0.05])
-def test_a_loop_that_was_held_up_finds_the_answer_that_was_due_meanwhile(
-    new_loop: Callable[[], asyncio.AbstractEventLoop], delay: float
-) -> None:
-    """Silence is the device's, not ours: with many other things to do in between, what it answered in time is there."""
-
-    async def exchange(unit: int, pdu: bytes) -> bytes | None:
-        if delay:
-            await asyncio.sleep(delay)
-        return bytes((3, 2, 0, 7))
-
-    async def held_up() -> list[int]:
-        """What comes in between: another task, and something that is heard."""
-        transport, loop = await opened(exchange), asyncio.get_running_loop()
-        here, there = socket.socketpair()
-        with here, there:
-            loop.add_reader(here, lambda: (here.recv(1), time.sleep(0.4)))
-            there.send(b".")
-            loop.call_soon(time.sleep, 0.4)
-            try:
-                return await transport.read(5, Block(0x1000, 1), 0.25)
-            finally:
-                loop.remove_reader(here)
-
-    with asyncio.Runner(loop_factory=new_loop) as runner:
-        assert runner.run(held_up()) == [7]
 
 
 @pytest.mark.parametrize(("write", "verb"), [(False, "read 0x1000"), (True, "write 0x0020")])
