@@ -7,18 +7,23 @@ import asyncio
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+from collections.abc import AsyncIterator, Iterable, Sequence
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.blocks.sequence import Report, SequenceEvent, SequenceState
+from app.plant.loader import read_plant
 from app.plant.sequence_definition import SequenceOrder
+from app.sim.plant import SimPlant
 from app.sim.sequence.program import VirtualSequence
+from app.sim.server import TcpServer
 from tests.running.test_sequence_machines import AXIS, CHILD, DRIVE, LINKS, SEQUENCE, child, file, step
 from tests.running.test_sequence_orders import Hall, hall
+from tests.virtual import loop_clock
+from tests.wires import serve_line
 
 FAN = '[equipment.m1]\ntype = "eura_e800"\nlink = "all"\nunit = 1\n'
 LINE = '[equipment.c1]\ntype = "conveyor"\nlink = "all"\nunit = 11\npreset = "model"\n'
@@ -28,6 +33,39 @@ STORY = 45.0
 """Virtual time of a story [s]."""
 ENDS = (SequenceEvent.DONE, SequenceEvent.ABORTED, SequenceEvent.TIMED_OUT)
 OTHER = file(step("a", minimum=2), step("b", minimum=2))
+
+
+FAR = {
+    "tcp": 'transport = "tcp"\nhost = "127.0.0.1"\nport = {port}\n',
+    "rtu": 'transport = "rtu"\nport = "{path}"\nbaud = 115200\nparity = "none"\nstop_bits = 2\n',
+}
+"""A link to machines that another process simulates."""
+
+
+@asynccontextmanager
+async def machines(folder: Path, names: Sequence[str], transport: str) -> AsyncIterator[str]:
+    """A plant file with these machines; not over memory they are on a wire, the sequences stay in the server."""
+    if transport == "memory":
+        yield LINKS + "".join(SECTIONS[name] for name in names) + SEQUENCE
+        return
+    away = [SECTIONS[name].replace('"all"', '"far"') for name in names if name != "seq2"]
+    (folder / "far").mkdir(parents=True)
+    (folder / "far" / "plant.toml").write_text(LINKS.replace("links.all", "links.far") + "".join(away), "utf-8")
+    plant, problems = read_plant(folder / "far")
+    assert plant is not None, problems
+    sim = SimPlant(plant, loop_clock())
+    bus = sim.buses["far"]
+    moving, server, line = asyncio.create_task(sim.run()), TcpServer(bus), await serve_line(bus, 115200)
+    await server.start("127.0.0.1", 0)
+    try:
+        link = "[links.far]\nwrites = true\nsimulated = true\n"
+        link += FAR[transport].format(port=server.address[1], path=line.path)
+        yield LINKS + link + "".join(away) + (CHILD if "seq2" in names else "") + SEQUENCE
+    finally:
+        moving.cancel()
+        await asyncio.gather(moving, return_exceptions=True)
+        await server.close()
+        await line.close()
 
 
 class Chances:
@@ -177,12 +215,14 @@ def counted(devices: Iterable[VirtualSequence]) -> Counter[str]:
     return +total
 
 
-@pytest.mark.parametrize("seed", range(6))
-async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "transport"), [*((seed, "memory") for seed in range(6)), (6, "tcp"), (7, "rtu")])
+async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int, transport: str) -> None:
     chances = Chances(seed)
-    plant_file = LINKS + "".join(SECTIONS[machine] for machine in chances.machines) + SEQUENCE
     work = chances.file()
-    async with hall(tmp_path, work, plant_file, {"child": OTHER}) as plant:
+    async with (
+        machines(tmp_path, chances.machines, transport) as plant_file,
+        hall(tmp_path, work, plant_file, {"child": OTHER}) as plant,
+    ):
         seen = Watched(plant)
         await live(plant, chances, seen)
         assert seen.wrong == [] and seen.started
@@ -201,11 +241,15 @@ async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int) -> None
     assert records(tmp_path / "data") == (counted(sequences), 0)
 
 
-@pytest.mark.parametrize("seed", range(20, 23))
-async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "transport"), [(20, "memory"), (21, "memory"), (22, "memory"), (23, "tcp"), (24, "rtu")]
+)
+async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path, seed: int, transport: str) -> None:
     chances = Chances(seed)
-    plant_file = LINKS + "".join(SECTIONS[machine] for machine in chances.machines) + SEQUENCE
-    async with hall(tmp_path, chances.file(), plant_file, {"child": OTHER}) as plant:
+    async with (
+        machines(tmp_path, chances.machines, transport) as plant_file,
+        hall(tmp_path, chances.file(), plant_file, {"child": OTHER}) as plant,
+    ):
         await asyncio.sleep(1.5)
         seen = Watched(plant)
         plant.ask(1)
@@ -229,3 +273,10 @@ async def test_the_same_seed_is_the_same_story(tmp_path: Path) -> None:
             await live(plant, chances, seen)
             stories.append((seen.given, seen.started, plant.state, [plant.outcomes(one) for one in chances.machines]))
     assert stories[0] == stories[1]
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("transport", ["memory", "tcp", "rtu"])
+@pytest.mark.parametrize("seed", range(100, 120))
+async def test_whatever_happens_for_longer(tmp_path: Path, seed: int, transport: str) -> None:
+    await test_whatever_happens_to_a_sequence(tmp_path, seed, transport)
