@@ -12,6 +12,7 @@ from app.cli_access import fail, opened, terminal
 from app.errors import ConfigurationError, StorageError
 
 if TYPE_CHECKING:
+    from app.access.audit.kinds import Kind
     from app.backup import Manifest
     from app.db import Database
     from app.historian.export import Sheet
@@ -257,7 +258,7 @@ def backup_key(
     typer.echo(f"pogon backup --encrypt-to {public} …")
 
 
-def _note(folder: Path, kind: str, file: Path, result: str, reason: str = "") -> None:
+def _note(folder: Path, kind: "Kind", file: Path, result: str, reason: str = "") -> None:
     """Write a line into the audit of what is there before it is moved aside, and to syslog; one that takes none hinders no restore."""
     if not (folder / "pogon.db").is_file():
         return

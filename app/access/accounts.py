@@ -11,6 +11,7 @@ from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, 
 from sqlalchemy.exc import IntegrityError
 
 from app.access.audit.audit import Audit
+from app.access.audit.kinds import Kind
 from app.access.audit.line import Entry, printable
 from app.access.factors import factor_of
 from app.access.roles import Person, known_roles
@@ -121,7 +122,7 @@ class Accounts:
         change = update(person_table).where(person_table.c.id == person_id)
         connection.execute(change.values(password=kept, must_change=initial, initial_until=until))
         ended = end_all(connection, person_id)
-        kind = "password.initial" if initial else "password.set"
+        kind: Kind = "password.initial" if initial else "password.set"
         lines = [self._audit.entry(kind, by, account.name)]
         if by.id != person_id:  # reset by somebody else: what was given out under the old one ends, too
             lines += [self._audit.entry("token.revoked", by, name) for name in revoke_all(connection, person_id)]

@@ -20,6 +20,7 @@ from app.access.accounts import (
     usable_roles,
 )
 from app.access.audit.audit import Audit, refused_without_audit
+from app.access.audit.kinds import Kind
 from app.access.audit.line import Entry, printable
 from app.access.factors import Factors
 from app.access.first_code import FirstCode
@@ -154,7 +155,7 @@ class People:
                 raise Refused("access.not_yourself", 409)
             with keeping_an_admin(connection):
                 connection.execute(update(person_table).where(person_table.c.id == person_id).values(disabled=disabled))
-            kind = "person.disabled" if disabled else "person.enabled"
+            kind: Kind = "person.disabled" if disabled else "person.enabled"
             ended = end_all(connection, person_id) if disabled else []
             return ended, [self._audit.entry(kind, by, account.name)]
 

@@ -18,6 +18,7 @@ from sqlalchemy import Connection, bindparam, delete, insert, literal_column, se
 
 from app import chance
 from app.access.audit.audit import Audit
+from app.access.audit.kinds import Kind
 from app.access.audit.line import printable
 from app.access.roles import Person
 from app.access.session_person import person_of, watching
@@ -274,7 +275,7 @@ class Sessions:
         rows = await self._db.read(lambda connection: connection.execute(query).all())
         return [Session(**row._mapping) for row in rows if self._times.left(row) > 0]
 
-    async def end(self, by: Person, id_hash: str, kind: str = "session.ended") -> bool:
+    async def end(self, by: Person, id_hash: str, kind: Kind = "session.ended") -> bool:
         """End one session; False when there is none.
 
         Raises:

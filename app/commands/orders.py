@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from app.access.audit.kinds import Kind
 from app.access.roles import Person
 from app.commands.value_set import Change
 from app.errors import Refused
@@ -104,7 +105,7 @@ class MapWriter(Writer, Protocol):
 class AuditLine:
     """One line of the audit trail."""
 
-    kind: str
+    kind: Kind
     person: Person | None
     """None: the server itself."""
     object: str

@@ -27,6 +27,7 @@ from sqlalchemy import (
 )
 
 from app.access.audit.audit import Audit
+from app.access.audit.kinds import Kind
 from app.access.audit.line import Entry, printable
 from app.access.roles import Person
 from app.access.tables import person_table
@@ -127,7 +128,7 @@ class SavedViews:
             own = view_table.c.person == person.id, view_table.c.id != number
             _free(called, connection.execute(select(view_table.c.name).where(*own)).scalars().all())
 
-        await self._change(person, number, "renamed", others, name=called)
+        await self._change(person, number, "trend.renamed", others, name=called)
 
     async def replace(self, person: Person, number: int, query: str) -> None:
         """Have one's own view show `query` from now on.
@@ -135,7 +136,7 @@ class SavedViews:
         Raises:
             Refused: 404, it is not one's own.
         """
-        await self._change(person, number, "changed", query=query)
+        await self._change(person, number, "trend.changed", query=query)
 
     async def share(self, person: Person, number: int, shared: bool) -> None:
         """Let everybody use one's own view, or nobody else any more.
@@ -143,7 +144,7 @@ class SavedViews:
         Raises:
             Refused: 404, it is not one's own.
         """
-        await self._change(person, number, "shared" if shared else "unshared", shared=shared)
+        await self._change(person, number, "trend.shared" if shared else "trend.unshared", shared=shared)
 
     async def remove(self, person: Person, number: int) -> None:
         """Delete one's own view.
@@ -163,7 +164,7 @@ class SavedViews:
         self,
         person: Person,
         number: int,
-        deed: str,
+        kind: Kind,
         check: Callable[[Connection], None] = lambda _connection: None,
         **values: object,
     ) -> None:
@@ -175,7 +176,7 @@ class SavedViews:
             entries = []
             if before.shared or values.get("shared"):
                 old, new = (before.name, values["name"]) if "name" in values else ("", "")
-                entries = [self._audit.entry(f"trend.{deed}", person, before.name, old=old, new=new)]
+                entries = [self._audit.entry(kind, person, before.name, old=old, new=new)]
             return None, entries
 
         await self._audit.with_entries(work)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from app.access.access import Access
+from app.access.audit.kinds import Kind
 from app.access.audit.search import Filter
 from app.access.roles import Person
 from app.alarms.engine import AlarmEngine
@@ -106,6 +107,6 @@ class CommandEnds:
             self._alarms.system.report("set_mixed", progress.equipment, mixed, params=params)
 
 
-def _written(line: AuditLine) -> tuple[str, Person | None, str, Value, Value, str, str, str]:
+def _written(line: AuditLine) -> tuple[Kind, Person | None, str, Value, Value, str, str, str]:
     """`line` as the audit takes it, but for its parameters."""
     return line.kind, line.person, line.object, line.old, line.new, line.result, line.reason, line.address

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
+from app.access.audit.kinds import Kind
 from app.access.roles import Person
 from app.alarms.hiding import Hiding
 from app.alarms.watch import Watch
@@ -33,14 +34,16 @@ async def shelve(request: Request) -> Response:
     def do(hiding: Hiding, person: Person) -> Watch:
         return hiding.shelve(typed["alarm"], person, int(minutes) * 60.0, reason, once=once)
 
-    return await _done(request, typed, "shelved", do, reason, f"{int(minutes)} min{' one-shot' if once else ''}")
+    return await _done(request, typed, "alarm.shelved", do, reason, f"{int(minutes)} min{' one-shot' if once else ''}")
 
 
 @router.post("/alarms/unshelve", dependencies=[allow("shelve")])
 async def unshelve(request: Request) -> Response:
     """End the shelf of one alarm."""
     typed = await fields(request, ["alarm"])
-    return await _done(request, typed, "unshelved", lambda hiding, person: hiding.unshelve(typed["alarm"], person))
+    return await _done(
+        request, typed, "alarm.unshelved", lambda hiding, person: hiding.unshelve(typed["alarm"], person)
+    )
 
 
 @router.post("/alarms/take-out", dependencies=[allow("configure")])
@@ -52,21 +55,21 @@ async def take_out(request: Request) -> Response:
     def do(hiding: Hiding, person: Person) -> Watch:
         return hiding.take_out(typed["alarm"], person, reason, permit)
 
-    return await _done(request, typed, "taken_out", do, reason, permit)
+    return await _done(request, typed, "alarm.taken_out", do, reason, permit)
 
 
 @router.post("/alarms/put-back", dependencies=[allow("configure")])
 async def put_back(request: Request) -> Response:
     """Put one alarm back into service."""
     typed = await fields(request, ["alarm"])
-    return await _done(request, typed, "put_back", lambda hiding, person: hiding.put_back(typed["alarm"], person))
+    return await _done(request, typed, "alarm.put_back", lambda hiding, person: hiding.put_back(typed["alarm"], person))
 
 
 @router.post("/alarms/review", dependencies=[allow("configure")])
 async def review(request: Request) -> Response:
     """Confirm that one alarm stays out of service."""
     typed = await fields(request, ["alarm"])
-    return await _done(request, typed, "reviewed", lambda hiding, _person: hiding.review(typed["alarm"]))
+    return await _done(request, typed, "alarm.reviewed", lambda hiding, _person: hiding.review(typed["alarm"]))
 
 
 def _reason(typed: dict[str, str]) -> str:
@@ -76,7 +79,7 @@ def _reason(typed: dict[str, str]) -> str:
 async def _done(
     request: Request,
     typed: dict[str, str],
-    what: str,
+    kind: Kind,
     do: Callable[[Hiding, Person], Watch],
     comment: str = "",
     new: str = "",
@@ -87,8 +90,8 @@ async def _done(
     person = person_of(request)
     watch = do(runtime.alarms.hiding, person)
     await runtime.alarms.journal.settle()
-    await runtime.access.audit.record(f"alarm.{what}", person, object=watch.id, new=new, comment=comment)
+    await runtime.access.audit.record(kind, person, object=watch.id, new=new, comment=comment)
     draw = drawing(request)
     shown = runtime.alarms.list.of(watch)
-    text = view.text(request, f"alarm.answer.{what}", text=draw.text(shown))
+    text = view.text(request, f"alarm.answer.{kind.removeprefix('alarm.')}", text=draw.text(shown))
     return answered(request, text, "done", typed["next"] or "/alarms")

@@ -171,8 +171,8 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
         "iso": fmt.iso(line.time, zone),
         "text": _text(request, line),
         "object": _object(request, line.object),
-        "result": _known(request, f"audit.result.{line.result}", line.result),
-        "reason": _reason(request, line),
+        "result": (result := _result(request, line)),
+        "reason": "" if (reason := _reason(request, line)) == result else reason,
         "why": line.parameters.get("why", ""),
     }
 
@@ -211,6 +211,12 @@ def _text(request: Request, line: Record) -> str:
         line.kind,
         **{"object": line.object, "old": line.old, "new": line.new, "person": line.person} | dict(line.parameters),
     )
+
+
+def _result(request: Request, line: Record) -> str:
+    """What became of it: of a command its state, of the control of a machine what was done with it."""
+    family = {"control": "control", "command": "fb"}.get(line.kind, "audit.result")
+    return _known(request, f"{family}.{line.result}", _known(request, f"audit.result.{line.result}", line.result))
 
 
 def _reason(request: Request, line: Record) -> str:

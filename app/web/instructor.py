@@ -13,6 +13,7 @@ from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
 from app import bundled
+from app.access.audit.kinds import Kind
 from app.errors import Refused
 from app.links.register_link import RegisterLink
 from app.plant.definitions import Equipment, TrainingWord
@@ -132,7 +133,7 @@ async def set_fault(request: Request, key: str) -> Response:
             raise Refused("access.form_field", 422, field="code")
         return {training.REG_MACHINE_FAULT: code}
 
-    return await _do(request, key, "fault", words)
+    return await _do(request, key, "instructor.fault", words)
 
 
 @router.post("/instructor/{key}/line", dependencies=[allow("instruct")])
@@ -147,7 +148,7 @@ async def set_line(request: Request, key: str) -> Response:
             for name, word in LINE_FIELDS.items()
         }
 
-    return await _do(request, key, "line", words)
+    return await _do(request, key, "instructor.line", words)
 
 
 @router.post("/instructor/{key}/world", dependencies=[allow("instruct")])
@@ -162,7 +163,7 @@ async def set_world(request: Request, key: str) -> Response:
             for name, word in world.items()
         }
 
-    return await _do(request, key, "world", words)
+    return await _do(request, key, "instructor.world", words)
 
 
 @router.get("/instructor/{key}/train", dependencies=[allow("instruct")])
@@ -186,18 +187,18 @@ async def act(request: Request, key: str) -> Response:
         label = f"{item.type.name}.training.{what}"
         return {word.register: low if low == high else _whole(request, given["value"], label, (low, high))}
 
-    return await _do(request, key, "act", words, act=what)
+    return await _do(request, key, "instructor.act", words, act=what)
 
 
 @router.post("/instructor/{key}/reset", dependencies=[allow("instruct")])
 async def reset(request: Request, key: str) -> Response:
     """The device as it was built."""
     await fields(request, [])
-    return await _do(request, key, "reset", lambda item: {training.REG_RESET: 1})
+    return await _do(request, key, "instructor.reset", lambda item: {training.REG_RESET: 1})
 
 
 async def _do(
-    request: Request, key: str, what: str, words: Callable[[Equipment], Mapping[int, int]], *, act: str = ""
+    request: Request, key: str, kind: Kind, words: Callable[[Equipment], Mapping[int, int]], *, act: str = ""
 ) -> Response:
     """Write, read back, note; the page again when any of it did not happen. A screen gets its own part back instead."""
     item = _item(request, key)
@@ -210,7 +211,7 @@ async def _do(
     except Refused as error:
         refused = error
     await people_access(request).audit.record(
-        f"instructor.{what}",
+        kind,
         person_of(request),
         item.id,
         old=old,
@@ -224,7 +225,7 @@ async def _do(
         return await _hands(request, item, act, refused)
     if refused:
         return await _page(request, key, refused)
-    return RedirectResponse(f"/instructor/{item.id}?done={act or what}", 303)
+    return RedirectResponse(f"/instructor/{item.id}?done={act or kind.removeprefix('instructor.')}", 303)
 
 
 def _whole(request: Request, text: str, label: str, limits: tuple[int, int]) -> int:

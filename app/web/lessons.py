@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 from starlette.exceptions import HTTPException
 
+from app.access.audit.kinds import Kind
 from app.errors import Refused
 from app.plant.definitions import Equipment
 from app.plant.lesson_definition import NO_FAULT, Lesson
@@ -174,7 +175,7 @@ async def _write(request: Request, item: Equipment, lesson: Lesson, fault: str) 
         raise refused
 
 
-async def _note(request: Request, kind: str, machine: str, new: str, refused: Refused | None = None) -> None:
+async def _note(request: Request, kind: Kind, machine: str, new: str, refused: Refused | None = None) -> None:
     await people_access(request).audit.record(
         kind,
         person_of(request),

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from app import chance
+from app.access.audit.kinds import Kind
 from app.access.roles import SYSTEM, Person
 from app.logs import security
 
@@ -65,7 +66,7 @@ class Record(Entry):
 def entry_at(
     time: int,
     /,
-    kind: str,
+    kind: Kind,
     person: Person | None,
     object: str = "",
     old: object = "",
