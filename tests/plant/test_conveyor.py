@@ -278,7 +278,9 @@ def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType)
 
 def test_every_text_key_of_the_data_exists_in_every_language(line: EquipmentType) -> None:
     product = {f"table.{name}" for name in ("generation", "capacity", "count")}
-    most, problems = types.read_type("conveyor", LANGUAGES, given={"belts": 16, "sensors": 32, "scanner": 2})
+    most, problems = types.read_type(
+        "conveyor", LANGUAGES, given={"belts": 16, "sensors": 32, "scanner": 2, "gates": 8}
+    )
     assert problems == []
     wanted = {"area", *types.text_keys(_data), *types.text_keys(most)}
     wanted |= {setpoint.group for setpoint in line.setpoints.values()}
@@ -360,6 +362,8 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         "slots": 20,
         "product_slots": 20,
         **{"belts": 3, "device_belts": 3, "sensors": 4, "device_sensors": 4, "scanner": 0, "device_scanner": 0},
+        "gates": 0,
+        "device_gates": 0,
         **{f"sensor_position_{n}": 100.0 * n for n in (1, 2, 3, 4)},
         **{f"sensor_{n}": 100 * n for n in (1, 2, 3, 4)},
     }
@@ -371,6 +375,7 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         "device_resolution",
         "slots",
         "device_scanner",
+        "device_gates",
     ):
         assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
 
@@ -384,6 +389,22 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         ("line_length = 400", "line_length = 400: expected a position behind belt_2_end, which is 445 mm"),
         ("sensor_4 = 700", "sensor_4 = 700: expected a position on belt 3, between 445 and 660 mm"),
         ("sensor_4 = 660", "sensor_4 = 660: expected a position on belt 3"),
+        ("gates = 9", "gates = 9: expected a number from 0 to 8"),
+        ("gates = 1\ngate_1_at = 650", "gate_1_at = 650: expected a position between the first and the last sensor"),
+        (
+            "gates = 1\ngate_1_at = 440",
+            "gate_1_at = 440: expected a position at least 10 mm away from sensor_3, which is 445",
+        ),
+        (
+            "gates = 2\ngate_1_at = 330\ngate_2_at = 340",
+            "gate_2_at = 340: expected a position at least 20 mm behind gate_1_at, which is 330",
+        ),
+        ("gates = 1\ngate_1_rule = 1", "gate_1_rule = 1: expected 0 or 4 on a line without a scanner"),
+        (
+            "gates = 1\ngate_1_rule = 1\nscanner = 3\ngate_1_at = 330",
+            "gate_1_at = 330: expected a position at least 20 mm behind sensor 3, where the scanner stands",
+        ),
+        ("gates = 1\ngate_1_rule = 5", "gate_1_rule = 5: expected a number from 0 to 4"),
         ("product_slots = 3", "product_slots = 3: expected a number from 5 to 250"),
         ("product_slots = 7.5", "product_slots = 7.5: expected a whole number"),
         ("intact_is_one = 0.5", "intact_is_one = 0.5: expected 0 or 1"),

@@ -31,6 +31,8 @@ def rising(table: ProductTable, sensor: Sensor) -> None:
     for product in table.products:
         way = product.moving or 1
         by = x - (product.right if way > 0 else product.left)
+        if product.lane and x > product.right:
+            continue
         if (
             _is_expected(product, n, way)
             and product.open_at != n
@@ -150,6 +152,7 @@ def _correct(table: ProductTable, product: Product, sensor: Sensor, by: float, c
 
 def _place_at(table: ProductTable, product: Product, sensor: Sensor, by: float) -> None:
     product.corrected_at, product.correction = sensor.n + 1, by
+    table.pass_gates(product, sensor.x)
     table.greatest_correction = max(table.greatest_correction, abs(by))
     shift(product, by)
     separate(table, product)
@@ -210,21 +213,23 @@ def _close(table: ProductTable, product: Product, sensor: Sensor) -> None:
     back = product.moving == (1 if product.open_right else -1)
     apart = table.apart(sensor)
     guessed = apart > limits.alarm_tolerance
-    lacks = limits.shortest - product.length
+    length = product.whole
+    lacks = limits.shortest - length
     if guessed and not back and lacks > 0.0 and limits.shortest <= abs(table.travel(sensor) - sensor.risen) + apart / 2:
         shift(product, -lacks if product.open_right else lacks)
         separate(table, None)
-    if product.length < limits.shortest or (back and product.length <= limits.lost_after):
+    length = product.whole
+    if length < limits.shortest or (back and length <= limits.lost_after):
         table.withdraw(product, n)
         return
     product.open_at = -1
     if product.state is ENTERING:
         product.state = UNCERTAIN if back else product.settled
-    product.measured = not back and product.length <= limits.longest
+    product.measured = not back and length <= limits.longest
     note_passed(product, n, product.moving or 1, 1 if product.open_right else -1)
-    table.tell(Code.IDENTIFIED, n + 1, product.id, 0, product.length, product.head)
-    if product.length > limits.longest:
-        table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, product.length - limits.longest, product.length)
+    table.tell(Code.IDENTIFIED, n + 1, product.id, 0, length, product.head)
+    if length > limits.longest:
+        table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, length - limits.longest, length)
         call_uncertain(product)
     if guessed:
         product.length_known = product.measured = False
@@ -245,8 +250,8 @@ def _trailing_edge(table: ProductTable, sensor: Sensor, held: Held) -> None:
         _take_length(table, product, sensor, measured, end)
     elif near or (whole and not held.sure and measured >= limits.shortest):
         _correct(table, product, sensor, by, Code.TAIL_AT_SENSOR, end)
-        if whole and abs(measured - product.length) > limits.alarm_tolerance:
-            table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
+        if whole and abs(measured - product.whole) > limits.alarm_tolerance:
+            table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.whole, measured)
         elif whole and held.sure and product.length_known:
             product.measured = True
         if not near:
@@ -302,7 +307,8 @@ def _part(table: ProductTable, sensor: Sensor) -> bool:
 def _take_length(table: ProductTable, product: Product, sensor: Sensor, measured: float, end: int) -> None:
     """The trailing end (1 right, −1 left) is at the sensor, the length is what was measured there."""
     n = sensor.n
-    table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.length, measured)
+    table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, measured - product.whole, measured)
+    product.away = 0.0
     right = sensor.x if end > 0 else sensor.x + measured
     product.shifted += right - product.right
     product.right, product.length, product.length_known, product.measured = right, measured, True, False
@@ -314,10 +320,11 @@ def _take_length(table: ProductTable, product: Product, sensor: Sensor, measured
 
 def _shorten(table: ProductTable, product: Product, n: int, length: float) -> None:
     """Its leading end is right; what was behind the measured length is not there."""
-    table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, length - product.length, length)
+    table.tell(Code.LENGTH_DIFFERS, n + 1, product.id, 0, length - product.whole, length)
     set_state(product, UNCERTAIN)
-    if length >= product.length:
+    if length >= product.whole:
         return
+    length = max(0.0, length - product.away)
     if (product.moving or 1) < 0:
         right = product.left + length
         product.shifted += right - product.right

@@ -53,7 +53,8 @@ def nearest(
             left, right = _known(rear, shortest)
         if not uniform or left >= end or right <= 0.0:
             least, most = _stop_range(left, right, belt_ends, stop_distances)
-        if front is not None:
+        # what turns off into a lane has nobody before it any more
+        if front is not None and not rear.lane:
             gap = front_left - right
             closing = most - front_least
             if closing <= 0.0:

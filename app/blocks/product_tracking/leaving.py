@@ -30,7 +30,7 @@ def leave(table: ProductTable) -> None:
 def unload(table: ProductTable, moved: float, stop: float) -> None:
     """Brake the last belt for the front-most product, and let it go when it has stood for the dwell time. `moved` of the last belt
     in this scan, `stop` its distance to stop [mm, signed]."""
-    product = next((product for product in table.products if product.may_be_there), None)
+    product = next((product for product in table.products if product.may_be_there and not product.lane), None)
     if table.brake and (product is None or product.id != table.braking):
         table.end_unloading()
     if product is None:

@@ -135,7 +135,7 @@ def _end_of_open(table: ProductTable, product: Product, end: float) -> None:
         product.right, product.length = end, max(0.0, end - left)
     else:
         product.length = max(0.0, product.right - end)
-    if product.length < table.settings.shortest:
+    if product.whole < table.settings.shortest:
         table.withdraw(product, n)
         return
     product.open_at, product.length_known, product.measured = -1, False, False

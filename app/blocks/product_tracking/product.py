@@ -26,6 +26,15 @@ class ProductState(IntEnum):
     UNLOADING = 6
 
 
+class GatePosition(IntEnum):
+    """Where a diverting gate stands, by its feedback."""
+
+    STRAIGHT = 0
+    LANE = 1
+    BETWEEN = 2
+    """At neither end: on its way, or stuck."""
+
+
 class Code(IntEnum):
     """Codes of the event ring that tracking gives; the rest of the ring is the machine's."""
 
@@ -50,6 +59,8 @@ class Code(IntEnum):
     """An arrival that went back or was no product; `value` = greatest length seen [mm]."""
     LEFT_BACKWARDS = 16
     """Left the line past position 0; `value` = age [s]."""
+    DIVERTED = 17
+    """Into the lane of gate `source`, whole; `value` = age [s]."""
     GAP_STOP = 20
     GAP_STOP_ENDED = 21
     SENSOR_SUSPECTED = 28
@@ -109,6 +120,8 @@ class LineLayout:
     """[mm]; the last area is for unloading."""
     slots: int = 20
     """Capacity of the product table."""
+    gates: tuple[float, ...] = ()
+    """Where the diverting gates are [mm]: behind S1 and before the last sensor."""
 
     def __post_init__(self) -> None:
         for name in ("belt_ends", "sensors", "area_ends"):
@@ -121,6 +134,9 @@ class LineLayout:
                 raise ValueError(f"{name} is {ends}, rising positions expected")
             if ends[-1] > self.length:
                 raise ValueError(f"{name} ends at {ends[-1]} mm, the line at {self.length} mm")
+        first, last = self.sensors[0], self.sensors[-1]
+        if any(not first < x < last for x in self.gates) or any(b <= a for a, b in pairwise(self.gates)):
+            raise ValueError(f"gates is {self.gates}, rising positions between {first} and {last} mm expected")
         if self.slots < 1:
             raise ValueError(f"slots is {self.slots}, at least 1 expected")
 
@@ -215,6 +231,17 @@ class Product:
     """Bit n: sensor n + 1 did not see it, and none after that did."""
     furthest: float = 0.0
     """Greatest length while entering [mm]."""
+    gates: int = 0
+    """Bit n: the right end has come to gate n + 1, and it was decided which way it goes."""
+    lane: int = 0
+    """Gate that it turns off at, from 1; 0 = it is on the line. Its right end is at the gate then."""
+    away: float = 0.0
+    """What of it is in the lane [mm]; `length` is what still is on the line."""
+
+    @property
+    def whole(self) -> float:
+        """Its length, what is in a lane included [mm]."""
+        return self.length + self.away
 
     @property
     def left(self) -> float:

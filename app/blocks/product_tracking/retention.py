@@ -28,6 +28,7 @@ def retain(table: ProductTable) -> dict[str, Any]:
     return {
         "next_id": table.next_id,
         "counters": {name: getattr(table, name) for name in _COUNTERS},
+        "diverted": list(table.diverted),
         "greatest_correction": table.greatest_correction,
         "sensor_faults": table.sensor_faults,
         "misses": [sensor.misses for sensor in table.sensors],
@@ -47,23 +48,31 @@ def take_back(table: ProductTable, retained: Mapping[str, Any]) -> None:
         counters = {name: int(retained["counters"][name]) for name in _COUNTERS}
         next_id, faults = int(retained["next_id"]), int(retained["sensor_faults"])
         greatest = float(retained["greatest_correction"])
+        diverted = [int(x) for x in retained["diverted"]]
         misses, strangers = [int(x) for x in retained["misses"]], [int(x) for x in retained["strangers"]]
     except (KeyError, TypeError) as error:
         raise ValueError(f"retained tracking data is not whole: {error}") from None
     count = len(table.sensors)
     if len(misses) != count or len(strangers) != count:
         raise ValueError(f"retained data has {len(misses)} sensors, the line {count}")
+    if len(diverted) != len(table.line.gates):
+        raise ValueError(f"retained data has {len(diverted)} gates, the line {len(table.line.gates)}")
     slots: list[Product | None] = [None] * table.line.slots
     for product in products:
         if not 0 <= product.slot < table.line.slots or slots[product.slot]:
             raise ValueError(f"product {product.id} has slot {product.slot}, a free one of {table.line.slots} expected")
-        if product.open_at >= count or not (isfinite(product.right) and 0 <= product.length < inf):
+        if (
+            product.lane > len(diverted)
+            or product.open_at >= count
+            or not (isfinite(product.right) and 0 <= product.length < inf)
+        ):
             raise ValueError(f"product {product.id} does not fit this line")
         slots[product.slot] = product
     if not 1 <= next_id <= LAST_ID or len({product.id for product in products}) != len(products):
         raise ValueError(f"next_id is {next_id} or an id is there twice")
     for name, value in counters.items():
         setattr(table, name, value)
+    table.diverted = diverted
     table.next_id, table.sensor_faults, table.greatest_correction = next_id, faults, greatest
     for sensor in table.sensors:
         sensor.misses, sensor.strangers, sensor.stuck = misses[sensor.n], strangers[sensor.n], False

@@ -3,7 +3,16 @@
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from app.blocks.product_tracking.product import Code, Gap, LineLayout, Product, ProductState, Settings, TrackingEvent
+from app.blocks.product_tracking.product import (
+    Code,
+    Gap,
+    GatePosition,
+    LineLayout,
+    Product,
+    ProductState,
+    Settings,
+    TrackingEvent,
+)
 
 LAST_ID = (1 << 32) - 1
 NEVER = -(1 << 60)
@@ -94,6 +103,10 @@ class ProductTable:
         self.inserted = 0
         self.found = 0
         """Unexpected products that got a record."""
+        self.diverted = [0] * len(line.gates)
+        """Products that turned off, by gate."""
+        self.gates = [GatePosition.STRAIGHT] * len(line.gates)
+        """Where each gate stands by its feedback; to be set before a scan."""
         self.refused = 0
         """Products that could not be stored."""
         self.greatest_correction = 0.0
@@ -160,6 +173,7 @@ class ProductTable:
     def record(self, slot: int, right: float, length: float, state: ProductState, time_us: int) -> Product:
         """A new record in a free slot, not yet in order."""
         product = Product(self._take_id(), slot, right, length, state, time_us, moved_us=time_us)
+        self.pass_gates(product, right)
         self.slots[slot] = product
         self.products.append(product)
         self.changed = True
@@ -209,6 +223,17 @@ class ProductTable:
     def past_the_end(self, product: Product) -> bool:
         """It only keeps its slot."""
         return product.state is LOST and (product.left >= self.line.length or product.right <= 0.0)
+
+    def pass_gates(self, product: Product, x: float) -> None:
+        """It is known to be at `x` [mm]: it has gone straight on at every gate before."""
+        for n, gate in enumerate(self.line.gates):
+            if gate < x:
+                product.gates |= 1 << n
+
+    def put_on_line(self, product: Product) -> None:
+        """A person says where it is: in no lane, and past the gates before its right end."""
+        product.lane, product.away, product.gates = 0, 0.0, 0
+        self.pass_gates(product, product.right)
 
     # which end has passed which sensor
 

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any
 
 from app.blocks.product_tracking.absence import look_for_missed, look_for_stuck
+from app.blocks.product_tracking.diverting import divert, stay_in_lanes
 from app.blocks.product_tracking.edges import falling, look_for_short, rising
 from app.blocks.product_tracking.gaps import nearest
 from app.blocks.product_tracking.leaving import leave, unload
@@ -74,7 +75,9 @@ class ProductTracking(ProductTable):
     Backwards it is tracked up to position 0, then removed with the event `LEFT_BACKWARDS`; a product that passed S1 backwards and comes
     again keeps its identity.
 
-    At any time entered + found + inserted = in the table + unloaded + deleted + withdrawn + left.
+    At any time entered + found + inserted = in the table + unloaded + deleted + withdrawn + left + diverted.
+
+    **Diverting.** A product whose head comes to a gate goes where the gate stands (`gates`), straight on or into its lane (`diverting`).
 
     Source: thesis 003, TRK_PROD (reference/theses-facts.md section 3, decisions 13–15 of section 6). What the thesis does not have (lost,
     unexpected, contact, suspicion, capacity) is ours.
@@ -96,7 +99,7 @@ class ProductTracking(ProductTable):
             ValueError: a number is not finite, or there are not as many as belts or sensors; nothing was changed.
         """
         moved, beams, stops = tuple(moved), tuple(beams), tuple(stop_distances)
-        self._check(moved, beams, stops)
+        _check(self.line, moved, beams, stops)
         events: list[TrackingEvent] = []
         self.events, self.now = events, time_us
         if self.beams is None:
@@ -105,6 +108,7 @@ class ProductTracking(ProductTable):
         moving = any(moved)
         if moving:
             move(self, moved)
+            divert(self)
         if beams != self.beams:
             before, self.beams = self.beams, beams
             for n, interrupted in enumerate(beams):
@@ -112,6 +116,7 @@ class ProductTracking(ProductTable):
                     rising(self, self.sensors[n])
                 elif before[n] and not interrupted:
                     falling(self, self.sensors[n])
+            stay_in_lanes(self)
         if moving:
             look_for_missed(self)
             if self.cuts:
@@ -174,6 +179,7 @@ class ProductTracking(ProductTable):
         self.forget_beams(product)
         product.shifted += right - product.right
         product.right, product.length = right, length
+        self.put_on_line(product)
         product.state = product.settled = TRACKED
         product.open_at, product.length_known, product.lost_at, product.missed = -1, True, 0, 0
         product.measured = False
@@ -314,13 +320,14 @@ class ProductTracking(ProductTable):
                     EditReason.OVERLAP, f"product {other.id} is there, {other.left:g} to {other.right:g} mm"
                 )
 
-    def _check(self, moved: tuple[float, ...], beams: tuple[bool, ...], stops: tuple[float, ...]) -> None:
-        belts, sensors = len(self.line.belt_ends), len(self.line.sensors)
-        if len(moved) != belts or len(stops) != belts or len(beams) != sensors:
-            raise ValueError(
-                f"{len(moved)} movements, {len(stops)} distances to stop, {len(beams)} beams; "
-                f"{belts}, {belts} and {sensors} expected"
-            )
-        # a sum is finite only when all are
-        if not isfinite(sum(moved) + sum(stops)):
-            raise ValueError(f"moved is {moved}, stop_distances is {stops}, finite numbers expected")
+
+def _check(line: LineLayout, moved: tuple[float, ...], beams: tuple[bool, ...], stops: tuple[float, ...]) -> None:
+    belts, sensors = len(line.belt_ends), len(line.sensors)
+    if len(moved) != belts or len(stops) != belts or len(beams) != sensors:
+        raise ValueError(
+            f"{len(moved)} movements, {len(stops)} distances to stop, {len(beams)} beams; "
+            f"{belts}, {belts} and {sensors} expected"
+        )
+    # a sum is finite only when all are
+    if not isfinite(sum(moved) + sum(stops)):
+        raise ValueError(f"moved is {moved}, stop_distances is {stops}, finite numbers expected")

@@ -2,6 +2,7 @@
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
+from app.sim.conveyor.blades import GatePlan
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.device import VirtualDevice
@@ -26,6 +27,15 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
 
     plain = Geometry()
     belts, sensors = round(measure("belts", plain.belts)), round(measure("sensors", len(plain.sensors)))
+    gates = (
+        GatePlan(
+            measure(f"gate_{n}_at"),
+            round(measure(f"gate_{n}_rule")),
+            measure(f"gate_{n}_value"),
+            measure(f"gate_{n}_time", 1.0),
+        )
+        for n in range(1, round(measure("gates")) + 1)
+    )
     geometry = Geometry(
         (*(measure(f"belt_{n}_end") for n in range(1, belts)), measure("line_length", plain.length)),
         tuple(measure(f"sensor_{n}") for n in range(1, sensors + 1)),
@@ -34,6 +44,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         round(measure("resolution", float(plain.resolution))),
         bool(measure("intact_is_one", float(plain.intact_is_one))),
         tuple(measure(f"belt_{n}_share", 100.0) for n in range(1, belts + 1)),
+        tuple(gates),
     )
     try:
         return VirtualConveyor(

@@ -8,8 +8,9 @@ from app.blocks.product_tracking import EditReason, EditRefused, TrackingEvent
 from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.gap_stop import GapStop
+from app.sim.conveyor.gate_control import GateControl
 from app.sim.conveyor.plausibility import UncertainProducts
-from app.sim.conveyor.register_map import ConveyorCommand, ConveyorEvent, ConveyorReason
+from app.sim.conveyor.register_map import GATE_COMMANDS, ConveyorCommand, ConveyorEvent, ConveyorReason
 from app.sim.conveyor.state import LineState
 from app.sim.plc import Verdict
 from app.sim.plc import rejected as no
@@ -23,10 +24,18 @@ class LineCommands:
     """Takes the commands of one line, from a power-up on."""
 
     def __init__(
-        self, line: LineState, drives: BeltDrives, gap: GapStop, uncertain: UncertainProducts, *, start: bool
+        self,
+        line: LineState,
+        drives: BeltDrives,
+        gap: GapStop,
+        uncertain: UncertainProducts,
+        gates: GateControl,
+        *,
+        start: bool,
     ) -> None:
         """Over the parts that it commands; `start`: automatic is chosen and started already."""
         self._line, self._drives, self._gap, self._uncertain = line, drives, gap, uncertain
+        self._gates = gates
         self._automatic = self._start = start
         self._manual = False
 
@@ -41,6 +50,10 @@ class LineCommands:
             return self._change_mode(code)
         if code in _ON_PRODUCTS:
             return self._change_product(request)
+        if code >= GATE_COMMANDS:
+            number, lane = divmod(code - GATE_COMMANDS, 2)
+            reason = self._gates.order(number + 1, bool(lane))
+            return no(reason) if reason else Verdict()
         return no(ConveyorReason.UNKNOWN)
 
     def modes_asked(self) -> tuple[bool, bool, bool]:
@@ -103,6 +116,7 @@ class LineCommands:
             line.held, self._drives.enabled = False, True
         self._drives.reset()
         self._gap.reset()
+        line.gates.reset()
         line.first_out.reset()
         if line.pressed:
             line.stopped_by(ConveyorEvent.EMERGENCY_STOP)

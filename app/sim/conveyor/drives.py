@@ -48,13 +48,16 @@ class BeltDrives:
         few, other = line.hold >> BELT_BITS & 7, line.hold >> BELT_NUMBER & 31
         chosen = few | 1 << other >> 1 or -1
         speed, shares = values["automatic_speed"] / 100, line.geometry.speed_shares
-        last = len(line.belts) - 1
+        last, waiting = len(line.belts) - 1, line.gates.held_belt if automatic else -1
         for number, belt in enumerate(line.belts):
             hold = automatic and ((number == 0 and follow.buffer_full) or (number == last and follow.brake))
+            at_gate = number <= waiting and not hold
             by_hand = manual if chosen >> number & 1 else 0.0
-            active = (stop, gap, hold, by_hand != 0.0, automatic and not gap and not hold)
+            active = (stop, gap, hold or at_gate, by_hand != 0.0, automatic and not (gap or hold or at_gate))
             selected = belt.selector.step(active, (0.0, 0.0, 0.0, by_hand, speed * shares[number]))
             belt.source, belt.target = SELECTIONS[selected.selection], selected.value
+            if at_gate and belt.source is Source.UNLOADING:
+                belt.source = Source.GATE
             belt.follow(line.dt, line.time, supplied=self.enabled)
             self.setpoints[number] = belt.ramp.speed
         if line.moving or not self.enabled or line.faulty:

@@ -5,9 +5,12 @@ from math import nan
 
 from app.blocks.ramp_record import PHASES
 from app.sim.conveyor.belt import Belt
+from app.sim.conveyor.blades import MOST_GATES
 from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS, MOST_BELTS, MOST_SENSORS
 from app.sim.conveyor.register_map import (
     CONFIGURATION_IMAGE,
+    GATE_PLANS_IMAGE,
+    GATES_IMAGE,
     MORE_BELTS_IMAGE,
     MORE_CONFIGURATION_IMAGE,
     MORE_FIRST,
@@ -88,6 +91,7 @@ def configuration(plc: LineState) -> bytes:
         plc.line.slots,
         measures.pulse_length,
         plc.scanner.sensor,
+        len(measures.gates),
     )
 
 
@@ -131,6 +135,23 @@ def shares(plc: LineState) -> bytes:
     return SHARES_IMAGE.pack(*told, *(0,) * (MOST_BELTS - len(told)))
 
 
+def gates(plc: LineState) -> bytes:
+    """How the diverting gates stand."""
+    told = [
+        number
+        for gate, diverted in zip(plc.gates.all, plc.tracking.diverted, strict=True)
+        for number in (gate.position, gate.lane, gate.fault, gate.held, diverted, gate.misrouted)
+    ]
+    return GATES_IMAGE.pack(0, *told, *(0,) * (6 * MOST_GATES - len(told)), 0)
+
+
+def gate_plans(plc: LineState) -> bytes:
+    """How the diverting gates are built."""
+    told = [number for gate in plc.geometry.gates for number in (gate.at, gate.rule, gate.value, gate.time)]
+    none = (nan, 0, nan, nan) * (MOST_GATES - len(plc.geometry.gates))
+    return GATE_PLANS_IMAGE.pack(0, *told, *none, 0)
+
+
 def row(plc: LineState, slot: int) -> bytes:
     """The row of a slot of the product table."""
     product = plc.tracking.slots[slot]
@@ -143,7 +164,7 @@ def row(plc: LineState, slot: int) -> bytes:
         product.state,
         product.head,
         product.tail,
-        product.length,
+        product.whole,
         product.area,
         product.corrected_at,
         product.correction,

@@ -18,12 +18,14 @@ The program behind the virtual PLC sees none of this but pulses, beams and the t
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import exp, floor, inf, pi
 from random import Random
 from typing import NamedTuple
+
+from app.sim.conveyor.blades import GATE_FAULTS, Blades, GatePlan
 
 MOST_BELTS, MOST_SENSORS = 16, 32
 
@@ -56,12 +58,13 @@ SENSOR_FAULTS: Mapping[str, tuple[int, int]] = {"blind": (20, 300), "stuck": (30
 FEW_BELTS, FEW_SENSORS = 3, 4
 
 
-def fault_names(belts: int, sensors: int) -> dict[str, int]:
+def fault_names(belts: int, sensors: int, gates: int = 0) -> dict[str, int]:
     """Machine faults that the instructor can cause on such a line (`training`), by name."""
     found: dict[str, int] = {}
     for table, count, few in ((BELT_FAULTS, belts, FEW_BELTS), (SENSOR_FAULTS, sensors, FEW_SENSORS)):
         for kind, (first, more) in table.items():
             found |= {f"{kind}_{n}": n + (first if n <= few else more) for n in range(1, count + 1)}
+    found |= {f"gate_{n}": GATE_FAULTS + n for n in range(1, gates + 1)}
     return {**found, "emergency_stop": EMERGENCY_STOP, "host_off": HOST_OFF}
 
 
@@ -85,6 +88,8 @@ class Geometry:
     """Polarity of the light barriers."""
     shares: tuple[float, ...] = ()
     """What each belt goes in automatic, as part of the automatic speed [%]; empty = all of it."""
+    gates: tuple[GatePlan, ...] = ()
+    """Diverting gates, from the beginning of the line."""
 
     @property
     def belts(self) -> int:
@@ -165,6 +170,12 @@ class TrueProduct:
     """It has been pushed against another."""
     by_hand: bool = False
     label: Label = NO_LABEL
+    lane: int = 0
+    """Gate that it turns off at, from 1; its head is at the gate then, and its length what is still on the line."""
+    away: float = 0.0
+    """What of it is in the lane [mm]."""
+    asked: int = 0
+    """Bit n: it has come to gate n + 1."""
 
     @property
     def tail(self) -> float:
@@ -194,7 +205,9 @@ class Conveyor:
         belts = geometry.belts
         self.not_read = not_read
         self._labels = labels or Labels(Random(0))
-        self._faults = {code: name for name, code in fault_names(belts, len(geometry.sensors)).items()}
+        self.blades = Blades([gate.at for gate in geometry.gates])
+        names = fault_names(belts, len(geometry.sensors), len(geometry.gates))
+        self._faults = {code: name for name, code in names.items()}
         self.fault = 0
         self.pressed = 0
         """Sensors interrupted by hand: bit n = sensor n + 1."""
@@ -227,7 +240,8 @@ class Conveyor:
     def fault(self, code: int) -> None:
         self._fault = code
         kind, _, number = self._faults.get(code, "").rpartition("_")
-        of = {name: int(number) - 1 if name == kind else -1 for name in (*BELT_FAULTS, *SENSOR_FAULTS)}
+        of = {name: int(number) - 1 if name == kind else -1 for name in (*BELT_FAULTS, *SENSOR_FAULTS, "gate")}
+        self.blades.stuck = of["gate"]
         self._jammed, self._slipping, self._dead = of["jam"], of["slip"], of["encoder"]
         self._blind, self._stuck = of["blind"], of["stuck"]
 
@@ -256,9 +270,12 @@ class Conveyor:
 
     # ---- one step
 
-    def step(self, setpoints: list[float], enabled: bool, unload: bool, dt: float) -> None:
-        """Advance by `dt` [s]; `setpoints` of the drives [%], `enabled`: they have supply, `unload`: the unloader may take."""
+    def step(self, setpoints: list[float], enabled: bool, unload: bool, dt: float, gates: Sequence[bool] = ()) -> None:
+        """Advance by `dt` [s]; `setpoints` of the drives [%], `enabled`: they have supply, `unload`: the unloader may take, `gates`: which
+        are to open their lanes."""
         ways = self._drive(setpoints, enabled, dt)
+        if gates and enabled:
+            self.blades.step(gates, self.products, dt)
         if unload and abs(self.speeds[-1]) < STANDS:
             self._unload()
         if self.products and any(ways):
@@ -326,7 +343,9 @@ class Conveyor:
                 product.head = head + way * (1 - product.slip)
                 moved = True
         if moved:
+            self._turn()
             self._keep_apart(ways)
+            self._turn()
             self._leave()
 
     def _burst_part(self, belt: int, way: float) -> float:
@@ -357,7 +376,13 @@ class Conveyor:
             self.collisions += 1
         front.collided = rear.collided = True
 
+    def _turn(self) -> None:
+        if self.blades.places:
+            self.products[:] = self.blades.turn(self.products)
+
     def _leave(self) -> None:
+        if not self.products:
+            return
         front = self.products[0]
         if front.head - front.length / 2 > self.geometry.length:
             del self.products[0]
@@ -382,7 +407,9 @@ class Conveyor:
     def _add(self, head: float, length: float, *, by_hand: bool = False) -> None:
         slip = self._random.uniform(LEAST_SLIP, MOST_SLIP)
         number, label = self.entered + self.put, self._labels.label(length)
-        self.products.append(TrueProduct(number, head, length, slip, by_hand=by_hand, label=label))
+        product = TrueProduct(number, head, length, slip, by_hand=by_hand, label=label)
+        self.blades.place(product)
+        self.products.append(product)
 
     def scanned(self, sensor: int) -> Label | None:
         """What the scanner at a sensor (from 1) reads of the product in its beam, an input of the PLC; None: nothing that it can read."""

@@ -1,6 +1,6 @@
 """A virtual PLC that runs the conveyor: its program, 10 ms a scan, over `machine`; its registers: `register_map`.
 
-The parts of the program: `commands`, `drives`, `gap_stop`, `first_out`, `plausibility`; what they share is `state`.
+The parts of the program: `commands`, `drives`, `gap_stop`, `gate_control`, `first_out`, `plausibility`; what they share is `state`.
 
 Written from the thesis' program, never from the equipment type's points. Decided here:
 
@@ -22,6 +22,7 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | first-out | first of gap stop, emergency stop, jam, encoder, host, until reset; a gap stop that ended: 10 s or until the next cause |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
+| gates | see `gate_control` |
 | edit, insert | only while the belts stand |
 """
 
@@ -40,11 +41,15 @@ from app.sim.conveyor.commands import LineCommands
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.first_out import FirstOut
 from app.sim.conveyor.gap_stop import GapStop
+from app.sim.conveyor.gate_control import GateControl
+from app.sim.conveyor.gates import Gates
 from app.sim.conveyor.machine import EMERGENCY_STOP, FEW_BELTS, HOST_OFF, Conveyor, Geometry, Labels, fault_names
 from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
     FORWARD,
+    GATE_PLANS,
+    GATES,
     MORE_BELTS,
     MORE_CONFIGURATION,
     MORE_FIRST,
@@ -80,6 +85,7 @@ class VirtualConveyor(LineState):
 
     _drives: BeltDrives
     _gap_stop: GapStop
+    _gate_control: GateControl
     _commands: LineCommands
     _uncertain: UncertainProducts
     _unload: bool
@@ -112,7 +118,9 @@ class VirtualConveyor(LineState):
             ValueError: a measure of the line that cannot be, or settings that do not go together.
         """
         self.geometry = geometry or Geometry()
-        self.line = tracking.LineLayout(self.geometry.belt_ends, self.geometry.sensors, self.geometry.area_ends, slots)
+        measures = self.geometry
+        places = tuple(gate.at for gate in measures.gates)
+        self.line = tracking.LineLayout(measures.belt_ends, measures.sensors, measures.area_ends, slots, places)
         self._seed, self._start_in = seed, start
         self._beam_bits = tuple(1 << sensor for sensor in range(len(self.geometry.sensors)))
         given = dict(settings or {})
@@ -133,11 +141,12 @@ class VirtualConveyor(LineState):
                 Image(STATUS, 96, lambda: images.status(self)),
                 Image(CONFIGURATION, 64, lambda: images.configuration(self)),
                 *(self._more_images() if is_wide(belts, sensors) else ()),
+                *(self._gate_images() if places else ()),
             ),
             configuration=CONFIGURATION,
             tables=(self.ramps, self.table, *([self.readings] if scanner else [])),
             capacities=(belts, sensors, slots, EVENT_CAPACITY, len(SETTINGS)),
-            faults=tuple(fault_names(belts, sensors).values()),
+            faults=tuple(fault_names(belts, sensors, len(places)).values()),
             words={
                 own.REG_ARRIVALS: int(arrivals),
                 own.REG_INTERVAL: round(interval * 10),
@@ -156,11 +165,15 @@ class VirtualConveyor(LineState):
         if self.geometry.belts > MORE_FIRST:
             yield Image(MORE_BELTS, 64, lambda: images.more_belts(self))
 
+    def _gate_images(self) -> Iterator[Image]:
+        yield Image(GATES, 68, lambda: images.gates(self))
+        yield Image(GATE_PLANS, 68, lambda: images.gate_plans(self))
+
     # ---- one scan
 
     def _scan(self) -> None:
         machine = self.machine
-        machine.step(self._drives.setpoints, self._drives.enabled, self._unload, self.dt)
+        machine.step(self._drives.setpoints, self._drives.enabled, self._unload, self.dt, self.gates.wanted)
         if self._unload:
             self._unload = False
             self._look_at_the_gripper()
@@ -170,6 +183,8 @@ class VirtualConveyor(LineState):
         self._track()
         self._drives.supervise()
         self._choose_mode()
+        automatic = self.modes.running and not self.stop_active
+        self._gate_control.step(automatic=automatic, supplied=self._drives.enabled)
         self.first_out.age(self.time)
         if self.tracking.gap_stop:
             self._gap_stop.watch()
@@ -180,9 +195,11 @@ class VirtualConveyor(LineState):
         length = self.geometry.pulse_length
         for belt, pulses in zip(self.belts, self.machine.pulses, strict=True):
             belt.measure(pulses, length, self.steps)
+        self.gates.measure(self.machine.blades.open)
 
     def _track(self) -> None:
         scale, beams = self.scale, self.machine.beams
+        self.tracking.gates = self.gates.positions
         happened = self.tracking.scan(
             [belt.moved for belt in self.belts],
             [beams & bit != 0 for bit in self._beam_bits],
@@ -322,6 +339,7 @@ class VirtualConveyor(LineState):
             **self._machine_options,
         )
         self.scanner = Scanner(self._scanner_at)
+        self.gates = Gates(self.geometry.gates)
         self.tracking = ProductTracking(self.line)
         self._start_automatic = self._start_in == "automatic"
 
@@ -337,12 +355,17 @@ class VirtualConveyor(LineState):
         self.first_out = FirstOut()
         self._uncertain = UncertainProducts()
         self._drives, self._gap_stop = BeltDrives(self), GapStop(self)
-        self._commands = LineCommands(self, self._drives, self._gap_stop, self._uncertain, start=self._start_automatic)
+        self._gate_control = GateControl(self)
+        self._commands = LineCommands(
+            self, self._drives, self._gap_stop, self._uncertain, self._gate_control, start=self._start_automatic
+        )
         self._start_automatic = False
         self.stopping = self.held = self.faulty = False
         self.pressed = self._silent = self.moving = self._unload = False
         self.direction = self._unloading = 0
         self._taken = self.machine.unloaded
+        self.gates.measure(self.machine.blades.open)
+        self.gates.power_up()
         self._take_settings()
         self.renew_table()
         self.ramps.clear()

@@ -19,6 +19,8 @@ MORE_STATUS, MORE_BELTS, MORE_CONFIGURATION, SHARES, MORE_RAMPS = 0x2000, 0x2080
 """What a line of more than three belts or four sensors has beside it."""
 READINGS, READING_WORDS = 0x2800, 16
 """What a line with a scanner has beside it."""
+GATES, GATE_PLANS, GATE_WORDS = 0x2600, 0x2680, 8
+"""What a line with diverting gates has beside it: how they stand, and how they are built."""
 MORE_WORDS, MORE_FIRST = 12, 11
 """Words of a belt there; belts up to this one are in the first image, the others in the second."""
 
@@ -56,6 +58,10 @@ class ConveyorCommand(IntEnum):
     AUTOMATIC = 9
 
 
+GATE_COMMANDS = 20
+"""Gate n straight on: this + 2(n − 1); into the lane: one more."""
+
+
 class ConveyorReason(IntEnum):
     """Why a command is refused; 7–11 come from tracking, 20–22 from the base."""
 
@@ -63,11 +69,13 @@ class ConveyorReason(IntEnum):
     WRONG_STATE = REASON_WRONG_STATE
     EMERGENCY_STOP = 3
     FAULT = 4
+    NOT_MANUAL = 5
     NOT_AUTOMATIC = 6
     NO_SUCH_PRODUCT = 7
     OUTSIDE_LINE = 9
     LENGTH = 11
     MOVING = 12
+    GATE_OCCUPIED = 13
 
 
 class ConveyorEvent(IntEnum):
@@ -86,6 +94,11 @@ class ConveyorEvent(IntEnum):
     """The mode is chosen."""
     READ, NOT_READ = 42, 43
     """By the scanner."""
+    GATE_FAULT, GATE_OK = 44, 45
+    GATE_STRAIGHT, GATE_LANE = 46, 47
+    """By hand."""
+    MISROUTED = 48
+    """A product has not gone where the gate was to send it; value 1 = into the lane."""
 
 
 class ConveyorState(IntEnum):
@@ -110,6 +123,8 @@ class Source(IntEnum):
     STOP = 3
     GAP = 4
     UNLOADING = 5
+    GATE = 6
+    """Waits for a gate."""
 
 
 class Motor(IntEnum):
@@ -128,7 +143,7 @@ def is_wide(belts: int, sensors: int) -> bool:
     return belts > FEW_BELTS or sensors > FEW_SENSORS
 
 
-def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS) -> Mapping[str, RegisterPlace]:
+def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS, gates: int = 0) -> Mapping[str, RegisterPlace]:
     """Every value of such a line that is no cell of a table, by name."""
     u32, i32, f32 = "u32", "i32", "f32"
     found = {
@@ -165,6 +180,7 @@ def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS) -> Mapping[str, R
         "slots": RegisterPlace(CONFIGURATION + 35),
         "pulse_length": RegisterPlace(CONFIGURATION + 36, f32),
         "device_scanner": RegisterPlace(CONFIGURATION + 38),
+        "device_gates": RegisterPlace(CONFIGURATION + 39),
     }
     for word, names in (
         (
@@ -218,6 +234,20 @@ def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS) -> Mapping[str, R
             found[f"{name}_{n + 1}"] = RegisterPlace(at, f32)
     if is_wide(belts, sensors):
         found |= {f"device_belt_{n}_share": RegisterPlace(SHARES + n) for n in range(1, belts + 1)}
+    for n in range(1, gates + 1):
+        at, plan = GATES + 2 + GATE_WORDS * (n - 1), GATE_PLANS + 2 + GATE_WORDS * (n - 1)
+        found |= {
+            f"gate_position_{n}": RegisterPlace(at),
+            f"gate_target_{n}": RegisterPlace(at + 1),
+            f"gate_fault_{n}": RegisterPlace(at + 2),
+            f"gate_waiting_{n}": RegisterPlace(at + 3),
+            f"diverted_{n}": RegisterPlace(at + 4, u32),
+            f"misrouted_{n}": RegisterPlace(at + 6, u32),
+            f"device_gate_{n}_at": RegisterPlace(plan, f32),
+            f"device_gate_{n}_rule": RegisterPlace(plan + 2),
+            f"device_gate_{n}_value": RegisterPlace(plan + 4, f32),
+            f"device_gate_{n}_time": RegisterPlace(plan + 6, f32),
+        }
     for n, setting in enumerate(SETTINGS):
         found[setting.name] = RegisterPlace(SETTINGS_AT + 2 + 2 * n, f32)
     return MappingProxyType(found)
@@ -275,7 +305,7 @@ FORWARD, REVERSE, BELT_BITS, BELT_NUMBER = 1, 2, 4, 8
 """Hold-to-run: bits 0 and 1, then a bit for each of belts 1–3 from bit 4, and the number of another belt from bit 8."""
 
 STATUS_IMAGE = Struct(">9HIffIIHHIIQfIIIIIffI" + 3 * "fffif4H" + "5H")
-CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHfH48x")
+CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHfHH46x")
 ROW_IMAGE = Struct(">IHHfffHHfIfHQH")
 RAMP_IMAGE = Struct(">IHHQ8fH")
 READING_IMAGE = Struct(">IHHIHxxfQxxH")
@@ -284,6 +314,8 @@ MORE_STATUS_IMAGE = Struct(">11H" + 8 * "fffifHH" + "H")
 MORE_BELTS_IMAGE = Struct(">H" + 5 * "fffifHH" + "H")
 MORE_CONFIGURATION_IMAGE = Struct(">H13f28f13fH")
 SHARES_IMAGE = Struct(">16H32x")
+GATES_IMAGE = Struct(">H" + 8 * "4H2I" + "H")
+GATE_PLANS_IMAGE = Struct(">H" + 8 * "fHxxff" + "H")
 
 
 def require_settings(given: Mapping[str, float]) -> None:

@@ -5,6 +5,7 @@ from app.blocks.mode_control import ModeControl
 from app.blocks.product_tracking import ProductTracking, TrackingEvent
 from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.first_out import FirstOut, StopCause
+from app.sim.conveyor.gates import Gates
 from app.sim.conveyor.machine import Conveyor, Geometry
 from app.sim.conveyor.register_map import ConveyorEvent, ConveyorState, reading_words, words_of
 from app.sim.conveyor.scanner import ReadingState, Scanner
@@ -38,6 +39,7 @@ class LineState(VirtualPlc):
     readings: Table
     """What the scanner read of them, in the same slots."""
     scanner: Scanner
+    gates: Gates
     ramps: Table
     """The last start and stop of every belt."""
     scale: float
