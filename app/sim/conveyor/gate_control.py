@@ -2,7 +2,7 @@
 
 | subject | rule |
 | --- | --- |
-| next product | the front-most one whose head is before the gate; nothing is decided twice |
+| next product | the front-most one whose head is before the gate and that no gate before is to divert; nothing is decided twice |
 | not read | goes straight on, as does what the rule does not name |
 | on its way | a gate is moved only when no product is in it, or so near behind it that the sensor tolerance counts |
 | waiting | in automatic the belts up to the product wait for a gate that is not where this product needs it |
@@ -137,11 +137,21 @@ class GateControl:
         return self._line.geometry.sensors[sensor - 1] + self._line.settings["lost_after"] if sensor else 0.0
 
     def _next(self, gate: Gate) -> Product | None:
-        products = self._line.tracking.products
-        at, bit = gate.plan.at, 1 << self._all.index(gate)
-        return next(
-            (p for p in products if p.may_be_there and not p.lane and not p.gates & bit and p.right <= at), None
-        )
+        at, number = gate.plan.at, self._all.index(gate)
+        for product in self._line.tracking.products:
+            if not product.may_be_there or product.lane or product.gates & 1 << number or product.right > at:
+                continue
+            ways = [self._way(n, product) for n in range(number) if not product.gates & 1 << n]
+            if None in ways:
+                return None
+            if True not in ways:
+                return product
+        return None
+
+    def _way(self, number: int, product: Product) -> bool | None:
+        """Into the lane or not, as was decided for it at the gate `number`; None = not yet."""
+        gate = self._all[number]
+        return gate.by_hand if gate.plan.rule == Rule.HAND else gate.decided.get(product.id)
 
     def _in_it(self, gate: Gate) -> bool:
         """A product is in it, by its record, or has hardly left it."""

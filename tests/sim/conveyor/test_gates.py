@@ -107,6 +107,19 @@ def test_an_alternating_gate_takes_every_second_one() -> None:
     whole(watch.plc)
 
 
+def test_a_gate_counts_only_products_that_come_to_it() -> None:
+    """The second of two alternating gates takes every second one of those that the first leaves."""
+    plans = GatePlan(300.0, Rule.ALTERNATING), GatePlan(330.0, Rule.ALTERNATING)
+    watch = Watch(sorting(Geometry(gates=plans), scanner=0, not_read=0.0))
+    watch.go(240)
+    lanes = dict(watch.told)
+    first, second = ([id for id, gate in lanes.items() if gate == n] for n in (1, 2))
+    assert len(second) > 4
+    assert first == list(range(1, first[-1] + 1, 2)) and second == list(range(2, second[-1] + 1, 4))
+    assert [gate.misrouted for gate in watch.plc.gates.all] == [0, 0]
+    whole(watch.plc)
+
+
 def layouts_with_gates(seed: int) -> Geometry:
     """Any line, with one to eight gates at any places where they may be."""
     chance = Random(seed)
