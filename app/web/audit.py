@@ -15,11 +15,12 @@ from app.access.audit.line import Record
 from app.access.audit.search import Filter
 from app.access.roles import Person
 from app.clock import to_datetime, to_micros
+from app.commands import parameter_change, value_set
 from app.commands.open_sets import values_of
 from app.errors import Refused
 from app.plant.system import SYSTEM
+from app.web import audit_words, language, typed_time
 from app.web import format as fmt
-from app.web import language, typed_time
 from app.web.guard import allow, fields, people_access, person_of
 from app.web.signin import moment, view_of, zone_of
 
@@ -31,6 +32,13 @@ CSV_PAGE = 500
 _UTC = ZoneInfo("UTC")
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")
 """A cell of text that begins like this is a formula to a spreadsheet; ours begins with an apostrophe then."""
+SETS = {
+    value_set.KEY: value_set.LABEL,
+    parameter_change.KEY: parameter_change.LABEL,
+    parameter_change.SAVE: parameter_change.SAVE_LABEL,
+    parameter_change.ENCODER: parameter_change.ENCODER_LABEL,
+}
+"""What is written as one has no command of its type: key → text."""
 COLUMNS = ("seq", "time", "kind", "person", "address", "object", "old", "new", "result", "reason", "text")
 
 
@@ -165,15 +173,19 @@ def read_time(request: Request, text: str, field: str) -> int | None:
 
 def _row(request: Request, line: Record) -> dict[str, Any]:
     zone = zone_of(request)
+    old, new = audit_words.told(request, line)
+    object = _object(request, line.object)
     return {
         "line": line,
         "time": moment(request, line.time),
         "iso": fmt.iso(line.time, zone),
-        "text": _text(request, line),
-        "object": _object(request, line.object),
+        "text": _text(request, line, object),
+        "object": object,
         "result": (result := _result(request, line)),
         "reason": "" if (reason := _reason(request, line)) == result else reason,
         "why": line.parameters.get("why", ""),
+        "old": old,
+        "new": new,
     }
 
 
@@ -183,6 +195,8 @@ def _object(request: Request, object: str) -> str:
     runtime, lang = view.runtime(request), language.language_of(request)
     if object == "simulation":
         return view.text(request, "instructor.speed")
+    if " " in object and all("." in one for one in object.split()):
+        return ", ".join(filter(None, (_object(request, one) for one in object.split())))
     name, _, key = object.partition(".")
     if name == SYSTEM:
         return _blank(_known(request, f"alarm.system.{key.partition('.')[0]}.label", ""))
@@ -195,6 +209,8 @@ def _object(request: Request, object: str) -> str:
         part = item.type.commands[key].label
     elif key in item.points:
         part = item.points[key].label
+    elif key in SETS:
+        part = SETS[key]
     told = _blank(runtime.texts.of_type(lang, item.type, part)) if part else ""
     return f"{machine}: {told}" if told else machine
 
@@ -204,12 +220,13 @@ def _blank(text: str) -> str:
     return re.sub(r"\{\w+\}", "…", text)
 
 
-def _text(request: Request, line: Record) -> str:
+def _text(request: Request, line: Record, object: str = "") -> str:
     return _known(
         request,
         f"audit.kind.{line.kind}",
         line.kind,
-        **{"object": line.object, "old": line.old, "new": line.new, "person": line.person} | dict(line.parameters),
+        **{"object": object or line.object, "old": line.old, "new": line.new, "person": line.person}
+        | dict(line.parameters),
     )
 
 

@@ -1,0 +1,75 @@
+"""The audit tells in words what stood before and what stands after: names, numbers of the language with their units, texts of a state."""
+
+import json
+import re
+from html import unescape
+
+import pytest
+from fastapi.testclient import TestClient
+
+from app.sim.training import REG_MACHINE_FAULT
+from tests.web.people import Staff
+from tests.web.test_alarms import LANGUAGES
+
+
+@pytest.fixture(scope="module")
+def staff(demo: TestClient) -> Staff:
+    staff = Staff(demo)
+    staff.enter("ana", "engineer", "admin")
+    return staff
+
+
+def written(staff: Staff, lang: str, *line: object, **more: object) -> list[str]:
+    """The cells of a line as its page has them, without marks; the id beside a name is left out."""
+    staff.wait(staff.access.audit.record, *line, **more)
+    staff.client.cookies.set("pogon_lang", lang)
+    page = unescape(staff.client.get("/audit").text)
+    row = re.findall(r"<tr[^>]*>(<td class=\"r num dim\">.*?)</tr>", page, re.DOTALL)[0]
+    cells = re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", re.sub(r'<small class="mono">.*?</small>', "", row), re.DOTALL)
+    return [" ".join(re.sub(r"<[^>]+>", " ", cell).split()) for cell in cells]
+
+
+def changes(*values: tuple[str, float, float]) -> dict[str, str]:
+    return {f"change_{at}": json.dumps([*one, None, "unknown"]) for at, one in enumerate(values, 1)}
+
+
+@pytest.mark.parametrize(("lang", "mark"), [("hr", ","), ("en", "."), ("de", ","), ("cs", ",")])
+def test_a_setpoint_has_its_unit_and_the_sign_of_the_language(staff: Staff, lang: str, mark: str) -> None:
+    cells = written(staff, lang, "command", None, "m1.set_frequency", 40.0, 38.5, "confirmed")
+    assert cells[5:7] == [f"40{mark}00 Hz", f"38{mark}50 Hz"]
+
+
+def test_values_written_together_have_their_names_and_many_unfold(staff: Staff) -> None:
+    two = changes(("f114", 5.0, 6.5), ("f115", 5.0, 7.0))
+    cells = written(staff, "hr", "command", None, "m1.setpoints", "F114 = 5", "F114 = 6.5", "confirmed", **two)
+    assert "6,5 s" in cells[6] and "=" not in cells[6] and "5,0 s" in cells[5]
+    three = two | changes(("f114", 5.0, 6.5), ("f115", 5.0, 7.0), ("f111", 50.0, 45.0))
+    cells = written(staff, "en", "command", None, "m1.setpoints", "F114 = 5", "F114 = 6.5", "confirmed", **three)
+    assert cells[6].startswith("Values: 3 ") and "45.00 Hz" in cells[6] and "Set of values" in cells[4]
+
+
+def test_a_parameter_of_a_drive_has_its_code_and_its_unit(staff: Staff) -> None:
+    one = changes(("2:p1120", 10.0, 4.5))
+    cells = written(staff, "de", "command", None, "a1.drive_parameters", "", "p1120 = 4.5", "confirmed", **one)
+    assert cells[6].startswith("p1120 ") and cells[6].endswith("4,5 s")
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_roles_faults_and_periods_are_words(staff: Staff, lang: str) -> None:
+    texts = staff.client.app.state.runtime.texts  # type: ignore[attr-defined]
+    cells = written(staff, lang, "person.roles", None, "ivo", "viewer", "engineer, operator")
+    roles = [texts.text(lang, f"access.role.{role}") for role in ("viewer", "engineer", "operator")]
+    assert cells[5:7] == [roles[0], f"{roles[1]}, {roles[2]}"]
+    plant, register = staff.client.app.state.runtime.plant, f"0x{REG_MACHINE_FAULT:04X}"  # type: ignore[attr-defined]
+    fault = next(iter(plant.equipment["m1"].type.training.faults.values()))
+    cells = written(staff, lang, "instructor.fault", None, "m1", f"{register} = 0", f"{register} = {fault}")
+    assert not re.search(r"0x|=", cells[5] + cells[6]) and cells[5] and cells[6] and not cells[6].isdigit()
+    cells = written(staff, lang, "alarm.acknowledged", None, "m1.fault", new="1234567")
+    assert cells[6] == "", "the number of an occurrence says nothing to a person"
+    cells = written(staff, lang, "history.exported", None, "m1.speed m1.current")
+    assert "m1." not in "".join(cells)
+
+
+def test_what_is_not_in_the_plant_any_more_stays_as_it_was_written(staff: Staff) -> None:
+    cells = written(staff, "hr", "command", None, "gone.f114", 5.0, 6.0, "confirmed")
+    assert cells[5:7] == ["5.0", "6.0"]
