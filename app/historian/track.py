@@ -30,6 +30,8 @@ class Track:
     held: Value = None
     held_time: int = 0
     """The last sample suppressed; 0 = none."""
+    strayed: bool = False
+    """Whether one of them was outside the dead-band of the stored one: only a line tells it, and that is drawn for so long only."""
     least: float = -math.inf
     most: float = math.inf
 
@@ -44,7 +46,7 @@ class Track:
 
     def beat(self, now: int, rows: list[Row]) -> None:
         """Add the value as it stands when the last sample is 10 minutes old, and the end of a ramp when no more came after it."""
-        if self.held_time and now - self.time >= RAMP and _is_number(self.held) and not self._within(self.held):
+        if self.held_time and now - self.time >= RAMP and self.strayed:
             self.end(rows)
         if self.quality >= 0 and now - self.time >= HEARTBEAT:
             self._put(now, self.held if self.held_time else self.value, self.quality, rows)
@@ -80,11 +82,12 @@ class Track:
         slope, reach = (value - self.value) / (time - self.time), self.dead_band * SLACK / (time - self.time)
         self.least, self.most = max(self.least, slope - reach), min(self.most, slope + reach)
         self.held, self.held_time = value, time
+        self.strayed = self.strayed or not self._within(value)
         return True
 
     def _fits(self, time: int, value: float) -> bool:
         """Whether (time, value) may be told by the line from the stored sample on."""
-        if time - self.time > RAMP and not self._within(value):
+        if time - self.time > RAMP and (self.strayed or not self._within(value)):
             return False
         change: float = value - self.value  # type: ignore[operator]
         return math.isfinite(change) and (not self.held_time or self.least <= change / (time - self.time) <= self.most)
@@ -94,7 +97,7 @@ class Track:
 
     def _anchor(self, time: int, value: Value, quality: int) -> None:
         self.time, self.value, self.quality = time, value, quality
-        self.held, self.held_time = None, 0
+        self.held, self.held_time, self.strayed = None, 0, False
         self.least, self.most = -math.inf, math.inf
 
     def _row(self, time: int, value: Value, quality: int) -> Row:

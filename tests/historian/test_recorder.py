@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event
 
@@ -70,6 +70,8 @@ def in_time(steps: list[tuple[int, float]]) -> list[tuple[int, float]]:
 
 
 @settings(max_examples=400, deadline=None)
+@example([(1, -1), (500_000, 1.5), (700_000, 0.0), (1, 0.0)], 2.0)
+@example([(1, -1), (1_000_000, 1.5), (1, 0.0)], 2.0)
 @given(signals, st.sampled_from([0.0, 0.1, 0.5, 1.0, 2.0]))
 def test_line_and_hold_through_what_is_stored_are_within_the_dead_band(
     steps: list[tuple[int, float]], dead_band: float
@@ -82,7 +84,8 @@ def test_line_and_hold_through_what_is_stored_are_within_the_dead_band(
         assert abs(on_line(rows, moment) - value) <= reach
         since, held = [(row[1], row[2]) for row in rows if row[1] <= moment][-1]
         assert held is not None
-        assert abs(held - value) <= reach or moment - since < RAMP
+        until = min((row[1] for row in rows if row[1] > moment), default=since)
+        assert abs(held - value) <= reach or until - since <= RAMP, "no line is drawn there"
 
 
 @settings(max_examples=200, deadline=None)
