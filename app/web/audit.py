@@ -174,7 +174,11 @@ def read_time(request: Request, text: str, field: str) -> int | None:
 def _row(request: Request, line: Record) -> dict[str, Any]:
     zone = zone_of(request)
     old, new = audit_words.told(request, line)
-    object = _object(request, line.object)
+    object = (
+        view_of(request).text(request, "plant.files")
+        if line.kind == "plant.reloaded"
+        else _object(request, line.object)
+    )
     return {
         "line": line,
         "time": moment(request, line.time),
