@@ -39,6 +39,8 @@ SETS = {
     parameter_change.ENCODER: parameter_change.ENCODER_LABEL,
 }
 """What is written as one has no command of its type: key → text."""
+BAD = frozenset({"refused", "failed", "unconfirmed", "unknown", "lost"})
+"""What a line ended with that is marked."""
 COLUMNS = ("seq", "time", "kind", "person", "address", "object", "old", "new", "result", "reason", "text")
 
 
@@ -188,6 +190,7 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
         "result": (result := _result(request, line)),
         "reason": "" if (reason := _reason(request, line)) == result else reason,
         "why": line.parameters.get("why", ""),
+        "bad": line.result in BAD,
         "old": old,
         "new": new,
     }

@@ -73,3 +73,10 @@ def test_roles_faults_and_periods_are_words(staff: Staff, lang: str) -> None:
 def test_what_is_not_in_the_plant_any_more_stays_as_it_was_written(staff: Staff) -> None:
     cells = written(staff, "hr", "command", None, "gone.f114", 5.0, 6.0, "confirmed")
     assert cells[5:7] == ["5.0", "6.0"]
+
+
+def test_what_went_well_is_not_marked_as_what_did_not(staff: Staff) -> None:
+    for result, marked in (("confirmed", False), ("sent", False), ("refused", True), ("unconfirmed", True)):
+        written(staff, "en", "command", None, "m1.forward", result=result)
+        first = re.search(r"<tbody>\s*<tr([^>]*)>", staff.client.get("/audit").text)
+        assert first and ("au-no" in first[1]) is marked, result
