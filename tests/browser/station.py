@@ -264,8 +264,18 @@ def heard(page: Page, tag: str) -> None:
         page.wait_for_timeout(50)
 
 
+def pace(page: Page, speed: int) -> None:
+    """Have the simulated plant run so many times as fast as the clock; reading, watchdogs and hands stay as they are."""
+    instructed(page, "simulation/speed", speed=str(speed))
+
+
 def instruct(page: Page, what: str, **form: str) -> None:
-    """Post a form of the instructor's page: `instruct(page, "m1/fault", code="4")`.
+    """Post a form of the instructor's page: `instruct(page, "m1/fault", code="4")`."""
+    instructed(page, f"instructor/{what}", **form)
+
+
+def instructed(page: Page, where: str, **form: str) -> None:
+    """Post what an instructor asks for.
 
     A line that has no time to answer is asked again, as an instructor does who reads that.
     """
@@ -273,7 +283,7 @@ def instruct(page: Page, what: str, **form: str) -> None:
     form |= {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
     end = time.monotonic() + 30
     while True:
-        answer = page.request.post(f"{root}/instructor/{what}", form=form, headers={"Origin": root}, max_redirects=0)
+        answer = page.request.post(f"{root}/{where}", form=form, headers={"Origin": root}, max_redirects=0)
         if answer.status == 303:
             return
         assert "no answer to" in answer.text() and time.monotonic() < end, answer.text()
