@@ -3,7 +3,7 @@
 The gate (app/commands) decides; here its answers become words in the person's language.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -294,6 +294,17 @@ class Operation:
         """What must be true at any time, missing ones first."""
         return self._lines(self.gate.interlocks(self.id)) if self.gate else []
 
+    @cached_property
+    def lacking(self) -> str:
+        """The first thing that is missing for what one does next, in words; empty while nothing is.
+
+        What is known to be missing goes before what is not known; in both what must hold at any time before what one needs to start.
+        """
+        lines = [*self.interlocks, *self.permissives]
+        known = next((line.label for line in lines if line.met is False), "")
+        unknown = next((line.label for line in lines if line.met is None), "")
+        return known or (f"{unknown}: {self.equipment.text('operate.unknown')}" if unknown else "")
+
     @property
     def met(self) -> int:
         """How many permissives are met."""
@@ -354,3 +365,8 @@ class Operation:
 def revision_tag(equipment: str) -> str:
     """Name of the tag that counts changes of what commands of a machine look like."""
     return f"sys.commands.{equipment}"
+
+
+def operations(request: HTTPConnection) -> Callable[[EquipmentView], Operation]:
+    """What templates ask for the operation of a machine, as whoever asks for the page sees it."""
+    return lambda machine: Operation(request, machine.equipment)

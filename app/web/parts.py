@@ -19,12 +19,14 @@ router = APIRouter()
 
 @router.get("/equipment/{key}/part/{part}", dependencies=[allow("view")])
 async def part(request: Request, key: str, part: str) -> HTMLResponse:
-    """A part of the screen of a machine as it is now: `part_<name>.html` of its type."""
+    """A part of the screen of a machine as it is now: `part_<name>.html` of its type, else the one that all types share."""
     machine = _machine(request, key)
-    template = f"screens/{machine.type.name}/part_{part}.html"
-    if not part.isidentifier() or not (bundled("templates") / template).is_file():
-        raise HTTPException(404)
-    return _drawn(request, machine, template)
+    places = (f"screens/{machine.type.name}", "fragments")
+    templates = [f"{place}/part_{part}.html" for place in places] if part.isidentifier() else []
+    for template in templates:
+        if (bundled("templates") / template).is_file():
+            return _drawn(request, machine, template)
+    raise HTTPException(404)
 
 
 @router.get("/equipment/{key}/table/{table}/{id}", dependencies=[allow("view")])

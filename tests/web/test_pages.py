@@ -12,7 +12,10 @@ from fastapi.testclient import TestClient
 from app.errors import ConfigurationError, Refused
 from app.plant.texts import read_product
 from app.running.page_tags import page_tags
+from app.sim.epos.training import REG_INTERLOCK
+from app.sim.training import REG_MACHINE_FAULT
 from app.web.guard import allow, check_declared, permissions
+from tests.virtual import until
 from tests.web.conftest import HOST, Start, send
 
 LANGUAGES = {"hr": "hr", "en": "en-GB", "de": "de", "cs": "cs"}
@@ -243,6 +246,10 @@ def test_tiles_say_how_far_it_is_and_what_it_waits_for(demo: TestClient) -> None
     )
     assert waits and len(waits[1]) > 10
     assert demo.get("/equipment/seq1/part/why").status_code == 200
+    for machine in ("a1", "cc1", "m1", "m2", "c1", "cr1"):
+        says = re.search(rf'hx-get="/equipment/{machine}/part/why"[^>]*>\s*(.*?)\s*</p>', tiles[machine])
+        assert says and says[1] == demo.get(f"/equipment/{machine}/part/why").text.strip()
+    assert demo.get("/equipment/m1/part/nothing").status_code == 404
     crane = demo.app.state.runtime.plant.equipment["cr1"].points["step"]  # type: ignore[attr-defined]
     steps = [number for number in crane.texts if number > 2]
     assert re.findall(r'data-class="d:>(\d+);a:\1"', tiles["cr1"]) == [str(number) for number in steps]
@@ -253,6 +260,21 @@ def test_tiles_say_how_far_it_is_and_what_it_waits_for(demo: TestClient) -> None
     )
     sent = page_tags("overview", demo.app.state.runtime.plant, ())  # type: ignore[attr-defined]
     assert set(re.findall(r'data-tag="((?:cr1|a1|seq1|cc1)\.\w+)"', "".join(tiles.values()))) <= set(sent)
+
+
+def test_the_tile_of_a_machine_names_what_is_missing_for_the_next_thing(demo: TestClient) -> None:
+    demo.cookies.set("pogon_lang", "en")
+    devices = demo.app.state.runtime.sim.devices  # type: ignore[attr-defined]
+    says = "Run interlock open: close it at the drive"
+    devices["a1"].write(6, REG_INTERLOCK, [1])
+    assert until(lambda: demo.get("/equipment/a1/part/why").text.strip() == says)
+    devices["cc1"].write(6, REG_MACHINE_FAULT, [50])
+    says_car = "Emergency stop pressed: release it at the machine, then fault reset"
+    assert until(lambda: demo.get("/equipment/cc1/part/why").text.strip() == says_car)
+    page = unescape(demo.get("/").text)
+    assert says in page and says_car in page
+    devices["a1"].write(6, REG_INTERLOCK, [0])
+    devices["cc1"].write(6, REG_MACHINE_FAULT, [0])
 
 
 def test_an_area_has_its_own_flow_alarms_figures_and_curves(demo: TestClient) -> None:
