@@ -379,7 +379,7 @@ async function settle(form, got) {
     delete form.dataset.dirty;
     clearTimeout(timers.get(form));
     delete form.fresh;
-    take(got, null);
+    current(form, got, take(got, null));
     return;
   }
   hint(form, "");

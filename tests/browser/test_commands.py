@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.browser.station import AXE, Sit, serving, small, take
 from tests.conftest import PogonServer
@@ -143,6 +143,28 @@ def test_stop_works_without_any_script(sit: Sit, server: PogonServer) -> None:
 
 
 # ---- setpoints ------------------------------------------------------------------------------------------------
+
+
+def test_an_answer_that_comes_late_does_not_hide_what_became_of_a_setpoint(sit: Sit) -> None:
+    page = sit("ana")
+    take(page)
+    done = re.compile("Set frequency = 38.Hz: Accepted .* Done")
+
+    def late(route: Route) -> None:
+        answer = route.fetch()  # accepted
+        expect(page.locator("#message")).to_contain_text(done, timeout=20_000)  # heard by the way of everybody
+        route.fulfill(response=answer)
+
+    page.route("**/setpoint/*", late)
+    page.fill("#set-m1\\.set_frequency", "38")
+    with page.expect_response("**/setpoint/*"):
+        page.keyboard.press("Enter")
+    page.wait_for_timeout(500)  # for the answer to be drawn
+    expect(page.locator("#message")).to_contain_text(done)
+    page.unroute("**/setpoint/*")
+    page.fill("#set-m1\\.set_frequency", "40")
+    page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 40.Hz: Accepted .* Done"))
 
 
 def test_a_setpoint_outside_the_normal_band_is_reviewed_first(sit: Sit) -> None:
