@@ -155,13 +155,13 @@ def test_an_answer_that_comes_late_does_not_hide_what_became_of_a_setpoint(sit: 
         expect(page.locator("#message")).to_contain_text(done, timeout=20_000)  # heard by the way of everybody
         route.fulfill(response=answer)
 
-    page.route("**/setpoint/*", late)
+    page.route("**/command/set_frequency", late)
     page.fill("#set-m1\\.set_frequency", "38")
-    with page.expect_response("**/setpoint/*"):
+    with page.expect_response("**/command/set_frequency"):
         page.keyboard.press("Enter")
     page.wait_for_timeout(500)  # for the answer to be drawn
     expect(page.locator("#message")).to_contain_text(done)
-    page.unroute("**/setpoint/*")
+    page.unroute("**/command/set_frequency")
     page.fill("#set-m1\\.set_frequency", "40")
     page.keyboard.press("Enter")
     expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 40.Hz: Accepted .* Done"))
