@@ -57,8 +57,17 @@ function carry(old, fresh) {
 
 // ---- what was sent is known ----------------------------------------------------------------------------------------------------------
 
+// Form and text are one draft, so one is asked about after the other (hx-sync), each with what stands there when its turn has come:
+// what waited from a form that an answer has replaced since is carried on by the new one.
 const sent = new WeakMap();
-document.addEventListener("htmx:before:request", ({ detail: { ctx } }) => sent.set(ctx, ctx.request.body));
+document.addEventListener("htmx:before:request", (event) => {
+  const { ctx } = event.detail, source = ctx.sourceElement;
+  if (!source.matches(".ed-textf, #ed-fields")) return;
+  if (!source.isConnected) return void event.preventDefault();
+  ctx.target = document.getElementById("ed-problems"); // the one that it was queued for may have been replaced
+  ctx.request.body = new URLSearchParams(new FormData(source));
+  sent.set(ctx, ctx.request.body);
+});
 
 /** Of an answer that is good: what its request said is no longer only the person's. */
 function acknowledge(ctx) {

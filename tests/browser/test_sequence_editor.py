@@ -70,6 +70,29 @@ def test_what_is_typed_while_the_answer_to_a_field_is_awaited_stays_in_the_text(
     expect(text).to_have_value(re.compile(r"# seen by Ivana, twice\n(?s:.*)maximum = 44\n"))
 
 
+def test_a_form_that_is_sent_late_takes_nothing_back_that_the_text_says_since(sit: Sit) -> None:
+    page = sit(path="/equipment/steps1/definition?section=2")
+    text, held = page.locator("#ed-text"), list[Route]()
+    before = page.locator("[name=maximum]").input_value()
+    let_go = False
+    page.route("**/definition/fields", lambda route: route.continue_() if let_go else held.append(route))
+    page.fill("[name=minimum]", "14")
+    while not held:
+        page.wait_for_timeout(50)
+    text.fill(text.input_value().replace(f"maximum = {before}", "maximum = 78"))
+    page.wait_for_timeout(1_500)  # so long that the text would have been sent
+    let_go = True
+    for route in held:
+        route.continue_()
+    expect(page.locator("[name=maximum]")).to_have_value("78")
+    expect(text).to_have_value(re.compile("minimum = 14\n"))
+    expect(text).to_have_value(re.compile("maximum = 78\n"))
+    expect(page.locator("#ed-problems")).to_contain_text("No mistakes.")
+    page.reload()
+    expect(page.locator("[name=maximum]")).to_have_value("78")
+    expect(page.locator("[name=minimum]")).to_have_value("14")
+
+
 def test_what_is_typed_while_the_answer_to_the_text_is_awaited_stays_in_the_field(sit: Sit) -> None:
     page = sit(path="/equipment/steps1/definition?section=4")
     text = page.locator("#ed-text")
