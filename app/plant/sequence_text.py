@@ -20,6 +20,8 @@ TESTS = "tests"
 LARGEST_TEXT = 512 * 1024
 """Of a definition that is edited [bytes]."""
 NUMBERS = frozenset({"minimum", "maximum", "stall_after", "longest_force", "default", "decimals", "times"})
+VALUES = "values"
+"""Of an order."""
 LISTS = frozenset({"paths"})
 """Keys that hold several names, which a field shows with commas between."""
 ROWS = ("recipe", "branches", "loops")
@@ -135,6 +137,7 @@ def changes(
     found: list[Change] = []
     flags = {name: name in given for name in shown}
     labels: dict[KeyPath, dict[str, str]] = {}
+    values: dict[KeyPath, dict[str, str]] = {}
     actions: dict[str, bool] = {}
     for name, value in [*((key, text) for key, text in given.items() if key not in flags), *flags.items()]:
         path = tuple(name.split("."))
@@ -142,6 +145,8 @@ def changes(
             actions[path[1]] = bool(value)
         elif len(path) > 1 and path[-2] == "label":
             labels.setdefault(path[:-1], {})[path[-1]] = str(value)
+        elif len(path) > 1 and path[-2] == VALUES:
+            values.setdefault(path[:-1], {})[path[-1]] = str(value)
         elif path[-1] == "bit":
             found += _moved(table, base, path, str(value))
         elif (change := _changed(table, base, path, value)) is not None:
@@ -149,6 +154,9 @@ def changes(
     for path, texts in labels.items():
         if (change := _relabelled(table, base, path, texts, languages)) is not None:
             found.insert(0, change)
+    for path, numbers in values.items():
+        if (change := _revalued(table, base, path, numbers)) is not None:
+            found.append(change)
     if actions:
         before = table.get("actions", [])
         kept = (
@@ -199,7 +207,7 @@ def _changed(table: Mapping[str, Any], base: KeyPath, path: KeyPath, value: obje
         default = path[-1] == "forceable" and path[0] != ABORT
         if (before if isinstance(before, bool) else default) == value:
             return None
-    elif path[-1] in NUMBERS or (len(path) > 1 and path[-2] == "values"):
+    elif path[-1] in NUMBERS:
         after = number_of(str(value)) if str(value).strip() else None
     elif path[-1] in LISTS:
         after = [name for one in str(value).split(",") if (name := one.strip())] or None
@@ -216,6 +224,14 @@ def _relabelled(
     was = dict.fromkeys(languages, before) if isinstance(before, str) else _table(before)
     now = {**was, **{language: text.strip() for language, text in texts.items()}}
     now = {language: text for language, text in now.items() if text}
+    return None if now == was else Put((*base, *path), now or None)
+
+
+def _revalued(table: Mapping[str, Any], base: KeyPath, path: KeyPath, given: Mapping[str, str]) -> Change | None:
+    """The values of an order stand in one line as a rule, and are written anew as a whole."""
+    was = _table(_at(table, path))
+    now = {**was, **{name: number_of(text) if text.strip() else None for name, text in given.items()}}
+    now = {name: value for name, value in now.items() if value is not None}
     return None if now == was else Put((*base, *path), now or None)
 
 

@@ -147,13 +147,13 @@ def _real(register: Register, words: Sequence[int]) -> float | None:
         return None
     if register.none is not None and struct.unpack(">I", struct.pack(">f", number))[0] == register.none:
         return None
-    shortest = _shortest(number)
+    shortest = shortest_of(number)
     if register.scale == 1 and register.offset == 0:
         return shortest
     return float(f"{shortest * register.scale + register.offset:.9g}")
 
 
-def _shortest(number: float) -> float:
+def shortest_of(number: float) -> float:
     """The decimal number with the fewest digits that is this float32: 0.1, not 0.10000000149."""
     for digits in range(6, 9):
         short = float(f"{number:.{digits}g}")

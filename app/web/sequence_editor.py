@@ -368,7 +368,7 @@ def _edited(at: Editing, made: list[Change]) -> str:
     try:
         return edited(at.draft.text, made)
     except CannotEdit as error:
-        raise Refused("editor.by_text", 409, key=error.where) from error
+        raise Refused("editor.by_text", 409, place=error.where) from error
     except (TomlRefused, LookupError) as error:
         raise Refused("editor.gone", 409) from error
 

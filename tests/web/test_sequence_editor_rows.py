@@ -1,5 +1,6 @@
 """Values of a run, branches, loops and safe steps are edited as fields, in the same text; what no field has stays in it."""
 
+import html
 import re
 import shutil
 from collections.abc import Iterator
@@ -125,3 +126,24 @@ def test_what_no_field_has_stays(staff: Staff) -> None:
     assert "loops.0.mood" in send(staff, "text", "tests", text=written)
     send(staff, "fields", loops__0__times="4")
     assert "times = 4  # as in the thesis\nmood = 1" in file(staff)
+
+
+def test_one_value_of_an_order_is_changed_in_the_line_of_its_values(staff: Staff) -> None:
+    assert "No mistakes." in send(staff, "fields", "1", orders__0__values__frequency="12,5")
+    assert "values = { frequency = 12.5 }\n" in file(staff)
+    assert "No mistakes." in send(staff, "fields", "1", orders__0__values__frequency="recipe.frequency")
+    assert 'values = { frequency = "recipe.frequency" }\n' in file(staff)
+
+
+def test_what_only_the_text_can_change_is_named(staff: Staff) -> None:
+    found = re.search(r"<textarea[^>]*>\n(.*?)</textarea>", page(staff, "1"), re.S)
+    assert found
+    text = html.unescape(found[1])
+    table = '[[steps.orders]]\nmachine = "m1"\naction = "run_forward"\nvalues = { frequency = "recipe.frequency" }\n'
+    assert table in text
+    line = 'orders = [{ machine = "m1", action = "run_forward", values = { frequency = "recipe.frequency" } }]\n'
+    text = text.replace(table, "").replace("maximum = 60\n", "maximum = 60\n" + line)
+    assert "No mistakes." in send(staff, "text", "1", text=text)
+    answer = send(staff, "fields", "1", orders__0__values__frequency="12")
+    assert "steps.0.orders.0" in answer and "in a way that only the text can change" in answer, answer
+    assert line in file(staff)

@@ -6,6 +6,7 @@ from math import isfinite
 
 from app.blocks.sequence import SequenceBlock
 from app.plant.sequence_definition import PREFIX, SequenceDefinition
+from app.registers.codec import shortest_of
 from app.registers.plc_map import real, real_of
 
 
@@ -50,8 +51,8 @@ class Recipe:
         return 0
 
     def take(self, raw: Sequence[int]) -> None:
-        """The `raw` arguments of a start."""
-        self.put(tuple(real_of(word) for _, word in zip(self._declared, raw, strict=False)))
+        """The `raw` arguments of a start, as they were written: 0.1, not what is left of it in a telegram."""
+        self.put(tuple(shortest_of(real_of(word)) for _, word in zip(self._declared, raw, strict=False)))
 
     def put(self, values: tuple[float, ...]) -> None:
         """These values."""

@@ -75,6 +75,12 @@ def test_a_condition_asks_for_the_value_of_this_run() -> None:
     assert plc.block.step == 1 and plc.block.stalled
 
 
+def test_a_value_is_what_was_written_not_what_a_telegram_leaves_of_it() -> None:
+    plc, talker = built()
+    start(talker, 4.1, 60.3)
+    assert plc.recipe.values == (4.1, 60.3), "a step that gives it on is not refused for its decimals"
+
+
 def test_the_values_are_told_behind_the_start() -> None:
     plc, talker = built()
     start(talker, 4.0, 60.0)
