@@ -30,7 +30,7 @@ from app.links.repeats import Repeats
 from app.links.serial_port import close_port, open_port, reason_of
 from app.plant.definitions import Link
 from app.registers.pdu import READS, Request, build_answer, build_request, parse_answer
-from app.registers.rtu import AnswerFramer, build_frame, character_time, silence
+from app.registers.rtu import SLAVES, AnswerFramer, build_frame, character_time, silence
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,6 @@ NOISE = 5
 """Fewer bytes that are no frame are the click of a driver that switches; from here on it was an answer, damaged."""
 TEMPORARY = (4, 5, 6)
 """Refusals from which nothing lasting is learnt: harmless also when meant for an earlier request."""
-UNITS = range(1, 248)
 
 
 @dataclass(slots=True)
@@ -365,7 +364,7 @@ class RtuTransport:
             self._fail(self._telegram, NotConnected(f"{self._path}: {reason}"))
 
     def _check(self, unit: int) -> None:
-        if unit not in UNITS:
+        if unit not in SLAVES:
             raise BadAnswer(f"{self._path} unit {unit}: expected 1 to 247; nobody answers a broadcast")
 
 

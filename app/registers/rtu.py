@@ -12,6 +12,8 @@ BITS_PER_CHARACTER = 11
 """Start, 8 data, parity or a second stop, stop."""
 MIN_FRAME = 4
 MAX_FRAME = 256
+SLAVES = range(1, 248)
+"""Addresses of slaves: 0 is for all, who do not answer, those behind are reserved."""
 
 
 def character_time(baud: int) -> float:
@@ -170,7 +172,7 @@ class AnswerFramer:
             if length is None or len(heard) < length:
                 return None
             frame = parse_frame(bytes(heard[:length])) if length else None
-            if frame is not None:
+            if frame is not None and frame[0] in SLAVES:  # ff ff 00 00 00 within a damaged answer has a right check sum
                 del heard[:length]
                 self._forget()
                 return frame

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from app.registers.pdu import Request, build_answer, exception_answer, read_request, write_request
@@ -38,6 +38,7 @@ def test_an_answer_behind_noise_is_found_when_the_line_falls_silent_at_the_lates
     assert framer.damaged >= 1 and not framer.pending
 
 
+@example((1, bytes.fromhex("0306ffff00000000")), 0, 1)
 @given(FRAME, st.integers(0, 10_000), st.integers(1, 255))
 def test_a_damaged_answer_is_none(frame: tuple[int, bytes], at: int, by: int) -> None:
     whole = bytearray(build_frame(*frame))
