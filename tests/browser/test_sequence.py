@@ -99,6 +99,7 @@ def test_a_stall_says_what_is_missing_and_what_fell_first(sit: Sit) -> None:
         expect(page.locator(".q-word .miss").filter(has_text="Pressure is there")).to_have_count(1)
         first = page.locator(".q-first li").filter(has_text="Pressure is there").first
         expect(first).to_contain_text(re.compile(r"\d\d:\d\d:\d\d\.\d{3}"))
+        expect(first).to_contain_text("required: ")
         expect(page.locator(".q-first .first")).to_have_count(1)
         expect(page.locator(".banner")).to_contain_text("permissive missing")
         waited = page.locator(".q-t b [data-as=duration]")
