@@ -103,7 +103,7 @@ def test_a_product_is_put_moved_and_deleted_and_the_audit_says_by_whom_and_why(s
     assert over(staff).state == "confirmed"
     assert until(lambda: product not in numbers(staff))
     page = words(Operator(staff, "adam", ("admin",)).get("/audit?object=c1.delete_product", fragment=False).text)
-    assert f"product = {product}" in page
+    assert f"Product ID {product}" in page
     assert "fell off" in page
 
 

@@ -76,7 +76,7 @@ def test_a_run_keeps_them_and_says_them_ever_after(ana: Operator, plant: TestCli
     assert 'name="arg_frequency" value="22.5"' in ana.get("/equipment/steps1/ask/start").text, "those of the last run"
     ana.staff.enter("ivana", "engineer", "operator")
     ana.staff.client.cookies.set("pogon_lang", "en")
-    assert "frequency = 22.5" in ana.staff.client.get("/audit").text.replace("&nbsp;", " ")
+    assert "Frequency 22.5 Hz" in words(ana.staff.client.get("/audit").text), "in the words of the dialog"
     found = until(lambda: "22.5" in ana.staff.client.get("/records/run/export.csv?locale=en").text, 10)
     csv = ana.staff.client.get("/records/run/export.csv?locale=en").text
     assert found and "Frequency" in csv and "Recipe value 2: name" in csv, csv
