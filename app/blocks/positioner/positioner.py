@@ -104,6 +104,12 @@ class Positioner:
     ramp: float = 0.0
     """Speed that the drive's ramp has by now [mm/s], counted towards the target."""
     attempt: int = 0
+    begun: float = 0.0
+    """Where this attempt began [mm]."""
+    owed: float = 0.0
+    """Way of the ramp since then [mm]; what the axis lacks of it is still to come, however late it follows."""
+    still: float = 0.0
+    """Since when the ramp is down [s]: the axis itself follows as late as `lag`."""
 
     def __post_init__(self) -> None:
         for name in ("max_speed", "acceleration", "deceleration", "tolerance"):
@@ -134,22 +140,26 @@ class Positioner:
         left = self.way * (self.target - inputs.position)
         measured, held = self.way * inputs.speed, self.way * inputs.held
         going = max(self._going(measured), 0.0)
-        area = max(0.0, going**2 - slow**2) / (2 * self.deceleration) if slow else 0.0
-        stop = going**2 / (2 * self.deceleration)
-        delay = self.lag * max(measured, going) + going * dt + held
+        area, stop = self._area(going, slow), going**2 / (2 * self.deceleration)
+        then = max(going, min(going + self.acceleration * dt, slow if self.phase is MovePhase.SLOW else speed))
+        owed = max(0.0, self.owed - self.way * (inputs.position - self.begun))
+        delay = min(self.lag * max(measured, then), owed + then * dt) + then * dt + held
         if self.phase is MovePhase.TRAVEL:
             early = max(0.0, delay - slow * (self.lag + dt + self.shaper_delay))
-            if slow and (left <= self.slow_distance + area + early or self._ahead(inputs.slow_min, inputs.slow_max)):
+            near = left <= self.slow_distance + self._area(then, slow) + early
+            if slow and (near or self._ahead(inputs.slow_min, inputs.slow_max)):
                 self.phase = MovePhase.SLOW
         if self.phase in (MovePhase.TRAVEL, MovePhase.SLOW):
             if self._ahead(inputs.stop_min, inputs.stop_max):
                 self.phase, self.attempt = MovePhase.STOP, self.attempts
-            elif left <= stop + delay:
+            elif left <= then**2 / (2 * self.deceleration) + delay:
                 self.phase = MovePhase.STOP
-        elif self.phase is MovePhase.STOP and self._stands(measured, held):
+        elif self.phase is MovePhase.STOP and self.still >= self.lag and self._stands(measured, held):
             self._settle(inputs)
         command = {MovePhase.TRAVEL: speed, MovePhase.SLOW: slow}.get(self.phase, 0.0)
         self.ramp = approach(self.ramp, command, self.acceleration * dt, self.deceleration * dt)
+        self.owed += self.ramp * dt
+        self.still = 0.0 if self.ramp >= 0.5 else self.still + dt
         travels = command > 0
         return Outputs(
             self.way * command,
@@ -163,7 +173,7 @@ class Positioner:
 
     def safe(self) -> Outputs:
         """Stand still and forget the positioning: not started, or an input is bad."""
-        self.phase, self.way, self.ramp = MovePhase.OFF, 0, 0.0
+        self.phase, self.way, self.ramp, self.still = MovePhase.OFF, 0, 0.0, 0.0
         return Outputs(0.0, 0.0, False, False, nan, nan, MovePhase.OFF)
 
     def _begin(self, inputs: MoveInputs) -> None:
@@ -171,6 +181,7 @@ class Positioner:
         gap = self.target - inputs.position
         self.way = 1 if gap >= 0 else -1
         self.ramp = self.way * inputs.speed
+        self.begun, self.owed = inputs.position, self.lag * abs(inputs.speed)
         there = abs(gap) < self.tolerance and self._stands(self.ramp, inputs.held)
         self.phase = MovePhase.DONE if there else MovePhase.TRAVEL
 
@@ -185,6 +196,10 @@ class Positioner:
             self._begin(inputs)
             if self.slow_speed and self.slow_distance and self.phase is MovePhase.TRAVEL:
                 self.phase = MovePhase.SLOW
+
+    def _area(self, going: float, slow: float) -> float:
+        """Way from one speed down to the slow one [mm]."""
+        return max(0.0, going**2 - slow**2) / (2 * self.deceleration) if slow else 0.0
 
     def _going(self, measured: float) -> float:
         """Speed from which the ramp would brake: the block's own picture of it, or the measured one when that says more.

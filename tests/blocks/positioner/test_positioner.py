@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from app.blocks.positioner.positioner import MoveInputs, MovePhase, Positioner
@@ -87,6 +87,9 @@ def test_positions_told_are_the_formulas() -> None:
     part=st.floats(0, 1),
     spare=st.floats(0, 0.05),
 )
+@example(0.0, 6.0, 660.4, (2.0, 8.0), (29.0, 100.0), 0.0, 0.0, 0.0)  # still gaining speed when it has to brake
+@example(0.0, 5.0, 660.4, (2.0, 2.0), (62.0, 100.0), 0.28125, 0.0, 0.0)  # told to stop before it moved
+@example(0.0, 7.0, 660.4, (2.0, 2.0), (62.0, 100.0), 0.28125, 0.0, 0.03125)  # never fast enough to owe lag times speed
 def test_stops_within_tolerance_and_never_overshoots(
     start: float, gap: float, set_speed: float, times: tuple[float, float], slow: tuple[float, float],
     lag: float, part: float, spare: float,
