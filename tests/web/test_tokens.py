@@ -1,6 +1,7 @@
-"""Corners and colours come from tokens.css alone: a sheet that says its own is another house."""
+"""Corners, colours and sizes of type come from tokens.css alone: a sheet that says its own is another house."""
 
 import re
+from collections.abc import Iterator
 
 from tests.conftest import ROOT
 
@@ -11,12 +12,55 @@ ALLOWED = {
     "alarms.css": 1,  # the count of a first-out is a pill, as round as it is high
 }
 """Sheet → places that say their own, with the reason."""
+OWN_TYPE = re.compile(r"(?<![\w-])font(?:-size)?\s*:\s*(?:[^;}]*[\s(,])?[\d.]*\d(?:px|pt|r?em|ch|v[wh]|%)")
+DRAWN = {
+    "coil_car.css": 2,
+    "coil_car.tile.css": 1,
+    "conveyor.css": 5,
+    "crane.css": 2,
+    "crane.tile.css": 1,
+    "epos.css": 1,
+    "indicators.css": 2,
+    "mimic.css": 7,
+    "overview.css": 1,
+    "plot.css": 2,
+}
+"""Sheet → sizes of text inside a drawing: their unit is the drawing's, which is scaled to its frame, not the reader's."""
+
+
+def sheets() -> Iterator[tuple[str, str]]:
+    """Every sheet but the tokens, without its comments."""
+    for sheet in sorted([*(ROOT / "static" / "css").rglob("*.css"), *(ROOT / "static" / "screens").glob("*.css")]):
+        if sheet.name != "tokens.css":
+            yield sheet.name, re.sub(r"/\*.*?\*/", "", sheet.read_text("utf-8"), flags=re.DOTALL)
+
+
+def own(pattern: re.Pattern[str]) -> dict[str, int]:
+    """Sheet → how often it says something of its own."""
+    return {name: len(found) for name, text in sheets() if (found := pattern.findall(text))}
 
 
 def test_corners_and_colours_come_from_tokens() -> None:
-    found: dict[str, int] = {}
-    for sheet in sorted([*(ROOT / "static" / "css").rglob("*.css"), *(ROOT / "static" / "screens").glob("*.css")]):
-        text = re.sub(r"/\*.*?\*/", "", sheet.read_text("utf-8"), flags=re.DOTALL)
-        if sheet.name != "tokens.css" and (own := OWN.findall(text)):
-            found[sheet.name] = len(own)
-    assert found == ALLOWED
+    assert own(OWN) == ALLOWED
+
+
+def test_sizes_of_type_come_from_tokens() -> None:
+    assert own(OWN_TYPE) == DRAWN
+
+
+def test_a_size_of_its_own_is_found() -> None:
+    for said in (
+        "a { font-size: 13px; }",
+        "a{font-size:.8rem}",
+        "a { font: 600 14px/1.2 var(--font); }",
+        "a { font-size: max(var(--t-body), 15px); }",
+        "a { font-size: 90%; }",
+    ):
+        assert OWN_TYPE.search(said), said
+    for said in (
+        "a { font: var(--w) var(--t-body)/20px var(--font); }",
+        "a { font-size: min(var(--t-hero), 18.5cqi); }",
+        "a { font-size: 0; }",
+        "a { font: inherit; padding: 3px }",
+    ):
+        assert not OWN_TYPE.search(said), said
