@@ -1,4 +1,4 @@
-"""Corners, colours and sizes of type come from tokens.css alone: a sheet that says its own is another house."""
+"""Corners, colours, sizes of type and spaces come from tokens.css alone: a sheet that says its own is another house."""
 
 import re
 from collections.abc import Iterator
@@ -27,6 +27,22 @@ DRAWN = {
 }
 """Sheet → sizes of text inside a drawing: their unit is the drawing's, which is scaled to its frame, not the reader's."""
 
+OWN_SPACE = re.compile(
+    r"(?<![\w-])(?:(?:scroll-)?(?:padding|margin)(?:-(?:block|inline))?(?:-(?:start|end|left|right|top|bottom))?|(?:row-|column-)?gap)"
+    r"\s*:\s*(?:[^;}]*[\s(,])?[-+]?[\d.]*\d(?:px|pt|rem|ch|v[wh]|%)"
+)
+KEPT = {
+    "access.css": 1,  # beside a switch
+    "coil_car.css": 1,  # beside the key that makes the picture larger
+    "conveyor.css": 2,  # beside and above Stop, which a dialog leaves in sight
+    "faceplate.css": 2,  # above the bar of commands at the bottom of a phone
+    "frame.css": 1,  # the same
+    "palette.css": 3,  # beside Stop, and above the bar
+    "sequence.css": 1,  # below the tabs
+    "trends.css": 3,  # beside the live switch; a text below the name, not below the colour of its pen
+}
+"""Sheet → room kept for a thing, as large as the thing. Spaces in em grow with the text that they stand in and are no steps."""
+
 
 def sheets() -> Iterator[tuple[str, str]]:
     """Every sheet but the tokens, without its comments."""
@@ -48,6 +64,10 @@ def test_sizes_of_type_come_from_tokens() -> None:
     assert own(OWN_TYPE) == DRAWN
 
 
+def test_spaces_come_from_tokens() -> None:
+    assert own(OWN_SPACE) == KEPT
+
+
 def test_a_size_of_its_own_is_found() -> None:
     for said in (
         "a { font-size: 13px; }",
@@ -64,3 +84,22 @@ def test_a_size_of_its_own_is_found() -> None:
         "a { font: inherit; padding: 3px }",
     ):
         assert not OWN_TYPE.search(said), said
+
+
+def test_a_space_of_its_own_is_found() -> None:
+    for said in (
+        "a { padding: 3px; }",
+        "a { padding: 0 var(--s1) .4rem; }",
+        "a{margin-inline-start:-8px}",
+        "a { gap: var(--s2) 5px; }",
+        "a { row-gap: max(1px, var(--s1)); }",
+        "a { margin: calc(2px + var(--s1)); }",
+    ):
+        assert OWN_SPACE.search(said), said
+    for said in (
+        "a { padding: 0; }",
+        "a { gap: .35em; }",
+        "a { margin: 0 auto; width: 3px; }",
+        "a { margin: calc(-1 * var(--s1)); }",
+    ):
+        assert not OWN_SPACE.search(said), said
