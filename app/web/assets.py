@@ -38,6 +38,8 @@ COMPRESSED = {".css", ".js", ".svg", ".txt"}
 SMALLEST = 1024
 """Below this, compressing costs more than it saves [bytes]."""
 NAMED = re.compile(rb'(?P<how>\burl\(|\bfrom )"(?P<way>\.{1,2}/[^"]+)"')
+REMARK = re.compile(rb"""(?P<text>"[^"\n]*"|'[^'\n]*')|/\*.*?\*/""", re.DOTALL)
+"""A comment of a style sheet, or a text in quotes, in which nothing is one."""
 JOINED = {
     "css/pages.css": tuple(
         f"css/{name}.css"
@@ -162,9 +164,11 @@ class Assets:
         return known if parts else None
 
     def _lasting(self, name: str, content: bytes) -> bytes:
-        """`content` of the file `name`, with the lasting names of what it names."""
+        """`content` of the file `name`, with the lasting names of what it names; a sheet of ours without its comments."""
         if not name.endswith((".css", ".js")) or name.startswith("vendor/"):
             return content
+        if name.endswith(".css"):
+            content = REMARK.sub(lambda found: found["text"] or b"", content)
         folder = posixpath.dirname(name)
 
         def lasting(found: re.Match[bytes]) -> bytes:
