@@ -30,7 +30,7 @@ def test_the_address_follows_the_content(folder: Path) -> None:
     assets = Assets(folder)
     first = assets.url("css/a.css")
     assert assets.url("css/a.css") == first != "/static/css/a.css"
-    (folder / "css" / "a.css").write_bytes(CSS + b"/* other */")
+    (folder / "css" / "a.css").write_bytes(CSS + b"p { color: blue }")
     assert assets.url("css/a.css") != first
 
 
