@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from app import bundled
-from tests.browser.station import AXE, LANGUAGES, Sit, Stations, fault, lay_out, serving, speak
+from tests.browser.station import AXE, LANGUAGES, Sit, Stations, fault, lay_out, let_go, serving, speak, take
 from tests.conftest import ROOT, PogonServer
 from tools.pictures import MARKS
 
@@ -179,6 +179,28 @@ def test_nothing_is_cut_at_any_size(abnormal: Page, server: PogonServer, lang: s
             found += [f"{lang} {path} {size}: {one}" for one in page.evaluate(BOTH)]
             if path.startswith("/equipment/") and not path.endswith(ENGINEERED):
                 found += [f"{lang} {path} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
+    assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_is_cut_for_who_operates_a_machine(abnormal: Page, server: PogonServer, lang: str) -> None:
+    """Who holds control is shown more: his commands are all there at once, as large as a finger needs, and Stop is."""
+    page = abnormal
+    speak(page, lang, server.url)
+    found: list[str] = []
+    for machine in MACHINES:
+        page.goto(f"{server.url}/equipment/{machine}", wait_until="load")
+        expect(page.locator("body")).to_have_attribute("data-live", "live")
+        lay_out(page, *SIZES["panel"])
+        take(page)
+        for size, (width, height, profile) in SIZES.items():
+            lay_out(page, width, height, profile)
+            looks = [] if size == "phone" else page.evaluate(CUT)
+            looks += page.evaluate(SMALLEST, FLOORS[size]) + page.evaluate(BOTH)
+            found += [f"{lang} {machine} {size}: {one}" for one in looks]
+            found += [f"{lang} {machine} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
+        lay_out(page, *SIZES["panel"])
+        let_go(page)
     assert found == [], "\n".join(["", *found])
 
 
