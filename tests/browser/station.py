@@ -237,7 +237,7 @@ def acknowledge(page: Page) -> None:
         for one in left:
             csrf = page.locator("[name=csrf]").first.get_attribute("value") or ""
             form = {"occurrence": str(one), "csrf": csrf}
-            page.request.post(f"{url}/alarms/acknowledge", form=form, headers={"Origin": url})
+            page.request.post(f"{url}/alarms/acknowledge", form=form, headers={"Origin": url}, max_retries=1)
         page.wait_for_timeout(200)
 
 
@@ -257,7 +257,7 @@ def heard(page: Page, tag: str) -> None:
     root = origin(page)
     while True:
         asked = time.monotonic()
-        age = page.request.get(f"{root}/api/v1/tags/{tag}").json()["age"]
+        age = page.request.get(f"{root}/api/v1/tags/{tag}", max_retries=1).json()["age"]
         if age is not None and age < asked - began:
             return
         assert asked < began + 30, f"{tag} is {age} s old: expected one that was read after the reset"
@@ -277,13 +277,16 @@ def instruct(page: Page, what: str, **form: str) -> None:
 def instructed(page: Page, where: str, **form: str) -> None:
     """Post what an instructor asks for.
 
-    A line that has no time to answer is asked again, as an instructor does who reads that.
+    A line that has no time to answer is asked again, as an instructor does who reads that. A connection that was not used for a while
+    may be closed by the server in the moment in which it is used: then it is sent on a new one, as a browser does (RFC 9112, 9.3.1).
     """
     root = origin(page)
     form |= {"csrf": page.locator("[name=csrf]").first.get_attribute("value") or ""}
     end = time.monotonic() + 30
     while True:
-        answer = page.request.post(f"{root}/{where}", form=form, headers={"Origin": root}, max_redirects=0)
+        answer = page.request.post(
+            f"{root}/{where}", form=form, headers={"Origin": root}, max_redirects=0, max_retries=1
+        )
         if answer.status == 303:
             return
         assert "no answer to" in answer.text() and time.monotonic() < end, answer.text()
