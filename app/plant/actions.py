@@ -29,6 +29,8 @@ class ActionCommand:
     """Name of the value that a step gives as its argument; empty = it takes none."""
     arguments: tuple[str, ...] = ()
     """Names of the values that a step gives as arguments of a code."""
+    optional: tuple[str, ...] = ()
+    """Those that it may give: the values of the run of a sequence, which else has those of its last one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,11 @@ class Action:
     def values(self) -> tuple[str, ...]:
         """Names of the values that a step gives."""
         return tuple(name for each in self.commands for name in ((each.value,) if each.value else each.arguments))
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Names of the values that a step may give."""
+        return tuple(name for each in self.commands for name in each.optional)
 
     @property
     def adjusts(self) -> bool:

@@ -4,13 +4,18 @@
 | --- | --- |
 | `m1.speed` | any point of any machine that is a number; known only while it is good, so a bad or stale one fulfils nothing |
 | orders | only of a sequence that this server runs, and only of machines that are simulated: in memory, or `simulated = true` |
+| values of the run of another sequence | a number stands in this file and is checked with it; of the own run only what that one takes |
 | sequences with a PLC of their own | command by themselves: their files give no orders |
+
+A value of the own run is handed on only in the unit, the decimals and the range of the other sequence: nobody reaches through one
+sequence what he may not set in the other. Values of a run have no right of their own, theirs is that of Start, which is the same for
+every sequence: there is none to compare.
 """
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
-from app.plant.definitions import Equipment, Kind, Link, Plant, Scan, Type
+from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.orders import expected_action
@@ -86,8 +91,8 @@ def check_order(
         if name not in order.values:
             table.note(f"values.{name}", MISSING, f"a number: {order.action} needs {', '.join(action.values)}")
     for name, value in order.values.items():
-        if name not in action.values:
-            expected = f"a value of {order.action}: " + one_of(list(action.values), name)
+        if name not in (*action.values, *action.optional):
+            expected = f"a value of {order.action}: " + one_of([*action.values, *action.optional], name)
             table.note(f"values.{name}", value, expected)
     ends = {one.key: (one.low, one.high) for one in recipe}
     spans = {name: ends.get(order.recipe.get(name, ""), (value,)) for name, value in order.values.items()}
@@ -101,6 +106,8 @@ def check_order(
                 value = order.values[argument.name]
                 span = spans[argument.name]
                 _check_range(table, argument.name, span, _number(argument.low), _number(argument.high), machine)
+                if argument.name in each.optional:
+                    _check_taken(table, argument, order, recipe, machine)
                 if argument.type is not Type.F32 and argument.name in order.recipe:
                     table.note(
                         f"values.{argument.name}",
@@ -119,6 +126,24 @@ def _check_range(
     if wrong:
         ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
         table.note(f"values.{name}", wrong[0], f"a number {ends} for {machine.id}")
+
+
+def _check_taken(
+    table: Table, argument: Argument, order: SequenceOrder, recipe: Sequence[RecipeValue], machine: Equipment
+) -> None:
+    """A value for the run of another sequence: one with more decimals would be refused at its start, one in another unit misread."""
+    value, name = order.values[argument.name], f"values.{argument.name}"
+    own = next((one for one in recipe if one.key == order.recipe.get(argument.name)), None)
+    takes = f"with at most {argument.decimals} decimals" if argument.decimals else "in whole numbers"
+    if own is not None and own.decimals > argument.decimals:
+        expected = f"a value of a run {takes}, as {machine.id} takes it; {own.key} has decimals = {own.decimals}"
+        table.note(name, PREFIX + own.key, expected)
+    elif own is not None and own.unit != argument.unit:
+        units = [f"in {unit}" if unit else "without a unit" for unit in (argument.unit, own.unit)]
+        expected = f"a value of a run {units[0]}, as {machine.id} takes it; {own.key} is {units[1]}"
+        table.note(name, PREFIX + own.key, expected)
+    elif own is None and round(value, argument.decimals) != value:
+        table.note(name, value, f"a number {takes}, as {machine.id} takes it")
 
 
 def _widest(machine: Equipment, key: str, end: str) -> float | None:

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from app.plant import expression
+from app.plant.actions import Action
 from app.plant.definitions import Argument, Command, Condition, Equipment, Point, Texts
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceDefinition
 from app.plant.tables import Table, one_of
@@ -120,7 +121,10 @@ def with_recipe(item: Equipment) -> Equipment:
         "screen.recipe_missing",
     )
     type = replace(
-        item.type, commands={**item.type.commands, START: start}, permissives=(*item.type.permissives, takes)
+        item.type,
+        commands={**item.type.commands, START: start},
+        permissives=(*item.type.permissives, takes),
+        orders={key: _giving(action, tuple(one.key for one in values)) for key, action in item.type.orders.items()},
     )
     points = dict(item.points)
     for number, value in enumerate(values, 1):
@@ -155,6 +159,12 @@ def _argument(item: Equipment, value: RecipeValue) -> Argument:
         value.key, low=f"{value.low!r}", high=f"{value.high!r}", unit=value.unit, decimals=value.decimals,
         label=_label(item, value),
     )  # fmt: skip
+
+
+def _giving(action: Action, keys: tuple[str, ...]) -> Action:
+    """`action`, with which a step of another sequence may give the values of the run if it starts one."""
+    commands = (replace(each, optional=keys) if each.command == START else each for each in action.commands)
+    return replace(action, commands=tuple(commands))
 
 
 def _called(item: Equipment, point: Point, value: RecipeValue) -> Point:

@@ -348,7 +348,8 @@ class SequenceDesk:
                 item.id,
                 command.command,
                 argument=values.get(command.value),
-                arguments={name: values[name] for name in command.arguments} or self._last(item, command.command),
+                arguments={name: values[name] for name in command.arguments}
+                or _of_run(self._tags, item, command.command, values if command.optional else {}),
                 id=id,
                 nonce=nonce,
                 confirmed=True,
@@ -356,12 +357,6 @@ class SequenceDesk:
             return asked if asked.over else await ended
         finally:
             self._waits.pop(id, None)
-
-    def _last(self, item: Equipment, command: str) -> dict[str, float]:
-        """The values of the run with which another sequence is started: those of its last one, else its defaults."""
-        if item.sequence is None or not item.type.commands[command].arguments:
-            return {}
-        return last_of(item.sequence, lambda key: _seen(self._tags, f"{item.id}.{key}"))
 
     def _ended(self, progress: Progress) -> None:
         waiting = self._waits.get(progress.id)
@@ -418,6 +413,14 @@ class SequenceDesk:
 def _seen(tags: TagDatabase | None, name: str) -> Reading:
     handle = tags.handles.get(name) if tags else None
     return (tags.value(handle), tags.quality(handle)) if tags and handle is not None else UNSEEN
+
+
+def _of_run(tags: TagDatabase | None, item: Equipment, command: str, given: Mapping[str, float]) -> dict[str, float]:
+    """The values of the run with which another sequence is started: what is given, else those of its last one, else its defaults."""
+    if item.sequence is None or not item.type.commands[command].arguments:
+        return {}
+    last = last_of(item.sequence, lambda key: _seen(tags, f"{item.id}.{key}"))
+    return last | {key: value for key, value in given.items() if key in last}
 
 
 def _replaces(one: _Carried, former: _Carried) -> bool:

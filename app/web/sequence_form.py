@@ -404,9 +404,14 @@ class Forms(_Fields):
                 required=True,
             ),
         ]
-        for value in dict.fromkeys([*(action.values if action else ()), *given]):
+        may = action.optional if action else ()
+        for value in dict.fromkeys([*(action.values if action else ()), *(key for key in given if key not in may)]):
             unit = self._unit(chosen, action, value)
             fields.append(self._number(base, f"{name}.values.{value}", given.get(value), label=value, unit=unit))
+        for value in may:
+            unit, hint = self._unit(chosen, action, value), self._text("editor.as_last")
+            one = self._number(base, f"{name}.values.{value}", given.get(value), label=value, unit=unit)
+            fields.append(replace(one, hint=hint))
         own = self._wrong(base, name).get(name)
         return OrderView(number, fields, own.expected if own else "")
 
@@ -414,6 +419,9 @@ class Forms(_Fields):
         """Of the argument of the command that takes `value`."""
         for each in action.commands if action else ():
             command = machine.type.commands.get(each.command) if machine else None
+            for argument in command.arguments if command else ():
+                if argument.name == value and value in (*each.arguments, *each.optional):
+                    return argument.unit
             point = machine.points.get(command.argument) if machine and command and each.value == value else None
             if point is not None:
                 return point.unit

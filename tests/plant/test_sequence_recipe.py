@@ -15,6 +15,27 @@ STEP = "minimum = 0.1\nmaximum = 900\n"
 ORDER = '[[steps.orders]]\nmachine = "m1"\naction = "run_forward"\nvalues = { frequency = "recipe.hold" }\n'
 
 
+CHILD = '[equipment.seq2]\ntype = "sequence"\nlink = "all"\nunit = 22\ndefinition = "child"\n'
+OTHER = (
+    VALUE.replace("hold", "wait")
+    + "decimals = 1\n"
+    + VALUE.replace("hold", "count").replace("= 2\n", "= 1\n", 1)
+    + "decimals = 0\n"
+)
+
+
+def calls(folder: Path, values: str, own: str = VALUE, action: str = "run") -> tuple[Equipment | None, list[str]]:
+    """A plant whose sequence starts another one with `values`."""
+    (folder / "sequences").mkdir(parents=True)
+    (folder / "plant.toml").write_text(LINKS + DRIVE + SEQUENCE + CHILD, "utf-8")
+    work = file(step("a", f"seq2.{action}({values})"), own)
+    (folder / "sequences" / "work.toml").write_text(work, "utf-8")
+    (folder / "sequences" / "child.toml").write_text(file(step("a"), OTHER), "utf-8")
+    plant, problems = read_plant(folder)
+    told = [f"{one.file} {one.key} = {one.value.strip(chr(34))}: {one.expected}" for one in problems]
+    return plant.equipment["seq1"] if plant else None, told
+
+
 def read(folder: Path, more: str, first: str = "") -> tuple[Equipment | None, list[str]]:
     (folder / "sequences").mkdir(parents=True)
     (folder / "plant.toml").write_text(LINKS + DRIVE + SEQUENCE, "utf-8")
@@ -82,3 +103,36 @@ def test_they_stand_for_times_values_of_orders_and_in_conditions(tmp_path: Path,
 def test_an_order_is_checked_at_both_ends_of_the_range(tmp_path: Path) -> None:
     _, problems = read(tmp_path / "hall", VALUE.replace("maximum = 20", "maximum = 5000"), "maximum = 60\n" + ORDER)
     assert any("values.frequency = 5000" in one for one in problems), problems
+
+
+def test_a_step_gives_another_sequence_some_of_its_values_or_none(tmp_path: Path) -> None:
+    item, problems = calls(tmp_path / "some", 'wait = "recipe.hold", count = 3')
+    assert problems == [] and item is not None and item.sequence is not None
+    assert "order seq2.run(wait = recipe.hold, count = 3)\n" in canonical(item.sequence), "part of the check sum"
+    for n, (values, action) in enumerate([("wait = 2.5", "run"), ("", "run"), ("count = 20", "start")]):
+        assert calls(tmp_path / str(n), values, action=action)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("values", "own", "told"),
+    [
+        ("wait = 21", "", "steps.0.orders.0.values.wait = 21.0: a number from 2 up to 20 for seq2"),
+        ("wait = 2.25", "", "values.wait = 2.25: a number with at most 1 decimals, as seq2 takes it"),
+        ("count = 2.5", "", "values.count = 2.5: a number in whole numbers, as seq2 takes it"),
+        ("hold = 3", "", "values.hold = 3.0: a value of run: one of wait, count"),
+        ('wait = "recipe.wait"', "", "a number, or a value of [[recipe]], which has none"),
+        ('count = "recipe.hold"', VALUE, "in whole numbers, as seq2 takes it; hold has decimals = 1"),
+        ('wait = "recipe.hold"', VALUE.replace("maximum = 20", "maximum = 25"), "values.wait = 25.0: a number from 2 up to 20 for seq2"),
+        ('wait = "recipe.hold"', VALUE.replace("minimum = 2", "minimum = 1"), "values.wait = 1.0: a number from 2 up to 20 for seq2"),
+        ('wait = "recipe.hold"', VALUE.replace('"s"', '"Hz"'), "recipe.hold: a value of a run in s, as seq2 takes it; hold is in Hz"),
+        ('wait = "recipe.hold"', VALUE.replace('unit = "s"\n', ""), "a value of a run in s, as seq2 takes it; hold is without a unit"),
+    ],
+)  # fmt: skip
+def test_what_another_sequence_does_not_take_is_named(tmp_path: Path, values: str, own: str, told: str) -> None:
+    item, problems = calls(tmp_path / "hall", values, own)
+    assert item is None and len(problems) == 1 and told in problems[0], problems
+    assert problems[0].startswith("sequences/work.toml"), "where it is given, not where it is taken"
+
+
+def test_an_order_that_starts_nothing_gives_no_values(tmp_path: Path) -> None:
+    assert any("a value of suspend" in one for one in calls(tmp_path / "hall", "wait = 3", action="suspend")[1])

@@ -32,7 +32,8 @@ SENTENCES = ("m1.status != 4", "d1.zsw1_fault == 0", "a1.zsw1_fault == 0", "c1.c
 STORY = 45.0
 """Virtual time of a story [s]."""
 ENDS = (SequenceEvent.DONE, SequenceEvent.ABORTED, SequenceEvent.TIMED_OUT)
-OTHER = file(step("a", minimum=2), step("b", minimum=2))
+VALUE = '[[recipe]]\nkey = "hold"\nlabel = "Hold"\nunit = "s"\nminimum = 1\nmaximum = 3\ndefault = 2\n'
+OTHER = file(step("a", minimum=2), step("b").replace("minimum = 0.1", 'minimum = "recipe.hold"'), VALUE)
 
 
 FAR = {
@@ -74,6 +75,7 @@ class Chances:
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)
         self.choice, self.uniform, self.sample = self._random.choice, self._random.uniform, self._random.sample
+        self._values = random.Random(seed)
         self.machines = sorted(self.sample(sorted(SECTIONS), self._random.randint(2, 4)))
 
     def often(self, part: float) -> bool:
@@ -85,9 +87,18 @@ class Chances:
             "d1": (f"run_forward(setpoint = {self.uniform(5, 90):.1f})", f"run_reverse(setpoint = {self.uniform(5, 90):.1f})", "stop"),
             "a1": (f"move_to(target = {self.uniform(10, 790):.0f}, velocity = {self.uniform(2000, 9000):.0f})",),
             "c1": ("select_automatic", "stop"),
-            "seq2": ("run",),
+            "seq2": (self.run(),),
         }  # fmt: skip
         return f"{machine}.{self.choice(kinds[machine])}"
+
+    def hold(self) -> float:
+        """A value of a run."""
+        return round(self._values.uniform(1, 3), 1)
+
+    def run(self) -> str:
+        """Start of the other sequence: with a number, with a value of the own run, or as its last run was."""
+        given = (f"hold = {self.hold()}", 'hold = "recipe.long"')
+        return f"run({self._values.choice(given)})" if self._values.random() < 0.8 else "run"
 
     def work(self, key: str, machines: Sequence[str]) -> str:
         """A step that commands some of `machines`."""
@@ -102,7 +113,7 @@ class Chances:
 
     def file(self) -> str:
         """A sequence with perhaps a branch, a loop and a safe step."""
-        together, more, head = self.often(0.5), "", ""
+        together, more, head = self.often(0.5), VALUE.replace("hold", "long"), ""
         half = len(self.machines) // 2
         sides = (self.machines[:half], self.machines[half:]) if together else (self.machines, self.machines)
         steps = [self.work("a", self.machines), self.work("b", self.machines)]
@@ -124,7 +135,7 @@ class Watched:
 
     def __init__(self, plant: Hall) -> None:
         self.plant, self.wrong = plant, list[str]()
-        self.started = self.ended = 0
+        self.started = self.ended = self.handed = 0
         self.given: list[tuple[int, int]] = []
         """(step, passage) whose orders were given."""
         self.suspended = False
@@ -142,6 +153,26 @@ class Watched:
             take(number)
 
         device.tell, device.orders._take = told, taken  # type: ignore[method-assign]
+        if plant.runtime.sim and "seq2" in plant.runtime.sim.devices:
+            self._watch_other(child(plant))
+
+    def _watch_other(self, other: VirtualSequence) -> None:
+        """Whether the other sequence has in each of its runs what the last order to it gives."""
+        tell, last = other.tell, other.recipe.values
+
+        def told(report: Report) -> None:
+            nonlocal last
+            if report.event is SequenceEvent.STARTED:
+                steps = self.plant.device.definition.steps
+                orders = [one for n, _ in self.given for one in steps[n - 1].orders if one.machine == "seq2"]
+                given = orders[-1].given(self.plant.device.recipe.by_key).values if orders else {}
+                if other.recipe.values != (given.get("hold", last[0]),):
+                    self.wrong.append(f"seq2 runs with {other.recipe.values}, was given {given}, had {last}")
+                self.handed += "hold" in given
+                last = other.recipe.values
+            tell(report)
+
+        other.tell = told  # type: ignore[method-assign]
 
     def _see(self, device: VirtualSequence, report: Report) -> None:
         if report.event is SequenceEvent.STEP_ENTERED and not device.block.ready(report.step):
@@ -188,7 +219,7 @@ async def live(plant: Hall, chances: Chances, seen: Watched) -> None:
         if not plant.device.block.running:
             plant.ask(5)
             await asyncio.sleep(0.5)
-            plant.ask(1)
+            plant.ask(1, chances.hold())
         elif plant.state is SequenceState.SUSPENDED:
             plant.ask(3)
         elif chances.often(0.35):
@@ -252,7 +283,7 @@ async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path
     ):
         await asyncio.sleep(1.5)
         seen = Watched(plant)
-        plant.ask(1)
+        plant.ask(1, chances.hold())
         await asyncio.sleep(0.5)
         await plant.until(lambda: not plant.device.block.running, 300)
         assert seen.wrong == [] and seen.given

@@ -310,3 +310,40 @@ async def test_machines_work_in_paths_side_by_side_in_a_loop_and_an_abort_leads_
         assert plant.value("a1.position") == pytest.approx(100, abs=0.5), plant.failure
         assert abs(plant.value("d1.speed")) < 31
         assert (plant.device.runs.done, plant.device.runs.aborted) == (1, 1)
+
+
+VALUES = (
+    '[[recipe]]\nkey = "hold"\nlabel = "Hold"\nunit = "s"\nminimum = 1\nmaximum = 20\ndefault = 5\n'
+    '[[recipe]]\nkey = "count"\nlabel = "Count"\ndecimals = 0\nminimum = 1\nmaximum = 9\ndefault = 2\n'
+)
+COUNTED = '[[loops]]\nfrom = "a"\nto = "a"\ntimes = "recipe.count"\n'
+
+
+async def test_a_sequence_that_is_started_by_another_one_gets_the_values_that_it_is_given(tmp_path: Path) -> None:
+    work = file(
+        step("call", 'seq2.run(hold = "recipe.long", count = 3)'), step("again", "seq2.run(count = 1)"),
+        VALUES.replace("hold", "long"),
+    )  # fmt: skip
+    other = file(step("a"), VALUES + COUNTED).replace("minimum = 0.1", 'minimum = "recipe.hold"')
+    async with hall(tmp_path, work, LINKS + SEQUENCE + CHILD, {"child": other}) as plant:
+        await plant.started(1.3, 4)
+        await plant.until(lambda: child(plant).block.running)
+        assert child(plant).recipe.values == (1.3, 3.0), "its own value, and a number; not its last ones"
+        await plant.until(lambda: plant.device.block.step == 2)
+        assert child(plant).block.times[0].runs == 3
+        await plant.until(lambda: child(plant).recipe.values == (1.3, 1.0), 5)
+        await plant.until(lambda: plant.state is SequenceState.DONE)
+        assert child(plant).block.times[0].runs == 4
+
+
+async def test_what_the_other_one_does_not_take_any_more_is_refused_at_its_start(tmp_path: Path) -> None:
+    """The plant is read before it runs; what a device was taught since is the gate's and its own affair."""
+    work = file(step("call", "seq2.run(hold = 18)"))
+    other = file(step("a"), VALUES)
+    async with hall(tmp_path, work, LINKS + SEQUENCE + CHILD, {"child": other}) as plant:
+        declared = child(plant).recipe._declared
+        child(plant).recipe._declared = (replace(declared[0], high=10.0), declared[1])
+        await plant.started()
+        await plant.until(lambda: plant.state is SequenceState.ABORTED)
+        assert not child(plant).block.running and child(plant).recipe.values == (5.0, 2.0)
+        assert plant.failure and plant.failure[0] == 1

@@ -109,9 +109,10 @@ class Hall:
     def state(self) -> SequenceState:
         return self.device.block.state
 
-    def ask(self, code: int) -> None:
+    def ask(self, code: int, *given: float) -> None:
         self._id += 1
-        self.device.write(16, plc_map.COMMAND, plc_map.request_words(Request(code, id=self._id)))
+        arguments = tuple(plc_map.real(one) for one in given)
+        self.device.write(16, plc_map.COMMAND, plc_map.request_words(Request(code, arguments=arguments, id=self._id)))
 
     def value(self, name: str) -> Any:
         tags = self.runtime.tags
@@ -128,12 +129,12 @@ class Hall:
             assert asyncio.get_running_loop().time() < end, (self.state, self.failure)
             await asyncio.sleep(0.02)
 
-    async def started(self) -> "Hall":
+    async def started(self, *given: float) -> "Hall":
         await asyncio.sleep(1)
         await self.until(
             lambda: self.device.permissives.missing(1, 0) < 0 and self.device.permissives.missing(0, 0) < 0
         )
-        self.ask(1)
+        self.ask(1, *given)
         await self.until(lambda: self.device.block.running or self.state is SequenceState.ABORTED, 2.0)
         return self
 
