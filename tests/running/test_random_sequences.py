@@ -273,7 +273,7 @@ async def test_whatever_happens_to_a_sequence(tmp_path: Path, seed: int, transpo
 
 
 @pytest.mark.parametrize(
-    ("seed", "transport"), [(20, "memory"), (21, "memory"), (22, "memory"), (23, "tcp"), (24, "rtu")]
+    ("seed", "transport"), [(20, "memory"), (21, "memory"), (22, "memory"), (23, "tcp"), (37, "rtu")]
 )
 async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path, seed: int, transport: str) -> None:
     chances = Chances(seed)
@@ -292,6 +292,9 @@ async def test_undisturbed_every_command_reaches_its_machine_once(tmp_path: Path
             assert asked[: len(expected)] == expected or asked == expected[: len(asked)], plant.failure
             if plant.state is SequenceState.DONE:
                 assert asked == expected
+        if plant.state is SequenceState.DONE:
+            orders = [one for n, _ in seen.given for one in plant.device.definition.steps[n - 1].orders]
+            assert seen.handed == sum("hold" in one.values for one in orders)
 
 
 async def test_the_same_seed_is_the_same_story(tmp_path: Path) -> None:
