@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.browser.station import AXE, Sit, serving, small, take
+from tests.browser.station import AXE, Sit, let_go, serving, small, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "", "/equipment/m1"
@@ -286,6 +286,12 @@ def stands(page: Page) -> None:
     wait_speed(page, lambda now: now == 0, 8)
 
 
+def at_rest(page: Page) -> None:
+    """Wait until nothing is at work on the machine of who holds it: what was held in the story before has ended, with all it gives back."""
+    stands(page)
+    expect(page.locator("[data-command='m2.coast']")).not_to_have_attribute("aria-disabled", "true", timeout=30_000)
+
+
 def test_m1_says_why_it_cannot_be_held(sit: Sit) -> None:
     page = sit("ana")
     take(page)
@@ -406,8 +412,10 @@ def test_the_faceplate_opens_over_the_page_lives_and_gives_the_focus_back(sit: S
 
 
 def test_parameters_are_edited_reviewed_and_written_with_a_result_per_row(sit: Sit) -> None:
-    page = sit("ana", "/equipment/m2/parameters")
+    page = sit("ana", "/equipment/m2")
     take(page)
+    at_rest(page)
+    page.goto(page.url + "/parameters")
     page.fill("tr[data-key=f114] [data-new]", "7.5")
     page.fill("tr[data-key=f115] [data-new]", "0.01")
     page.select_option("tr[data-key=f904] [data-new]", "4")
@@ -483,9 +491,11 @@ CUT = """() => {
 @pytest.mark.parametrize("what", ["command", "stop", "hold", "control", "faceplate", "setpoint"])
 def test_an_answer_whose_time_ends_after_its_head_is_none_and_throws_nothing(sit: Sit, what: str) -> None:
     page = sit("ana", "/equipment/m2")
-    stands(page)  # what was held in the story before, or was cut off there, is over
-    if what != "control":
-        take(page)
+    take(page)
+    at_rest(page)  # from the cut on nothing new is shown, so what is to be pressed has to be free before
+    if what == "control":
+        let_go(page)
+        expect(page.locator("[data-token=take]")).to_be_visible()
     if what == "hold":
         page.click(".op-mode label:has([value=hold])")
         expect(page.locator("[data-hold='m2.jog_forward']")).not_to_have_attribute("aria-disabled", "true")
