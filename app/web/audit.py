@@ -13,6 +13,7 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from app.access.audit.line import Record
 from app.access.audit.search import Filter
+from app.access.roles import SYSTEM as NOBODY
 from app.access.roles import Person
 from app.clock import to_datetime, to_micros
 from app.commands import parameter_change, value_set
@@ -139,7 +140,7 @@ def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:
     if before and not re.fullmatch(r"[0-9]{1,18}", before):
         raise Refused("access.form_field", 422, field="before")
     wanted = Filter(
-        person=typed["person"] if person.may("audit") else person.name,
+        person=_stored(request, typed["person"]) if person.may("audit") else person.name,
         object=typed["object"],
         kind=typed["kind"],
         since=read_time(request, typed["since"], "since"),
@@ -183,6 +184,7 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
     )
     return {
         "line": line,
+        "person": _person(request, line.person),
         "time": moment(request, line.time),
         "iso": fmt.iso(line.time, zone),
         "text": _text(request, line, object),
@@ -194,6 +196,25 @@ def _row(request: Request, line: Record) -> dict[str, Any]:
         "old": old,
         "new": new,
     }
+
+
+def _person(request: Request, name: str) -> str:
+    """Who did it: a person by name; the server itself, or somebody at its terminal, in words with a space, which no name has."""
+    who, _, user = name.partition(":")
+    if who == "terminal" and user:
+        return view_of(request).text(request, "audit.by.terminal", user=user)
+    return view_of(request).text(request, "audit.by.system") if name == NOBODY.name else name
+
+
+def _stored(request: Request, typed: str) -> str:
+    """The name under which lines of whom somebody `typed` are stored: what `_person` says is understood, and what is stored too."""
+    view, said = view_of(request), typed.casefold()
+    before, after = view.text(request, "audit.by.terminal", user="\n").casefold().split("\n")
+    if said == view.text(request, "audit.by.system").casefold():
+        return NOBODY.name
+    if len(said) > len(before) + len(after) and said.startswith(before) and said.endswith(after):
+        return f"terminal:{typed[len(before) : len(typed) - len(after)]}"
+    return typed
 
 
 def _object(request: Request, object: str) -> str:

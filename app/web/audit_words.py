@@ -66,6 +66,8 @@ def _teller(request: Request, line: Record, item: Equipment | None) -> Callable[
         return lambda _occurrence: ""  # a number that says nothing to a person
     if line.kind == "alarm.shelved":
         return lambda text: text.replace(" one-shot", f", {view.text(request, 'alarm.once')}")
+    if line.kind == "lesson.begun":
+        return lambda name: _lesson(request, name)
     if line.kind == "instructor.speed":
         return lambda text: f"{text}×" if text else ""
     if item is None:
@@ -76,6 +78,13 @@ def _teller(request: Request, line: Record, item: Equipment | None) -> Callable[
     if family == "instructor":
         return lambda text: _WORD.sub(lambda word: _trained(drawn, int(word[1], 16), int(word[2])), text)
     return str
+
+
+def _lesson(request: Request, name: str) -> str:
+    """The title of a lesson; of one that is no more its name."""
+    runtime = view_of(request).runtime(request)
+    lesson = runtime.classroom.lessons.get(name)
+    return runtime.texts.label(language_of(request), lesson.title) if lesson else name
 
 
 def _of_command(request: Request, line: Record, item: Equipment, key: str) -> tuple[Told, Told]:

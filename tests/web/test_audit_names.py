@@ -5,6 +5,8 @@ from html import unescape
 import pytest
 from fastapi.testclient import TestClient
 
+from app.access.roles import SYSTEM
+from app.cli_access import terminal
 from tests.web.people import Staff
 
 
@@ -37,3 +39,33 @@ def test_a_machine_its_parts_and_the_alarms_of_the_server_have_names(staff: Staf
 def test_the_file_keeps_the_ids(staff: Staff) -> None:
     lines = staff.client.get("/audit.csv").text
     assert all(f",{id}," in lines for id in ("m1.forward", "sys.history_quota", "gone.start"))
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_the_server_and_its_terminal_are_words_and_are_found_by_what_is_stored(staff: Staff, lang: str) -> None:
+    staff.wait(staff.access.audit.record, "server.started", SYSTEM)
+    staff.wait(staff.access.audit.record, "person.disabled", terminal(), "ivo")
+    staff.client.cookies.set("pogon_lang", lang)
+    text = staff.client.app.state.runtime.texts.text  # type: ignore[attr-defined]
+    by, stored = terminal().name, staff.client.get("/audit.csv").text
+    for name, told in (("system", text(lang, "audit.by.system")), (by, text(lang, "audit.by.terminal", user=by[9:]))):
+        for typed in (name, told, told.upper() if name == "system" else told):
+            page = unescape(staff.client.get("/audit", params={"person": typed}).text)
+            assert f'<td title="{name}">{told}</td>' in page
+            assert f"<td>{name}</td>" not in page and "<td>ana</td>" not in page
+        assert f",{name}," in stored, "the file keeps what is stored"
+    assert "<td>ana</td>" in staff.client.get("/audit").text
+
+
+@pytest.mark.parametrize("lang", ["hr", "en", "de", "cs"])
+def test_a_lesson_is_told_by_its_title(staff: Staff, lang: str) -> None:
+    runtime = staff.client.app.state.runtime  # type: ignore[attr-defined]
+    for name in (*runtime.classroom.lessons, "gone"):
+        staff.wait(staff.access.audit.record, "lesson.begun", None, "m1", new=name)
+    staff.client.cookies.set("pogon_lang", lang)
+    page = unescape(staff.client.get("/audit", params={"kind": "lesson"}).text)
+    assert len(runtime.classroom.lessons) >= 3
+    for name, lesson in runtime.classroom.lessons.items():
+        assert f">{runtime.texts.label(lang, lesson.title)}<" in page, (lang, name)
+        assert f"<td>{name}</td>" not in page
+    assert ">gone<" in page, "what is no more has no title"

@@ -12,7 +12,7 @@ from tests.web.people import PASSWORD, Staff
 from tests.web.test_alarms import LANGUAGES, Hall
 
 RAW = re.compile(
-    r"/plants/|one-shot|\b(?:m1|m2|sys|audit|control|fb|access|why|instructor)\.[a-z_]+|[{}]|\bNone\b|\bTrue\b|0x[0-9A-F]{4}| = "
+    r"/plants/|one-shot|terminal:|\b(?:m1|m2|sys|audit|control|fb|access|why|instructor)\.[a-z_]+|[{}]|\bNone\b|\bTrue\b|0x[0-9A-F]{4}| = "
 )
 
 
