@@ -104,6 +104,6 @@ def test_the_editor_has_a_field_for_each_value_of_the_other_one(plant: TestClien
     assert "in whole numbers, as steps1 takes it" in send(duration="recipe.speed")
     assert "No mistakes." in send(duration="")
     assert 'values = { frequency = "recipe.speed" }' in page().replace("&#34;", '"'), "then it is as in the last run"
-    assert 'placeholder="as in its last run"' in page()
+    assert 'placeholder="as last time"' in page()
     assert "No mistakes." in send(duration="4", frequency="")
     assert "values = { duration = 4 }" in page()
