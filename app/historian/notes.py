@@ -104,7 +104,8 @@ class Notes:
         """
 
         def work(connection: Connection) -> tuple[None, list[Entry]]:
-            row = connection.execute(select(note_table).where(note_table.c.id == number)).first()
+            asked = select(note_table).where(note_table.c.id == number)
+            row = connection.execute(asked).first() if 0 < number < 2**63 else None
             if row is None:
                 raise Refused("trend.error.no_note", 404)
             note = Note(*row)

@@ -183,7 +183,8 @@ class SavedViews:
 
 
 def _own(connection: Connection, person: Person, number: int) -> SavedView:
-    row = connection.execute(select(view_table).where(view_table.c.id == number)).first()
+    asked = select(view_table).where(view_table.c.id == number)
+    row = connection.execute(asked).first() if 0 < number < 2**63 else None
     if row is None or row.person != person.id:  # that another has one with this number is nobody's business
         raise Refused("trend.error.no_view", 404)
     return SavedView(row.id, row.person, person.name, row.name, row.query, row.shared)

@@ -114,6 +114,11 @@ def test_its_author_or_an_engineer_deletes_a_note_and_nobody_else(staff: Staff) 
     assert {(line.person, line.old) for line in lines} >= {("chief", "first"), ("writer", "second")}
 
 
+@pytest.mark.parametrize("number", ["0", str(2**63), "9" * 20])
+def test_a_number_that_no_note_can_have_is_told_as_one_that_is_gone(staff: Staff, number: str) -> None:
+    assert "gone already" in told(staff.post(f"/trends/notes/{number}/delete", {"range": RANGE}, **HX))
+
+
 def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: Staff) -> None:
     write(staff, "to be read")
     enter(staff, "watcher", "viewer")

@@ -94,6 +94,13 @@ def test_a_shared_view_is_everybodys_to_use_and_its_owners_to_change(staff: Staf
     assert [audited(staff, kind)[-1][1] for kind in ("changed", "deleted")] == ["For everybody"] * 2
 
 
+@pytest.mark.parametrize("number", ["0", str(2**63), "9" * 20])
+def test_a_number_that_no_view_can_have_is_told_as_one_that_is_not_there(staff: Staff, number: str) -> None:
+    for deed in ("rename", "replace", "unshare", "delete"):
+        form = {"view": VIEW, "name": "mine now"} if deed == "rename" else {"view": VIEW}
+        assert "no such view of yours" in told(staff.post(f"/trends/views/{number}/{deed}", form, **HX)), deed
+
+
 def test_what_is_only_ones_own_is_not_written_down_and_can_be_taken_back(staff: Staff) -> None:
     number = save(staff, "Private")
     before = len(audited(staff, "renamed"))
