@@ -54,8 +54,9 @@ def test_every_command_and_option_exists(name: str) -> None:
 def test_every_setting_test_and_link_exists(name: str) -> None:
     known = {f"POGON_{field.upper()}" for field in Settings.model_fields}
     assert set(re.findall(r"\bPOGON_[A-Z_]+", TEXTS[name])) <= known
-    for path in re.findall(r"`(tests/[\w/.]+\.py)`", TEXTS[name]):
+    for path, test in re.findall(r"`(tests/[\w/.]+\.py)(?:::(\w+))?`", TEXTS[name]):
         assert (ROOT / path).is_file(), path
+        assert not test or f"def {test}(" in (ROOT / path).read_text("utf-8"), f"{path}::{test}"
     for link in re.findall(r"\]\(([^)#:]+)\)", TEXTS[name]):
         assert (ROOT / "docs" / link).exists(), link
 
