@@ -15,15 +15,11 @@ from typing import Any
 import pytest
 
 from app.blocks.sequence import Report, SequenceEvent, SequenceState
-from app.plant.loader import read_plant
 from app.plant.sequence_definition import SequenceOrder
-from app.sim.plant import SimPlant
 from app.sim.sequence.program import VirtualSequence
-from app.sim.server import TcpServer
+from tests.far import far
 from tests.running.test_sequence_machines import AXIS, CHILD, DRIVE, LINKS, SEQUENCE, child, file, step
 from tests.running.test_sequence_orders import Hall, hall
-from tests.virtual import loop_clock
-from tests.wires import serve_line
 
 FAN = '[equipment.m1]\ntype = "eura_e800"\nlink = "all"\nunit = 1\n'
 LINE = '[equipment.c1]\ntype = "conveyor"\nlink = "all"\nunit = 11\npreset = "model"\n'
@@ -36,13 +32,6 @@ VALUE = '[[recipe]]\nkey = "hold"\nlabel = "Hold"\nunit = "s"\nminimum = 1\nmaxi
 OTHER = file(step("a", minimum=2), step("b").replace("minimum = 0.1", 'minimum = "recipe.hold"'), VALUE)
 
 
-FAR = {
-    "tcp": 'transport = "tcp"\nhost = "127.0.0.1"\nport = {port}\n',
-    "rtu": 'transport = "rtu"\nport = "{path}"\nbaud = 115200\nparity = "none"\nstop_bits = 2\n',
-}
-"""A link to machines that another process simulates."""
-
-
 @asynccontextmanager
 async def machines(folder: Path, names: Sequence[str], transport: str) -> AsyncIterator[str]:
     """A plant file with these machines; not over memory they are on a wire, the sequences stay in the server."""
@@ -50,23 +39,8 @@ async def machines(folder: Path, names: Sequence[str], transport: str) -> AsyncI
         yield LINKS + "".join(SECTIONS[name] for name in names) + SEQUENCE
         return
     away = [SECTIONS[name].replace('"all"', '"far"') for name in names if name != "seq2"]
-    (folder / "far").mkdir(parents=True)
-    (folder / "far" / "plant.toml").write_text(LINKS.replace("links.all", "links.far") + "".join(away), "utf-8")
-    plant, problems = read_plant(folder / "far")
-    assert plant is not None, problems
-    sim = SimPlant(plant, loop_clock())
-    bus = sim.buses["far"]
-    moving, server, line = asyncio.create_task(sim.run()), TcpServer(bus), await serve_line(bus, 115200)
-    await server.start("127.0.0.1", 0)
-    try:
-        link = "[links.far]\nwrites = true\nsimulated = true\n"
-        link += FAR[transport].format(port=server.address[1], path=line.path)
+    async with far(folder / "far", transport, '[plant]\nname = "Yard"\ntimezone = "UTC"\n', "".join(away)) as (link, _):
         yield LINKS + link + "".join(away) + (CHILD if "seq2" in names else "") + SEQUENCE
-    finally:
-        moving.cancel()
-        await asyncio.gather(moving, return_exceptions=True)
-        await server.close()
-        await line.close()
 
 
 class Chances:

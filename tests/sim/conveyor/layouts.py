@@ -1,10 +1,11 @@
 """Lines of any build by seed, and the run of many products over one of them with what must hold in every scan."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from random import Random
 
 from app.blocks.product_tracking import Code, TrackingEvent
+from app.sim.conveyor.blades import GatePlan, Rule
 from app.sim.conveyor.machine import MOST_BELTS, MOST_SENSORS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from tests.sim.conveyor.bench import QUICK
@@ -47,6 +48,47 @@ def layout(seed: int, *, belts: int = 0, sensors: int = 0) -> Geometry:
         # what comes faster than it goes on would only wait
         shares=tuple(sorted(shares)),
     )
+
+
+def layout_with_gates(seed: int) -> Geometry:
+    """Any line, with one to eight gates at any places where they may be."""
+    chance = Random(seed)
+    line = layout(seed, belts=chance.randint(2, 9))
+    scanner = line.sensors[0]
+    places: list[float] = []
+    goal = chance.randint(1, 8)
+    for _ in range(400):
+        if len(places) == goal:
+            break
+        x = round(chance.uniform(scanner + 40, line.sensors[-1] - 25), 1)
+        if all(abs(x - y) >= 20 for y in places) and all(abs(x - y) >= 10 for y in line.sensors):
+            places.append(x)
+    rules = [Rule.CLASS, Rule.HEAVIER, Rule.ALTERNATING, Rule.HAND]
+    plans = []
+    for x in sorted(places):
+        rule = chance.choice(rules) if plans else Rule.ALTERNATING
+        plans.append(GatePlan(x, rule, {Rule.CLASS: 1.0 + chance.randrange(3), Rule.HEAVIER: 2.1}.get(rule, 0.0)))
+    return replace(line, gates=tuple(plans))
+
+
+def options(geometry: Geometry, **more: object) -> str:
+    """What a plant file says of such a line, and `more`."""
+    said: dict[str, object] = {
+        "belts": geometry.belts,
+        "line_length": geometry.length,
+        "sensors": len(geometry.sensors),
+        "gates": len(geometry.gates),
+        "roller_radius": geometry.roller_radius,
+        "rated_speed": geometry.rated_speed,
+        "resolution": geometry.resolution,
+        "intact_is_one": int(geometry.intact_is_one),
+    }
+    said |= {f"belt_{n}_end": end for n, end in enumerate(geometry.belt_ends[:-1], 1)}
+    said |= {f"sensor_{n}": place for n, place in enumerate(geometry.sensors, 1)}
+    said |= {f"belt_{n}_share": round(share) for n, share in enumerate(geometry.speed_shares, 1)}
+    for n, gate in enumerate(geometry.gates, 1):
+        said |= {f"gate_{n}_at": gate.at, f"gate_{n}_rule": int(gate.rule), f"gate_{n}_value": gate.value}
+    return "".join(f"{key} = {value}\n" for key, value in (said | more).items())
 
 
 @dataclass(slots=True)

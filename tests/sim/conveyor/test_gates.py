@@ -1,7 +1,6 @@
 """Diverting gates: each product goes where its label or its turn says, none is lost or doubled, and a gate that does not arrive is told."""
 
 from itertools import pairwise
-from random import Random
 
 import pytest
 
@@ -16,7 +15,7 @@ from app.sim.conveyor.program import VirtualConveyor
 from app.sim.conveyor.register_map import GATE_COMMANDS, ConveyorCommand, ConveyorEvent, ConveyorReason, Source
 from app.sim.conveyor.scanner import ReadingState
 from tests.sim.conveyor.bench import QUICK, put
-from tests.sim.conveyor.layouts import layout
+from tests.sim.conveyor.layouts import layout_with_gates
 from tests.sim.conveyor.line import TestLine
 
 LINE = Geometry(gates=(GatePlan(330.0, Rule.CLASS, 2.0),))
@@ -120,38 +119,8 @@ def test_a_gate_counts_only_products_that_come_to_it() -> None:
     whole(watch.plc)
 
 
-def layouts_with_gates(seed: int) -> Geometry:
-    """Any line, with one to eight gates at any places where they may be."""
-    chance = Random(seed)
-    line = layout(seed, belts=chance.randint(2, 9))
-    scanner = line.sensors[0]
-    places: list[float] = []
-    goal = chance.randint(1, 8)
-    for _ in range(400):
-        if len(places) == goal:
-            break
-        x = round(chance.uniform(scanner + 40, line.sensors[-1] - 25), 1)
-        if all(abs(x - y) >= 20 for y in places) and all(abs(x - y) >= 10 for y in line.sensors):
-            places.append(x)
-    rules = [Rule.CLASS, Rule.HEAVIER, Rule.ALTERNATING, Rule.HAND]
-    plans = []
-    for x in sorted(places):
-        rule = chance.choice(rules) if plans else Rule.ALTERNATING
-        plans.append(GatePlan(x, rule, {Rule.CLASS: 1.0 + chance.randrange(3), Rule.HEAVIER: 2.1}.get(rule, 0.0)))
-    return Geometry(
-        line.belt_ends,
-        line.sensors,
-        line.roller_radius,
-        line.rated_speed,
-        line.resolution,
-        line.intact_is_one,
-        line.shares,
-        tuple(plans),
-    )
-
-
 def sweep(seed: int, seconds: float) -> int:
-    geometry = layouts_with_gates(seed)
+    geometry = layout_with_gates(seed)
     plc = sorting(geometry, seed=seed, scanner=1, not_read=2.0, slots=60, settings={**QUICK, "longest": 80.0})
     watch = Watch(plc)
     for _ in range(round(seconds)):
