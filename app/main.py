@@ -52,7 +52,9 @@ from app.web import (
     socket,
     storage,
     terminal,
+    trend_menus,
     trend_notes,
+    trend_table,
     trend_views,
     trends,
     users,
@@ -142,6 +144,8 @@ def dress(app: FastAPI, settings: Settings) -> None:
         communication,
         forces,
         trends,
+        trend_table,
+        trend_menus,
         trend_views,
         trend_notes,
     )

@@ -8,10 +8,12 @@ from zoneinfo import ZoneInfo
 
 from starlette.datastructures import QueryParams
 
+from app.clock import to_datetime, to_micros
 from app.errors import ConfigurationError, Refused
 from app.historian.export import moment
 from app.historian.saved_views import LONGEST_VIEW
 from app.plant.definitions import Kind, Plant, Point
+from app.web import typed_time
 
 MOST_PENS = 8
 PRESETS = ("10m", "1h", "8h", "24h", "7d")
@@ -32,6 +34,11 @@ def names_of(asked: QueryParams) -> list[str]:
     """The tags of an address, each once."""
     named = [name.strip() for text in asked.getlist("tags") for name in text.split(",")]
     return list(dict.fromkeys(name for name in named if name))
+
+
+def on_screen(query: QueryParams) -> QueryParams:
+    """What a part of the page is about: the view on the screen, told whole as `view`, else what the address itself says."""
+    return QueryParams(query["view"][:LONGEST_VIEW]) if "view" in query else query
 
 
 def view_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> dict[str, Any]:
@@ -92,6 +99,16 @@ def range_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> tuple[int, int]
     return begin, end
 
 
+def seen(asked: QueryParams, now: int, zone: ZoneInfo) -> tuple[int, int]:
+    """From when to when a view shows [µs UTC].
+
+    Raises:
+        Refused: 422, a part of it cannot be read.
+    """
+    view = view_asked(asked, now, zone)
+    return (now - view["span"] * 1_000_000, now) if view["span"] is not None else (view["from"], view["to"])
+
+
 def moment_asked(text: str, zone: ZoneInfo, now: int) -> int:
     """A time as µs UTC.
 
@@ -102,6 +119,24 @@ def moment_asked(text: str, zone: ZoneInfo, now: int) -> int:
         return moment(text, zone, now)
     except ConfigurationError as error:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
+
+
+def typed_micros(text: str, zone: ZoneInfo) -> int:
+    """What a field for a time says, in the plant's zone when it names no offset [µs UTC].
+
+    Raises:
+        Refused: 422, it says no time.
+    """
+    try:
+        typed = typed_time.read(text)
+        return to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone))
+    except (ValueError, OverflowError) as error:
+        raise Refused("trend.error.time", 422, value=text[:40]) from error
+
+
+def typed_form(at: int, zone: ZoneInfo) -> str:
+    """A time [µs UTC] as a field has it before anybody types."""
+    return f"{to_datetime(at).astimezone(zone):%Y-%m-%dT%H:%M:%S}"
 
 
 def kept(text: str, now: int, zone: ZoneInfo) -> str:
@@ -151,6 +186,17 @@ def first_pens(plant: Plant) -> list[str]:
         if names:
             return names[:3]
     return []
+
+
+def with_pens(asked: QueryParams, names: Sequence[str]) -> str:
+    """The same view with other pens, as a query."""
+    here = [(key, asked[key]) for key in KNOWN if key != "tags" and asked.get(key, "")]
+    return query_of(
+        [
+            ("tags", ",".join(names)),
+            *((key, value) for key, value in here if key not in ("off", "pen") or value in names),
+        ]
+    )
 
 
 def query_of(parts: Mapping[str, str] | Sequence[tuple[str, str]]) -> str:

@@ -8,16 +8,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from starlette.datastructures import QueryParams
 
-from app.clock import to_micros
 from app.errors import Refused, StorageError
 from app.historian.notes import LONGEST_NOTE, Note, Notes
+from app.historian.saved_views import LONGEST_VIEW
 from app.web import format as fmt
-from app.web import typed_time
 from app.web.guard import allow, fields, person_of
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 from app.web.signin import zone_of
-from app.web.trend_address import names_of, range_asked
+from app.web.trend_address import names_of, on_screen, seen, typed_form, typed_micros, view_asked
 
 router = APIRouter(prefix="/trends")
 
@@ -46,8 +45,8 @@ class Sheet:
     lines: Sequence[Line]
     machines: Sequence[tuple[str, str]]
     """Id and name of those that a note may be about."""
-    range: str
-    """Tags, from, to, as they were asked for."""
+    time: str
+    """Of a new one, before anybody types: that of cursor A, else now when the curves are live, else the middle."""
     may_write: bool
     longest: int = LONGEST_NOTE
     problem: str = ""
@@ -57,19 +56,19 @@ class Sheet:
 @router.get("/notes", dependencies=[allow("account")])
 async def notes(request: Request) -> Response:
     """The notes about the machines of `tags` and about all between `from` and `to`, as a fragment."""
-    return await _drawn(request, request.url.query)
+    return await _drawn(request, on_screen(request.query_params))
 
 
 @router.post("/notes", dependencies=[allow("annotate")])
 async def add(request: Request) -> Response:
     """Write a note at a time, in the plant's zone when it says no other."""
-    given = await fields(request, ["time", "text", "machine", "range"])
+    given = await fields(request, ["time", "text", "machine", "view"])
 
     async def work(kept: Notes) -> int:
         plant, machine = plant_of(request), given["machine"]
         if machine and machine not in plant.equipment:
             raise Refused("trend.error.note_machine", 422, machine=machine[:64])
-        time = _time(request, given["time"])
+        time = typed_micros(given["time"], zone_of(request))
         await kept.add(person_of(request), time, machine, given["text"])
         return time
 
@@ -79,7 +78,7 @@ async def add(request: Request) -> Response:
 @router.post("/notes/{number:int}/delete", dependencies=[allow("annotate")])
 async def remove(request: Request, number: int) -> Response:
     """Delete one's own note; an engineer those of others, too."""
-    given = await fields(request, ["range"])
+    given = await fields(request, ["view"])
 
     async def work(kept: Notes) -> int:
         await kept.remove(person_of(request), number)
@@ -100,15 +99,6 @@ def _notes(request: Request) -> Notes:
     return Notes(runtime.db, runtime.access.audit, runtime.clock)
 
 
-def _time(request: Request, text: str) -> int:
-    """What a field for a time says, in the plant's zone when it names no offset."""
-    try:
-        typed = typed_time.read(text)
-        return to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone_of(request)))
-    except (ValueError, OverflowError) as error:
-        raise Refused("trend.error.time", 422, value=text[:40]) from error
-
-
 async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], Awaitable[int]]) -> Response:
     """Do `work`, which gives the time of a new note, and draw the range: a note of a moment after it belongs to it, too."""
     problem, new = "", 0
@@ -116,13 +106,17 @@ async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], A
         new = await work(_notes(request))
     except Refused as refused:
         problem = view_of(request).text(request, refused.reason, **refused.params)
-    return await _drawn(request, given["range"], problem, given.get("text", "") if problem else "", new)
+    return await _drawn(
+        request, QueryParams(given["view"][:LONGEST_VIEW]), problem, given.get("text", "") if problem else "", new
+    )
 
 
-async def _drawn(request: Request, wanted: str, problem: str = "", typed: str = "", new: int = 0) -> Response:
+async def _drawn(request: Request, asked: QueryParams, problem: str = "", typed: str = "", new: int = 0) -> Response:
     view, runtime, person = view_of(request), view_of(request).runtime(request), person_of(request)
-    asked, now, zone = QueryParams(wanted[:2000]), runtime.clock.micros(), zone_of(request)
-    begin, end = range_asked(asked, now, zone)
+    now, zone = runtime.clock.micros(), zone_of(request)
+    begin, end = seen(asked, now, zone)
+    wanted = view_asked(asked, now, zone)
+    at = wanted["a"] or (now if wanted["span"] is not None else (begin + end) // 2)
     if end < new <= end + JUST_NOW:
         end = new + 1
     ids = list(dict.fromkeys(name.partition(".")[0] for name in names_of(asked)))
@@ -133,5 +127,7 @@ async def _drawn(request: Request, wanted: str, problem: str = "", typed: str = 
              one.may_be_deleted_by(person))
         for number, one in enumerate(await _notes(request).find(ids, begin, end), 1)
     ]  # fmt: skip
-    sheet = Sheet(lines, list(known.items()), wanted[:2000], person.may("annotate"), problem=problem, typed=typed)
+    sheet = Sheet(
+        lines, list(known.items()), typed_form(at, zone), person.may("annotate"), problem=problem, typed=typed
+    )
     return view.fragment(request, "fragments/trend_notes.html", notes=sheet)

@@ -126,7 +126,6 @@ async def _do(request: Request, given: dict[str, str], work: Callable[[SavedView
     if drawn:
         context: dict[str, Any] = {
             "views": await views_of(request),
-            "here": given["view"],
             "problem": problem,
             "typed": name,
         }

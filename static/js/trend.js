@@ -1,6 +1,5 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
-import { post } from "./commands.js";
-import { answered, parsed } from "./fetched.js";
+import { parsed } from "./fetched.js";
 import { TrendChart } from "./trend_chart.js";
 import * as format from "./format.js";
 import { page } from "./values.js";
@@ -17,6 +16,7 @@ const LEAST = 1e6, MOST = 3660 * 86400e6, SETTLED = 150;
 const UNITS = { s: 1e6, m: 60e6, h: 3600e6, d: 86400e6 };
 for (const pen of begun.pens) pen.name = pen.machine ? `${pen.machine} · ${pen.label}` : pen.label;
 
+const tags = begun.pens.map((pen) => pen.tag).join(",");
 const state = {
   live: begun.span !== null, span: begun.span === null ? begun.to - begun.from : begun.span * 1e6,
   from: begun.from, to: begun.to, selected: begun.selected, a: begun.a, b: begun.b, axis: begun.axis, paused: 0, under: begun.under === null ? 0 : begun.under * 1e6,
@@ -37,41 +37,25 @@ function written(length) {
 }
 const iso = (at) => new Date(at / 1000).toISOString().replace(".000Z", "Z");
 
-function address(tags = begun.pens.map((pen) => pen.tag)) {
-  const parts = [["tags", tags.join(",")]];
-  if (state.live) parts.push(["span", span()]);
-  else parts.push(["from", iso(state.from)], ["to", iso(state.to)]);
-  const off = begun.pens.filter((pen) => !pen.on && tags.includes(pen.tag)).map((pen) => pen.tag).join(",");
-  if (off) parts.push(["off", off]);
-  if (state.selected && state.selected !== tags[0] && tags.includes(state.selected)) parts.push(["pen", state.selected]);
-  if (state.axis !== "auto") parts.push(["axis", state.axis]);
-  for (const ruler of ["a", "b"]) if (state[ruler] !== null) parts.push([ruler, iso(state[ruler])]);
-  if (state.under) parts.push(["under", written(state.under)]);
-  return "/trends?" + parts.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%3A", ":")}`).join("&");
+/** The view as an address says it. */
+function said() {
+  const off = begun.pens.filter((pen) => !pen.on).map((pen) => pen.tag).join(",");
+  return Object.entries({
+    tags, span: state.live && span(), from: !state.live && iso(state.from), to: !state.live && iso(state.to), off,
+    pen: state.selected !== begun.pens[0].tag && state.selected, axis: state.axis !== "auto" && state.axis,
+    a: state.a !== null && iso(state.a), b: state.b !== null && iso(state.b), under: state.under && written(state.under),
+  }).filter(([, value]) => value).map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2C", ",").replaceAll("%3A", ":")}`).join("&");
 }
 
-let writing = 0;
+/** The view stands in the address and in the field that every part of the page is asked with; the field tells the server when it has rested. */
+let told = "", writing = 0;
 function remember() {
+  const here = said();
+  if (here === told) return;
+  one("#view").value = told = here;
+  one("#view").dispatchEvent(new Event("view"));
   clearTimeout(writing);
-  const path = address(), here = path.slice("/trends?".length);
-  writing = setTimeout(() => history.replaceState(null, "", path), 100);
-  for (const field of all("[data-view]")) if (field.value !== here) field.value = here;
-  if (begun.keeps) keep(here);
-  const link = one("[data-export]"), sums = one("[data-export-sums]"), every = Math.max(1, Math.ceil((chart.to - chart.from) / 1e9));
-  if (!link) return;
-  link.href = `/history/export.csv?tags=${begun.pens.map((pen) => pen.tag).join(",")}&from=${Math.round(chart.from)}&to=${Math.round(chart.to)}&locale=${lang}&bom=1`;
-  sums.href = `${link.href}&interval=${every}`;
-  one("[data-sums]").textContent = texts.csv_sums.replace("{time}", format.duration(every, lang));
-  one("[data-export-shift]").href = `${link.href}&interval=shift`;
-}
-
-/** Where one was last, for the next time that one comes: told when the view has rested. */
-let kept = "", keeping = 0;
-function keep(here) {
-  if (here === kept) return;
-  kept = here;
-  clearTimeout(keeping);
-  keeping = setTimeout(() => post("/trends/last", { view: here }), 1500);
+  writing = setTimeout(() => history.replaceState(null, "", `/trends?${here}`), 100);
 }
 
 // ---- fetching -------------------------------------------------------------------------------------------------
@@ -84,19 +68,16 @@ async function fetched(path, signal) {
 }
 
 let asking = null, asked = 0, settle = 0;
-const tags = begun.pens.map((pen) => pen.tag).join(",");
-
 async function load() {
   asking?.abort();
   const mine = (asking = new AbortController());
   asked = performance.now();
   const [from, to] = view(), width = Math.min(4000, Math.max(100, Math.round(chart.plot?.over.clientWidth || canvas.clientWidth - 80)));
   const range = `tags=${tags}&from=${Math.floor(from)}&to=${Math.ceil(to)}`;
-  const earlier = (first, last) => `tags=${tags}&from=${Math.floor(first - state.under)}&to=${Math.ceil(last - state.under)}`;
   try {
     const [answer, other] = await Promise.all([
       fetched(`/history/series?${range}&width=${width}`, mine.signal),
-      state.under ? fetched(`/history/series?${earlier(from, to)}&width=${width}`, mine.signal) : null,
+      state.under ? fetched(`/history/series?tags=${tags}&from=${Math.floor(from - state.under)}&to=${Math.ceil(to - state.under)}&width=${width}`, mine.signal) : null,
     ]);
     chart.take(answer);
     chart.under(other, state.under);
@@ -108,70 +89,32 @@ async function load() {
     one("[data-points]").textContent = columns ? texts.points.replace("{n}", format.number(columns, 0, lang)) : "";
     holder.dataset.loaded = String(Number(holder.dataset.loaded ?? 0) + 1);
     draw();
-    const [first, last] = ruled();
-    const [table, marks, before] = await Promise.all([
-      fetched(`/trends/table?tags=${tags}&from=${Math.floor(first)}&to=${Math.ceil(last)}`, mine.signal),
-      fetched(`/trends/marks?${range}`, mine.signal),
-      state.under ? fetched(`/trends/table?${earlier(first, last)}`, mine.signal) : null,
-      notes(range),
-    ]);
-    fill(table, "stat");
-    for (const line of all("[data-under-stat]")) line.hidden = !before;
-    if (before) fill(before, "under-stat");
-    chart.marks = marks.marks;
-    one("[data-alarm-marks]").replaceChildren(...marks.marks.map((mark) => {
-      const item = document.createElement("li");
-      item.textContent = `${format.dateTime(mark.time, zone, lang, now())} ${mark.source}: ${mark.text} (${mark.priority})`;
-      return item;
-    }));
-    draw();
+    holder.dispatchEvent(new Event("seen")); // numbers, alarms and notes are asked for by their own attributes
   } catch (error) {
     if (error.name !== "AbortError") tell("error", error.cause ? error.message : texts.unavailable);
   }
 }
 
-/** The notes of the range: their list, and their marks on the curves. What somebody types meanwhile stays. */
-async function notes(range) {
-  const place = one("[data-notes-place]"), typing = () => place.querySelector("[name=text]")?.value || place.contains(document.activeElement);
-  if (!place || typing()) return;
-  const answer = await answered(`/trends/notes?${range}`, { limit: LIMIT });
-  if (!answer?.ok || typing()) return;
-  place.replaceChildren(...parsed(answer.text).body.childNodes);
-  window.htmx.process(place);
-}
-
-const local = (at) => `${format.date(at, zone, lang)} ${format.clockTime(at, zone)}`;
-
-const clock = (text) => { // as app/web/typed_time.py
-  const typed = /^(\d{1,2})[./-] ?(\d{1,2})[./-] ?(\d{4})\.?(?:[ ,]+(\d{1,2})[:.](\d{2})(?:[:.](\d{2}))?)?$/.exec(text.trim());
-  if (!typed) return Date.parse(`${text.trim()}Z`);
-  const [day, month, year, ...time] = typed.slice(1).map((part) => Number(part ?? 0)), at = Date.UTC(year, month - 1, day, ...time);
-  return new Date(at).getUTCDate() === day && new Date(at).getUTCMonth() === month - 1 ? at : NaN;
-};
-
-/** A time as somebody typed it, on the clock of the plant, as µs UTC; NaN when it is none. */
-function wallTime(text) {
-  const wall = clock(text) * 1000, guess = wall - format.offset(wall, zone) * 60e6;
-  return wall - format.offset(guess, zone) * 60e6;
-}
-
-/** Flags are those of the list, however it came; a new note is of cursor A, else of now or the middle of what is seen. */
+/** Flags are those of the list of notes, marks those of the list of alarms, however they came. */
 function annotations() {
-  const place = one("[data-notes-place]");
-  if (!place) return;
-  const time = () => {
-    const field = place.querySelector("[name=time]"), [from, to] = view();
-    if (field) field.value = local(state.a ?? (state.live ? now() : (from + to) / 2));
-  };
-  new MutationObserver(() => {
-    chart.notes = [...place.querySelectorAll("[data-note]")].map((item) => ({ at: Number(item.dataset.at), number: item.dataset.note }));
-    time();
+  const marked = () => {
+    chart.notes = all("[data-note]").map(({ dataset }) => ({ at: Number(dataset.at), number: dataset.note }));
+    chart.marks = all("[data-alarm-marks] [data-mark]").map(({ dataset }) => ({ time: Number(dataset.at), priority: Number(dataset.mark) }));
     draw();
-  }).observe(place, { childList: true });
-  one("[data-notes]").addEventListener("toggle", time);
-  place.addEventListener("click", ({ target }) => {
+  };
+  for (const place of all("[data-alarm-marks], [data-notes-place]")) new MutationObserver(marked).observe(place, { childList: true, subtree: true });
+  one("[data-notes-place]")?.addEventListener("click", ({ target }) => {
     const at = Number(target.closest("[data-note-at]")?.dataset.noteAt);
     if (at) moveRuler("a", at);
+  });
+}
+
+/** What was chosen in a menu, as the server understood it: a range, another period, rulers [µs]. */
+function menus() {
+  document.addEventListener("trend", ({ target, detail: { from, to, ...rest } }) => {
+    target.closest("details").open = false;
+    Object.assign(state, rest);
+    if (from) look(from, to); else changed();
   });
 }
 
@@ -201,6 +144,7 @@ function draw() {
   edge.setAttribute("aria-pressed", String(state.live));
   if (!state.live && state.paused) one("[data-paused]").textContent = texts.paused.replace("{time}", format.age((performance.now() - state.paused) / 1000));
   for (const button of all("[data-span]")) button.setAttribute("aria-pressed", String(state.live && button.dataset.span === span()));
+  canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
   placeRulers();
   remember();
 }
@@ -236,10 +180,6 @@ function goLive() {
 
 // ---- rulers and numbers ---------------------------------------------------------------------------------------
 
-const ruled = () => {
-  const [from, to] = view(), set = [state.a, state.b].filter((at) => at !== null).sort((x, y) => x - y);
-  return set.length === 2 && set[1] > set[0] ? set : [from, to];
-};
 const handles = {};
 
 function handle(name) {
@@ -297,43 +237,8 @@ function placeRulers() {
     button.setAttribute("aria-valuetext", format.dateTime(at, zone, lang, now()));
   }
   const shown = (at) => (at === null ? "" : ` ${format.clockTime(at, zone)}`);
-  one("[data-col=a]").textContent = `A${shown(state.a)}`;
+  one("[data-col=a]").textContent = `A${shown(state.a)}`; // at once, while one is dragged; the numbers follow
   one("[data-col=b]").textContent = `B${shown(state.b)}`;
-  one("[data-col=delta]").textContent = state.a !== null && state.b !== null ? `Δ ${format.duration(Math.abs(state.b - state.a) / 1e6, lang)}` : "Δ";
-  one("[data-table-title]").textContent = state.a !== null && state.b !== null ? texts.between : texts.visible;
-}
-
-/** When a value first was: to the second where a sample tells, else the minute or the hour that it was in. */
-function when(at) {
-  if (!at) return "";
-  const day = format.date(at[0], zone, lang, { year: false }), [from, to] = at.map((one) => format.clockTime(one, zone, { seconds: at[0] === at[1] }));
-  const clock = at[0] === at[1] ? from : `${from}–${to}`;
-  return day === format.date(now(), zone, lang, { year: false }) ? clock : `${day} ${clock}`;
-}
-
-function fill({ rows }, where) {
-  const both = state.a !== null && state.b !== null && state.a !== state.b, turned = both && state.a > state.b;
-  for (const row of rows) {
-    const pen = chart.pen(row.tag), line = one(`[data-${where}="${CSS.escape(row.tag)}"]`);
-    const words = (value) => (value === null || value === undefined ? "–" : pen.texts[value] ?? format.number(value, pen.decimals, lang));
-    const held = (pair) => (!pair ? format.NO_VALUE : pair[1] === 2 || pair[0] === null ? format.NO_VALUE : words(pair[0]));
-    const [a, b] = turned ? [row.b, row.a] : [row.a, row.b];
-    const numbers = !Object.keys(pen.texts).length;
-    const cells = {
-      a: both ? held(a) : state.a === null || where !== "stat" ? "–" : words(chart.at(pen, state.a)),
-      b: both ? held(b) : state.b === null || where !== "stat" ? "–" : words(chart.at(pen, state.b)),
-      delta: both && numbers && a?.[0] != null && b?.[0] != null ? words(b[0] - a[0]) : "–",
-      low: words(row.low), high: words(row.high), mean: numbers ? words(row.mean) : "–", good: format.number(row.good * 100, 1, lang),
-    };
-    const below = { low: when(row.low_at), high: when(row.high_at), good: row.lacking > 5e5 ? texts.lacking.replace("{time}", format.duration(row.lacking / 1e6, lang)) : "" };
-    if (where !== "stat") line.querySelector("[data-earlier]").textContent = texts.earlier.replace("{time}", format.duration(state.under / 1e6, lang));
-    for (const cell of line.querySelectorAll("[data-cell]")) {
-      cell.textContent = cells[cell.dataset.cell];
-      const more = below[cell.dataset.cell];
-      if (more) cell.append(Object.assign(document.createElement("small"), { textContent: more }));
-    }
-  }
-  canvas.setAttribute("aria-label", `${texts.chart}: ${chart.shown().map((pen) => pen.name).join(", ")}, ${one("[data-period]").textContent}`);
 }
 
 // ---- pointer and keys -----------------------------------------------------------------------------------------
@@ -432,51 +337,6 @@ function tools() {
     moveRuler("b", snapped(from + ((to - from) * 2) / 3));
   });
   one("[data-axis]")?.addEventListener("change", ({ target }) => { state.axis = target.value; draw(); });
-  const own = one("#own-range");
-  one(".t-range > summary").addEventListener("click", () => {
-    const [from, to] = view();
-    own.elements.from.value = local(from);
-    own.elements.to.value = local(to);
-  });
-  own.addEventListener("submit", (event) => {
-    event.preventDefault();
-    const [from, to] = ["from", "to"].map((name) => wallTime(own.elements[name].value));
-    const wrong = !(to > from);
-    one("[data-own-error]").hidden = !wrong;
-    if (wrong) return;
-    one(".t-range").open = false;
-    look(from, to);
-  });
-}
-
-/** Another period under this one: so much earlier, or such that the later of two cursors lies over the earlier one. */
-function periods() {
-  const menu = one("[data-compare]"), form = one("[data-under-own]"), begin = form.elements.begin;
-  const put = (earlier) => { state.under = Math.round(earlier / 1000) * 1000; menu.open = false; changed(); };
-  menu.addEventListener("toggle", () => {
-    const [from] = view(), lengths = { none: 0, span: state.span, "24h": 86400e6, "7d": 7 * 86400e6 };
-    begin.value = local(from - (state.under || 86400e6));
-    for (const button of menu.querySelectorAll("[data-under]")) {
-      if (button.dataset.under === "rulers") button.disabled = state.a === null || state.b === null || state.a === state.b;
-      else button.setAttribute("aria-pressed", String(lengths[button.dataset.under] === state.under));
-    }
-  });
-  menu.addEventListener("click", ({ target }) => {
-    const what = target.closest("[data-under]")?.dataset.under;
-    if (!what) return;
-    if (what !== "rulers") return put({ none: 0, span: state.span, "24h": 86400e6, "7d": 7 * 86400e6 }[what]);
-    const [before, after] = [state.a, state.b].sort((m, n) => m - n), [from, to] = view();
-    Object.assign(state, { a: after, b: null });
-    look(after - (to - from) / 2, after + (to - from) / 2);
-    put(after - before);
-  });
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    const earlier = view()[0] - wallTime(begin.value);
-    const wrong = !(earlier > 0 && earlier <= MOST);
-    one("[data-under-error]").hidden = !wrong;
-    if (!wrong) put(earlier);
-  });
 }
 
 function pens() {
@@ -490,32 +350,21 @@ function pens() {
     const pen = chart.pen(row.dataset.pen);
     row.querySelector(".ck").addEventListener("change", ({ target }) => { pen.on = target.checked; mark(); draw(); });
     row.querySelector("[data-select]").addEventListener("click", () => { state.selected = pen.tag; mark(); draw(); });
-    row.querySelector("[data-remove]").addEventListener("click", () => location.assign(address(begun.pens.map(({ tag }) => tag).filter((tag) => tag !== pen.tag))));
   }
   mark();
-}
-
-/** Points that can be added: htmx fetches them, the view that one has is kept. */
-function picker() {
-  const drop = one("[data-picker]");
-  drop.addEventListener("toggle", () => { if (drop.open) drop.querySelector("input").focus(); });
-  drop.addEventListener("click", (event) => {
-    const link = event.target.closest("[data-add]");
-    if (!link || event.ctrlKey || event.metaKey) return;
-    event.preventDefault();
-    location.assign(address([...begun.pens.map((pen) => pen.tag), link.dataset.add]));
-  });
 }
 
 /** What is seen as a picture, with the numbers of the table; the program for it comes when it is asked for. */
 function pictures() {
   const words = (cell) => (cell.dataset.cell ? cell.firstChild.textContent : cell.textContent).replace(/\s+/g, " ").trim();
-  for (const button of all("[data-picture]"))
-    button.addEventListener("click", async () => {
-      one("[data-take]").open = false;
+  one("[data-take]")?.addEventListener("click", async ({ target }) => {
+      const kind = target.closest("[data-picture]")?.dataset.picture, prints = target.closest("[data-print]");
+      if (kind || prints) one("[data-take]").open = false;
+      if (prints) window.print();
+      if (!kind) return;
       try {
-        const picture = await import("./trend_picture.js"), kind = button.dataset.picture;
-        const table = all("#t-table tr:not([hidden])").map((row) => [...row.cells].map(words));
+        const picture = await import("./trend_picture.js");
+        const table = all("#t-table tr").map((row) => [...row.cells].map(words));
         const other = chart.shift ? ` · ${texts.other.replace("{period}", chart.otherPeriod())}` : "";
         const about = {
           title: document.title, period: `${format.date(chart.to, zone, lang)} ${time.period(chart.from, chart.to, zone, lang)} · ${zone}${other}`,
@@ -527,7 +376,6 @@ function pictures() {
         window.pogon.say(texts.no_picture, "error");
       }
     });
-  one("[data-print]")?.addEventListener("click", () => { one("[data-take]").open = false; window.print(); });
   matchMedia("print").addEventListener("change", () => chart.rebuild());
 }
 
@@ -564,13 +412,12 @@ function follow() {
   setInterval(beat, 100);
 }
 
-picker();
 if (chart) {
   pointers();
   tools();
   pens();
   annotations();
-  periods();
+  menus();
   pictures();
   follow();
   if (!state.live) state.paused = performance.now();

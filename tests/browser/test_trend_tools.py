@@ -61,6 +61,7 @@ def ready(page: Page) -> Page:
 
 def menu(page: Page, name: str) -> None:
     page.locator(".t-do summary").filter(has_text=re.compile(f"^\\s*{name}\\s*$")).click()
+    expect(page.locator(".t-do details[open] > .menu > *").first).to_be_visible()
 
 
 def query(page: Page) -> dict[str, list[str]]:

@@ -48,7 +48,7 @@ def enter(staff: Staff, name: str, *roles: str) -> None:
 
 
 def write(staff: Staff, text: str, time: str = "08.03.2026 07:10:00", machine: str = "m1") -> Any:
-    return staff.post("/trends/notes", {"text": text, "time": time, "machine": machine, "range": RANGE}, **HX)
+    return staff.post("/trends/notes", {"text": text, "time": time, "machine": machine, "view": RANGE}, **HX)
 
 
 def listed(answer: Any) -> dict[str, tuple[int, int]]:
@@ -103,20 +103,20 @@ def test_its_author_or_an_engineer_deletes_a_note_and_nobody_else(staff: Staff) 
     numbers = {text: number for text, (_, number) in seen(staff).items()}
     enter(staff, "colleague", "operator")
     assert seen(staff)["first"][1] == 0
-    refused = staff.post(f"/trends/notes/{numbers['first']}/delete", {"range": RANGE}, **HX)
+    refused = staff.post(f"/trends/notes/{numbers['first']}/delete", {"view": RANGE}, **HX)
     assert "Only who wrote a note, or an engineer" in told(refused) and "first" in listed(refused)
     enter(staff, "chief", "engineer")
-    assert "first" not in listed(staff.post(f"/trends/notes/{numbers['first']}/delete", {"range": RANGE}, **HX))
+    assert "first" not in listed(staff.post(f"/trends/notes/{numbers['first']}/delete", {"view": RANGE}, **HX))
     enter(staff, "writer")
-    assert "second" not in listed(staff.post(f"/trends/notes/{numbers['second']}/delete", {"range": RANGE}, **HX))
-    assert "gone already" in told(staff.post(f"/trends/notes/{numbers['second']}/delete", {"range": RANGE}, **HX))
+    assert "second" not in listed(staff.post(f"/trends/notes/{numbers['second']}/delete", {"view": RANGE}, **HX))
+    assert "gone already" in told(staff.post(f"/trends/notes/{numbers['second']}/delete", {"view": RANGE}, **HX))
     lines = staff.wait(staff.access.audit.find, Filter(kind="trend.note_deleted"))
     assert {(line.person, line.old) for line in lines} >= {("chief", "first"), ("writer", "second")}
 
 
 @pytest.mark.parametrize("number", ["0", str(2**63), "9" * 20])
 def test_a_number_that_no_note_can_have_is_told_as_one_that_is_gone(staff: Staff, number: str) -> None:
-    assert "gone already" in told(staff.post(f"/trends/notes/{number}/delete", {"range": RANGE}, **HX))
+    assert "gone already" in told(staff.post(f"/trends/notes/{number}/delete", {"view": RANGE}, **HX))
 
 
 def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: Staff) -> None:

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
+from urllib.parse import parse_qs, urlencode, urlsplit
 
 import orjson
 import pytest
@@ -12,9 +13,10 @@ from fastapi.testclient import TestClient
 
 from app.errors import StorageError
 from app.historian import store
+from app.historian.statistics import Numbers, statistics
 from app.runtime import Runtime
 from app.tags.quality import COMM_FAILURE, GOOD
-from app.web.trends import MOST_PENS
+from app.web.trend_address import MOST_PENS
 from tests.virtual import pass_time
 from tests.web.people import Staff
 
@@ -79,13 +81,19 @@ def data(client: TestClient, path: str) -> dict[str, Any]:
 def test_a_guest_may_look_at_trends_and_has_no_export(client: TestClient) -> None:
     text = client.get("/trends?tags=m1.speed").text
     assert 'data-pen="m1.speed"' in text
-    assert "data-export" not in text
+    assert "data-export" not in text and "/trends/export" not in text
+    assert client.get("/trends/export?tags=m1.speed", headers={"HX-Request": "true"}).status_code == 401
 
 
 def test_who_is_signed_in_finds_the_export(staff: Staff) -> None:
     staff.enter("ana", "viewer")
-    text = staff.client.get("/trends?tags=m1.speed").text
-    assert re.search(r'data-export href="/history/export\.csv"', text)
+    assert "/trends/export" in staff.client.get("/trends?tags=m1.speed").text
+    query = urlencode({"view": f"tags=m1.speed&from={BEGIN}&to={END}"})
+    text = html.unescape(staff.client.get(f"/trends/export?{query}").text)
+    (raw, sums, shifts) = re.findall(r'href="(/history/export\.csv\?[^"]*)"', text)
+    asked = parse_qs(urlsplit(raw).query)
+    assert (asked["tags"], asked["from"], asked["to"]) == (["m1.speed"], [str(BEGIN)], [str(END)])
+    assert sums == f"{raw}&interval=1" and shifts == f"{raw}&interval=shift"
 
 
 def test_the_page_without_tags_says_how_to_begin(client: TestClient) -> None:
@@ -174,59 +182,150 @@ def test_markup_in_the_address_stays_text(client: TestClient) -> None:
     assert "<script>alert" not in answer.text
 
 
-def test_the_table_has_the_numbers_between_two_moments(client: TestClient) -> None:
-    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN}&to={END}").json()["rows"]
-    assert (row["low"], row["high"]) == (1000.0, 1200.0)
-    assert row["mean"] == pytest.approx((5 * 1000 + 4 * 1200) / 9)
-    assert row["good"] == pytest.approx(0.9)
-    assert row["a"] == [1000.0, 0]
-    assert row["b"] == [1200.0, 0]
-    assert (row["low_at"], row["high_at"]) == ([BEGIN, BEGIN], [BEGIN + 360_000_000] * 2)
-    assert row["lacking"] == 60_000_000
+def numbers(staff: Staff, name: str, begin: int, end: int, *moments: int) -> Numbers:
+    runtime = runtime_of(staff.client)
+    now = runtime.clock.micros()
+    (found,) = staff.wait(
+        runtime.history.read, lambda connection: statistics(connection, [name], begin, end, now, moments)
+    )
+    assert isinstance(found, Numbers)
+    return found
 
 
-def test_time_that_nobody_recorded_is_lacking_and_time_to_come_is_not(client: TestClient) -> None:
-    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN - 600_000_000}&to={END}").json()["rows"]
-    assert row["good"] == pytest.approx(0.45) and row["lacking"] == 660_000_000
-    assert row["mean"] == pytest.approx((5 * 1000 + 4 * 1200) / 9), "what is lacking is not counted as zero"
-    now = client.get("/trends/table?tags=m1.speed&from=-10s&to=now").json()
-    (ahead,) = client.get(f"/trends/table?tags=m1.speed&from={now['from']}&to={now['to'] + 3_600_000_000}").json()[
-        "rows"
+def cells(client: TestClient, query: str) -> list[dict[str, str]]:
+    """The lines of the table as they are read: column → words."""
+    text = client.get(f"/trends/table?{query}").text
+    lines = re.findall(r"<tr (?:class|data-stat)(.*?)</tr>", text, re.DOTALL)
+    found = (re.findall(r'data-cell="(\w+)">(.*?)</td>', line, re.DOTALL) for line in lines)
+    return [{name: re.sub(r"<[^>]*>|\s+", " ", html.unescape(words)).strip() for name, words in line} for line in found]
+
+
+def test_the_table_has_the_numbers_between_two_moments(client: TestClient, staff: Staff) -> None:
+    row = numbers(staff, "m1.speed", BEGIN, END, BEGIN, END)
+    assert (row.low, row.high) == (1000.0, 1200.0)
+    assert row.mean == pytest.approx((5 * 1000 + 4 * 1200) / 9)
+    assert row.good == pytest.approx(0.9)
+    assert row.held == ((1000.0, 0), (1200.0, 0))
+    assert (row.low_at, row.high_at) == ((BEGIN, BEGIN), (BEGIN + 360_000_000,) * 2)
+    assert row.lacking == 60_000_000
+    (line,) = cells(client, f"tags=m1.speed&from={BEGIN}&to={END}")
+    assert line == {
+        "a": "–", "b": "–", "delta": "–", "low": "1 000 07:00:00", "mean": "1 089", "high": "1 200 07:06:00",
+        "good": "90.0 1 min 00 s lacking",
+    }  # fmt: skip
+
+
+def test_numbers_are_those_between_the_rulers_in_whichever_order_they_stand(client: TestClient) -> None:
+    wide = f"tags=m1.speed&from={BEGIN - 3_600_000_000}&to={END + 3_600_000_000}"
+    (line,) = cells(client, f"{wide}&a={END}&b={BEGIN}")
+    assert (line["a"], line["b"], line["delta"], line["mean"]) == ("1 200", "1 000", "−200", "1 089")
+    (one,) = cells(client, f"{wide}&a={BEGIN + 330_000_000}")
+    assert (one["a"], one["b"], one["delta"]) == ("----", "–", "–"), "nothing is known there"
+
+
+def test_another_period_has_its_own_numbers_under_each_line(client: TestClient) -> None:
+    late, under = BEGIN + 86_400_000_000, "under=24h"
+    lines = cells(client, f"tags=m1.speed&from={late}&to={late + 600_000_000}&{under}")
+    assert [line["mean"] for line in lines] == ["–", "1 089"]
+    at = f"a={late}&b={late + 600_000_000}"
+    assert [line["a"] for line in cells(client, f"tags=m1.speed&from={late}&to={late + 600_000_000}&{under}&{at}")] == [
+        "----",
+        "1 000",
     ]
-    assert ahead["lacking"] < 20_000_000
+
+
+def test_time_that_nobody_recorded_is_lacking_and_time_to_come_is_not(client: TestClient, staff: Staff) -> None:
+    row = numbers(staff, "m1.speed", BEGIN - 600_000_000, END)
+    assert row.good == pytest.approx(0.45) and row.lacking == 660_000_000
+    assert row.mean == pytest.approx((5 * 1000 + 4 * 1200) / 9), "what is lacking is not counted as zero"
+    now = runtime_of(client).clock.micros()
+    assert numbers(staff, "m1.speed", now - 10_000_000, now + 3_600_000_000).lacking < 20_000_000
 
 
 def test_when_the_recorder_has_stopped_what_came_after_is_lacking(
-    client: TestClient, monkeypatch: pytest.MonkeyPatch
+    staff: Staff, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.web.trends.query.alive", lambda _connection: END)
-    path = f"/trends/table?tags=m1.speed&from={BEGIN}&to={END + 600_000_000}"
-    (row,) = client.get(path).json()["rows"]
-    assert row["good"] == pytest.approx(0.45) and row["lacking"] == 660_000_000
+    monkeypatch.setattr("app.historian.statistics.query.alive", lambda _connection: END)
+    row = numbers(staff, "m1.speed", BEGIN, END + 600_000_000)
+    assert row.good == pytest.approx(0.45) and row.lacking == 660_000_000
 
 
-def test_a_ruler_in_a_gap_has_no_value(client: TestClient) -> None:
-    (row,) = client.get(f"/trends/table?tags=m1.speed&from={BEGIN + 330_000_000}&to={END}").json()["rows"]
-    assert row["a"] == [None, 2]
+def test_a_ruler_in_a_gap_has_no_value(staff: Staff) -> None:
+    assert numbers(staff, "m1.speed", BEGIN, END, BEGIN + 330_000_000).held == ((None, 2),)
 
 
-def test_a_tag_without_history_has_empty_numbers(client: TestClient) -> None:
-    rows = client.get(f"/trends/table?tags=m1.speed,x.y&from={BEGIN}&to={END}").json()["rows"]
-    nothing = dict.fromkeys(("a", "b", "low", "high", "low_at", "high_at", "mean"))
-    assert rows[1] == nothing | {"tag": "x.y", "good": 0.0, "lacking": END - BEGIN}
+def test_a_tag_without_history_has_empty_numbers(staff: Staff) -> None:
+    assert numbers(staff, "x.y", BEGIN, END, BEGIN) == Numbers(
+        "x.y", None, None, None, None, None, good=0.0, lacking=END - BEGIN, held=(None,)
+    )
+
+
+def chosen(client: TestClient, path: str, view: str, **typed: str) -> Any:
+    """What a menu tells the page, or its words when it tells nothing."""
+    answer = client.get(f"{path}?{urlencode({'view': view, **typed})}")
+    told = answer.headers.get("HX-Trigger")
+    return orjson.loads(told)["trend"] if told else html.unescape(answer.text)
+
+
+def test_a_range_is_typed_on_the_clock_of_the_plant(client: TestClient) -> None:
+    view = f"tags=m1.speed&from={BEGIN}&to={END}"
+    form = chosen(client, "/trends/range", view)
+    assert 'value="09/03/2026 07:00"' in form and 'value="09/03/2026 07:10"' in form and "role=" not in form
+    typed = {"from": "25/10/2026 01:00", "to": "2026-10-25T04:00:00"}
+    day = chosen(client, "/trends/range", view, **typed)
+    assert day["to"] - day["from"] == 4 * 3_600_000_000, "the hour that comes twice is in it twice"
+    for begin, end in (("09.03.2026 08:00", "09.03.2026 07:00"), ("31.02.2026", "09.03.2026"), ("", "")):
+        wrong = chosen(client, "/trends/range", view, **{"from": begin, "to": end})
+        assert "The end must come after the beginning" in wrong and f'value="{begin}"'[:18] in wrong.replace("/", ".")
+
+
+def test_another_period_is_chosen_by_length_by_rulers_or_by_its_beginning(client: TestClient) -> None:
+    view = f"tags=m1.speed&from={BEGIN}&to={END}"
+    for name, length in (("none", 0), ("span", END - BEGIN), ("24h", 86_400_000_000), ("7d", 604_800_000_000)):
+        assert chosen(client, "/trends/compare", view, under=name) == {"under": length}
+    menu = chosen(client, "/trends/compare", f"{view}&under=24h")
+    assert re.findall(r'data-under="(\w+)" aria-pressed="true"', menu) == ["24h"]
+    assert re.search(r'data-under="rulers" disabled', menu), "there are no rulers yet"
+    rulers = f"{view}&a={BEGIN + 500_000_000}&b={BEGIN + 100_000_000}"
+    assert chosen(client, "/trends/compare", rulers, under="rulers") == {
+        "under": 400_000_000, "a": BEGIN + 500_000_000, "b": None, "from": BEGIN + 200_000_000, "to": BEGIN + 800_000_000,
+    }  # fmt: skip
+    assert chosen(client, "/trends/compare", view, begin="08.03.2026 07:00") == {"under": 86_400_000_000}
+    for typed in ("09.03.2026 07:00", "10.03.2026 07:00", "soon", "01.01.1990"):
+        assert "must begin earlier than this one" in chosen(client, "/trends/compare", view, begin=typed)
+
+
+def test_a_pen_is_taken_out_of_the_view_that_one_has(client: TestClient) -> None:
+    view = "tags=m1.speed,m1.current&span=8h&off=m1.current&axis=fit"
+
+    def left(without: str) -> str:
+        query = urlencode({"view": view, "without": without})
+        return str(client.get(f"/trends/pens?{query}", follow_redirects=False).headers["location"])
+
+    assert left("m1.speed") == "/trends?tags=m1.current&span=8h&off=m1.current&axis=fit"
+    assert left("m1.current") == "/trends?tags=m1.speed&span=8h&axis=fit"
+    assert (
+        "There is no pen yet"
+        in client.get("/trends/pens?view=tags%3Dm1.speed&without=m1.speed", follow_redirects=True).text
+    )
 
 
 def test_alarms_of_the_machines_in_view_are_marked(client: TestClient, staff: Staff) -> None:
     runtime = runtime_of(client)
-    before = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
+
+    def marks(tag: str) -> list[tuple[str, int, str]]:
+        text = client.get(f"/trends/marks?tags={tag}&from=-1h&to=now").text
+        found = re.findall(r'<li data-mark="([1-4])" data-at="(\d+)">([^<]+)</li>', text)
+        return [(priority, int(at), words) for priority, at, words in found]
+
+    before = marks("m1.speed")
     staff.wait(lambda: _in_loop(runtime.alarms.system.report, "command_unconfirmed", "m1"))
     staff.wait(runtime.alarms.journal.flush)
     pass_time(1)  # a period ends before its last moment
-    marks = client.get("/trends/marks?tags=m1.speed&from=-1h&to=now").json()["marks"]
-    assert len(marks) == len(before) + 1
-    assert {"time", "priority", "text", "source"} == set(marks[0])
-    assert marks[0]["source"] == "m1" and marks[0]["text"] and 1 <= marks[0]["priority"] <= 4
-    assert client.get("/trends/marks?tags=m2.speed&from=-1h&to=now").json()["marks"] == []
+    after = marks("m1.speed")
+    assert len(after) == len(before) + 1
+    assert " m1: " in after[0][2] and runtime.clock.micros() - after[0][1] < 60_000_000
+    assert marks("m2.speed") == []
 
 
 async def _in_loop(work: Any, *arguments: Any) -> None:
