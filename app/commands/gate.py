@@ -39,7 +39,7 @@ from app.commands.parameter_sets import ParameterSets
 from app.commands.sending import Sending
 from app.commands.set_follow_up import SetFollowUp
 from app.commands.sets import Sets
-from app.plant.definitions import Condition, Plant
+from app.plant.definitions import Condition, EquipmentType, Plant
 from app.tags.database import TagDatabase
 
 TICK = 0.05
@@ -229,14 +229,21 @@ class Gate:
         return interlocks.level(prepared, self._state.readings.look(machine))[0]
 
     def permissives(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
-        """What must be true to start: (condition, met or None for not known, since [µs UTC])."""
-        machine = self._state.machines[equipment]
-        return [self._state.readings.condition(machine, condition) for condition in machine.item.type.permissives]
+        """What must be true to start: (condition, met or None for not known, since [µs UTC]). Empty for a machine that is not there: a
+        page may be drawn while it goes with a reload."""
+        return self._conditions(equipment, lambda kind: kind.permissives)
 
     def interlocks(self, equipment: str) -> Sequence[tuple[Condition, bool | None, int]]:
         """What must be true at any time, as `permissives`."""
-        machine = self._state.machines[equipment]
-        return [self._state.readings.condition(machine, condition) for condition in machine.item.type.interlocks]
+        return self._conditions(equipment, lambda kind: kind.interlocks)
+
+    def _conditions(
+        self, equipment: str, chosen: Callable[[EquipmentType], Sequence[Condition]]
+    ) -> Sequence[tuple[Condition, bool | None, int]]:
+        machine = self._state.machines.get(equipment)
+        if machine is None:
+            return ()
+        return [self._state.readings.condition(machine, condition) for condition in chosen(machine.item.type)]
 
     def progress(self, equipment: str) -> Progress | None:
         """The command at work, else the last one that was carried out."""

@@ -78,6 +78,8 @@ class HeldMotion:
             if refusal.reason != "why.rate":
                 self._admission.note_refusal(order, prepared, refusal)
             raise
+        except KeyError as error:
+            raise self._gone(order, prepared) from error
         now = self._state.clock.monotonic()
         self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[2] < REMEMBERED}
         self._admitted[order.id] = (order, prepared, now)
@@ -86,8 +88,8 @@ class HeldMotion:
     def _start(self, lease: Lease) -> None:
         """The first keep-alive: everything is judged again, then the motion begins."""
         order, prepared, _ = self._admitted.pop(lease.id)
-        machine = self._state.machines[lease.equipment]
         try:
+            machine = self._state.machines[lease.equipment]
             former, machine.job = machine.job, _without_lease(machine.job)
             try:
                 plan = self._state.checks.task(order, machine, prepared)
@@ -96,6 +98,8 @@ class HeldMotion:
         except Refused as refusal:
             self._admission.note_refusal(order, prepared, refusal)
             raise
+        except KeyError as error:
+            raise self._gone(order, prepared) from error
         previous = self._state.readings.previous(machine, prepared)
         job = self._sending.begin(order, machine, prepared, plan)
         job.lend(lease, self._state.clock.monotonic())
@@ -104,6 +108,12 @@ class HeldMotion:
         machine.then = interlocks.telegrams(machine.item, _parted(prepared.command)[1], None, {})
         job.keeps(dict(machine.restore))
         self._state.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
+
+    def _gone(self, order: Order, prepared: Prepared | None) -> Refused:
+        """The machine went with a reload while it was read, or before the first keep-alive."""
+        gone = Refused("why.reloaded", 409)
+        self._admission.note_refusal(order, prepared, gone)
+        return gone
 
     def _pass_on(self, lease: Lease) -> None:
         """A keep-alive of the browser goes on to a device that watches request bits itself."""

@@ -1,7 +1,13 @@
 """What the gate keeps of a machine: it goes on over a reload, or ends with the machine."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+import pytest
+
+from app.errors import Refused
+from app.plant.definitions import Scan
+from tests.commands.hold_rig import Pressed, moving
 from tests.commands.stand import ANA, Stand
 
 
@@ -17,3 +23,48 @@ async def test_a_reload_keeps_what_is_pending_and_ends_what_is_gone() -> None:
     await stand.pass_time(0.2)
     assert stand.state() == "confirmed"
     assert stand.gate.control.holder("m2") is None
+
+
+def leave_only(stand: Stand, machine: str) -> None:
+    """The plant file is read anew and has this machine alone."""
+    stand.gate.configure(replace(stand.plant, equipment={machine: stand.plant.equipment[machine]}))
+
+
+def test_of_a_machine_that_is_gone_there_is_nothing_to_read() -> None:
+    """A page that is being drawn may ask for it."""
+    stand = Stand()
+    leave_only(stand, "m2")
+    gate = stand.gate
+    assert not gate.permissives("m1") and not gate.interlocks("m1") and not gate.history("m1") and not gate.left("m1")
+    assert gate.permissives("m2") and gate.interlocks("m2")
+
+
+async def test_a_machine_that_goes_while_it_is_read_for_a_hold_refuses_it() -> None:
+    stand = Stand()
+    stand.clock.advance(60)
+    stand.publish("m1", Scan.FAST, Scan.SLOW)
+    link, read = stand.link, stand.link.refresh
+
+    async def refresh(equipment: str, points: Sequence[str]) -> None:
+        await read(equipment, points)
+        leave_only(stand, "m2")
+
+    link.refresh = refresh  # type: ignore[method-assign]
+    with pytest.raises(Refused) as refused:
+        await Pressed(stand).arm()
+    assert (refused.value.reason, refused.value.status) == ("why.reloaded", 409)
+    assert [(line.object, line.reason) for line in stand.commands] == [("m1.jog_forward", "why.reloaded")]
+
+
+async def test_a_machine_that_goes_before_the_first_keep_alive_is_not_moved() -> None:
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    leave_only(stand, "m2")
+    with pytest.raises(Refused) as refused:
+        await pressed.hold(0.15)
+    assert (refused.value.reason, refused.value.status) == ("why.reloaded", 409)
+    assert stand.gate.hold.active("m1") is None
+    stand.gate.configure(stand.plant)
+    with pytest.raises(Refused):
+        await pressed.hold(0.15)
+    assert not moving(stand)
