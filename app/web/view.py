@@ -18,7 +18,7 @@ from zoneinfo import ZoneInfo
 from babel import Locale
 from fastapi import Request
 from fastapi.responses import HTMLResponse
-from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined, meta
+from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined, meta, nodes
 from jinja2.bccache import Bucket
 from starlette.requests import HTTPConnection
 from starlette.types import Receive, Scope, Send
@@ -118,7 +118,7 @@ class Compiled(BytecodeCache):
         self.ready: set[str] = set()
         """Templates of which everything that they name is compiled."""
         self.names: dict[str, list[str]] = {}
-        """Source of a template → the templates that it names."""
+        """File of a template → the templates that it names."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
         bucket.code = self._code.get((bucket.key, bucket.checksum))
@@ -167,18 +167,19 @@ def _compile(environment: Environment, template: str) -> None:
         if name in seen or environment.loader is None:
             continue
         seen.add(name)
-        environment.get_template(name)
-        todo += _referenced(environment, name)
+        file = environment.get_template(name).filename
+        todo += COMPILED.names[file] if file else []
 
 
-def _referenced(environment: Environment, name: str) -> list[str]:
-    """Templates that `name` names; most pages name the same, and each is parsed once."""
-    assert environment.loader is not None
-    source = environment.loader.get_source(environment, name)[0]
-    if source not in COMPILED.names:
-        found = meta.find_referenced_templates(environment.parse(source))
-        COMPILED.names[source] = [other for other in found if other]
-    return COMPILED.names[source]
+class Templates(Environment):
+    """Jinja, which also notes what a template names while it compiles it: to parse it for that would take as long again."""
+
+    def _generate(
+        self, source: nodes.Template, name: str | None, filename: str | None, defer_init: bool = False
+    ) -> str:
+        if filename is not None:
+            COMPILED.names[filename] = [other for other in meta.find_referenced_templates(source) if other]
+        return super()._generate(source, name, filename, defer_init)
 
 
 Around = Callable[[Request, str], Mapping[str, Any]]
@@ -251,7 +252,7 @@ class View:
         known = self._environments.get(lang)
         if known is not None and known[0] is texts:
             return known[1]
-        environment = Environment(
+        environment = Templates(
             loader=FileSystemLoader(bundled("templates")),
             autoescape=True,
             undefined=StrictUndefined,
