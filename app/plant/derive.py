@@ -243,7 +243,8 @@ class Derivation:
 
 def order_problem(points: Mapping[str, Point]) -> str:
     """Keys of derived points that depend on each other in a circle, or an empty text."""
-    states = _states({key: replace(point, name=key) for key, point in points.items()})
+    derived = {key: replace(point, name=key) for key, point in points.items() if point.derived is not None}
+    states = _states(derived)
     ordered = {state.point.key for state in _in_order(states)}
     return ", ".join(sorted(state.point.key for state in states if state.point.key not in ordered))
 
