@@ -3,7 +3,6 @@ import { answered } from "./fetched.js";
 import { page } from "./values.js";
 
 const SPAN = 600e6, AGAIN = 60000, LIMIT = 15000;
-const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
 const { lang, zone } = page;
 let heard = [0, 0];
 const now = () => heard[0] + (performance.now() - heard[1]) * 1000;
@@ -41,13 +40,7 @@ function panel(element, Chart) {
     Object.assign(chart, { from: now() - SPAN, to: now(), now: now(), holds: document.body.dataset.live !== "offline" });
     chart.draw();
   };
-  document.addEventListener("pogon:frame", ({ detail }) => {
-    for (const tag of detail.changed)
-      chart.append(tag.name, detail.time, LEVEL[tag.state] < 2 && typeof tag.value === "number" ? tag.value : null, LEVEL[tag.state]);
-  });
-  document.addEventListener("pogon:live", ({ detail }) => {
-    if (detail === "offline") for (const pen of pens) chart.append(pen.tag, now(), null, 2);
-  });
+  chart.follow(now);
   setInterval(() => { if (!document.hidden && document.body.dataset.live !== "offline") draw(); }, 500);
   return load;
 }

@@ -1,6 +1,6 @@
 // The page of trends: range, rulers, pens. Its address always is the view, so that it can be sent to somebody.
 import { parsed } from "./fetched.js";
-import { TrendChart } from "./trend_chart.js";
+import { Chart } from "./chart.js";
 import * as format from "./format.js";
 import { page } from "./values.js";
 import * as time from "./time_axis.js";
@@ -24,7 +24,7 @@ const state = {
 let heard = [begun.now, performance.now()], connected = false, missed = false;
 /** The server's clock [µs UTC]. */
 const now = () => Math.round(heard[0] + (performance.now() - heard[1]) * 1000);
-const chart = canvas && new TrendChart(canvas, begun.pens, { zone, lang, texts });
+const chart = canvas && new Chart(canvas, begun.pens, { zone, lang, texts });
 
 // ---- the address ----------------------------------------------------------------------------------------------
 
@@ -83,7 +83,7 @@ async function load() {
     chart.under(other, state.under);
     const known = answer.series.some((series) => series.first?.some((value) => value !== null));
     const silent = answer.now - answer.alive > 15e6 && state.live;
-    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(([at]) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
+    tell(silent ? "note" : known || chart.pens.some((pen) => pen.fresh.some(({ at }) => at >= from && at <= now() && at <= to + 1e6)) ? "ready" : "empty",
       silent ? texts.not_recorded.replace("{time}", format.momentOrTime(answer.alive, zone, lang, answer.now)) : texts.empty_range);
     const columns = Math.max(0, ...answer.series.map((series) => series.time.length));
     one("[data-points]").textContent = columns ? texts.points.replace("{n}", format.number(columns, 0, lang)) : "";
@@ -381,24 +381,18 @@ function pictures() {
 
 // ---- live -----------------------------------------------------------------------------------------------------
 
-const LEVEL = { good: 0, uncertain: 1, stale: 1, bad: 2, none: 2 };
-
 function follow() {
   let due = 0;
+  chart.follow(now);
   document.addEventListener("pogon:frame", ({ detail }) => {
     heard = [detail.time, performance.now()];
     connected = true;
     if (missed) { missed = false; changed(); }  // what was stored meanwhile
-    for (const tag of detail.changed) {
-      const usable = LEVEL[tag.state] < 2 && typeof tag.value === "number";
-      chart.append(tag.name, detail.time, usable ? tag.value : null, LEVEL[tag.state]);
-    }
   });
   document.addEventListener("pogon:live", ({ detail }) => {
     if (detail !== "offline") return;
     connected = false;
     missed = true;
-    for (const pen of chart.pens) chart.append(pen.tag, now(), null, 2);
     draw();
   });
   const beat = () => {

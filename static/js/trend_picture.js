@@ -1,149 +1,102 @@
 // What the page of trends shows as a picture to take along: chart, period and numbers, as PNG or as SVG.
 import * as format from "./format.js";
 
-const HEAD = 56, ROW = 24, SIDE = 16;
+const HEAD = 56, ROW = 24, SIDE = 16; // [px]
 const escaped = (text) => String(text).replace(/[&<>"]/g, (one) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[one]);
 const round = (value) => Math.round(value * 100) / 100;
 
 /** A path that remembers how it was drawn. */
-class SvgPath {
-  d = "";
+class Written extends Path2D {
+  constructor(d = "") { super(); this.d = d; }
   moveTo(x, y) { this.d += `M${round(x)} ${round(y)}`; }
-  lineTo(x, y) { this.d += `L${round(x)} ${round(y)}`; }
+  lineTo(x, y) { this.d += `${this.d ? "L" : "M"}${round(x)} ${round(y)}`; } // on a canvas the first line begins where it ends
   closePath() { this.d += "Z"; }
   rect(x, y, w, h) { this.d += `M${round(x)} ${round(y)}h${round(w)}v${round(h)}h${round(-w)}Z`; }
-  roundRect(x, y, w, h) { this.rect(x, y, w, h); }
-  arc(x, y, r) { this.d += `M${round(x - r)} ${round(y)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`; }
 }
 
-/** As much of the context of a canvas as the chart uses, written down as SVG. */
-class SvgContext {
-  Path = SvgPath;
-  parts = [];
-  fillStyle = "#000"; strokeStyle = "#000"; lineWidth = 1; globalAlpha = 1; font = "12px sans-serif"; textAlign = "left"; textBaseline = "alphabetic";
-  #dash = []; #path = new SvgPath(); #saved = []; #open = 0; #clips = 0;
-  #measuring = document.createElement("canvas").getContext("2d");
-
-  save() {
-    const { fillStyle, strokeStyle, lineWidth, globalAlpha, font, textAlign, textBaseline } = this;
-    this.#saved.push([{ fillStyle, strokeStyle, lineWidth, globalAlpha, font, textAlign, textBaseline }, this.#dash, this.#open]);
-    this.#open = 0;
-  }
-  restore() {
-    this.parts.push("</g>".repeat(this.#open));
-    const [state, dash, open] = this.#saved.pop();
-    Object.assign(this, state);
-    this.#dash = dash;
-    this.#open = open;
-  }
-  clip() {
-    const id = `c${++this.#clips}`;
-    this.parts.push(`<clipPath id="${id}"><path d="${this.#path.d}"/></clipPath><g clip-path="url(#${id})">`);
-    this.#open++;
-  }
-  beginPath() { this.#path = new SvgPath(); }
-  moveTo(...at) { this.#path.moveTo(...at); }
-  lineTo(...at) { this.#path.lineTo(...at); }
-  closePath() { this.#path.closePath(); }
-  rect(...at) { this.#path.rect(...at); }
-  roundRect(...at) { this.#path.rect(...at); }
-  arc(...at) { this.#path.arc(...at); }
-  setLineDash(dash) { this.#dash = dash; }
-  /** A colour #rrggbbaa as colour and opacity: not every program reads it as one. */
-  #ink(name, colour) {
-    const [, plain, alpha] = /^(#[0-9a-f]{6})([0-9a-f]{2})?$/i.exec(colour) ?? [null, colour];
-    const opacity = round((alpha ? parseInt(alpha, 16) / 255 : 1) * this.globalAlpha);
-    return `${name}="${escaped(plain)}"${opacity < 1 ? ` ${name}-opacity="${opacity}"` : ""}`;
-  }
-  #line() { return `${this.#ink("stroke", this.strokeStyle)} stroke-width="${round(this.lineWidth)}" stroke-linejoin="round"${this.#dash.length ? ` stroke-dasharray="${this.#dash.join(" ")}"` : ""}`; }
-  fill(path = this.#path) { if (path.d) this.parts.push(`<path d="${path.d}" ${this.#ink("fill", this.fillStyle)}/>`); }
-  stroke(path = this.#path) { if (path.d) this.parts.push(`<path d="${path.d}" fill="none" ${this.#line()}/>`); }
-  fillRect(x, y, w, h) { this.parts.push(`<rect x="${round(x)}" y="${round(y)}" width="${round(Math.max(0, w))}" height="${round(Math.max(0, h))}" ${this.#ink("fill", this.fillStyle)}/>`); }
-  measureText(text) {
-    this.#measuring.font = this.font;
-    return this.#measuring.measureText(text);
-  }
-  #text(text, x, y, how) {
-    const anchor = { left: "start", center: "middle", right: "end" }[this.textAlign], base = this.textBaseline === "middle" ? ' dominant-baseline="central"' : "";
-    const [, weight, size, family] = /^(?:(\d+) )?([\d.]+)px (.*)$/.exec(this.font) ?? [null, 400, 12, "sans-serif"];
-    this.parts.push(`<text x="${round(x)}" y="${round(y)}" text-anchor="${anchor}"${base} font-family="${escaped(family)}" font-size="${size}" font-weight="${weight ?? 400}" ${how}>${escaped(text)}</text>`);
-  }
-  fillText(text, x, y) { this.#text(text, x, y, this.#ink("fill", this.fillStyle)); }
-  strokeText(text, x, y) { this.#text(text, x, y, `fill="none" ${this.#line()}`); }
+/** A colour and its opacity: not every program reads them as one. */
+function ink(name, colour, alpha) {
+  const [, plain, own] = /^rgba\((.*), ([\d.]+)\)$/.exec(colour) ?? [], opacity = round((own ?? 1) * alpha);
+  return `${name}="${plain ? `rgb(${plain})` : colour}"${opacity < 1 ? ` ${name}-opacity="${opacity}"` : ""}`;
 }
 
-/** The chart once more, on another context: axes, curves and all that lies on and under them. */
-function drawChart(chart, ctx) {
-  const ratio = uPlot.pxRatio, { bbox } = chart.plot, axes = chart.plot.axes;
-  const plot = Object.create(chart.plot, { ctx: { value: ctx } });
-  chart.ground(plot);
-  ctx.lineWidth = ratio;
-  ctx.setLineDash([]);
-  const rule = (x, y, x2, y2) => {
-    ctx.strokeStyle = chart.colour("--grid") + "47";
-    ctx.beginPath();
-    ctx.moveTo(x, y);
-    ctx.lineTo(x2, y2);
-    ctx.stroke();
+/** What is drawn on `ctx` while `work` runs, written down as SVG instead. */
+function written(ctx, work) {
+  const parts = [], saved = [], real = Object.getPrototypeOf(ctx), Path = window.Path2D;
+  let path = new Written(), open = 0, clips = 0;
+  const placed = () => { const { a, b, c, d, e, f } = ctx.getTransform(); return a === 1 && !e && !f ? "" : ` transform="matrix(${[a, b, c, d, e, f].map(round).join(" ")})"`; };
+  const fill = () => ink("fill", ctx.fillStyle, ctx.globalAlpha);
+  const line = () => `${ink("stroke", ctx.strokeStyle, ctx.globalAlpha)} stroke-width="${round(ctx.lineWidth)}" stroke-linejoin="round"${ctx.getLineDash().length ? ` stroke-dasharray="${ctx.getLineDash().join(" ")}"` : ""}`;
+  const put = (d, how) => { if (d) parts.push(`<path d="${d}" ${how}${placed()}/>`); };
+  const words = (text, x, y, how) => {
+    const anchor = { center: "middle", right: "end", end: "end" }[ctx.textAlign] ?? "start", base = { middle: "central", top: "text-before-edge", bottom: "text-after-edge" }[ctx.textBaseline] ?? "auto";
+    const [, weight, size, family] = /^(?:(\w+) )?([\d.]+)px (.*)$/.exec(ctx.font) ?? [null, 400, 12, "sans-serif"];
+    parts.push(`<text x="${round(x)}" y="${round(y)}" text-anchor="${anchor}" dominant-baseline="${base}" font-family="${escaped(family)}" font-size="${size}" font-weight="${weight ?? 400}" ${how}${placed()}>${escaped(text)}</text>`);
   };
-  axes[0]._splits.forEach((at, i) => {
-    const x = plot.valToPos(at, "x", true);
-    rule(x, bbox.top, x, bbox.top + bbox.height);
-    chart.text(plot, axes[0]._values[i], x, bbox.top + bbox.height + 10 * ratio, { align: "center" });
+  Object.assign(ctx, {
+    save() { real.save.call(ctx); saved.push(open); open = 0; },
+    restore() { real.restore.call(ctx); parts.push("</g>".repeat(open)); open = saved.pop(); },
+    clip({ d } = path) { open++; parts.push(`<clipPath id="c${++clips}"><path d="${d}"/></clipPath><g clip-path="url(#c${clips})">`); },
+    beginPath() { path = new Written(); },
+    moveTo(...at) { path.moveTo(...at); },
+    lineTo(...at) { path.lineTo(...at); },
+    rect(...at) { path.rect(...at); },
+    fill({ d } = path) { put(d, fill()); },
+    stroke({ d } = path) { put(d, `fill="none" ${line()}`); },
+    fillRect(x, y, w, h) { const box = new Written(); box.rect(x, y, Math.max(0, w), Math.max(0, h)); put(box.d, fill()); },
+    fillText(text, x, y) { words(text, x, y, fill()); },
+    strokeText(text, x, y) { words(text, x, y, `fill="none" ${line()}`); },
+    clearRect() {},
   });
-  axes.slice(1).forEach((axis, index) => axis._splits?.forEach((value, i) => {
-    const y = plot.valToPos(value, axis.scale, true);
-    if (index === 0) rule(bbox.left, y, bbox.left + bbox.width, y);
-    chart.text(plot, axis._values[i], (axis._pos - 6) * ratio, y, { align: "right" });
-  }));
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
-  for (const pen of chart.shown()) {
-    const { stroke, fill } = chart.paths(plot, pen, undefined, ctx.Path ?? Path2D);
-    ctx.fillStyle = chart.ink(pen) + "38";
-    ctx.fill(fill);
-    ctx.strokeStyle = chart.ink(pen);
-    ctx.lineWidth = 2 * ratio;
-    ctx.setLineDash(chart.dash(pen));
-    ctx.stroke(stroke);
+  window.Path2D = Written;
+  try {
+    work(parts);
+  } finally {
+    window.Path2D = Path;
+    for (const name of Object.keys(ctx)) delete ctx[name];
   }
-  ctx.restore();
-  chart.above(plot);
+  return parts.join("");
 }
 
-/** The whole sheet: title and period, the chart, the numbers as they stand on the page. `about` = {title, period, made}. */
+/** Draw the chart once more, its curves too. */
+function again(chart) {
+  for (const series of chart.plot.series) series._paths = null;
+  chart.draw();
+}
+
+/** The sheet around the chart: title and period, the numbers as they stand on the page. `about` = {title, period, made, simulated}. */
 function drawSheet(chart, ctx, about, table, size) {
-  const ratio = uPlot.pxRatio, plot = { ctx };
-  const put = (text, x, y, how) => chart.text(plot, text, x * ratio, y * ratio, how);
+  const ratio = uPlot.pxRatio, columns = table[0].length, put = (text, x, y, how) => chart.text({ ctx }, text, x * ratio, y * ratio, how);
   ctx.fillStyle = chart.colour("--panel");
   ctx.fillRect(0, 0, size.width * ratio, size.height * ratio);
   put(about.title, SIDE, 20, { colour: "--text", strong: true });
   put(about.period, SIDE, 40);
   put(about.made, size.width - SIDE, 40, { align: "right" });
   if (about.simulated) put(about.simulated, size.width - SIDE, 20, { align: "right", colour: "--text", strong: true });
-  const places = table[0].map((_, i) => (i < 2 ? 0 : size.width - SIDE - (table[0].length - 1 - i) * Math.min(120, (size.width * 0.62) / (table[0].length - 2))));
-  places[1] = Math.max(SIDE + 150, (places[2] ?? 0) - 160);
-  table.forEach((row, line) => {
+  const places = table[0].map((_, i) => size.width - SIDE - (columns - 1 - i) * Math.min(120, (size.width * 0.62) / (columns - 2)));
+  places[1] = Math.max(SIDE + 150, places[2] - 160);
+  table.forEach((row, line) => row.forEach((text, i) => {
     const y = HEAD + size.chart + 8 + (line + 0.5) * ROW;
-    row.forEach((text, i) => put(i ? text : chart.fitted(text, places[1] - SIDE - 12, line ? 13 : 12, line ? 600 : 400), i ? places[i] : SIDE, y, i > 1 ? { align: "right", colour: "--text" } : { colour: "--text", strong: !i && line > 0 }));
-  });
+    if (i) put(text, places[i], y, { align: i > 1 ? "right" : "left", colour: "--text" });
+    else put(chart.fitted(text, places[1] - SIDE - 12, line ? 13 : 12, line > 0), SIDE, y, { colour: "--text", strong: line > 0 });
+  }));
 }
 
-function sheetOf(chart, table) {
-  const { plot } = chart;
-  return { width: plot.width, chart: plot.height, height: HEAD + plot.height + 16 + table.length * ROW };
-}
+function sheetOf({ plot: { width, height } }, table) { return { width, chart: height, height: HEAD + height + 16 + table.length * ROW }; }
 
 /** The sheet as a text of SVG. */
 export function svg(chart, about, table) {
-  const size = sheetOf(chart, table), ratio = uPlot.pxRatio, ctx = new SvgContext();
-  drawSheet(chart, ctx, about, table, size);
-  ctx.parts.push(`<g transform="translate(0 ${HEAD * ratio})">`);
-  drawChart(chart, ctx);
-  ctx.parts.push("</g>");
-  return `<svg xmlns="http://www.w3.org/2000/svg" width="${size.width}" height="${size.height}" viewBox="0 0 ${size.width * ratio} ${size.height * ratio}"><title>${escaped(about.title)}</title>${ctx.parts.join("")}</svg>`;
+  const size = sheetOf(chart, table), ratio = uPlot.pxRatio, { ctx } = chart.plot;
+  const content = written(ctx, (parts) => {
+    ctx.save();
+    drawSheet(chart, ctx, about, table, size);
+    ctx.restore();
+    parts.push(`<g transform="translate(0 ${HEAD * ratio})">`);
+    again(chart);
+    parts.push("</g>");
+  });
+  again(chart);
+  return `<svg xmlns="http://www.w3.org/2000/svg" width="${size.width}" height="${size.height}" viewBox="0 0 ${size.width * ratio} ${size.height * ratio}"><title>${escaped(about.title)}</title>${content}</svg>`;
 }
 
 /** The sheet as a PNG. */
@@ -158,9 +111,7 @@ export function png(chart, about, table) {
 /** Give `blob` to the person as a file. */
 export function save(blob, name) {
   const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
-  document.body.append(link);
   link.click();
-  link.remove();
   setTimeout(() => URL.revokeObjectURL(link.href), 60000);
 }
 

@@ -159,7 +159,12 @@ def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path
     words = [one.text or "" for one in root.iter(f"{SVG}text")]
     assert {"Fan 1", "Speed", "Output current", "rpm", "A"} <= set(words)
     assert any(word.startswith("thin: ") for word in words) and "SIMULATION" in " ".join(words)
-    assert max(len(one.get("d", "")) for one in root.iter(f"{SVG}path")) > 200, "the curves are in it"
+    drawn = [(one.get("d", ""), one.get("fill")) for one in root.iter(f"{SVG}path")]
+    assert max(len(path) for path, _ in drawn) > 200, "the curves are in it"
+    assert all(path.startswith("M") for path, _ in drawn), "a path that begins otherwise is not drawn"
+    assert sum(fill == "none" and path.count("L") > 30 for path, fill in drawn) == 4, (
+        "two pens, each with another period"
+    )
     assert page.locator("[data-export]").get_attribute("href") is not None
     assert re.search(r"interval=\d+", page.locator("[data-export-sums]").get_attribute("href") or "")
 
