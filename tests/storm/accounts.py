@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from app.plant.definitions import Command, Equipment
 from app.registers import plc_map
 from app.sim.eura_e800.drive import VirtualE800
+from app.sim.sinamics.drive import VirtualSinamics
 from tests.storm.world import World
 
 
@@ -39,7 +40,7 @@ def accounts(world: World) -> Iterator[Account]:
             yield Account(machine, f"did code {code}", count, keys)
     sent = Counter((one.machine, one.address, one.words) for one in world.line.sent if one.function == 6)
     for item in plant.equipment.values():
-        if isinstance(world.devices.get(item.id), VirtualE800):
+        if isinstance(world.devices.get(item.id), VirtualE800 | VirtualSinamics):
             yield from _of_drive(item, sent)
 
 

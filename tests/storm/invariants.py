@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from sqlalchemy import select
 
@@ -13,12 +14,16 @@ from app.alarms.shelf import unpacked
 from app.alarms.tables import journal_table, state_table
 from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
+from app.commands.parameter_change import KEY as PARAMETERS
 from app.historian import tables as history
+from app.profidrive.scaling import Scaling
+from app.profidrive.words import Control, Status
 from app.registers import plc_map
 from app.registers.codec import decoder
 from app.sim.bus import Bus
 from app.sim.eura_e800.drive import VirtualE800
 from app.sim.plc import VirtualPlc
+from app.sim.sinamics.drive import VirtualSinamics
 from app.tags.quality import is_good
 from tests.storm.accounts import accounts
 from tests.storm.line import Sent
@@ -38,16 +43,51 @@ STOP_REASONS = {"why.no_such_command", "why.role", "why.signed_out", "why.dry_ru
 """Why a Stop of somebody who may stop can be refused: only that the machine is gone, or the right."""
 UNDER_WAY = 3.0
 """So old is an event at least that has to be stored [s]."""
-Shown = tuple[float, int, float, float]
-"""When a drive answered [s], its status, frequency and F113 as the drive itself has them."""
-DRIVE_SHOWS = {
-    "forward": lambda status, frequency: status == 1 and frequency > 0,
-    "reverse": lambda status, frequency: status == 2 and frequency > 0,
-    "stop": lambda status, frequency: status not in (1, 2),
-    "coast": lambda status, frequency: status not in (1, 2),
-    "reset": lambda status, frequency: status in (0, 1, 2),
+VirtualDrive = VirtualE800 | VirtualSinamics
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a drive itself had when it answered."""
+
+    at: float
+    """[s]"""
+    turns: int
+    """1 forward, 2 reverse, 0 neither."""
+    on: bool
+    faulted: bool
+    setpoint: float
+    """As its registers have it."""
+
+
+DRIVE_SHOWS: Mapping[str, Callable[[Shown], bool]] = {
+    "forward": lambda shown: shown.turns == 1,
+    "reverse": lambda shown: shown.turns == 2,
+    "stop": lambda shown: not shown.on,
+    "quick_stop": lambda shown: not shown.on,
+    "coast": lambda shown: not shown.on,
+    "reset": lambda shown: not shown.faulted,
 }
-"""Command of a drive → what the drive itself shows when it has done it."""
+"""Command of a drive → whether it has done it."""
+
+
+def shown_by(device: VirtualDrive, at: float) -> Shown:
+    """What `device` has now, `at` [s]."""
+    if isinstance(device, VirtualE800):
+        status, on = device.status, device.status in (1, 2)
+        return Shown(
+            at, status if on and device.frequency else 0, on, status not in (0, 1, 2), device.parameter("F113")
+        )
+    on = bool(device.status & Status.OPERATION_ENABLED)
+    turns = (2 if device.machine.control & Control.INVERT else 1) if on else 0
+    return Shown(at, turns, on, bool(device.status & Status.FAULT), Scaling(100.0).decode(device._output[1]))
+
+
+def held_of(device: VirtualDrive, code: str, index: int = 0) -> float | None:
+    """The parameter `code` as the drive has it; None when it has none of that name."""
+    if isinstance(device, VirtualE800):
+        return device.parameter(code) if code.startswith("F") else None
+    return device.model.values(code)[index] if code in device.model._parameters else None
 
 
 class Checker:
@@ -96,14 +136,9 @@ class Checker:
     def _look(self, bus: Bus, unit: int) -> tuple[str, Shown] | None:
         """A drive as it is when it answers."""
         device = bus.devices.get(unit)
-        if not isinstance(device, VirtualE800):
+        if not isinstance(device, VirtualDrive):
             return None
-        return self.world.name_of(bus, unit), (
-            self.world.now,
-            device.status,
-            abs(device.frequency),
-            device.parameter("F113"),
-        )
+        return self.world.name_of(bus, unit), shown_by(device, self.world.now)
 
     def _told(self, seen: tuple[str, Shown] | None) -> None:
         """The server has just been told the truth about a drive."""
@@ -120,27 +155,32 @@ class Checker:
         if asked is None or device is None:
             return
         since, machine, key = asked
-        if isinstance(device, VirtualE800):
+        if isinstance(device, VirtualDrive):
             self._confirmed_by_drive(device, since, machine, key, progress)
         elif isinstance(device, VirtualPlc):
             self._confirmed_by_plc(device, since, machine, key, progress)
 
     def _confirmed_by_drive(
-        self, device: VirtualE800, since: float, machine: str, key: str, progress: Progress
+        self, device: VirtualDrive, since: float, machine: str, key: str, progress: Progress
     ) -> None:
-        shows = [one for one in self.shown.get(machine, ()) if one[0] >= since]
-        if key in DRIVE_SHOWS and not any(DRIVE_SHOWS[key](status, frequency) for _, status, frequency, _ in shows):
+        shows = [one for one in self.shown.get(machine, ()) if one.at >= since]
+        if key in DRIVE_SHOWS and not any(map(DRIVE_SHOWS[key], shows)):
             self.false.append(f"{machine}.{key} {progress.id}: the drive never showed it, {shows[-3:]}")
-        if key == "setpoints":
-            held = {one.key: device.parameter(one.code) for one in progress.changes if one.code.startswith("F")}
-            self._all_new({one.key: held.get(one.key, one.new) for one in progress.changes}, progress)
-        if key in ("set_frequency", "frequency_setpoint") and progress.argument is not None:
+        forgets = isinstance(device, VirtualSinamics) and self.world.powered.get(machine, 0.0) >= since
+        if key in ("setpoints", PARAMETERS) and not forgets:
+            held = {one.key: held_of(device, *_named(one.code)) for one in progress.changes}
+            self._all_new(
+                {one.key: one.new if (has := held[one.key]) is None else has for one in progress.changes}, progress
+            )
+        if key in ("set_frequency", "frequency_setpoint", "set_setpoint", "setpoint") and progress.argument is not None:
             wanted = progress.argument
-            if not any(abs(value - wanted) < 0.01 for *_, value in shows):
-                self.false.append(f"{machine}.{key} {progress.id}: F113 was never {wanted}, {shows[-3:]}")
-        elif key.startswith("f") and key[1:].isdigit() and progress.argument is not None:
-            present = device.parameter(key.upper())
-            if abs(present - progress.argument) > 0.06:
+            if not any(abs(one.setpoint - wanted) < 0.01 for one in shows):
+                self.false.append(f"{machine}.{key} {progress.id}: its setpoint was never {wanted}, {shows[-3:]}")
+        elif progress.argument is not None and not forgets:
+            plant = self.world.runtime.plant
+            setpoint = plant.equipment[machine].type.setpoints.get(key) if plant else None
+            present = held_of(device, *_named(setpoint.code)) if setpoint else None
+            if present is not None and abs(present - progress.argument) > 0.06:
                 self.false.append(f"{machine}.{key} {progress.id}: {present}, not {progress.argument}")
 
     def _all_new(self, held: Mapping[str, float], progress: Progress) -> None:
@@ -166,6 +206,12 @@ class Checker:
             mine = [one for one in self.world.done if one.machine == machine and one.at >= since]
             if not any(one.taken for one in mine if one.code == command.code):
                 self.false.append(f"{machine}.{key} {progress.id}: the PLC never took code {command.code}, {mine}")
+
+
+def _named(code: str) -> tuple[str, int]:
+    """p0791[1] → p0791, 1."""
+    name, _, index = code.partition("[")
+    return name, int(index[:-1] or 0) if index else 0
 
 
 # ---- after every step ----------------------------------------------------------------------------------

@@ -19,6 +19,8 @@ PEOPLE = {
 """Name → roles at the beginning."""
 PLANTS = (("m1", "m2"), ("c1",), ("m1", "c1"), ("cc1", "seq1"), ("m1", "m2"), ("c1",), ("cr1",), ("m2", "a1"))
 """Few machines of the demo, which seeds choose from; every tenth has all."""
+DRIVES = (("d1", "d2"), ("d2", "m2"))
+"""Of seeds that end in 7: d1 and d2 have parameters behind a mailbox."""
 CARRIERS = ("memory", "tcp", "rtu")
 """What the lines of the plant are; seeds take them by turns."""
 WEB = (False, True, False, False)
@@ -31,6 +33,9 @@ ACTS = {
     "acknowledge": 4, "hide": 5, "roles": 2, "bar": 1,
 }  # fmt: skip
 WEB_ACTS = {**ACTS, "look": 5, "program": 6, "factor": 2}
+DRIVE_ACTS = {"change": 10, "save": 2}
+DRIVE_FAULTS = {"mailbox": 5}
+"""Besides, where there are such drives."""
 FAULTS = {
     "line": 10, "unplug": 1, "power": 2, "freeze": 3, "fault": 4, "disk": 4, "clock": 2, "reload": 2, "redefine": 1, "kill": 2,
     "restart": 1, "stall": 2,
@@ -82,26 +87,42 @@ class Script:
 def draw(seed: int, minutes: float = 1.0, machines: tuple[str, ...] = (), carrier: str = "") -> Script:
     """The script of `seed`: its last `CALM` seconds are quiet."""
     random = Random(f"storm {seed}")
-    machines = machines or (random.choice(PLANTS) if seed % 10 else MACHINES)
+    machines = machines or (random.choice(DRIVES if seed % 10 == 7 else PLANTS) if seed % 10 else MACHINES)
+    drives = _have_mailbox(machines)
     seconds, web = minutes * 60, WEB[seed % len(WEB)]
+    acts = (WEB_ACTS if web else ACTS) | (DRIVE_ACTS if drives else {})
+    faults = FAULTS | (DRIVE_FAULTS if drives else {})
     wild = max(5.0, seconds - CALM)
     pace, trouble = random.choice((0.15, 0.3, 0.6)), random.choice((0.0, 0.15, 0.3, 0.5))
     """Seconds between two actions; part of them that are faults."""
     actions = [Action(round(0.2 + 0.1 * n, 3), "enter", {"who": who}) for n, who in enumerate(("ana", "ivo", "ada"))]
-    actions += [Action(0.6, "take", {"who": "ana", "machine": random.choice(machines)})]
+    actions += [Action(0.6, "take", {"who": _at_work(machines), "machine": random.choice(machines)})]
     at = 1.0
     while True:
         at += random.expovariate(1 / pace)
         if at >= wild:
             break
-        shares = FAULTS if random.random() < trouble else WEB_ACTS if web else ACTS
+        shares = faults if random.random() < trouble else acts
         kind = random.choices(list(shares), list(shares.values()))[0]
         actions.append(Action(round(at, 3), kind, _given(kind, random, machines)))
     return Script(seed, machines, seconds, tuple(actions), carrier or CARRIERS[seed % len(CARRIERS)], web)
 
 
+def _have_mailbox(machines: tuple[str, ...]) -> bool:
+    return not {"d1", "d2"}.isdisjoint(machines)
+
+
+def _at_work(machines: tuple[str, ...]) -> str:
+    """Who mostly has control: somebody who may write parameters, where there are any."""
+    return "ada" if _have_mailbox(machines) else "ana"
+
+
 def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, Any]:
-    who = "ana" if kind in ("command", "set", "sets", "hold") and random.random() < 0.6 else random.choice(list(PEOPLE))
+    who = (
+        _at_work(machines)
+        if kind in ("command", "set", "sets", "hold") and random.random() < 0.6
+        else random.choice(list(PEOPLE))
+    )
     machine = random.choice(machines)
     number = random.randrange(1000)
     match kind:
@@ -122,6 +143,16 @@ def _given(kind: str, random: Random, machines: tuple[str, ...]) -> dict[str, An
         case "sets":
             parts = [round(random.uniform(-0.05, 1.05), 3) for _ in range(random.choice((2, 3, 5)))]
             return {"who": who, "machine": machine, "number": number, "parts": parts}
+        case "change":
+            parts = [round(random.uniform(-0.05, 1.05), 3) for _ in range(random.choice((1, 2, 8, 25)))]
+            return {
+                "who": random.choice(("ada", "ada", "eva")), "machine": machine, "number": number, "parts": parts,
+                "cancelled": random.random() < 0.1,
+            }  # fmt: skip
+        case "save":
+            return {"who": "ada", "machine": machine}
+        case "mailbox":
+            return {"machine": machine, "number": number, "seconds": round(random.uniform(0.2, 8), 1)}
         case "hold":
             seconds = round(random.uniform(0.1, 4), 1)
             return {"who": who, "machine": machine, "number": number, "how": random.choice(HOLDS), "seconds": seconds}

@@ -24,6 +24,8 @@ from app.access.passwords import Cost, Passwords
 from app.access.roles import Person, permissions_of
 from app.clock import ManualClock
 from app.commands.lifecycle import Progress
+from app.commands.parameter_change import KEY as PARAMETERS
+from app.commands.parameter_change import SAVE, ParameterChange
 from app.errors import PogonError, StorageError
 from app.plant.definitions import Command, Equipment, Plant
 from app.plant.loader import read_plant
@@ -37,11 +39,14 @@ from app.sim.eura_e800.drive import VirtualE800
 from app.sim.machines import MACHINE_FAULTS
 from app.sim.plant import SimPlant
 from app.sim.plc import EVENT_CAPACITY, VirtualPlc
-from app.sim.training import REG_MACHINE_FAULT
+from app.sim.sinamics.drive import VirtualSinamics
+from app.sim.sinamics.mailbox import MailboxFault
+from app.sim.sinamics.training import REG_MAILBOX
+from app.sim.training import REG_MACHINE_FAULT, REG_POWER
 from tests.demo_plant import DEMO, LINKS, plant_file
 from tests.storm.disk import Disks
 from tests.storm.line import Line, Trouble, Wire
-from tests.storm.script import CALM, PEOPLE, WEB_ACTS, Action, Script
+from tests.storm.script import CALM, DRIVE_ACTS, PEOPLE, WEB_ACTS, Action, Script
 from tests.virtual import MORNING, VirtualLoop, inline
 
 PASSWORD = "tri plave ladice u kutu"
@@ -60,9 +65,35 @@ rated_current = 2.5
 """
 
 
+DRIVES = """
+[links.drives]
+{link}
+writes = true
+
+[equipment.d1]
+type = "sinamics"
+link = "drives"
+unit = 1
+label = {{ hr = "Pumpa 1", en = "Pump 1", de = "Pumpe 1", cs = "Čerpadlo 1" }}
+simulation = {{ start = "forward", setpoint = 60, p2040 = 1000 }}
+
+[equipment.d2]
+type = "sinamics"
+link = "drives"
+unit = 2
+label = {{ hr = "Pumpa 2", en = "Pump 2", de = "Pumpe 2", cs = "Čerpadlo 2" }}
+simulation = {{ setpoint = 60, gateway = 1 }}
+"""
+"""d1 has its mailbox itself, d2 has that of a PLC between."""
+
+
 def plant_text(machines: Sequence[str], links: Mapping[str, str]) -> str:
-    """As `plant_file`; `extra` is one more drive."""
-    return plant_file(machines, links) + (EXTRA if "extra" in machines else "")
+    """As `plant_file`; `extra` is one more drive, d1 and d2 are SINAMICS drives."""
+    link, *drives = re.split(r"(?m)^(?=\[equipment)", DRIVES.format(link=links.get("drives", 'transport = "memory"')))
+    found = [one for one in drives if one[11:13] in machines]
+    return (
+        plant_file(machines, links) + (EXTRA if "extra" in machines else "") + "".join([link, *found] if found else ())
+    )
 
 
 class Fell(Exception):
@@ -123,6 +154,8 @@ class World:
     """Id of every order → when [s], machine, command."""
     sets: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Id of every set of setpoints → what it wanted to write."""
+    powered: dict[str, float] = field(default_factory=dict)
+    """Machine → when it was last off and on again [s]."""
     hidden: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Alarm and what the journal says of it → how often somebody was told that it is put aside, or back."""
     refused_stops: list[tuple[str, str, int]] = field(default_factory=list)
@@ -151,7 +184,7 @@ class World:
             serial = self.script.carrier == "rtu"
             self.wires = {
                 link: Wire(self.line, link, number, serial, partial(self._bus, link))
-                for number, link in enumerate(LINKS)
+                for number, link in enumerate((*LINKS, "drives"))
             }
         self.plant_folder = self.folder / "plant"
         shutil.copytree(DEMO, self.plant_folder)
@@ -376,7 +409,7 @@ class World:
             if action.kind in ALONE:
                 await work(**action.given)
             else:
-                self.beside(self._quietly(partial(work, **action.given)), acting=action.kind in WEB_ACTS)
+                self.beside(self._quietly(partial(work, **action.given)), acting=action.kind in WEB_ACTS | DRIVE_ACTS)
 
     async def _quietly(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
         with suppress(PogonError):
@@ -521,6 +554,49 @@ class World:
                 proven=True, reason="storm",
             )  # fmt: skip
 
+    async def _do_change(self, who: str, machine: str, number: int, parts: list[float], cancelled: bool) -> None:
+        """Somebody writes parameters of a drive through its mailbox; `cancelled`: and thinks better of it at once."""
+        person, gate = await self.person(who), None if self.down else self.runtime.gate
+        changes = self._some_parameters(machine, number, parts)
+        if person is None or gate is None or not changes:
+            return
+        with suppress(PogonError):
+            gate.control.take(person, machine)
+        if cancelled:
+            asyncio.get_running_loop().call_later(0.3, gate.parameters.cancel, machine)
+        await gate.parameters.change(
+            person, machine, changes, id=self._order(machine, PARAMETERS), nonce=gate.nonces.issue(person.session),
+            confirmed=True, proven=True, reason="storm",
+        )  # fmt: skip
+
+    def _some_parameters(self, machine: str, number: int, parts: list[float]) -> list[ParameterChange]:
+        """Elements of parameters, a number of them apart in the list of the drive, with values."""
+        plant = None if self.down else self.runtime.plant
+        item = plant.equipment.get(machine) if plant else None
+        if item is None or item.type.device.parameters is not None:
+            return []
+        known = [one for one in item.type.drive_parameters.values() if one.writable and not one.trigger]
+        chosen = {(number + 7 * n) % len(known): part for n, part in enumerate(parts)} if known else {}
+        return [
+            ParameterChange(
+                known[at].objects[-1],
+                known[at],
+                round(known[at].low + part * (known[at].high - known[at].low), known[at].decimals),
+            )
+            for at, part in chosen.items()
+        ]
+
+    async def _do_save(self, who: str, machine: str) -> None:
+        person, gate = await self.person(who), None if self.down else self.runtime.gate
+        if person is None or gate is None:
+            return
+        with suppress(PogonError):
+            gate.control.take(person, machine)
+        await gate.parameters.save(
+            person, machine, id=self._order(machine, SAVE), nonce=gate.nonces.issue(person.session), confirmed=True,
+            proven=True, reason="storm",
+        )  # fmt: skip
+
     def _some_setpoints(self, machine: str, number: int, parts: list[float]) -> dict[str, str]:
         """Neighbours in the list of a machine's setpoints, with values."""
         plant = None if self.down else self.runtime.plant
@@ -645,8 +721,11 @@ class World:
 
     async def _do_power(self, machine: str) -> None:
         device = self.devices.get(machine)
+        self.powered[machine] = self.now
         if isinstance(device, VirtualPlc | VirtualE800):
             device.power_cycle()
+        elif isinstance(device, VirtualSinamics):
+            device.write(6, REG_POWER, (1,))
 
     async def _do_freeze(self, machine: str, number: int, seconds: float) -> None:
         """The program of a PLC stands still; its registers are read all the same."""
@@ -665,6 +744,15 @@ class World:
         device.write(6, REG_MACHINE_FAULT, (codes[number % len(codes)],))
         await asyncio.sleep(seconds)
         device.write(6, REG_MACHINE_FAULT, (0,))
+
+    async def _do_mailbox(self, machine: str, number: int, seconds: float) -> None:
+        """The mailbox of a drive is late, busy, another master's, wrong or dumb."""
+        device = self.devices.get(machine)
+        if not isinstance(device, VirtualSinamics):
+            return
+        device.write(6, REG_MAILBOX, (1 + number % max(MailboxFault),))
+        await asyncio.sleep(seconds)
+        device.write(6, REG_MAILBOX, (0,))
 
     async def _do_disk(self, which: str, how: str, seconds: float, after: int) -> None:
         self.disks.spoil(which, how, after)
