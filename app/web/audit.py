@@ -20,7 +20,7 @@ from app.commands import parameter_change, value_set
 from app.commands.open_sets import values_of
 from app.errors import Refused
 from app.plant.system import SYSTEM
-from app.web import audit_words, language, typed_time
+from app.web import audit_words, language, page_names, typed_time
 from app.web import format as fmt
 from app.web.guard import allow, fields, people_access, person_of
 from app.web.signin import moment, view_of, zone_of
@@ -177,11 +177,12 @@ def read_time(request: Request, text: str, field: str) -> int | None:
 def _row(request: Request, line: Record) -> dict[str, Any]:
     zone = zone_of(request)
     old, new = audit_words.told(request, line)
-    object = (
-        view_of(request).text(request, "plant.files")
-        if line.kind == "plant.reloaded"
-        else _object(request, line.object)
-    )
+    if line.kind == "plant.reloaded":
+        object = view_of(request).text(request, "plant.files")
+    elif line.kind == "access.denied":
+        object = _page(request, line)
+    else:
+        object = _object(request, line.object)
     return {
         "line": line,
         "person": _person(request, line.person),
@@ -215,6 +216,13 @@ def _stored(request: Request, typed: str) -> str:
     if len(said) > len(before) + len(after) and said.startswith(before) and said.endswith(after):
         return f"terminal:{typed[len(before) : len(typed) - len(after)]}"
     return typed
+
+
+def _page(request: Request, line: Record) -> str:
+    """The page that was refused, by the name in the reader's language, with the machine's when it is of one."""
+    machine = _object(request, line.parameters.get("machine", ""))
+    key = page_names.name_of(line.object)
+    return ": ".join(filter(None, (machine, view_of(request).text(request, key) if key else "")))
 
 
 def _object(request: Request, object: str) -> str:
@@ -253,7 +261,7 @@ def _text(request: Request, line: Record, object: str = "") -> str:
         request,
         f"audit.kind.{line.kind}",
         line.kind,
-        **{"object": object or line.object, "old": line.old, "new": line.new, "person": line.person}
+        **{"object": object or line.object, "old": line.old, "new": line.new, "person": _person(request, line.person)}
         | dict(line.parameters),
     )
 

@@ -553,4 +553,7 @@ async def _note_denied(connection: HTTPConnection, person: Person, permission: s
     if len(noted) > 1000:
         noted.clear()
     noted[key] = now
-    await access.audit.record("access.denied", person, path, result="refused", permission=permission)
+    plant, parts = app_state.runtime.plant, connection.scope.get("path_params", {})
+    machine = next((one for one in map(parts.get, ("key", "id", "machine")) if plant and one in plant.equipment), "")
+    told = {"permission": permission} | ({"machine": machine} if machine else {})
+    await access.audit.record("access.denied", person, path, result="refused", **told)
