@@ -96,6 +96,12 @@ LOOKED_AT = {"hr": "light", "cs": "dark"}
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip()})(); }}"
+PUT_BACK = f"""() => {{ // in one go, before the next answer hides it again
+  const back = document.querySelector("[data-command='m2.put_back']");
+  back.hidden = false;
+  back.ariaDisabled = null;
+  return [...({CUT})(), ...({BOTH})()];
+}}"""
 PAGES = (
     "/",
     *(f"/equipment/{machine}{part}" for machine in MACHINES for part in ("", "/faceplate")),
@@ -247,3 +253,21 @@ def test_a_cold_page_is_light(browser: Browser, server: PogonServer, path: str) 
     assert len(came) > 10
     assert sum(came) <= LIGHT[path], sorted(map(int, came))
     context.close()
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_command_more_hides_no_other(abnormal: Page, server: PogonServer, lang: str) -> None:
+    """What puts the former frequency back comes on top of all others when a server died while somebody jogged."""
+    page = abnormal
+    speak(page, lang, server.url)
+    page.goto(f"{server.url}/equipment/m2", wait_until="load")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    lay_out(page, *SIZES["panel"])
+    take(page)
+    found: list[str] = []
+    for size in ("panel", "small", "wide"):
+        lay_out(page, *SIZES[size])
+        found += [f"{lang} {size}: {one}" for one in page.evaluate(PUT_BACK)]
+    lay_out(page, *SIZES["panel"])
+    let_go(page)
+    assert found == [], "\n".join(["", *found])
