@@ -108,3 +108,20 @@ def test_a_set_goes_home_comes_back_changed_and_is_compared_reviewed_and_written
     page.set_input_files("#dc-file", changed)
     expect(page.locator("#dc [role=alert], #dc td[colspan]")).to_be_visible(timeout=20_000)
     expect(page.locator("#dc tr[data-same=no]")).to_have_count(0)
+
+
+def test_what_is_typed_is_looked_for_at_once(sit: Sit) -> None:
+    """The list follows the typing, and the links of the groups keep what was typed."""
+    page = sit()
+    assert page.locator("#dp tr[data-code]").count() > 1
+    search = page.locator("form[role=search] [name=q]")
+    search.press_sequentially("p1121")
+    expect(page.locator("#dp tr[data-code]")).to_have_count(1)
+    expect(page.locator("#dp tr[data-code=p1121]")).to_be_visible()
+    expect(page.locator("#p-groups a").first).to_have_attribute("href", re.compile("q=p1121"))
+    expect(search).to_be_focused()
+    for cell in ("td.mono", "th"):  # no line under one cell of the last row
+        expect(page.locator(f"#dp tbody tr:last-child > {cell}").first).to_have_css("border-bottom-width", "0px")
+    search.fill("no such thing")
+    expect(page.locator("#dp tr[data-code]")).to_have_count(0)
+    expect(page.locator("#dp tbody td")).to_have_count(1)  # which says that there is none
