@@ -39,7 +39,7 @@ class Field:
     choices: Sequence[tuple[str, str]] = ()
     """Value, text."""
     hint: str = ""
-    """What counts when it is empty."""
+    """What counts when it is empty; of a flag what the file calls it."""
     wrong: str = ""
     """What was expected."""
     lang: str = ""
@@ -200,6 +200,12 @@ class _Fields:
 
     def _machine(self) -> Equipment | None:
         return self._plant.equipment.get(self._equipment.equipment.machine)
+
+    def _actions(self, machine: Equipment) -> dict[str, str]:
+        """What a step may ask → as the machine's own page calls it; empty where its type has no text for it."""
+        view = self._equipment.other(machine.id)
+        texts = view.point("action").texts if view is not None and view.has("action") else {}
+        return {action: str(texts.get(str(code), "")) for code, action in enumerate(machine.type.actions, 1)}
 
     def _others(self) -> list[Equipment]:
         return [one for one in self._plant.equipment.values() if one.id != self._equipment.id]
@@ -362,9 +368,14 @@ class Forms(_Fields):
         asked = step.get("actions", [])
         asked = [str(one) for one in asked] if isinstance(asked, list) else []
         wrong = {index: one.expected for index, one in self._wrong(base, "actions").items()}
-        for action in dict.fromkeys([*(machine.type.actions if machine else ()), *asked]):
+        called = self._actions(machine) if machine else {}
+        for action in dict.fromkeys([*called, *asked]):
             told = wrong.get(f"actions.{asked.index(action)}", "") if action in asked else ""
-            form.actions.append(Field(f"actions.{action}", action, "1", "flag", on=action in asked, wrong=told))
+            label = called.get(action, "") or action
+            hint = action if label != action else ""
+            form.actions.append(
+                Field(f"actions.{action}", label, "1", "flag", hint=hint, on=action in asked, wrong=told)
+            )
         orders = step.get("orders", [])
         for number, row in enumerate(orders if isinstance(orders, list) else ()):
             form.orders.append(self._order(base, number, _table(row)))

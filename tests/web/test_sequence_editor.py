@@ -62,6 +62,16 @@ def test_the_page_shows_a_step_as_fields_and_as_the_text_of_the_file(staff: Staf
     assert "does not hold now" in page or "not known now" in page
 
 
+def test_actions_are_called_as_their_machine_calls_them(start: Start) -> None:
+    people = Staff(start(plant=bundled("plants/demo")))
+    people.enter("ivana", "engineer")
+    for language, called in (("en", "Drive under the mandrel"), ("hr", "Vozi ispod trna")):
+        people.client.cookies.set("pogon_lang", language)
+        page = people.client.get(f"{URL}?section=2").text
+        box = re.search(r'name="actions.drive_to_mandrel"(.*?)</label>', page, re.S)
+        assert box and f"<span>{called} <" in box[1] and ">drive_to_mandrel<" in box[1]
+
+
 def test_only_an_engineer_edits(staff: Staff) -> None:
     window = Window(staff)
     for role in ("viewer", "operator", "admin"):
