@@ -321,7 +321,7 @@ export class Chart {
   above(plot) {
     plot.ctx.save();
     this.changes(plot);
-    if (!this.mini) for (const part of [this.gapLabels, this.markers, this.flags, this.other, this.strip, this.alarms, this.dots]) part.call(this, plot);
+    if (!this.mini) for (const part of [this.gapLabels, this.markers, this.other, this.flags, this.strip, this.alarms, this.dots]) part.call(this, plot);
     this.units(plot);
     this.names(plot);
     plot.ctx.restore();
@@ -479,16 +479,17 @@ export class Chart {
     }
   }
 
-  /** Notes: a rule with a numbered flag at the top, as the list beside numbers them. */
+  /** Notes and rulers: a rule with a flag, which a note has within the plot, as the list beside numbers it, and a ruler over it. */
   flags(plot) {
-    const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
-    for (const { at, number } of this.notes) {
-      if (at < this.from || at > this.to) continue;
-      const x = plot.valToPos(at / 1e6, "x", true), wide = (10 + 7 * number.length) * ratio, left = x + wide > bbox.left + bbox.width ? x - wide : x;
-      this.rule(plot, [x, bbox.top, x, bbox.top + bbox.height]);
+    const { ctx, bbox: { left, top, width, height } } = plot, ratio = uPlot.pxRatio, rulers = Object.entries(this.rulers).map(([name, at]) => ({ at, number: name.toUpperCase(), over: true }));
+    for (const { at, number, over } of [...this.notes, ...rulers]) {
+      if (at === null || at < this.from || at > this.to) continue;
+      const x = plot.valToPos(at / 1e6, "x", true), wide = over ? 28 * ratio : (10 + 7 * number.length) * ratio;
+      const begin = over ? x - wide / 2 : x + wide > left + width ? x - wide : x, y = over ? top - 20 * ratio : top;
+      this.rule(plot, [x, top, x, top + height], { width: over ? 1.5 : 1 });
       ctx.fillStyle = this.colour("--outline");
-      ctx.fillRect(left, bbox.top, wide, 18 * ratio);
-      this.text(plot, number, left + wide / 2, bbox.top + 9.5 * ratio, { align: "center", colour: "--inset", strong: true });
+      ctx.fillRect(begin, y, wide, (over ? 20 : 18) * ratio);
+      this.text(plot, number, begin + wide / 2, y + 9.5 * ratio, { align: "center", colour: "--inset", strong: true });
     }
   }
 

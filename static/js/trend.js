@@ -232,7 +232,6 @@ function placeRulers() {
     if (button.hidden) continue;
     button.style.transform = `translateX(${plot.over.offsetLeft + plot.valToPos(at / 1e6, "x")}px)`;
     button.style.setProperty("--top", `${plot.over.offsetTop}px`);
-    button.style.setProperty("--height", `${plot.over.clientHeight}px`);
     for (const [attribute, value] of [["valuemin", chart.from], ["valuemax", chart.to], ["valuenow", at]]) button.setAttribute(`aria-${attribute}`, String(Math.round(value / 1000)));
     button.setAttribute("aria-valuetext", format.dateTime(at, zone, lang, now()));
   }

@@ -147,6 +147,8 @@ def test_what_was_at_two_cursors_is_laid_over_each_other(sit: Sit) -> None:
 def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path: Path) -> None:
     page = ready(sit(path=f"{HOME}&under=24h"))
     expect(page.locator('[data-under-stat="m1.speed"]')).to_be_visible()
+    page.locator("[data-rulers]").click()
+    expect(page.locator("[data-table-title]")).to_have_text("Between cursors")
     for kind in ("svg", "png"):
         menu(page, "Export")
         with page.expect_download() as coming:
@@ -157,7 +159,7 @@ def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path
     assert (tmp_path / "png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     root = ElementTree.parse(tmp_path / "svg").getroot()
     words = [one.text or "" for one in root.iter(f"{SVG}text")]
-    assert {"Fan 1", "Speed", "Output current", "rpm", "A"} <= set(words)
+    assert {"Fan 1", "Speed", "Output current", "rpm", "A", "B"} <= set(words), "the cursors too"
     assert any(word.startswith("thin: ") for word in words) and "SIMULATION" in " ".join(words)
     drawn = [(one.get("d", ""), one.get("fill")) for one in root.iter(f"{SVG}path")]
     assert max(len(path) for path, _ in drawn) > 200, "the curves are in it"
