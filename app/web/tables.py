@@ -1,7 +1,7 @@
 """Tables of a device (fixed slots, each with an identity of its own) as rows.
 
-A row exists while its `id` is not 0. Which rows there are and in which order is decided when they are drawn; the script fetches them again
-when an identity appears or goes (static/js/parts.js), the cells are live by themselves.
+A row exists while its `id` is not 0. Which rows there are and in which order is decided when they are drawn; they are fetched again
+when an identity appears or goes (`part_at` in templates/macros/frame.html), the cells are live by themselves.
 """
 
 from collections.abc import Mapping

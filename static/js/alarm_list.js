@@ -1,14 +1,14 @@
-// The alarm list: fetched again when the alarms change, but never moving under a finger or a selection; durations count by themselves.
-import { ask, post } from "./alarm_post.js";
-import { parsed, renewing } from "./fetched.js";
-
+// The alarm list: htmx fetches it again when the alarms change, but it never moves under a finger or a selection; durations count by themselves.
 const HELD = 500; // a row must have been there this long before it can be acknowledged [ms]
-const changes = document.getElementById("alarm-changes"), panel = document.getElementById("alarm-detail");
+const box = document.querySelector("[hx-target='#alarm-list']"), panel = document.getElementById("alarm-detail");
 const selected = document.getElementById("ack-selected"), visible = document.getElementById("ack-visible");
 const list = () => document.getElementById("alarm-list");
 const rows = () => [...(list()?.querySelectorAll("tr[data-row]") ?? [])];
-const chosen = new Set(), seen = new Map(); // occurrences that are ticked; row → since when it can be seen
-let open = "", pressed = false, merged = false, clock = 0, clockAt = 0;
+const ticked = () => rows().filter((row) => row.querySelector(".ck")?.checked);
+const visibles = () => document.querySelector("#alarm-visible select");
+const order = () => rows().map((row) => row.dataset.row).join();
+const seen = new Map(); // row → since when it can be seen
+let open = "", clock = 0, clockAt = 0, stood = order();
 
 // ---- time ------------------------------------------------------------------------------------------------------
 
@@ -47,7 +47,7 @@ const inSight = () => rows().filter((row) => "unack" in row.dataset && performan
 /** Bring the two buttons to what they would do. */
 function offer() {
   if (!selected) return;
-  for (const [button, number] of [[selected, chosen.size], [visible, rows().filter((row) => "unack" in row.dataset && seen.has(row)).length]]) {
+  for (const [button, number] of [[selected, ticked().length], [visible, rows().filter((row) => "unack" in row.dataset && seen.has(row)).length]]) {
     button.querySelector("b").textContent = number;
     button.setAttribute("aria-disabled", String(!number));
   }
@@ -55,65 +55,46 @@ function offer() {
 
 // ---- fetching ------------------------------------------------------------------------------------------------------
 
-const held = () => pressed || chosen.size > 0;
+const refresh = () => window.htmx.trigger(box, "again");
 
-const refresh = renewing(() => list()?.dataset.src, (html) => take(parsed(html).getElementById("alarm-list")), 15000);
+/** While rows are ticked none of them moves: what is fresh takes their order, those that are over stay, and new ones wait. */
+document.addEventListener("htmx:before:swap", ({ target, detail: { tasks } }) => {
+  const fresh = tasks[0]?.fragment.querySelector("#alarm-list");
+  if (target !== box || !fresh || !ticked().length) return;
+  const still = list().cloneNode(true), coming = new Map([...fresh.querySelectorAll("tr[data-row]")].map((row) => [row.dataset.row, row]));
+  for (const row of still.querySelectorAll("tr[data-row]")) {
+    const next = coming.get(row.dataset.row);
+    coming.delete(row.dataset.row);
+    if (next) row.replaceWith(next);
+    else { row.classList.add("a-gone"); delete row.dataset.unack; }
+  }
+  const bar = still.querySelector(".a-new");
+  bar.hidden = !coming.size;
+  bar.textContent = bar.dataset.new.replace("{n}", coming.size);
+  still.dataset.now = fresh.dataset.now;
+  fresh.replaceWith(still);
+});
 
-/** Put `fresh` in place of the list, or, while somebody works in it, only what changed in the rows that are there. */
-function take(fresh) {
-  if (!fresh) return;
-  merged = held();
-  if (merged) merge(fresh);
-  else replace(fresh);
+document.addEventListener("htmx:after:swap", ({ target }) => {
+  if (target !== box) return;
+  if (stood !== (stood = order())) for (const row of seen.keys()) seen.set(row, performance.now()); // another row may stand where one looks
+  for (const row of seen.keys()) if (!row.isConnected) seen.delete(row);
+  for (const row of rows()) {
+    watcher.observe(row);
+    if (!("unack" in row.dataset)) tick(row, false);
+    row.dataset.row === open ? row.setAttribute("aria-selected", "true") : row.removeAttribute("aria-selected");
+  }
   setClock();
+  offer();
   if (open) renewDetail();
   else if (rows()[0]) show(rows()[0].dataset.row);
-}
-
-function merge(fresh) {
-  const coming = new Map([...fresh.querySelectorAll("tr[data-row]")].map((row) => [row.dataset.row, row]));
-  const mine = new Set(rows().map((row) => row.dataset.row));
-  for (const row of rows()) {
-    const next = coming.get(row.dataset.row);
-    row.classList.toggle("a-gone", !next);
-    if (!next) { tick(row, false); delete row.dataset.unack; continue; }
-    const ticked = chosen.has(row.dataset.row);
-    "unack" in next.dataset ? row.setAttribute("data-unack", "") : row.removeAttribute("data-unack");
-    if (next.innerHTML.replace(/\d\d:\d\d</, "<") !== row.innerHTML.replace(/\d\d:\d\d</, "<")) row.replaceChildren(...next.childNodes);
-    tick(row, ticked && "unack" in row.dataset);
-  }
-  const number = [...coming.keys()].filter((id) => !mine.has(id)).length, bar = list().querySelector(".a-new");
-  bar.hidden = !number;
-  bar.textContent = bar.dataset.new.replace("{n}", number);
-  list().dataset.now = fresh.dataset.now;
-  offer();
-}
-
-function replace(fresh) {
-  const focus = document.activeElement?.closest?.("tr[data-row]")?.dataset.row, kind = document.activeElement?.className;
-  const box = list().parentElement, top = box.scrollTop, old = new Map(rows().map((row) => [row.dataset.row, seen.get(row)]));
-  const order = rows().map((row) => row.dataset.row).join();
-  watcher.disconnect();
-  seen.clear();
-  list().replaceWith(fresh);
-  box.scrollTop = top;
-  const stays = order === rows().map((row) => row.dataset.row).join();
-  for (const row of rows()) {
-    if (stays && old.get(row.dataset.row)) seen.set(row, old.get(row.dataset.row));
-    row.toggleAttribute("aria-selected", false);
-    if (row.dataset.row === open) row.setAttribute("aria-selected", "true");
-    watcher.observe(row);
-  }
-  if (focus) rows().find((row) => row.dataset.row === focus)?.querySelector(`.${CSS.escape(kind.split(" ")[0])}`)?.focus();
-  offer();
-}
+});
 
 // ---- what people do --------------------------------------------------------------------------------------------------
 
 function tick(row, on) {
   const box = row.querySelector(".ck");
   if (box) box.checked = on;
-  on ? chosen.add(row.dataset.row) : chosen.delete(row.dataset.row);
 }
 
 function show(occurrence) {
@@ -131,55 +112,49 @@ function renewDetail() {
   drawnDetail = now;
 }
 
-async function acknowledge(occurrences) {
-  const taken = await post("/alarms/acknowledge", occurrences.map((one) => ["occurrence", one]));
-  if (taken) for (const row of rows()) if (occurrences.includes(row.dataset.row)) tick(row, false);
-  refresh();
-}
+// A row that one could not look at yet was not meant.
+document.addEventListener("submit", (event) => {
+  const row = event.target.id === "alarm-one" && event.submitter?.closest("tr[data-row]");
+  if (!row || performance.now() - (seen.get(row) ?? Infinity) >= HELD) return;
+  event.preventDefault();
+  event.stopImmediatePropagation();
+}, true);
 
-// Shelved, taken out of service, brought back, reset: what one looked at may be another alarm now.
+// Acknowledged, shelved, taken out of service, brought back, reset: but for the first and the last, what one looked at may be another alarm now.
 document.addEventListener("htmx:after:request", ({ target, detail: { ctx } }) => {
-  if (!/^alarm-/.test(target.id) || !target.matches("form") || ctx.response.status >= 400) return;
-  if (target.id !== "alarm-reset") drawnDetail = open = "";
+  if (!/^alarm-/.test(target.id) || !target.matches("form")) return;
+  if (ctx.response.status < 400) {
+    if (target.id === "alarm-form") for (const row of ticked()) tick(row, false);
+    if (!target.matches("[action='/alarms/acknowledge'], #alarm-reset")) drawnDetail = open = "";
+  } else if (!target.matches("[action='/alarms/acknowledge']")) return;
   refresh();
 });
 
-document.addEventListener("click", async (event) => {
-  const target = event.target;
-  const button = target.closest("[data-ack]"), row = target.closest("tr[data-row]");
-  if (button) {
-    event.preventDefault();
-    if (performance.now() - (seen.get(row) ?? Infinity) >= HELD) acknowledge([button.value]);
-  } else if (target.closest("#ack-selected")) {
-    event.preventDefault();
-    if (chosen.size) acknowledge([...chosen]);
-  } else if (target.closest("#ack-visible")) {
-    const wanted = inSight().map((one) => one.dataset.row), dialog = document.getElementById("ack-confirm");
-    if (wanted.length && await ask(dialog, dialog.querySelector("[data-question]").dataset.question.replace("{n}", wanted.length))) acknowledge(wanted);
+document.addEventListener("click", ({ target }) => {
+  const row = target.closest("tr[data-row]");
+  if (target.closest("#ack-visible")) {
+    const wanted = inSight(), dialog = document.getElementById("ack-confirm"), question = dialog.querySelector("[data-question]");
+    if (!wanted.length) return;
+    question.textContent = question.dataset.question.replace("{n}", wanted.length);
+    visibles().replaceChildren(...wanted.map((one) => new Option("", one.dataset.row, true, true)));
+    dialog.returnValue = "";
+    dialog.showModal();
   } else if (target.closest(".a-new")) {
     for (const one of rows()) tick(one, false);
     refresh();
   } else if (row && !target.closest("input, a, button:not(.a-open)")) show(row.dataset.row);
 });
+document.addEventListener("close", ({ target }) => {
+  if (target.id === "ack-confirm" && target.returnValue === "yes") visibles().form.requestSubmit();
+}, true);
 document.addEventListener("change", ({ target }) => {
   if (target.matches(".alist .ck")) {
-    tick(target.closest("tr"), target.checked);
     offer();
-    if (!held()) refresh();
+    if (!ticked().length) refresh();
   } else if (target.matches("select[data-filter]") && !document.querySelector(".a-menu [name=since]")) target.form.requestSubmit();
 });
-document.addEventListener("pointerdown", ({ target }) => { pressed = Boolean(target.closest?.("#alarm-list tbody")); }, true);
-for (const end of ["pointerup", "pointercancel"])
-  document.addEventListener(end, () => setTimeout(() => {
-    const was = pressed;
-    pressed = false;
-    if (was && merged && !held()) refresh();
-  }, 300), true);
-document.addEventListener("visibilitychange", () => { if (!document.hidden && !held()) refresh(); });
 
 if (list()) {
-  changes?.addEventListener("signal", refresh);
-  for (const box of list().querySelectorAll(".ck:checked")) chosen.add(box.value);
   for (const row of rows()) watcher.observe(row);
   setClock();
   setInterval(count, 1000);

@@ -1,7 +1,6 @@
 // Alarms on every page: banner, sound, silence, announcements, marks on tabs, tiles and pointers. The list is alarm_list.js.
 //   #alarm-changes, #alarm-sound, #alarm-news   data-signal: told by static/js/values.js when their tag changes
 //   data-mark-of | data-mark-area | data-mark-part | data-mark-point   gets the symbol of the most important alarm of a machine, an area, a part, a point
-import { post } from "./alarm_post.js";
 
 const banner = document.getElementById("alarms");
 const GUARD = 500, SILENCE = 5 * 60e3, POLITE = 5000, KEY = "pogon.silence";
@@ -70,16 +69,12 @@ document.addEventListener("htmx:after:swap", ({ target }) => {
   mark();
 });
 
-banner.querySelector("form")?.addEventListener("submit", (event) => {
+// What is acknowledged is the very alarm that the banner shows; a press right after it changed was meant for another one.
+banner.addEventListener("submit", (event) => {
+  if (shown().occurrence === occurrence && performance.now() - drawn >= GUARD) return;
   event.preventDefault();
-  acknowledgeShown(event.submitter);
-});
-
-/** Acknowledge the very alarm that the banner shows; a press right after it changed was meant for another one. */
-function acknowledgeShown(button = document.getElementById("banner-ack")) {
-  if (!button || shown().occurrence !== occurrence || performance.now() - drawn < GUARD) return;
-  post("/alarms/acknowledge", [["occurrence", button.value]]);
-}
+  event.stopPropagation();
+}, true);
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
@@ -90,7 +85,7 @@ document.addEventListener("keydown", (event) => {
     event.preventDefault();
     const selected = document.getElementById("ack-selected");
     if (selected && selected.getAttribute("aria-disabled") !== "true") selected.click();
-    else acknowledgeShown();
+    else document.getElementById("banner-ack")?.click();
   }
 });
 

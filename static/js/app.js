@@ -7,11 +7,21 @@
   // The content policy refuses inline scripts and evaluation already; this holds where it would not, and for scripts of our own address.
   function refuse() { throw new Error("evaluation is off"); }
   const inert = (html) => html;
+  const thing = ({ dataset: { part, row, product, tags, tag } }) => part ?? row ?? product ?? tags ?? tag;
   window.htmx?.registerExtension("pogon", {
-    init: (api) => api.initSecurity({ createHTML: inert, createScript: () => "" }, refuse, refuse),
+    init: (api) => {
+      const alike = api.isSoftMatch; // an element is changed in place only into the same thing, so that focus and live values stay with theirs
+      api.isSoftMatch = (old, fresh) => alike(old, fresh) && thing(old) === thing(fresh);
+      api.initSecurity({ createHTML: inert, createScript: () => "" }, refuse, refuse);
+    },
     htmx_before_on_init: () => false,
+    htmx_before_request: (element, { ctx }) => { if (renewed(element)) ctx.fetch = whole; },
     htmx_after_request: (element, { ctx }) => { ctx.text = withoutScripts(ctx.text); },
     htmx_config_request: (element, { ctx }) => {
+      if (element.dataset.liveOnly && body.dataset.live === "offline") {
+        say(element.dataset.liveOnly, "error");
+        return false;
+      }
       if (ctx.request.submitter?.ariaDisabled === "true") {
         const why = ctx.request.submitter.title || element.querySelector("[data-why]")?.textContent.trim();
         if (why) say(why, "error");
@@ -24,6 +34,16 @@
       }
     },
   });
+
+  /** As fetch, but the answer is there with all its text; where none came, or not whole, it is one that asks to come again later. */
+  async function whole(url, request) {
+    try {
+      const answer = await window.fetch(url, request), text = await answer.text();
+      return new Response(text || null, { status: answer.status, headers: answer.headers });
+    } catch {
+      return new Response(null, { status: 503 });
+    }
+  }
 
   /** `html` without script elements; parsed by the browser itself, in a document where nothing runs. */
   function withoutScripts(html) {
@@ -59,21 +79,23 @@
   });
 
   // ---- what is fetched again by itself (data-renewed, hx-trigger="…, again"): asked for once more when an answer got lost, and nobody is
-  // told, as that nobody answers at all the page says; a list (data-renewed="list") waits while a finger is on it or nobody sees it
-  const AGAIN = 2000, PAUSE = 300, LATER = [408, 425, 429]; // [ms]; and all of 5xx: the same question may be answered another time
-  let down = null;
-  document.addEventListener("pointerdown", ({ target }) => { down = target; }, true);
+  // told, as that nobody answers at all the page says; a list (data-renewed="list") waits while a finger is on it or nobody sees it, a part
+  // of a screen ("part") while a press may still become a click: longer, and what is shown has to be true
+  const AGAIN = 2000, PAUSE = 300, PRESS = 1000, LATER = [408, 425, 429]; // [ms]; and all of 5xx: the same question may be answered another time
+  let down = null, since = 0;
+  document.addEventListener("pointerdown", ({ target }) => { [down, since] = [target, performance.now()]; }, true);
   for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => setTimeout(() => { down = null; }, PAUSE), true);
   for (const step of ["htmx:before:request", "htmx:before:swap"])
     document.addEventListener(step, (event) => {
-      if (event.target.dataset?.renewed !== "list" || !(document.hidden || event.target.contains(down))) return;
+      const kind = event.target.dataset?.renewed, waits = kind === "list" || (kind === "part" && performance.now() - since < PRESS);
+      if (!((kind === "list" && document.hidden) || (waits && event.target.contains(down)))) return;
       event.detail.ctx.late = true;
       event.preventDefault();
     });
   document.addEventListener("htmx:finally:request", ({ target, detail: { ctx } }) => {
     const { response, request: { signal }, late } = ctx;
     if (!renewed(target) || (signal.aborted && signal.reason !== "timeout")) return;
-    if (late || ctx.text === undefined || response.status >= 500 || LATER.includes(response.status)) setTimeout(() => window.htmx.trigger(target, "again"), late ? PAUSE : AGAIN);
+    if (late || response?.status >= 500 || LATER.includes(response?.status)) setTimeout(() => window.htmx.trigger(target, "again"), late ? PAUSE : AGAIN);
   });
 
   // ---- menus ----------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 // Commands: a press fetches a fresh nonce, posts, and draws what became of it. Whatever has a data-part is drawn anew in place, so that
 // focus, what is being typed and what is being held survive; everybody's column is fetched again when the revision tag of its machine changes.
-import { answered, parsed, renewing } from "./fetched.js";
+import { answered, parsed } from "./fetched.js";
 import { number } from "./format.js";
 
 const body = document.body, lang = body.dataset.lang;
@@ -59,7 +59,7 @@ export function take(answer, near) {
 // An answer that htmx puts nowhere (hx-swap="none") is drawn by its parts; an order that was taken is not tried again.
 document.addEventListener("htmx:after:request", ({ detail: { ctx } }) => {
   const { sourceElement: form, swap, response } = ctx;
-  if (swap !== "none") return;
+  if (swap !== "none" || (response.status >= 400 && form.dataset.renewed !== undefined)) return;
   if (response.status < 400) {
     delete form.closest("[data-part]")?.dataset.dirty;
     if (form.elements?.id) form.elements.id.value = "";
@@ -169,27 +169,16 @@ setInterval(() => {
 
 // ---- fetching again when something changed ---------------------------------------------------------------------------------------------
 
-const renewers = new Map(); // address of what operates a machine → what fetches it anew
-
-/** Fetch what `root` shows anew. */
+/** Fetch what `root` shows anew; what stands on the page twice is asked for once. */
 function refresh(root) {
-  const { url } = root.dataset, shown = () => document.querySelector(`[data-operation][data-url="${CSS.escape(url)}"]`);
-  if (!renewers.has(url)) renewers.set(url, renewing(() => shown() && url, (html) => patch(parsed(html)), 5000));
-  return renewers.get(url)();
+  const first = document.querySelector(`[data-operation][hx-get="${CSS.escape(root.getAttribute("hx-get"))}"]`);
+  if (first) window.htmx.trigger(first, "again");
 }
 
-const observed = new WeakSet();
-
-function observe() {
-  for (const element of document.querySelectorAll("[data-revision]")) {
-    if (observed.has(element)) continue;
-    observed.add(element);
-    new MutationObserver(() => { const root = element.closest("[data-operation]"); if (root) refresh(root); })
-      .observe(element, { childList: true, characterData: true, subtree: true });
-  }
-}
-observe();
-document.addEventListener("pogon:drawn", observe);
+document.addEventListener("changed", ({ target }) => {
+  const root = target.matches("[data-revision]") && target.closest("[data-operation]");
+  if (root) refresh(root);
+}, true);
 
 document.addEventListener("pogon:live", ({ detail }) => {
   for (const button of document.querySelectorAll("[data-set], [data-token], [data-offline-off]")) {
@@ -217,12 +206,13 @@ document.addEventListener("pointerdown", ({ target }) => {
 });
 
 document.addEventListener("click", (event) => {
-  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel], [data-arguments]");
+  const button = event.target.closest?.("[data-command], [data-token], [data-faceplate], [data-cancel], [data-arguments], button[data-row]");
   if (!button || event.ctrlKey || event.metaKey) return;
   if (button.matches("[data-cancel]")) return button.closest("[data-ask]")?.cancel?.();
   if (button.matches("[data-faceplate]") && offline()) return;
   event.preventDefault();
   if (button.matches("[data-faceplate]")) return fetchDialog(button.getAttribute("href"));
+  if (button.matches("[data-row]")) return openRow(button.dataset.row);
   if (button.getAttribute("aria-disabled") === "true") {
     const text = button.querySelector("small")?.textContent || button.title;
     if (text) told(`${(button.querySelector(".cmd-t")?.firstChild ?? button).textContent.trim()}: ${text}`, "error");
@@ -478,6 +468,7 @@ export function open(dialog) {
     scrim.append(also);
   }
   overlay.append(scrim);
+  window.htmx.process(dialog);
   dialog.show();
   dialog.setAttribute("aria-modal", "true");
   still();
@@ -490,6 +481,9 @@ export function open(dialog) {
     if (back?.isConnected) back.focus();
   };
 }
+
+/** Open the row of a table at `url` over the page. */
+export const openRow = (url) => fetchDialog(url, "[data-close], [data-arguments]:not([aria-disabled])");
 
 /** What lies behind a dialog is out of reach, but for the alarm banner. */
 function still() {

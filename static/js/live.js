@@ -227,7 +227,12 @@ document.addEventListener("DOMContentLoaded", () => { // every script of the pag
 });
 setInterval(watch, 100);
 setInterval(tick, 1000);
-document.addEventListener("htmx:after:swap", () => { bind(); subscribeAgain(); });
+document.addEventListener("htmx:after:swap", () => { // what was only changed in place (morph) shows what the server knew, until it is drawn
+  for (const tag of tags.values()) for (const item of tag.items) delete item.at;
+  bind();
+  if (body.dataset.live !== "offline") for (const tag of tags.values()) if (tag.known) draw(tag, () => true);
+  subscribeAgain();
+});
 document.addEventListener("pogon:drawn", () => { bind(); subscribeAgain(); });
 // What hold-to-run sends goes at once or not at all.
 document.addEventListener("pogon:send", ({ detail }) => {

@@ -10,7 +10,6 @@ export async function show(url) {
   shown = await fetchDialog(url, "[data-close], a[href]", () => { shown = null; });
   if (!shown) return;
   const { dialog } = shown;
-  window.htmx.process(dialog);
   const waiting = [];
   dialog.addEventListener("keydown", (event) => { keys(event, dialog, waiting); });
   dialog.addEventListener("htmx:after:swap", () => {

@@ -125,17 +125,6 @@ form.addEventListener("submit", async (event) => {
   review();
 });
 
-$("read").addEventListener("submit", async (event) => {
-  event.preventDefault();
-  const button = event.target.querySelector("button");
-  if (button.getAttribute("aria-disabled") === "true") return;
-  button.disabled = true;
-  const got = await commands.post(event.target.getAttribute("action"), {}, 30000);
-  if (got) commands.take(got, null);
-  else commands.told(document.getElementById("message").dataset.network, "error");
-  button.disabled = false;
-});
-
 // ---- groups and filter --------------------------------------------------------------------------------------------------------------
 
 function filter() {

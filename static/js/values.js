@@ -5,7 +5,8 @@
 //   data-show         "1,2" | ">0" | "<0" | "bad": shown while it holds; data-class "name:condition;…"
 //   data-signal       the value as the page was made; when it changes, the element dispatches `signal`
 //   data-tags         "name name …" instead of data-tag: nothing is drawn; when some changed, the element dispatches `tags` once, with what
-//                     is known of them by key: {head: {value, state, quality, source}, …}; by name where machines share a key
+//                     is known of them by key: {head: {value, state, quality, source}, …}; by name where machines share a key;
+//                     with hx-get or data-revision it hears `changed`, too, when one of them shows another value: the server makes something of them
 //   data-signed       a number carries its plus sign
 //   data-meter        role=meter: data-q and aria-value…; data-line "x0 x1": the curve of the last ten minutes
 import * as format from "./format.js";
@@ -187,7 +188,12 @@ function drawMany(item) {
   if (!told.size) queueMicrotask(() => {
     const items = [...told];
     told.clear();
-    for (const { element, tags } of items) element.dispatchEvent(new CustomEvent("tags", { bubbles: true, detail: tags }));
+    for (const item of items) {
+      const { element, tags, made } = item, of = made && Object.values(tags).map(({ value, state }) => (state === "bad" ? "bad" : value)).join(" ");
+      element.dispatchEvent(new CustomEvent("tags", { bubbles: true, detail: tags }));
+      if (of !== item.of) element.dispatchEvent(new Event("changed"));
+      item.of = of;
+    }
   });
   told.add(item);
 }
@@ -195,7 +201,7 @@ function drawMany(item) {
 /** The ways of drawing that the attributes of `element` ask for: {draw, moves} or {draw, curve}. */
 export function ways(element) {
   const data = element.dataset, found = [];
-  if (data.tags !== undefined) return [{ element, draw: drawMany, moves: true, tags: {} }];
+  if (data.tags !== undefined) return [{ element, draw: drawMany, moves: true, tags: {}, made: element.matches("[hx-get], [data-revision]") }];
   const map = data.map?.split(" ").map((knot) => knot.split(":").map(Number));
   const item = { element, map, decimals: +(data.decimals ?? 0), texts: data.texts ? JSON.parse(data.texts) : {}, settles: "settles" in data, signed: "signed" in data };
   if (data.signal !== undefined) found.push({ ...item, draw: drawSignal, moves: true });

@@ -2,7 +2,7 @@
 // box grows from there, so that its thick edge cannot leave it. Where there is no way from here to there (another product, a jump, head and
 // tail changed about) nothing glides.
 import { number } from "../js/format.js";
-import { openRow } from "../js/parts.js";
+import { openRow } from "../js/commands.js";
 
 const JUMP = 60; // user units: further than any belt carries a product between two drawings
 const STATE = { LOST: 5 };
@@ -183,7 +183,7 @@ class Line {
 }
 
 const lines = [...document.querySelectorAll("[data-conveyor]")].map((svg) => new Line(svg));
-document.addEventListener("part", () => { for (const line of lines) line.mark(); });
+document.addEventListener("htmx:after:swap", () => { for (const line of lines) line.mark(); });
 document.addEventListener("click", ({ target }) => {
   const row = target.closest?.(".prods [data-product]");
   if (row) for (const line of lines) line.choose(+row.dataset.product === line.chosen && !target.closest("[data-row]") ? 0 : +row.dataset.product);

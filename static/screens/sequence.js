@@ -1,9 +1,6 @@
-// A sequence: which step is active, how many permissives are there, which step's permissives are shown. Everything else is drawn by the
-// server, in parts that are fetched again when what they are made of changes (parts.js).
-import { again } from "../js/parts.js";
-
+// A sequence: which step is active, how many permissives are there, whose permissives are shown. Everything else is drawn by the server, in
+// parts that are fetched again when what they are made of changes.
 const word = document.querySelector(".q-word"), list = document.getElementById("q-steps");
-const shown = { step: new URLSearchParams(location.search).get("step") ?? "", all: "" };
 const CHECK = '<svg class="ic"><use href="{}"/></svg>';
 const check = document.querySelector(".q-list [href*='#i-check']")?.getAttribute("href");
 const usable = (tag) => tag && tag.state !== "bad" && tag.state !== "none" && typeof tag.value === "number";
@@ -49,24 +46,18 @@ document.addEventListener("tags", ({ target, detail }) => {
 
 // ---- which permissives are shown ---------------------------------------------------------------------------------------------------------
 
-async function show(change) {
-  Object.assign(shown, change);
-  const asked = new URLSearchParams(Object.entries(shown).filter(([, value]) => value !== ""));
-  word.dataset.refetch = `${word.dataset.partOf}${asked.size ? `?${asked}` : ""}`;
-  await again(word);
-  for (const row of document.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === shown.step);
-}
-
 document.addEventListener("click", (event) => {
-  const step = event.target.closest?.("[data-step]"), all = event.target.closest?.("[data-all]");
-  if (!word || (!step && !all) || event.ctrlKey || event.metaKey) return;
+  const [name, value] = event.target.closest?.("[data-asks]")?.dataset.asks.split("=") ?? [];
+  if (!word || !name || event.ctrlKey || event.metaKey) return;
   event.preventDefault();
-  show(step ? { step: step.dataset.step } : { all: all.dataset.all });
-  if (step && getComputedStyle(word.parentElement).display === "block") word.scrollIntoView({ block: "nearest" });
+  word.querySelector(`.q-asked[name=${name}]`).value = value;
+  window.htmx.trigger(word, "again");
+  if (name === "step" && getComputedStyle(word.parentElement).display === "block") word.scrollIntoView({ block: "nearest" });
 });
 
-document.addEventListener("part", ({ target }) => {
-  if (target === list) for (const row of list.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === shown.step);
+document.addEventListener("htmx:after:swap", () => {
+  const chosen = word?.querySelector(".q-asked[name=step]").value;
+  for (const row of document.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === chosen);
 });
 
 // ---- steps or statistics -------------------------------------------------------------------------------------------------------------------

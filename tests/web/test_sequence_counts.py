@@ -59,7 +59,7 @@ def test_the_page_counts_the_passes_of_those_that_were_given(plant: TestClient) 
     assert until(lambda: tags.sample("steps1.step_2_passes").value == 1, 60)
     shown = ana.get("/equipment/steps1", fragment=False).text
     assert "Pass 2 of 3 (steps 1–2)" in words(shown) and "until passed 3 times (Number of runs)" in words(shown)
-    head = shown[: shown.index("q-where")].rpartition("data-refetch")[2]
+    head = shown[: shown.index("q-where")].rpartition('data-renewed="part"')[2]
     assert "steps1.step_2_passes" in head, "the line is fetched again with each pass"
     assert "Pass 2 of 3" in words(ana.get("/equipment/steps1/part/head").text)
     assert until(lambda: tags.sample("steps1.runs_done").value == 1, 120)

@@ -80,7 +80,7 @@ def test_the_list_of_forces_is_fetched_again_when_the_event_is_kept_that_tells_w
     plant: TestClient, engineer: Operator
 ) -> None:
     """A force stands in the device before its event is in the history."""
-    found = re.search(r'data-refetch="/forces/list" data-tags="([^"]*)"', engineer.get("/forces", fragment=False).text)
+    found = re.search(r'hx-get="/forces/list"[^>]* data-tags="([^"]*)"', engineer.get("/forces", fragment=False).text)
     told = {"sys.events.seq1", "sys.events.seq2"}
     assert found and told <= set(found[1].split())
     assert told <= tags_of(plant, "forces")
