@@ -48,8 +48,6 @@ PROFILE_COOKIE = "pogon_profile"
 PANEL_COOKIE = "pogon_panel"
 """Panel mode: a screen that is only touched, without the bars of a browser."""
 PANEL = ("0", "1")
-KEYPAD = ("back", "enter", "shift", "space", "close", "clear", "sign")
-"""Keys on the screen that have a sign and no letter."""
 
 PIECE = 8192
 """So much of a page is drawn in a turn of the loop [characters]: some 4 ms."""
@@ -316,7 +314,6 @@ class View:
             "profile": profile if profile in PROFILES else PROFILES[0],
             "profiles": [(name, text(f"panel.{name}"), "") for name in PROFILES],
             "kiosk": panel_mode(request),
-            "keypad_texts": {key: text(f"own.key.{key}") for key in KEYPAD},
             "languages": [(code, NAMES.get(code, code), HTML.get(code, code)) for code in texts.languages],
             "html_lang": HTML.get(lang, lang),
             "here": path + (f"?{request.url.query}" if request.url.query else "") if request.method == "GET" else "/",

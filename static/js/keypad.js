@@ -1,20 +1,10 @@
 // Panel mode: a screen that is only touched gets its keys from the page itself. A field that takes a number gets a numeric keypad, any
 // other one a keyboard in the letters of the language. Both write into the field as a keyboard does, and leave Stop and alarms in sight.
-const place = document.getElementById("keypad"), texts = JSON.parse(place.dataset.texts), { lang } = document.body.dataset;
-const LETTERS = {
-  en: ["qwertyuiop", "asdfghjkl", "zxcvbnm"],
-  hr: ["qwertzuiopšđ", "asdfghjklčćž", "yxcvbnm"],
-  de: ["qwertzuiopü", "asdfghjklöä", "yxcvbnmß"],
-  cs: ["ěščřžýáíéúů", "qwertzuiopď", "asdfghjklťň", "yxcvbnmó"],
-};
-const SIGNS = ["1234567890", "-/:;()&@\"", ".,?!'+=#%_"];
-const NUMBER = ["789", "456", "123"];
+const place = document.getElementById("keypad"), [name, value, keys] = place.querySelectorAll("span, output, .kp-keys");
 const FIELDS = "input:not([type=checkbox], [type=radio], [type=file], [type=hidden], [type=submit]), textarea";
-const SPOKEN = { "←": "back", "✓": "enter", "▲": "shift", "—": "space", "×": "close", "C": "clear", "±": "sign" };
 let field = null, kind = "", upper = false, signs = false;
 
 const numeric = (one) => one.type === "number" || ["decimal", "numeric"].includes(one.dataset.mode) || one.classList.contains("moment");
-const fraction = () => (lang === "en" ? "." : ",");
 
 document.addEventListener("focusin", ({ target }) => {
   if (!target.matches?.(FIELDS) || target.readOnly || target.disabled) return hide();
@@ -37,18 +27,18 @@ function hide() {
   delete document.body.dataset.keypad;
 }
 
+/** The keys that fit the field: digits with or without a fraction, a moment, letters or signs. */
+function layout() {
+  if (kind === "text") return signs ? "signs" : "letters";
+  if (field.classList.contains("moment")) return "moment";
+  return field.dataset.mode === "numeric" || field.type === "number" ? "whole" : "number";
+}
+
 function draw() {
-  const rows = kind === "number" ? numbers() : letters();
-  const head = document.createElement("div"), name = document.createElement("span"), value = document.createElement("output");
-  head.className = "kp-head";
   name.textContent = field.labels?.[0]?.innerText.trim() || field.getAttribute("aria-label") || field.placeholder || "";
-  head.append(name, value, key("×"));
-  place.replaceChildren(head, ...rows.map((row) => {
-    const line = document.createElement("div");
-    line.className = "kp-row";
-    line.append(...row.map(key));
-    return line;
-  }));
+  keys.replaceChildren(document.querySelector(`[data-layout=${layout()}]`).content.cloneNode(true));
+  if (upper && !signs) for (const button of keys.querySelectorAll("[data-key]")) button.textContent = button.dataset.key = button.dataset.key.toUpperCase();
+  keys.querySelector("[data-key='▲']")?.setAttribute("aria-pressed", String(upper));
   place.dataset.kind = kind;
   place.hidden = false;
   place.removeAttribute("data-seen");
@@ -64,34 +54,9 @@ function seen() {
   return document.elementFromPoint(left + width / 2, top + height / 2) === field;
 }
 
-function numbers() {
-  const moment = field.classList.contains("moment");
-  const last = moment ? [lang === "en" ? "/" : ".", "0", ":"] : ["±", "0", field.dataset.mode === "numeric" || field.type === "number" ? "C" : fraction()];
-  return [[...NUMBER[0], "←"], [...NUMBER[1], moment ? "—" : "C"], [...NUMBER[2], "✓"], last];
-}
-
-function letters() {
-  const rows = (signs ? SIGNS : LETTERS[lang] ?? LETTERS.en).map((row) => [...(upper ? row.toUpperCase() : row)]);
-  rows.at(-1).unshift("▲");
-  rows.at(-1).push("←");
-  return [...rows, ["×", signs ? "abc" : "123", ",", "—", ".", "✓"]];
-}
-
-function key(sign) {
-  const button = document.createElement("button");
-  button.type = "button";
-  button.tabIndex = -1;
-  button.textContent = sign;
-  button.dataset.key = sign;
-  if (SPOKEN[sign]) button.setAttribute("aria-label", texts[SPOKEN[sign]]);
-  if (sign === "▲") button.setAttribute("aria-pressed", String(upper));
-  return button;
-}
-
 /** What is typed, above the keys: they may lie over the field. */
 function told() {
-  const value = place.querySelector("output");
-  if (value && field) value.textContent = field.type === "password" ? "•".repeat(field.value.length) : field.value;
+  if (field) value.textContent = field.type === "password" ? "•".repeat(field.value.length) : field.value;
 }
 
 place.addEventListener("pointerdown", (event) => event.preventDefault()); // the field keeps the focus
