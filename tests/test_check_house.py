@@ -4,7 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from tools.check_house import forks, import_circles, large_parts, long_lines, named_machines, raw_sql
+from tools.check_house import (
+    LONGEST_SCRIPT,
+    MOST_SCRIPT,
+    forks,
+    import_circles,
+    large_parts,
+    long_lines,
+    much_script,
+    named_machines,
+    raw_sql,
+)
 
 
 def house(root: Path, **modules: str) -> Path:
@@ -132,6 +142,24 @@ def test_a_part_that_is_too_large_is_told(tmp_path: Path, lines: int, told: list
 
 def test_no_part_of_the_house_is() -> None:
     assert not list(large_parts(Path(__file__).parent.parent))
+
+
+@pytest.mark.parametrize("folder", ["js", "screens"])
+def test_scripts_beyond_their_measure_are_told_one_and_all(tmp_path: Path, folder: str) -> None:
+    for name, lines in [("js/one.js", LONGEST_SCRIPT), ("vendor/big.js", MOST_SCRIPT)]:
+        (tmp_path / "static" / name).parent.mkdir(parents=True)
+        (tmp_path / "static" / name).write_text("x;\n" * lines)
+    assert not list(much_script(tmp_path))
+    more = tmp_path / "static" / folder / "more.js"
+    more.parent.mkdir(exist_ok=True)
+    more.write_text("x;\n" * (MOST_SCRIPT + 1 - LONGEST_SCRIPT))
+    told = list(much_script(tmp_path))
+    assert told[-1] == f"static: {MOST_SCRIPT + 1} lines of script, expected at most {MOST_SCRIPT}"
+    assert told[0].startswith(f"static/{folder}/more.js: ")
+
+
+def test_the_house_has_no_more_script_than_it_may() -> None:
+    assert not list(much_script(Path(__file__).parent.parent))
 
 
 @pytest.mark.parametrize(

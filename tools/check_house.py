@@ -29,6 +29,8 @@ LONGEST_LINE = 160
 """Of a template [characters]."""
 LONGEST_MODULE, LONGEST_CLASS = 600, 300
 """Of the house's Python [lines]: what is longer has more than one owner's work in it."""
+MOST_SCRIPT, LONGEST_SCRIPT = 4_040, 520
+"""Of the house's own scripts [lines], all together and each: htmx and the browser do the rest. Both only ever go down."""
 
 SQL = re.compile(
     r"\s*(PRAGMA \w|BEGIN( IMMEDIATE)?$|VACUUM|SELECT .+|WITH \w+ .*AS|(INSERT|REPLACE)( OR \w+)? INTO |UPDATE( OR \w+)? \w+ SET |"
@@ -51,6 +53,7 @@ def main() -> int:
         *named_machines(ROOT),
         *long_lines(ROOT),
         *large_parts(ROOT),
+        *much_script(ROOT),
         *raw_sql(ROOT),
         *forks(ROOT),
     ]
@@ -146,6 +149,17 @@ def large_parts(root: Path) -> Iterator[str]:
         for node in ast.walk(ast.parse(text, str(path))):
             if isinstance(node, ast.ClassDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_CLASS:
                 yield f"{name}:{node.lineno}: class {node.name} has {lines} lines, expected at most {LONGEST_CLASS}"
+
+
+def much_script(root: Path) -> Iterator[str]:
+    """Scripts of the house beyond what they may be: attributes in templates are asked first."""
+    scripts = {path: len(path.read_text("utf-8").splitlines()) for path in sorted(root.glob("static/**/*.js"))}
+    own = {path: lines for path, lines in scripts.items() if "vendor" not in path.parts}
+    for path, lines in own.items():
+        if lines > LONGEST_SCRIPT:
+            yield f"{path.relative_to(root).as_posix()}: {lines} lines, expected at most {LONGEST_SCRIPT}"
+    if (together := sum(own.values())) > MOST_SCRIPT:
+        yield f"static: {together} lines of script, expected at most {MOST_SCRIPT}"
 
 
 def raw_sql(root: Path) -> Iterator[str]:
