@@ -28,6 +28,7 @@ from app.db import Database
 from app.plant import types
 from tests.light import light, read_once
 from tests.virtual import VirtualLoop
+from tests.warm import Forked, Stem
 
 sys.dont_write_bytecode = False  # two thirds of what it takes to collect all tests is their compilation
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # nor do the processes that tests start compile it anew
@@ -159,22 +160,31 @@ class PogonServer:
     url: str
     data: Path
     output: Path
-    process: subprocess.Popen[bytes]
+    process: subprocess.Popen[bytes] | Forked
 
     @property
     def port(self) -> int:
         return int(self.url.rsplit(":", 1)[1])
 
     @classmethod
-    def start(cls, data: Path, output: Path, *arguments: str, **settings: Any) -> "PogonServer":
-        """`pogon run` with the POGON_ variables `settings`, ready to answer; what it prints is added to `output`."""
+    def start(
+        cls, data: Path, output: Path, *arguments: str, stem: Stem | None = None, **settings: Any
+    ) -> "PogonServer":
+        """`pogon run` with the POGON_ variables `settings`, ready to answer; what it prints is added to `output`.
+
+        With a `stem` it is forked off that and light.
+        """
         given = {"data": data, "port": find_port()} | settings
-        named = {f"POGON_{name.upper()}": str(value) for name, value in given.items()}
-        with output.open("ab") as sink:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "app.cli", "run", *arguments],
-                cwd=ROOT, env=clean() | named, stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
-            )  # fmt: skip
+        environment = clean() | {f"POGON_{name.upper()}": str(value) for name, value in given.items()}
+        process: subprocess.Popen[bytes] | Forked
+        if stem is not None:
+            process = stem.start(arguments, environment, output)
+        else:
+            with output.open("ab") as sink:
+                process = subprocess.Popen(
+                    [sys.executable, "-m", "app.cli", "run", *arguments],
+                    cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
+                )  # fmt: skip
         server = cls(f"http://127.0.0.1:{given['port']}", data, output, process)
         try:
             wait_healthy(server)

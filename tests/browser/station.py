@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Error, Page, StorageSta
 from app import bundled
 from tests.alarms.test_alarms_survive import MACHINE_FAULT, write
 from tests.conftest import ROOT, PogonServer, enroll
+from tests.warm import stem
 
 PASSWORD = "tri plave ladice u kutu"
 AXE = ROOT / "tests" / ".vendor" / "axe.min.js"
@@ -28,7 +29,7 @@ def serving(folder: Path, people: Mapping[str, Sequence[str]] = PEOPLE, **settin
         enroll(folder / "data", people, PASSWORD)
     if (folder / "plant").is_dir():
         settings = {"plant": folder / "plant"} | settings
-    server = PogonServer.start(folder / "data", folder / "pogon.log", **settings)
+    server = PogonServer.start(folder / "data", folder / "pogon.log", stem=stem(), **settings)
     try:
         yield server
     finally:
