@@ -271,3 +271,27 @@ def test_a_command_more_hides_no_other(abnormal: Page, server: PogonServer, lang
     lay_out(page, *SIZES["panel"])
     let_go(page)
     assert found == [], "\n".join(["", *found])
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_review_of_a_value_is_whole(abnormal: Page, server: PogonServer, lang: str) -> None:
+    """Nothing of it is beside the column, where one would have to scroll for the button that sets."""
+    page = abnormal
+    speak(page, lang, server.url)
+    page.goto(f"{server.url}/equipment/m1", wait_until="load")
+    expect(page.locator("body")).to_have_attribute("data-live", "live")
+    lay_out(page, *SIZES["panel"])
+    take(page)
+    page.fill(".sp-field [name=argument]", "12")
+    page.press(".sp-field [name=argument]", "Enter")
+    expect(page.locator(".review-form .review")).to_be_visible()
+    found: list[str] = []
+    for size in ("panel", "small", "wide"):
+        lay_out(page, *SIZES[size])
+        beside = page.locator(".op-list").evaluate("(list) => list.scrollWidth - list.clientWidth")
+        found += [f"{lang} {size}: {beside} px beside the column" for _ in range(beside > 0)]
+        found += [f"{lang} {size}: {one}" for one in page.evaluate(FAULTS)]
+    lay_out(page, *SIZES["panel"])
+    page.click(".review-form [data-cancel]")
+    let_go(page)
+    assert found == [], "\n".join(["", *found])
