@@ -358,6 +358,15 @@ def _connect(path: Path) -> sqlite3.Connection:
     )
 
 
+def open_to_read(path: Path) -> sqlite3.Connection:
+    """A connection to the database at `path`, whatever its folder is called, that makes and changes nothing.
+
+    Raises:
+        sqlite3.OperationalError: it is not there, or cannot be opened.
+    """
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT)
+
+
 def _heads(name: str) -> set[str]:
     """Revisions that no other one follows, read from the migrations without Alembic."""
     texts = [file.read_text("utf-8") for file in (bundled("migrations") / name / "versions").glob("*.py")]

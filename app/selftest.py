@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from app.access.factors import IDENTITY, Seal
+from app.access.former import check_former
 from app.access.keys import PRIVATE, check_files, lock
 from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
+from app.db import open_to_read
 from app.errors import ConfigurationError
 from app.files import open_ordinary, read_text
 from app.plant.definitions import Plant
@@ -207,10 +209,15 @@ def _speed(data: Path, clock: Clock) -> Finding:
 
 def _database(path: Path) -> Finding:
     params: dict[str, object] = {"name": path.name}
+    if path.name == "pogon.db":
+        try:
+            check_former(path.parent)
+        except ConfigurationError as error:
+            return Finding("database", "failed", "broken", {**params, "reason": error})
     if not path.exists() or not path.stat().st_size:
         return Finding("database", "ok", "new", params)
     try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=5)) as connection:
+        with closing(open_to_read(path)) as connection:
             sound = str(connection.execute("PRAGMA quick_check(1)").fetchone()[0])
     except sqlite3.Error as error:
         sound = str(error)

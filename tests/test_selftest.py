@@ -6,6 +6,7 @@ import pty
 import socket
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,8 @@ type = "eura_e800"
 link = "line"
 unit = 1
 """
+ANA = "1, 'ana', 'Ana', '', 0, NULL, 0, 'en', 'light', 1, NULL"
+"""Without an account the mark of the audit would be of a plant that has lost its database."""
 
 
 @pytest.fixture
@@ -45,6 +48,8 @@ def data(tmp_path: Path) -> Path:
         database = Database(folder / f"{name}.db", name)  # type: ignore[arg-type]
         database.migrate()
         database.close()
+    with closing(sqlite3.connect(folder / "pogon.db")) as people, people:
+        people.execute(f"INSERT INTO person VALUES ({ANA})")
     (folder / "audit.key").write_text("ab" * 32 + "\na mark of the audit in a line of its own\n")
     (folder / "audit.key").chmod(0o600)
     return folder
@@ -69,6 +74,28 @@ def test_a_good_machine_has_no_failures(data: Path) -> None:
     assert [one.key for one in found.values() if one.state == "failed"] == []
     assert {"data", "keys", "port", "clock", "time_sync", "space", "speed", "tls", "plant"} <= set(found)
     assert found["database.pogon.db"].outcome == found["database.history.db"].outcome == "good"
+
+
+@pytest.mark.parametrize("name", ["data?mode=rw", "data#2", "50%25 %2e"])
+def test_a_folder_of_any_name_is_looked_at_itself_and_nothing_is_left_beside_it(
+    data: Path, tmp_path: Path, name: str
+) -> None:
+    odd = data.rename(tmp_path / name)
+    (odd / "history.db").write_bytes(b"no database" * 400)
+    found = findings(odd)
+    assert found["database.pogon.db"].outcome == "good" and found["database.history.db"].outcome == "broken"
+    assert [one.name for one in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("left", [None, b""])
+def test_a_lost_database_that_the_start_would_refuse_is_a_failure(data: Path, left: bytes | None) -> None:
+    (data / "audit.head").write_text("of an older plant")
+    (data / "pogon.db").unlink()
+    if left is not None:
+        (data / "pogon.db").write_bytes(left)
+        (data / "pogon.db").chmod(0o600)
+    found = findings(data)["database.pogon.db"]
+    assert found.state == "failed" and "pogon restore" in str(found.params["reason"])
 
 
 def test_a_new_machine_has_no_failures_and_stays_new(tmp_path: Path) -> None:

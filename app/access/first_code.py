@@ -45,4 +45,7 @@ class FirstCode:
     def used(self) -> None:
         """There is an account now: the code is gone, its file too."""
         self.text = ""
-        self.path.unlink(missing_ok=True)
+        try:
+            self.path.unlink(missing_ok=True)
+        except OSError as error:
+            log.error("%s not removed reason=%s", self.path, error.strerror)

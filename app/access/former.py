@@ -9,6 +9,7 @@ from pathlib import Path
 
 from app.access.keys import read_mark, write_mark
 from app.clock import SystemClock, to_datetime
+from app.db import open_to_read
 from app.errors import ConfigurationError
 
 MARKS = ("audit.head", "audit.anchors", "audit.buffer", "audit.foreign")
@@ -59,7 +60,7 @@ def _lost(data: Path) -> str:
     if not path.stat().st_size:
         return "is empty"
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+        with closing(open_to_read(path)) as connection:
             tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
             if not {"person", "audit"} <= tables:
                 return "has no accounts"

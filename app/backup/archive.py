@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from app.backup.sealing import AGE, Opening, check_signature, decrypt
+from app.db import open_to_read
 from app.errors import ConfigurationError
 from app.files import open_ordinary
 
@@ -110,7 +111,7 @@ def need_room(folder: Path, size: int) -> None:
 
 def table_counts(database: Path) -> dict[str, int]:
     """Rows of every table of a database file."""
-    with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
+    with closing(open_to_read(database)) as connection:
         names = [
             row[0]
             for row in connection.execute(
@@ -283,7 +284,7 @@ def _unpack_one(
 
 def _check_database(archive: Path, database: Path, counts: Mapping[str, int]) -> None:
     try:
-        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
+        with closing(open_to_read(database)) as connection:
             sound = connection.execute("PRAGMA integrity_check").fetchone()[0]
         found = table_counts(database)
     except sqlite3.Error as error:

@@ -31,6 +31,7 @@ from app.backup.archive import (
 )
 from app.backup.sealing import BACKUP_KEY, Opening, encrypt, sign, signing_key
 from app.clock import SystemClock, to_datetime
+from app.db import open_to_read
 from app.errors import ConfigurationError
 
 LARGEST_PLANT = 256 * 2**20
@@ -122,7 +123,7 @@ def _pack(folder: Path, names: Sequence[str], archive: Path, *, compress: bool) 
 
 
 def _copy_database(source: Path, target: Path) -> None:
-    with closing(sqlite3.connect(f"file:{source}?mode=ro", uri=True)) as old, closing(sqlite3.connect(target)) as new:
+    with closing(open_to_read(source)) as old, closing(sqlite3.connect(target)) as new:
         old.backup(new)
         new.execute("PRAGMA journal_mode = DELETE")
         new.execute("PRAGMA secure_delete = ON")

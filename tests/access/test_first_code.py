@@ -54,6 +54,19 @@ def test_used_it_is_gone_with_its_file(tmp_path: Path) -> None:
         assert not (tmp_path / FILE).exists()
 
 
+def test_a_code_whose_file_cannot_be_removed_is_dead_all_the_same(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = FirstCode(tmp_path)
+    text = code.renew()
+    (tmp_path / FILE).unlink()
+    (tmp_path / FILE).mkdir()
+    with caplog.at_level(logging.ERROR):
+        code.used()
+    assert not code.matches(text)
+    assert "not removed" in caplog.text
+
+
 def test_on_a_disk_that_takes_no_file_it_is_in_memory(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     code = FirstCode(tmp_path / "nowhere")
     with caplog.at_level(logging.ERROR):

@@ -39,6 +39,16 @@ def test_without_history_the_history_of_the_machine_stays(data: Path, plant: Pat
     assert table_counts(data / "history.db")["sample"] == 500
 
 
+@pytest.mark.parametrize("name", ["data?mode=rw", "data#2", "50%25 %2e", "č ć"])
+def test_whatever_the_folder_is_called_its_own_databases_are_in_the_backup(
+    data: Path, plant: Path, tmp_path: Path, name: str
+) -> None:
+    odd = data.rename(tmp_path / name)
+    manifest = back_up(tmp_path / "b.tar", odd, plant)
+    assert manifest.counts["history.db"]["sample"] == 500 and "person" in manifest.counts["pogon.db"]
+    assert {one.name for one in tmp_path.iterdir()} >= {name, "b.tar"} and not (tmp_path / "data").exists()
+
+
 def test_nothing_is_replaced(data: Path, plant: Path, tmp_path: Path) -> None:
     (tmp_path / "b.tar").write_text("mine")
     with pytest.raises(ConfigurationError, match="exists already"):
