@@ -187,6 +187,7 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
     `existing`: the database has to be there. `as_is`: and at the revision of this program; no other is touched.
     """
     from app.access.access import Access, prepare
+    from app.access.restoring import finish_restore
     from app.clock import SystemClock
     from app.db import Database
     from app.plant.texts import Texts
@@ -199,6 +200,7 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
         settings = read_settings()
         folder = data or settings.data
         ends.callback(logs.forward(settings.syslog))  # what is done here is a security event, too
+        finish_restore(folder)
         if existing and not (folder / "pogon.db").is_file():
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
         prepare(folder)

@@ -15,7 +15,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from app.access.restoring import JOURNAL, finish_restore
+from app.access.access import prepare
+from app.access.restoring import JOURNAL
 from app.backup import Opening, restore
 from app.errors import ConfigurationError
 
@@ -83,7 +84,9 @@ def run(kind: str, archive: Path, old: Path, folder: Path) -> dict[str, Any]:
             finally:
                 os._exit(code)
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        ended = finish_restore(data)
+        journal = data / JOURNAL
+        ended = json.loads(journal.read_text())["state"] if journal.exists() else ""
+        prepare(data)
         after = state(data, place)
         states.append([code, ended, "old" if after == before else after, left(work)])
         shutil.rmtree(work)

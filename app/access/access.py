@@ -15,11 +15,12 @@ from app.access.factors import Factors
 from app.access.first_code import FirstCode
 from app.access.former import check_former
 from app.access.kept import Kept
-from app.access.keys import check_files, lock, read_key
+from app.access.keys import check_files, check_kinds, lock, read_key
 from app.access.keys import prepare as prepare_files
 from app.access.own_account import OwnAccount
 from app.access.passwords import Cost, Passwords
 from app.access.people import People
+from app.access.restoring import finish_restore
 from app.access.roles import Person
 from app.access.sessions import Sessions
 from app.access.signin import SignIn
@@ -37,11 +38,13 @@ FOLLOW_PERIOD = 0.5
 
 
 def prepare(data: Path) -> None:
-    """Make the data folder and what has to be in it, if missing, and check what is there.
+    """Make the data folder and what has to be in it, if missing, and check what is there; end an interrupted restore first.
 
     Raises:
         ConfigurationError: others may read or write it, it cannot be made, or the plant in it has lost its database.
     """
+    check_kinds(data)
+    finish_restore(data)  # between its moves there is no database, which is not lost
     check_former(data)
     prepare_files(data)
 

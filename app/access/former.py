@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from app.access.keys import read_mark, write_mark
+from app.access.restoring import finish_restore
 from app.clock import SystemClock, to_datetime
 from app.db import open_to_read
 from app.errors import ConfigurationError
@@ -35,8 +36,13 @@ def check_former(data: Path) -> None:
 def begin_anew(data: Path) -> Path | None:
     """Put aside what is left of a plant whose database is lost, so that a new one can start here; returns where it is now.
 
-    Nothing happens, and None comes back, where nothing is lost: a plant that has its accounts is never put aside.
+    Nothing happens, and None comes back, where nothing is lost: a plant that has its accounts is never put aside. The caller holds
+    the lock of the folder; a restore that was interrupted is ended first.
+
+    Raises:
+        ConfigurationError: that restore cannot be ended.
     """
+    finish_restore(data, locked=True)
     if not _lost(data):
         return None
     place = data / f"before-{to_datetime(SystemClock().micros()):%Y%m%dT%H%M%S}"

@@ -26,6 +26,8 @@ PRIVATE = (
     "audit.buffer",
 )
 """Files of POGON_DATA that nobody else may read or write."""
+OPENED = (*PRIVATE, "audit.head", "audit.anchors", "audit.foreign", "server.lock", "history.db")
+"""All that are opened at a start; a pipe or a device among them would keep it waiting."""
 
 
 def check_files(data: Path) -> None:
@@ -43,6 +45,17 @@ def check_files(data: Path) -> None:
             raise ConfigurationError(
                 f"{path} may be read or written by others (mode {stat.S_IMODE(path.stat().st_mode):04o}): chmod 0600 {path}"
             )
+
+
+def check_kinds(data: Path) -> None:
+    """Refuse a file of the data folder that would keep its reader waiting.
+
+    Raises:
+        ConfigurationError: names it.
+    """
+    for path in (data / name for name in OPENED):
+        if path.exists() and not path.is_dir() and not path.is_file():
+            raise ConfigurationError(f"{path}: a pipe, a socket or a device, expected an ordinary file")
 
 
 def prepare(data: Path) -> None:
@@ -65,9 +78,12 @@ def lock(data: Path) -> int:
     """Keep a second server off this folder while this process lives; returns the file that holds the lock.
 
     Raises:
-        ConfigurationError: another server runs on it.
+        ConfigurationError: another server runs on it, or its file cannot be used.
     """
-    handle = os.open(data / "server.lock", os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        handle = os.open(data / "server.lock", os.O_CREAT | os.O_RDWR, 0o600)
+    except OSError as error:
+        raise ConfigurationError(f"{data / 'server.lock'}: {error.strerror}, expected an ordinary file") from error
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

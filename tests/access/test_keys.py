@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from app.access import access
 from app.access.access import lock
 from app.access.first_code import FirstCode
-from app.access.keys import PRIVATE, check_files, prepare, read_key
+from app.access.keys import OPENED, PRIVATE, check_files, prepare, read_key
 from app.errors import ConfigurationError
 
 
@@ -83,6 +84,21 @@ def test_one_data_folder_has_one_server(tmp_path: Path) -> None:
         lock(tmp_path)
     os.close(held)
     os.close(lock(tmp_path))
+
+
+@pytest.mark.parametrize("name", OPENED)
+def test_a_pipe_among_the_files_of_the_folder_is_refused_by_name_and_keeps_nobody_waiting(
+    tmp_path: Path, name: str
+) -> None:
+    os.mkfifo(tmp_path / name, 0o600)
+    with pytest.raises(ConfigurationError, match=rf"{name}: a pipe, .* expected an ordinary file"):
+        access.prepare(tmp_path)
+
+
+def test_a_lock_that_is_no_file_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "server.lock").mkdir()
+    with pytest.raises(ConfigurationError, match=r"server\.lock: Is a directory, expected an ordinary file"):
+        lock(tmp_path)
 
 
 def test_a_key_that_is_no_file_or_no_key_is_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -10,10 +11,13 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from app.access.access import lock, prepare
+from app.access.former import begin_anew
 from app.access.restoring import JOURNAL, finish_restore
 from app.backup import MANIFEST, back_up, table_counts
+from app.cli import cli
 from app.errors import ConfigurationError
 from tests.backup.shelf import _access, restore, verify_backup
 from tests.conftest import ROOT
@@ -120,14 +124,15 @@ def test_writes_that_cannot_be_found_refuse_the_restore(data: Path, tmp_path: Pa
 def test_a_restore_leaves_the_old_or_the_new_at_every_step(data: Path, plant: Path, tmp_path: Path, kind: str) -> None:
     archive = tmp_path / "b.tar"
     back_up(archive, data, plant)
-    for name, table in (("pogon.db", "person"), ("history.db", "sample")):
+    for name, rows in (("pogon.db", "person WHERE name = 'ivo'"), ("history.db", "sample")):
         with closing(sqlite3.connect(data / name)) as connection:
-            connection.execute(f"DELETE FROM {table}")
+            connection.execute(f"DELETE FROM {rows}")
             connection.commit()
     (data / "audit.head").write_text("another head")
     (data / "audit.buffer").write_text("{}")
+    (data / "audit.buffer").chmod(0o600)
     call = [sys.executable, "-m", "tests.restore_kills", kind, archive, data, tmp_path]
-    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(call, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     found = json.loads(done.stdout)
     assert found["steps"] > 20
     with tarfile.open(archive) as tar:
@@ -159,6 +164,37 @@ def test_a_start_completes_an_interrupted_restore(data: Path, plant: Path, tmp_p
     assert (data / "secret.key").read_text() == "ab" * 32
     assert not (data / JOURNAL).exists() and not (data / ".restore-1").exists()
     assert finish_restore(data) == ""
+
+
+@pytest.fixture
+def between(data: Path) -> Path:
+    """A restore over a plant with accounts was killed when the old database was aside and the new one not in its place yet."""
+    staged, aside = data / ".restore-1", data / "before-restore-1"
+    staged.mkdir()
+    aside.mkdir()
+    moves = [(data / "pogon.db", aside / "pogon.db"), (staged / "pogon.db", data / "pogon.db")]
+    shutil.copyfile(data / "pogon.db", staged / "pogon.db")
+    (staged / "pogon.db").chmod(0o600)
+    journal = {"state": "committed", "moves": [[str(old), str(new)] for old, new in moves], "remove": [str(staged)]}
+    (data / JOURNAL).write_text(json.dumps(journal))
+    moves[0][0].rename(moves[0][1])
+    return data
+
+
+def test_a_start_completes_a_restore_that_was_killed_while_no_database_was_there(between: Path) -> None:
+    prepare(between)
+    assert table_counts(between / "pogon.db")["person"] == 2
+    assert not (between / JOURNAL).exists()
+
+
+def test_a_new_plant_is_not_begun_over_a_restore_that_was_killed(between: Path) -> None:
+    assert begin_anew(between) is None
+    assert table_counts(between / "pogon.db")["person"] == 2
+
+
+def test_a_command_completes_a_restore_that_was_killed(between: Path) -> None:
+    done = CliRunner().invoke(cli, ["user", "list", "--data", str(between)])
+    assert done.exit_code == 0 and "ana" in done.output and "ivo" in done.output
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"state": 1, "moves": [[1]], "remove": []}', "\0", "é" * 9])
