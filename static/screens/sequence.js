@@ -50,13 +50,13 @@ document.addEventListener("click", (event) => {
   const [name, value] = event.target.closest?.("[data-asks]")?.dataset.asks.split("=") ?? [];
   if (!word || !name || event.ctrlKey || event.metaKey) return;
   event.preventDefault();
-  word.querySelector(`.q-asked[name=${name}]`).value = value;
+  document.querySelector(`.q-asked[name=${name}]`).value = value; // beside the part: an answer to what was asked before leaves it
   window.htmx.trigger(word, "again");
   if (name === "step" && getComputedStyle(word.parentElement).display === "block") word.scrollIntoView({ block: "nearest" });
 });
 
 document.addEventListener("htmx:after:swap", () => {
-  const chosen = word?.querySelector(".q-asked[name=step]").value;
+  const chosen = document.querySelector(".q-asked[name=step]")?.value;
   for (const row of document.querySelectorAll("[data-row-step]")) row.classList.toggle("chosen", row.dataset.rowStep === chosen);
 });
 

@@ -194,6 +194,26 @@ def test_a_list_that_is_drawn_anew_under_the_finger_loses_no_click(sit: Sit) -> 
     expect(page.locator(".q-word h2")).to_contain_text("Permissives of step 3")
 
 
+def test_what_one_asks_for_outlives_the_answer_to_what_was_asked_before(sit: Sit) -> None:
+    page = sit("ivo", path="/equipment/seq2")
+    held: list[Route] = []
+    page.route(re.compile(r"/part/word\?step=[23]"), lambda route: held.append(route))
+    with page.expect_request("**word?step=2*"):
+        page.click("[data-row-step='2'] .q-perm")
+    page.click("[data-row-step='3'] .q-perm")
+    with page.expect_request("**word?step=3*"):
+        held.pop(0).continue_()
+    expect(page.locator(".q-word h2")).to_contain_text("Permissives of step 2")
+    page.locator("[data-all='1']").hover()
+    page.mouse.down()
+    with page.expect_response("**word?step=3*"):
+        held.pop(0).continue_()
+    page.unroute_all()
+    page.mouse.up()
+    expect(page.locator(".q-word h2")).to_contain_text("Permissives of step 3")
+    expect(page.locator("[data-all='1']")).to_have_attribute("aria-pressed", "true")
+
+
 def test_operators_cannot_force(sit: Sit) -> None:
     page = sit("ivo", path="/equipment/seq2?step=3")
     page.click("[data-all='1']")
