@@ -43,12 +43,16 @@ def statistics(
     alive = query.alive(connection)
     known = min(end, alive)
     seen = known if now - alive < RECORDER_SILENT else min(end, now)
-    return [_numbers(connection, name, begin, known, max(0, seen - begin), moments) for name in names]
+    length = max(0, seen - begin)
+    return [_numbers(connection, name, (begin, known), length, alive, moments) for name in names]
 
 
-def _numbers(connection: Connection, name: str, begin: int, known: int, length: int, moments: Sequence[int]) -> Numbers:
-    """Known up to `known`; `length` of the range is past [µs]."""
+def _numbers(
+    connection: Connection, name: str, part: tuple[int, int], length: int, alive: int, moments: Sequence[int]
+) -> Numbers:
+    """Of the part of the range that is known; `length` of the range is past [µs]. The recorder lived until `alive`."""
     found, numbers = query.find(connection, name), Aggregate()
+    begin, known = part
     if found is not None and known > begin:
         numbers = aggregate(connection, found.number, begin, known)
 
@@ -67,12 +71,12 @@ def _numbers(connection: Connection, name: str, begin: int, known: int, length: 
         mean=numbers.mean,
         good=good / length if length else 0.0,
         lacking=length - good,
-        held=tuple(_held(connection, found.number, at, known) if found else None for at in moments),
+        held=tuple(_held(connection, found.number, at, alive) if found else None for at in moments),
     )
 
 
-def _held(connection: Connection, number: int, time: int, known: int) -> Held | None:
+def _held(connection: Connection, number: int, time: int, alive: int) -> Held | None:
     found = query.at(connection, number, time)
-    if found is None or time - found[0] > GAP_AFTER or time > known + GAP_AFTER:
+    if found is None or time - found[0] > GAP_AFTER or time > alive + GAP_AFTER:
         return None
     return found[1], found[2] & 3

@@ -145,15 +145,16 @@ async def points(request: Request) -> Response:
         more=max(0, -left),
         full=len(chosen) >= MOST_PENS,
         most=MOST_PENS,
-        link=lambda name: f"/trends?{with_pens(asked, [*chosen, name])}",
     )
 
 
 @router.get("/trends/pens", dependencies=[allow("view")])
-async def without(request: Request) -> Response:
-    """The view on the screen without one of its pens."""
-    asked, gone = on_screen(request.query_params), request.query_params.get("without", "")
-    return RedirectResponse(f"/trends?{with_pens(asked, [name for name in names_of(asked) if name != gone])}", 303)
+async def other_pens(request: Request) -> Response:
+    """The view on the screen `with` one more pen, or `without` one of its pens."""
+    query = request.query_params
+    asked, new = on_screen(query), query.get("with")
+    names = [*(name for name in names_of(asked) if name != query.get("without")), *([new] if new else [])]
+    return RedirectResponse(f"/trends?{with_pens(asked, names)}", 303)
 
 
 @router.get("/trends/marks", dependencies=[allow("view")])

@@ -102,7 +102,8 @@ function annotations() {
     chart.marks = all("[data-alarm-marks] [data-mark]").map(({ dataset }) => ({ time: Number(dataset.at), priority: Number(dataset.mark) }));
     draw();
   };
-  for (const place of all("[data-alarm-marks], [data-notes-place]")) new MutationObserver(marked).observe(place, { childList: true, subtree: true });
+  const what = { childList: true, subtree: true, attributes: true, attributeFilter: ["data-at", "data-mark", "data-note"] }; // a list may be changed in place
+  for (const place of all("[data-alarm-marks], [data-notes-place]")) new MutationObserver(marked).observe(place, what);
   one("[data-notes-place]")?.addEventListener("click", ({ target }) => {
     const at = Number(target.closest("[data-note-at]")?.dataset.noteAt);
     if (at) moveRuler("a", at);
@@ -339,6 +340,7 @@ function tools() {
 }
 
 function pens() {
+  one("[data-picker]").addEventListener("toggle", ({ target, newState }) => { if (newState === "open") target.querySelector("input").focus(); });
   const mark = () => {
     for (const row of all("[data-pen]")) {
       row.querySelector("[data-select]").setAttribute("aria-pressed", String(row.dataset.pen === state.selected));

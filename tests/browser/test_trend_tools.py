@@ -108,6 +108,26 @@ def test_a_note_is_a_flag_on_the_curves_and_a_line_in_the_list(sit: Sit) -> None
     assert page.evaluate("() => document.querySelector('[data-canvas]').chart.notes") == []
 
 
+def test_flags_are_those_of_the_range_that_one_looks_at(sit: Sit) -> None:
+    now = time.time_ns() // 1000
+    page = ready(sit(path=f"/trends?tags=m1.speed&from={now - 9 * HOUR}&to={now - 8 * HOUR}"))
+    flags = "() => document.querySelector('[data-canvas]').chart.notes.map(({ at }) => at)"
+    written = []
+    for text in ("Earlier", "Later"):
+        menu(page, "Notes")
+        page.locator("#trend-notes [name=text]").fill(text)
+        page.locator(".t-note-new button").click()
+        expect(page.locator("#t-note-list li")).to_have_text(re.compile(text))
+        written += page.evaluate(flags)
+        if text == "Earlier":
+            page.locator('[data-go="1"]').click()
+            expect(page.locator("#t-note-list")).to_contain_text("Nobody wrote")
+    assert abs(written[1] - written[0] - HOUR) < 2 * SECOND
+    page.locator('[data-go="-1"]').click()
+    expect(page.locator("#t-note-list li")).to_have_text(re.compile("Earlier"))
+    assert page.evaluate(flags) == written[:1]
+
+
 def test_another_period_lies_under_this_one_with_its_own_times_and_numbers(sit: Sit) -> None:
     page = ready(sit())
     menu(page, "Compare")

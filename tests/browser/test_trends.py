@@ -325,6 +325,25 @@ def test_pens_are_added_and_removed_without_losing_the_view(page: Page, server: 
     assert parse_qs(urlsplit(page.url).query) == {"tags": ["m1.current"], "span": ["8h"]}
 
 
+def test_a_pen_is_added_to_the_view_that_one_has_by_then(page: Page, server: PogonServer) -> None:
+    show(page, server, "tags=m1.speed&span=8h")
+    picker = page.locator("[data-picker] summary")
+    picker.click()
+    expect(page.locator('[data-add="m1.current"]')).to_be_visible()
+    picker.click()
+    page.locator("[data-span='1h']").click()
+    picker.click()
+    page.locator('[data-add="m1.current"]').click()
+    expect(page.locator('[data-pen="m1.current"]')).to_be_visible()
+    assert parse_qs(urlsplit(page.url).query) == {"tags": ["m1.speed,m1.current"], "span": ["1h"]}
+
+
+def test_the_search_for_a_pen_is_typed_at_once(page: Page, server: PogonServer) -> None:
+    show(page, server, "tags=m1.speed&span=8h")
+    page.locator("[data-picker] summary").click()
+    expect(page.locator("[data-picker] input")).to_be_focused()
+
+
 def test_an_own_range_is_read_in_the_plants_zone(page: Page, server: PogonServer) -> None:
     show(page, server, "tags=m1.speed&span=1h")
     page.locator(".t-range summary").click()

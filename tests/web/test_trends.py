@@ -23,6 +23,7 @@ from tests.web.people import Staff
 BEGIN = 1_773_036_000_000_000
 """2026-03-09T06:00Z."""
 END = BEGIN + 600_000_000
+HOUR = 3_600_000_000
 BEGUN = datetime(2026, 3, 9, 8, 0, tzinfo=UTC)
 
 
@@ -254,6 +255,11 @@ def test_a_ruler_in_a_gap_has_no_value(staff: Staff) -> None:
     assert numbers(staff, "m1.speed", BEGIN, END, BEGIN + 330_000_000).held == ((None, 2),)
 
 
+def test_a_ruler_beside_the_range_has_what_was_recorded_there(staff: Staff) -> None:
+    row = numbers(staff, "m1.speed", BEGIN - 2 * HOUR, BEGIN - HOUR, BEGIN + 60_000_000)
+    assert row.held == ((1000.0, 0),) and row.mean is None
+
+
 def test_a_tag_without_history_has_empty_numbers(staff: Staff) -> None:
     assert numbers(staff, "x.y", BEGIN, END, BEGIN) == Numbers(
         "x.y", None, None, None, None, None, good=0.0, lacking=END - BEGIN, held=(None,)
@@ -295,7 +301,7 @@ def test_another_period_is_chosen_by_length_by_rulers_or_by_its_beginning(client
         assert "must begin earlier than this one" in chosen(client, "/trends/compare", view, begin=typed)
 
 
-def test_a_pen_is_taken_out_of_the_view_that_one_has(client: TestClient) -> None:
+def test_a_pen_is_taken_out_of_the_view_that_one_has_or_put_into_it(client: TestClient) -> None:
     view = "tags=m1.speed,m1.current&span=8h&off=m1.current&axis=fit"
 
     def left(without: str) -> str:
@@ -304,6 +310,9 @@ def test_a_pen_is_taken_out_of_the_view_that_one_has(client: TestClient) -> None
 
     assert left("m1.speed") == "/trends?tags=m1.current&span=8h&off=m1.current&axis=fit"
     assert left("m1.current") == "/trends?tags=m1.speed&span=8h&axis=fit"
+    query = urlencode({"view": view, "with": "m2.speed"})
+    more = client.get(f"/trends/pens?{query}", follow_redirects=False).headers["location"]
+    assert more == "/trends?tags=m1.speed,m1.current,m2.speed&span=8h&off=m1.current&axis=fit"
     assert (
         "There is no pen yet"
         in client.get("/trends/pens?view=tags%3Dm1.speed&without=m1.speed", follow_redirects=True).text
