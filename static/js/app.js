@@ -79,16 +79,23 @@
   });
 
   // ---- what is fetched again by itself (data-renewed, hx-trigger="…, again"): asked for once more when an answer got lost, and nobody is
-  // told, as that nobody answers at all the page says; a list (data-renewed="list") waits while a finger is on it or nobody sees it, a part
-  // of a screen ("part") while a press may still become a click: longer, and what is shown has to be true
+  // told, as that nobody answers at all the page says; a list (data-renewed="list") and a part of a screen ("part") wait while a press on
+  // them may still become a click, and no longer, as what is shown has to be true; a list that nobody sees waits, too
   const AGAIN = 2000, PAUSE = 300, PRESS = 1000, LATER = [408, 425, 429]; // [ms]; and all of 5xx: the same question may be answered another time
-  let down = null, since = 0;
-  document.addEventListener("pointerdown", ({ target }) => { [down, since] = [target, performance.now()]; }, true);
-  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => setTimeout(() => { down = null; }, PAUSE), true);
+  let down = null, since = 0, ending = 0;
+  document.addEventListener("pointerdown", ({ target, button }) => {
+    if (button !== 0) return; // nothing that becomes a click
+    clearTimeout(ending);
+    [down, since] = [target, performance.now()];
+  }, true);
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => {
+    clearTimeout(ending);
+    ending = setTimeout(() => { down = null; }, PAUSE);
+  }, true);
   for (const step of ["htmx:before:request", "htmx:before:swap"])
     document.addEventListener(step, (event) => {
-      const kind = event.target.dataset?.renewed, waits = kind === "list" || (kind === "part" && performance.now() - since < PRESS);
-      if (!((kind === "list" && document.hidden) || (waits && event.target.contains(down)))) return;
+      const kind = event.target.dataset?.renewed, pressed = performance.now() - since < PRESS && event.target.contains(down);
+      if (!((kind === "list" && document.hidden) || (kind && pressed))) return;
       event.detail.ctx.late = true;
       event.preventDefault();
     });

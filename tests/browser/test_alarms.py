@@ -20,6 +20,29 @@ CUT = """() => {
     };
 }"""
 
+PRESSES = """async () => {
+    const row = document.querySelector("tr[data-row]"), list = document.querySelector("[data-renewed=list]"), found = {};
+    const press = (kind, button) => row.dispatchEvent(new PointerEvent(kind, { bubbles: true, button }));
+    const asks = () => {
+        let goes = false;
+        const look = (event) => { if (event.target === list) goes = !event.defaultPrevented; };
+        document.addEventListener("htmx:before:request", look);
+        window.htmx.trigger(list, "again");
+        document.removeEventListener("htmx:before:request", look);
+        return goes;
+    };
+    press("pointerdown", 2);
+    found["other button"] = asks();
+    press("pointerup", 2);
+    await new Promise((done) => setTimeout(done, 1500)); // the answer came
+    for (const kind of ["pointerdown", "pointerup", "pointerdown"]) press(kind, 0);
+    await new Promise((done) => setTimeout(done, 400)); // longer than what follows the first
+    found.twice = asks();
+    press("pointerup", 0);
+    return found;
+}"""
+"""What is pressed on a list, and whether it is asked for anew meanwhile."""
+
 
 def test_an_alarm_comes_to_every_page_by_itself_and_is_acknowledged_there(operator: Operator) -> None:
     page = operator.page
@@ -82,6 +105,23 @@ def test_the_list_stays_still_while_something_is_chosen(operator: Operator) -> N
     expect(page.locator("#ack-confirm")).to_contain_text("Number: 1")
     page.locator("#ack-confirm button[value=yes]").click()
     expect(page.locator("tr[data-unack]")).to_have_count(0)
+
+
+def test_the_list_waits_while_a_press_may_become_a_click_and_no_longer(operator: Operator) -> None:
+    page = operator.page
+    operator.trip(1, 4)
+    operator.go("/alarms")
+    rows = page.locator("tr[data-row]")
+    expect(rows).to_have_count(1)
+    expect(page.locator("#alarm-detail h2")).to_have_text("Converter: overcurrent")
+    asked = page.evaluate(PRESSES)
+    assert asked == {"other button": True, "twice": False}
+    rows.first.locator("th").hover()
+    page.mouse.down()  # and nobody hears of its end
+    operator.trip(2, 9)
+    expect(page.locator("#alarms strong")).to_have_text("Converter: overheated", timeout=30_000)
+    expect(rows).to_have_count(2, timeout=3_000)
+    page.mouse.up()
 
 
 def test_the_horn_is_silent_here_until_the_next_alarm(operator: Operator) -> None:
