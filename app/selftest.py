@@ -20,6 +20,7 @@ from typing import Any, Literal
 from app.access.factors import IDENTITY, Seal
 from app.access.former import check_former
 from app.access.keys import PRIVATE, check_files, lock
+from app.access.restoring import is_interrupted
 from app.addresses import host_and_port
 from app.clock import Clock, to_datetime
 from app.db import open_to_read
@@ -211,6 +212,8 @@ def _database(path: Path) -> Finding:
     params: dict[str, object] = {"name": path.name}
     if path.name == "pogon.db":
         try:
+            if is_interrupted(path.parent):
+                return Finding("database", "warning", "restore", params)  # between its moves there may be none
             check_former(path.parent)
         except ConfigurationError as error:
             return Finding("database", "failed", "broken", {**params, "reason": error})

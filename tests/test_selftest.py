@@ -133,6 +133,12 @@ def piped_key(data: Path, _tmp: Path) -> dict[str, object]:
     return {}
 
 
+def piped_audit_key(data: Path, _tmp: Path) -> dict[str, object]:
+    (data / "audit.key").unlink()
+    os.mkfifo(data / "audit.key", 0o600)
+    return {}
+
+
 def lost_key(data: Path, _tmp: Path) -> dict[str, object]:
     (data / "audit.key").unlink()
     (data / "audit.head").write_text("1 x y")
@@ -188,6 +194,7 @@ def no_device(_data: Path, tmp: Path) -> dict[str, object]:
     return no_line(_data, tmp)
 
 
+@pytest.mark.timeout(60)  # nothing keeps it waiting
 @pytest.mark.parametrize(
     ("break_it", "key"),
     [
@@ -196,6 +203,7 @@ def no_device(_data: Path, tmp: Path) -> dict[str, object]:
         (no_key, "selftest.keys.wrong"),
         (no_identity, "selftest.keys.identity"),
         (piped_key, "selftest.keys.wrong"),
+        (piped_audit_key, "selftest.keys.wrong"),
         (lost_key, "selftest.keys.lost"),
         (no_database, "selftest.database.broken"),
         (torn_database, "selftest.database.broken"),

@@ -7,7 +7,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from app.access.keys import read_mark, write_mark
+from app.access.keys import check_kinds, read_mark, write_mark
 from app.access.restoring import finish_restore
 from app.clock import SystemClock, to_datetime
 from app.db import open_to_read
@@ -40,8 +40,9 @@ def begin_anew(data: Path) -> Path | None:
     the lock of the folder; a restore that was interrupted is ended first.
 
     Raises:
-        ConfigurationError: that restore cannot be ended.
+        ConfigurationError: that restore cannot be ended, or a pipe or a device is among the files.
     """
+    check_kinds(data)
     finish_restore(data, locked=True)
     if not _lost(data):
         return None

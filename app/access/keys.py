@@ -9,8 +9,8 @@ from pathlib import Path
 from app import chance
 from app.access.private import write_private
 from app.access.restoring import finish_restore
-from app.errors import ConfigurationError
-from app.files import read_text
+from app.errors import ConfigurationError, UnusableFile
+from app.files import read_bytes, read_text
 
 KEY_BYTES = 32
 LARGEST_KEY_FILE = 65_536
@@ -123,14 +123,14 @@ class Mark:
 
 
 def read_mark(path: Path) -> Mark | None:
-    """The mark behind the key in `path`; None when there is none. One that cannot be read is a mark that nothing agrees with."""
+    """The mark behind the key in the file `path`; None when there is none. One that cannot be read is a mark that nothing agrees with."""
     try:
-        _, _, text = path.read_text("ascii").strip().partition("\n")
+        _, _, text = read_bytes(path, LARGEST_KEY_FILE).decode("ascii").strip().partition("\n")
         if not text.strip():
             return None
         word, install, seq, mac, sign = text.split()
         return Mark(install, int(seq), mac, sign if word == "mark" else "")
-    except OSError:
+    except UnusableFile:
         return None
     except ValueError:
         return Mark("", 1, "", "")

@@ -32,6 +32,19 @@ def commit(data: Path, moves: Sequence[tuple[Path, Path]], remove: Iterable[Path
     _write(data, {"state": "committed", "moves": pairs, "remove": [str(path) for path in remove]})
 
 
+def is_interrupted(data: Path) -> bool:
+    """Whether a restore was interrupted, which the next start ends.
+
+    Raises:
+        ConfigurationError: its journal cannot be read, so no start ends it.
+    """
+    journal = data / JOURNAL
+    if not journal.exists():
+        return False
+    _read(journal)
+    return True
+
+
 def finish_restore(data: Path, *, locked: bool = False) -> str:
     """Do or take back what an interrupted restore left: "staged" = taken back, "committed" = done, empty = there was none.
 
@@ -43,7 +56,12 @@ def finish_restore(data: Path, *, locked: bool = False) -> str:
     journal = data / JOURNAL
     if not journal.exists() and not any(_half_written(data)):
         return ""
-    handle = os.open(data / "server.lock", os.O_CREAT | os.O_RDWR, 0o600)
+    try:
+        handle = os.open(data / "server.lock", os.O_CREAT | os.O_RDWR, 0o600)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{data / 'server.lock'}: {error.strerror}; without it an interrupted restore cannot be finished"
+        ) from error
     try:
         if not locked:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

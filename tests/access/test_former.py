@@ -1,5 +1,6 @@
 """A plant that has lost its database, or everybody in it, is not taken for a new one."""
 
+import os
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -9,6 +10,7 @@ import pytest
 
 from app.access.access import prepare
 from app.access.former import begin_anew
+from app.access.keys import read_mark
 from app.errors import ConfigurationError
 from tests.access.conftest import OpenAccess, add
 
@@ -93,6 +95,16 @@ async def test_a_new_plant_starts_and_starts_again_before_anybody_signed_in(
         assert await access.start()
         await access.stop()
         prepare(data)
+
+
+@pytest.mark.timeout(30)
+def test_a_pipe_in_the_place_of_the_key_keeps_nobody_waiting_and_moves_nothing(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "audit.key", 0o600)
+    (tmp_path / "audit.head").write_text("of a plant")
+    assert read_mark(tmp_path / "audit.key") is None
+    with pytest.raises(ConfigurationError, match=r"audit\.key: a pipe"):
+        begin_anew(tmp_path)
+    assert names(tmp_path) == ["audit.head", "audit.key"]
 
 
 async def test_a_plant_with_accounts_is_never_put_aside(open_access: OpenAccess, data: Path) -> None:

@@ -21,6 +21,7 @@ from app.cli import cli
 from app.errors import ConfigurationError
 from tests.backup.shelf import _access, restore, verify_backup
 from tests.conftest import ROOT
+from tests.test_selftest import findings
 
 
 def names(archive: Path) -> list[str]:
@@ -190,6 +191,28 @@ def test_a_start_completes_a_restore_that_was_killed_while_no_database_was_there
 def test_a_new_plant_is_not_begun_over_a_restore_that_was_killed(between: Path) -> None:
     assert begin_anew(between) is None
     assert table_counts(between / "pogon.db")["person"] == 2
+
+
+def test_a_selftest_says_that_a_start_ends_a_restore_that_was_killed(between: Path) -> None:
+    found = findings(between)["database.pogon.db"]
+    assert (found.state, found.key) == ("warning", "selftest.database.restore")
+    prepare(between)
+    assert findings(between)["database.pogon.db"].key == "selftest.database.good"
+
+
+def test_a_selftest_fails_where_a_start_cannot_end_the_restore(between: Path) -> None:
+    (between / JOURNAL).write_text("{}")
+    found = findings(between)["database.pogon.db"]
+    assert (found.state, found.key) == ("failed", "selftest.database.broken")
+    assert "expected the journal of a restore" in str(found.params["reason"])
+
+
+def test_a_restore_whose_folder_cannot_be_locked_is_one_line(between: Path) -> None:
+    (between / "server.lock").unlink(missing_ok=True)
+    (between / "server.lock").mkdir()
+    with pytest.raises(ConfigurationError, match=r"server\.lock: Is a directory; without it"):
+        prepare(between)
+    assert (between / JOURNAL).exists()
 
 
 def test_a_command_completes_a_restore_that_was_killed(between: Path) -> None:
