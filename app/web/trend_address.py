@@ -37,8 +37,23 @@ def names_of(asked: QueryParams) -> list[str]:
 
 
 def on_screen(query: QueryParams) -> QueryParams:
-    """What a part of the page is about: the view on the screen, told whole as `view`, else what the address itself says."""
-    return QueryParams(query["view"][:LONGEST_VIEW]) if "view" in query else query
+    """What a part of the page is about: the view on the screen, told whole as `view`, else what the address itself says.
+
+    Raises:
+        Refused: 422, the view is too long.
+    """
+    return read_view(query["view"]) if "view" in query else query
+
+
+def read_view(text: str) -> QueryParams:
+    """What a view says.
+
+    Raises:
+        Refused: 422, it is too long.
+    """
+    if len(text) > LONGEST_VIEW:
+        raise Refused("trend.error.view_length", 422, most=LONGEST_VIEW)
+    return QueryParams(text)
 
 
 def view_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> dict[str, Any]:
@@ -94,6 +109,15 @@ def range_asked(asked: QueryParams, now: int, zone: ZoneInfo) -> tuple[int, int]
     end = moment_asked(asked.get("to", "") or "now", zone, now)
     if end <= begin:
         raise Refused("trend.error.range", 422)
+    return not_too_long(begin, end)
+
+
+def not_too_long(begin: int, end: int) -> tuple[int, int]:
+    """The same range [µs UTC].
+
+    Raises:
+        Refused: 422, it is longer than numbers are made of.
+    """
     if end - begin > LONGEST * 1_000_000:
         raise Refused("trend.error.long", 422, days=LONGEST // 86400)
     return begin, end
@@ -113,11 +137,11 @@ def moment_asked(text: str, zone: ZoneInfo, now: int) -> int:
     """A time as µs UTC.
 
     Raises:
-        Refused: 422, it cannot be read.
+        Refused: 422, it cannot be read, or has no room before it for another period.
     """
     try:
-        return moment(text, zone, now)
-    except ConfigurationError as error:
+        return _with_room(moment(text, zone, now), zone)
+    except (ConfigurationError, OverflowError) as error:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
 
 
@@ -125,13 +149,24 @@ def typed_micros(text: str, zone: ZoneInfo) -> int:
     """What a field for a time says, in the plant's zone when it names no offset [µs UTC].
 
     Raises:
-        Refused: 422, it says no time.
+        Refused: 422, it says no time, or one without room before it for another period.
     """
     try:
         typed = typed_time.read(text)
-        return to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone))
+        return _with_room(to_micros(typed if typed.tzinfo else typed.replace(tzinfo=zone)), zone)
     except (ValueError, OverflowError) as error:
         raise Refused("trend.error.time", 422, value=text[:40]) from error
+
+
+def _with_room(at: int, zone: ZoneInfo) -> int:
+    """The same time [µs UTC], which has a date in the zone as all have that can lie under it.
+
+    Raises:
+        OverflowError: it or one of these has none: years go from 1 to 9999.
+    """
+    for one in (at, at - LONGEST * 1_000_000):
+        to_datetime(one).astimezone(zone)
+    return at
 
 
 def typed_form(at: int, zone: ZoneInfo) -> str:
@@ -145,9 +180,7 @@ def kept(text: str, now: int, zone: ZoneInfo) -> str:
     Raises:
         Refused: 422, it is too long, has no pens or too many, or a part of it cannot be read.
     """
-    if len(text) > LONGEST_VIEW:
-        raise Refused("trend.error.view_length", 422, most=LONGEST_VIEW)
-    asked = QueryParams(text)
+    asked = read_view(text)
     names = names_of(asked)
     if not names:
         raise Refused("trend.error.no_tags", 422)

@@ -10,13 +10,12 @@ from starlette.datastructures import QueryParams
 
 from app.errors import Refused, StorageError
 from app.historian.notes import LONGEST_NOTE, Note, Notes
-from app.historian.saved_views import LONGEST_VIEW
 from app.web import format as fmt
 from app.web.guard import allow, fields, person_of
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
 from app.web.signin import zone_of
-from app.web.trend_address import names_of, on_screen, seen, typed_form, typed_micros, view_asked
+from app.web.trend_address import names_of, on_screen, read_view, seen, typed_form, typed_micros, view_asked
 
 router = APIRouter(prefix="/trends")
 
@@ -101,14 +100,12 @@ def _notes(request: Request) -> Notes:
 
 async def _do(request: Request, given: dict[str, str], work: Callable[[Notes], Awaitable[int]]) -> Response:
     """Do `work`, which gives the time of a new note, and draw the range: a note of a moment after it belongs to it, too."""
-    problem, new = "", 0
+    asked, problem, new = read_view(given["view"]), "", 0
     try:
         new = await work(_notes(request))
     except Refused as refused:
         problem = view_of(request).text(request, refused.reason, **refused.params)
-    return await _drawn(
-        request, QueryParams(given["view"][:LONGEST_VIEW]), problem, given.get("text", "") if problem else "", new
-    )
+    return await _drawn(request, asked, problem, given.get("text", "") if problem else "", new)
 
 
 async def _drawn(request: Request, asked: QueryParams, problem: str = "", typed: str = "", new: int = 0) -> Response:

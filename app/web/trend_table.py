@@ -15,7 +15,7 @@ from app.web.guard import allow
 from app.web.language import language_of
 from app.web.pages import view_of
 from app.web.signin import zone_of
-from app.web.trend_address import on_screen, seen, view_asked
+from app.web.trend_address import not_too_long, on_screen, seen, view_asked
 from app.web.trend_pens import Pen, pens_of, read_history
 
 router = APIRouter()
@@ -67,7 +67,7 @@ async def table(request: Request) -> Response:
     a, b, earlier = wanted["a"], wanted["b"], round((wanted["under"] or 0) * 1_000_000)
     rulers = [at for at in (a, b) if at is not None]
     between = len(set(rulers)) == 2
-    begin, end = (min(rulers), max(rulers)) if between else seen(asked, now, zone)
+    begin, end = not_too_long(min(rulers), max(rulers)) if between else seen(asked, now, zone)
     names, under = (
         [pen.point.name for pen in pens],
         rulers if between else [],

@@ -285,6 +285,38 @@ def test_a_range_is_typed_on_the_clock_of_the_plant(client: TestClient) -> None:
         assert "The end must come after the beginning" in wrong and f'value="{begin}"'[:18] in wrong.replace("/", ".")
 
 
+@pytest.mark.parametrize(
+    "view",
+    [
+        "from=0001-01-02&to=0001-01-03",
+        "from=9999-12-30&to=9999-12-31T22:00Z",
+        f"from={BEGIN}&to={END}&a=0001-01-02&b={END}",
+        "from=0010-01-01&to=0010-01-02&under=3660d",
+        "from=0010-12-31&to=0010-12-31T12:00&under=3660d",
+    ],
+)
+@pytest.mark.parametrize("part", ["compare", "range", "table", "marks", "points", "export", "notes"])
+def test_the_ends_of_the_calendar_are_drawn_or_refused(staff: Staff, part: str, view: str) -> None:
+    staff.enter("ana", "viewer")
+    answer = staff.client.get(f"/trends/{part}?{urlencode({'view': f'tags=m1.speed&{view}'})}")
+    assert answer.status_code == (422 if "=00" in view and part != "points" else 200)
+    assert staff.client.get(f"/trends?tags=m1.speed&{view}").status_code == (422 if "=00" in view else 200)
+
+
+def test_a_view_that_is_too_long_is_refused_and_not_cut(staff: Staff) -> None:
+    staff.enter("ana", "viewer")
+    query = urlencode({"view": "tags=m1.speed&axis=fit&off=" + "m1.current," * 200})
+    for part in ("compare", "range", "table", "marks", "points", "export", "notes", "pens"):
+        status, text = told(staff.client, f"/trends/{part}?{query}")
+        assert status == 422 and "2000" in text, part
+
+
+def test_numbers_between_rulers_are_made_of_ten_years_at_most(client: TestClient) -> None:
+    far = BEGIN - 3661 * 86_400_000_000
+    status, text = told(client, f"/trends/table?tags=m1.speed&from={BEGIN}&to={END}&a={far}&b={BEGIN}")
+    assert status == 422 and "At most 3660 days" in text
+
+
 def test_another_period_is_chosen_by_length_by_rulers_or_by_its_beginning(client: TestClient) -> None:
     view = f"tags=m1.speed&from={BEGIN}&to={END}"
     for name, length in (("none", 0), ("span", END - BEGIN), ("24h", 86_400_000_000), ("7d", 604_800_000_000)):
