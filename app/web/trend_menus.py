@@ -82,7 +82,7 @@ async def compare(request: Request) -> Response:
 
 @router.get("/export", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """What can be taken along of what is seen now: tables and pictures."""
+    """What can be taken along of what is seen now as a table; pictures the page makes by itself."""
     begin, end = _seen(request)
     every = max(1, -(-(end - begin) // SUMS_OF))
     names = names_of(on_screen(request.query_params))

@@ -2,6 +2,7 @@
 import { parsed } from "./fetched.js";
 import { Chart } from "./chart.js";
 import * as format from "./format.js";
+import * as picture from "./trend_picture.js"; // with the page: pictures are taken without the server, too
 import { page } from "./values.js";
 import * as time from "./time_axis.js";
 
@@ -355,7 +356,7 @@ function pens() {
   mark();
 }
 
-/** What is seen as a picture, with the numbers of the table; the program for it comes when it is asked for. */
+/** What is seen as a picture, with the numbers of the table. */
 function pictures() {
   const words = (cell) => (cell.dataset.cell ? cell.firstChild.textContent : cell.textContent).replace(/\s+/g, " ").trim();
   one("[data-take]")?.addEventListener("click", async ({ target }) => {
@@ -364,7 +365,6 @@ function pictures() {
       if (prints) window.print();
       if (!kind) return;
       try {
-        const picture = await import("./trend_picture.js");
         const table = all("#t-table tr").map((row) => [...row.cells].map(words));
         const other = chart.shift ? ` · ${texts.other.replace("{period}", chart.otherPeriod())}` : "";
         const about = {

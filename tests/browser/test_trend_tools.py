@@ -191,6 +191,23 @@ def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path
     assert re.search(r"interval=\d+", page.locator("[data-export-sums]").get_attribute("href") or "")
 
 
+def test_without_the_server_pictures_are_taken_and_the_line_says_since_when(sit: Sit, tmp_path: Path) -> None:
+    page = ready(sit(accept_downloads=True))  # a browser of its own
+    page.context.set_offline(True)
+    expect(page.locator("body")).to_have_attribute("data-live", "offline", timeout=30_000)
+    said = page.locator("#message span").inner_text()
+    with page.expect_event("requestfailed", lambda request: request.url.endswith("/trends/last")):
+        page.locator("[data-axis]").select_option("fit")
+    page.locator("[data-take] > summary").click()
+    with page.expect_download() as coming:
+        page.locator("[data-picture=svg]").click()
+    coming.value.save_as(tmp_path / "svg")
+    assert ElementTree.parse(tmp_path / "svg").getroot().tag == f"{SVG}svg"
+    assert page.locator("#message span").inner_text() == said != ""
+    page.goto("about:blank")  # it asks no more
+    sit.complaints[:] = [told for told in sit.complaints if "ERR_INTERNET_DISCONNECTED" not in told]
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_the_menus_fit_the_screen_and_axe_finds_nothing(sit: Sit, size: str) -> None:
     width, height = SIZES[size]

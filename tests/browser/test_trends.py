@@ -362,6 +362,19 @@ def test_an_own_range_is_read_in_the_plants_zone(page: Page, server: PogonServer
     assert change["at"] == 1_792_890_000_000_000
 
 
+@pytest.mark.parametrize(
+    ("opens", "field"), [(".t-range", "#t-range [name=to]"), ("[data-compare]", "#t-compare [name=begin]")]
+)
+def test_who_typed_a_wrong_time_goes_on_typing(page: Page, server: PogonServer, opens: str, field: str) -> None:
+    show(page, server, "tags=m1.speed&span=1h")
+    page.locator(f"{opens} > summary").click()
+    page.locator(field).fill("01.01.1990 00:00")
+    page.locator(field).press("Enter")
+    expect(page.locator(f"{opens} [role=alert]")).to_be_visible()
+    expect(page.locator(field)).to_be_focused()
+    expect(page.locator(field)).to_have_value(re.compile("1990"))
+
+
 def test_days_on_the_axis_have_23_24_and_25_hours(page: Page, server: PogonServer) -> None:
     page.goto(f"{server.url}/healthz")
     page.goto(server.url)
