@@ -342,6 +342,8 @@ def test_the_search_for_a_pen_is_typed_at_once(page: Page, server: PogonServer) 
     show(page, server, "tags=m1.speed&span=8h")
     page.locator("[data-picker] summary").click()
     expect(page.locator("[data-picker] input")).to_be_focused()
+    lines = "(one) => one.getBoundingClientRect().height / parseFloat(getComputedStyle(one).fontSize)"
+    assert page.locator('[data-add="m1.power"] .cap').evaluate(lines) < 2, "kW is one word"
 
 
 def test_an_own_range_is_read_in_the_plants_zone(page: Page, server: PogonServer) -> None:

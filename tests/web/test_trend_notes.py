@@ -97,6 +97,12 @@ def test_a_note_of_now_is_listed_though_the_chart_was_drawn_a_moment_before(staf
     assert "later" not in listed(write(staff, "later", "08.03.2026 08:01:30"))
 
 
+@pytest.mark.parametrize("time", ["01.01.0001 00:00", "02.01.0001 00:00", "9999-12-31T23:59-12:00"])
+def test_a_note_beyond_the_calendar_is_refused_in_words(staff: Staff, time: str) -> None:
+    answer = write(staff, "Beyond", time)
+    assert answer.status_code == 200 and "cannot be read" in answer.text and "Beyond" not in listed(answer)
+
+
 def test_its_author_or_an_engineer_deletes_a_note_and_nobody_else(staff: Staff) -> None:
     write(staff, "first")
     write(staff, "second")
