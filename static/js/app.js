@@ -105,6 +105,9 @@
     if (late || response?.status >= 500 || LATER.includes(response?.status)) setTimeout(() => window.htmx.trigger(target, "again"), late ? PAUSE : AGAIN);
   });
 
+  // hx-replace-url: what is looked for stands in the address, without htmx's own history, which would put whole pages here
+  document.addEventListener("htmx:after:swap", ({ detail: { ctx } }) => { if (ctx?.replace) history.replaceState(null, "", ctx.request.action); });
+
   // ---- menus ----------------------------------------------------------------------------------------------------
   const menus = () => document.querySelectorAll("details.drop[open]");
   document.addEventListener("pointerdown", ({ target }) => {

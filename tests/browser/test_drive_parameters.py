@@ -120,6 +120,10 @@ def test_what_is_typed_is_looked_for_at_once(sit: Sit) -> None:
     expect(page.locator("#dp tr[data-code=p1121]")).to_be_visible()
     expect(page.locator("#p-groups a").first).to_have_attribute("href", re.compile("q=p1121"))
     expect(search).to_be_focused()
+    expect(page).to_have_url(re.compile(r"[?&]q=p1121(&|$)"))
+    page.reload()
+    expect(search).to_have_value("p1121")
+    expect(page.locator("#dp tr[data-code]")).to_have_count(1)
     for cell in ("td.mono", "th"):  # no line under one cell of the last row
         expect(page.locator(f"#dp tbody tr:last-child > {cell}").first).to_have_css("border-bottom-width", "0px")
     search.fill("no such thing")
