@@ -49,6 +49,7 @@ FILES = {
         {"from": "2026-01-01T00:00:00Z", "to": "2026-01-02T00:00:00Z"},
         ["from", "to", "limit"],
     ),
+    "/trends/export": ({"view": "tags=m1.speed&span=1h"}, ["view"]),
 }
 """Export → what it needs, and each field that it reads."""
 ASK = [("User-Agent", "testclient")]
