@@ -83,9 +83,13 @@ def test_a_small_panel_has_every_command(sit: Sit, lang: str) -> None:
         for key in (*shared, ".c-op .op-list > [data-command='c1.start_automatic']"):
             assert whole(page.locator(key).first), key
     manual(page)
-    for key in (*shared, "[data-hold='c1.jog_forward']", "[data-hold='c1.jog_reverse']", ".c-belts label >> nth=3"):
+    always = shared[-2:]
+    for key in (*always, "[data-hold='c1.jog_forward']", "[data-hold='c1.jog_reverse']", ".c-belts label >> nth=3"):
         found = page.locator(key).first
         assert whole(found) if found.evaluate("e => e.localName") == "button" else found.is_visible(), key
+    page.locator(".c-way .op-more").click()
+    for key in shared:
+        assert whole(page.locator(key).first), key
 
 
 def test_one_belt_moves_by_hand_and_the_others_stand(sit: Sit) -> None:

@@ -111,6 +111,8 @@ def test_what_is_typed_while_the_answer_to_the_text_is_awaited_stays_in_the_fiel
 def test_the_drive_runs_its_steps_from_its_own_page(sit: Sit) -> None:
     page = sit(path="/equipment/m1")
     steps = page.locator(".st-q")
+    page.locator(".op-steps").click()
+    expect(page.locator("[data-command='m1.stop']")).to_be_in_viewport(ratio=1)
     steps.locator("[data-token=take]").click()
     steps.locator("[data-command='steps1.start']").click()
     page.locator("#overlay").get_by_role("button", name="Start from step 1").click()

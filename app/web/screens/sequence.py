@@ -360,10 +360,10 @@ class SequenceView:
         soon = cells.soon if cells and state == SequenceState.RUNNING else None
         return Headline(symbol, before, after, elapsed, detail, look, soon)
 
-    def named(self, bits: Sequence[BitView], *, lacking: bool = False) -> str:
+    def named(self, bits: Sequence[BitView], *, lacking: bool = False, most: int = MOST_NAMED) -> str:
         """Some permissives in one line: A · B · C and 2 more; `lacking`: in the words for what is so while each is not met."""
-        shown = " · ".join(one.lacking if lacking else one.label for one in bits[:MOST_NAMED])
-        more = len(bits) - MOST_NAMED
+        shown = " · ".join(one.lacking if lacking else one.label for one in bits[:most])
+        more = len(bits) - most
         return self.equipment.text("sequence.screen.and_more", names=shown, n=more) if more > 0 else shown
 
     def _to_start(self) -> str:
