@@ -296,13 +296,13 @@ class _KindReader:
         return rule
 
     def _absent(self, fields: Mapping[str, Field]) -> frozenset[str]:
-        """`[<kind>.absent]`: fields that a machine has not that has nothing to fill them with."""
-        table = self.table.table("absent")
-        found = [str(one) for one in table.items("fields", ())]
-        for index, one in enumerate(found):
-            if one not in fields:
-                table.note(f"fields.{index}", one, "a field: " + one_of(list(fields), one))
-        if self.table.has("absent"):
+        """`[<kind>.absent.<what>]`: fields that a machine has not that has nothing to fill them with."""
+        found: set[str] = set()
+        for _, table in self.table.tables("absent"):
+            for index, one in enumerate(str(one) for one in table.items("fields", ())):
+                found.add(one)
+                if one not in fields:
+                    table.note(f"fields.{index}", one, "a field: " + one_of(list(fields), one))
             table.done()
         return frozenset(found)
 

@@ -22,9 +22,10 @@ from struct import pack, unpack
 
 MAGIC = 0x5047
 MAJOR = 1
-MINOR = 5
+MINOR = 6
 """1: an event says which command caused it (word 16 of its row). 2: a conveyor keeps the last start and stop of its belts.
-3: each of its belts may run at a share of the speed. 4: it may have a scanner. 5: it may have diverting gates."""
+3: each of its belts may run at a share of the speed. 4: it may have a scanner. 5: it may have diverting gates.
+6: lanes may join it at merging gates."""
 
 HEADER = 0
 HEADER_WORDS = 32

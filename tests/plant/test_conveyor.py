@@ -279,7 +279,7 @@ def test_texts_of_alarms_name_the_object_fit_a_row_and_help(line: EquipmentType)
 def test_every_text_key_of_the_data_exists_in_every_language(line: EquipmentType) -> None:
     product = {f"table.{name}" for name in ("generation", "capacity", "count")}
     most, problems = types.read_type(
-        "conveyor", LANGUAGES, given={"belts": 16, "sensors": 32, "scanner": 2, "gates": 8}
+        "conveyor", LANGUAGES, given={"belts": 16, "sensors": 32, "scanner": 2, "gates": 8, "merges": 4}
     )
     assert problems == []
     wanted = {"area", *types.text_keys(_data), *types.text_keys(most)}
@@ -364,6 +364,9 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         **{"belts": 3, "device_belts": 3, "sensors": 4, "device_sensors": 4, "scanner": 0, "device_scanner": 0},
         "gates": 0,
         "device_gates": 0,
+        "merges": 0,
+        "device_merges": 0,
+        "merges_differ": 0,
         **{f"sensor_position_{n}": 100.0 * n for n in (1, 2, 3, 4)},
         **{f"sensor_{n}": 100 * n for n in (1, 2, 3, 4)},
     }
@@ -376,6 +379,8 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
         "slots",
         "device_scanner",
         "device_gates",
+        "device_merges",
+        "merges_differ",
     ):
         assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
 
@@ -405,6 +410,37 @@ def test_a_machine_that_is_built_otherwise_than_drawn_is_told(line: EquipmentTyp
             "gate_1_at = 330: expected a position at least 20 mm behind sensor 3, where the scanner stands",
         ),
         ("gates = 1\ngate_1_rule = 5", "gate_1_rule = 5: expected a number from 0 to 4"),
+        ("merges = 5", "merges = 5: expected a number from 0 to 4"),
+        (
+            "merges = 1\nmerge_1_at = 190",
+            "merge_1_at = 190: expected a position at least 100 mm behind the first sensor",
+        ),
+        (
+            "merges = 1\nmerge_1_at = 550",
+            "merge_1_at = 550: expected a position at least 100 mm behind the first sensor",
+        ),
+        (
+            "merges = 1\nmerge_1_at = 440",
+            "merge_1_at = 440: expected a position at least 10 mm away from sensor_3, which is 445",
+        ),
+        (
+            "merges = 2\nmerge_1_at = 400\nmerge_2_at = 410",
+            "merge_2_at = 410: expected a position at least 20 mm behind merge_1_at, which is 400",
+        ),
+        (
+            "merges = 1\ngates = 1\ngate_1_at = 430",
+            "merge_1_at = 400: expected a position 20 mm behind gate_1_at or 50 mm before it, which is 430 mm",
+        ),
+        ("merges = 1\nmerge_1_mode = 3", "merge_1_mode = 3: expected a number from 0 to 2"),
+        (
+            "merges = 1\nmerge_1_at = 240\nmerge_1_mode = 1",
+            "merge_1_mode = 1: expected 0 for a lane that joins before or less than 50 mm behind the end of belt 1",
+        ),
+        (
+            "belts = 1\nsensors = 2\nline_length = 660\nsensor_2 = 600\nmerges = 1\nmerge_1_mode = 2",
+            "merge_1_mode = 2: expected 0 on a line of one belt",
+        ),
+        ("merges = 1\nmerge_1_limit = 0", "merge_1_limit = 0: expected a number from 1 to 3600"),
         ("product_slots = 3", "product_slots = 3: expected a number from 5 to 250"),
         ("product_slots = 7.5", "product_slots = 7.5: expected a whole number"),
         ("intact_is_one = 0.5", "intact_is_one = 0.5: expected 0 or 1"),
@@ -416,6 +452,18 @@ def test_a_line_that_nobody_could_build_is_told(tmp_path: Path, options: str, to
     plant, problems = read_plant(tmp_path)
     assert plant is None
     assert any(f"equipment.c1.{told}" in str(problem) for problem in problems), list(map(str, problems))
+
+
+def test_a_merge_that_is_built_otherwise_than_drawn_is_told() -> None:
+    data, problems = types.read_type("conveyor", LANGUAGES, given={"merges": 1})
+    derived = data.type.points["merges_differ"].derived
+    assert problems == [] and derived
+    plan = {"at": 400.0, "mode": 1, "gap": 15.0, "limit": 60.0}
+    same = {f"{who}merge_1_{key}": value for key, value in plan.items() for who in ("", "device_")}
+    same |= {"merges": 1, "device_merges": 1}
+    assert parse(derived.when).true(same) is False
+    for key in ("device_merges", *(f"device_merge_1_{key}" for key in plan)):
+        assert parse(derived.when).true({**same, key: same[key] + 1}) is True, key
 
 
 def test_a_line_of_other_measures_is_fine_when_they_go_together(tmp_path: Path) -> None:

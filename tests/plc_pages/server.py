@@ -39,7 +39,7 @@ class PagePlc:
         head = page.header
         self._put(head["magic 0x5047"], 0x5047)
         self._put(head["map major 1"], 1)
-        self._put(head["map minor 5"], 5)
+        self._put(head["map minor 6"], 6)
         self._put(head[f"type {page.type_code}"], page.type_code)
         self._put(head["bits 1 simulated"], 2)
         self._put(head["boot count"], 1)

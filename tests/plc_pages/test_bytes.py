@@ -187,7 +187,7 @@ def test_the_header_is_what_its_rows_say(kind: str) -> None:
         long(last, "magic 0x5047") == 0x5047
         and long(last, f"type {page.type_code}") == data_of(kind).type.device.plc.type_code
     )  # type: ignore[union-attr]
-    assert (long(last, "map major 1"), long(last, "map minor 5")) == (1, 5)
+    assert (long(last, "map major 1"), long(last, "map minor 6")) == (1, 6)
     assert long(last, "bits 1 simulated") == 3
     assert long(last, "step number") - long(first, "step number") == scans
     assert long(last, "heartbeat out") - long(first, "heartbeat out") & 0xFFFF == scans

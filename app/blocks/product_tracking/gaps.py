@@ -69,7 +69,9 @@ def nearest(
                 backwards = way < 0.0 or (way == 0.0 and rear.swapped)
                 first, second = (front.id, rear.id) if backwards else (rear.id, front.id)
                 found = Gap(gap, closing, limit, first, second)
-        front, front_least, front_most, front_left = rear, least, most, left
+        # what comes in from a lane holds the place that the whole of it will take
+        held = left - rear.away if rear.coming else left
+        front, front_least, front_most, front_left = rear, least, most, held
         if uniform:
             least = most = stop_distances[0]
     return found

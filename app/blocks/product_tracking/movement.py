@@ -57,6 +57,9 @@ def move(table: ProductTable, moved: tuple[float, ...]) -> None:
         if right > ahead:
             contact = True
         ahead = right - product.length
+        if product.coming:
+            # its left end stays at the gate
+            ahead -= delta
     if turned:
         head = turned[0]
         table.tell(Code.REVERSED, int(head.swapped), head.id, 0, float(len(turned)), head.head)

@@ -61,6 +61,8 @@ class Code(IntEnum):
     """Left the line past position 0; `value` = age [s]."""
     DIVERTED = 17
     """Into the lane of gate `source`, whole; `value` = age [s]."""
+    MERGED = 18
+    """Comes in from the lane of merging gate `source`; `value` = how long it waited there [s], `value2` = its length [mm]."""
     GAP_STOP = 20
     GAP_STOP_ENDED = 21
     SENSOR_SUSPECTED = 28
@@ -122,6 +124,8 @@ class LineLayout:
     """Capacity of the product table."""
     gates: tuple[float, ...] = ()
     """Where the diverting gates are [mm]: behind S1 and before the last sensor."""
+    merges: tuple[float, ...] = ()
+    """Where lanes join the line [mm]: behind S1 and before the last sensor."""
 
     def __post_init__(self) -> None:
         for name in ("belt_ends", "sensors", "area_ends"):
@@ -135,8 +139,10 @@ class LineLayout:
             if ends[-1] > self.length:
                 raise ValueError(f"{name} ends at {ends[-1]} mm, the line at {self.length} mm")
         first, last = self.sensors[0], self.sensors[-1]
-        if any(not first < x < last for x in self.gates) or any(b <= a for a, b in pairwise(self.gates)):
-            raise ValueError(f"gates is {self.gates}, rising positions between {first} and {last} mm expected")
+        for name in ("gates", "merges"):
+            places: tuple[float, ...] = getattr(self, name)
+            if any(not first < x < last for x in places) or any(b <= a for a, b in pairwise(places)):
+                raise ValueError(f"{name} is {places}, rising positions between {first} and {last} mm expected")
         if self.slots < 1:
             raise ValueError(f"slots is {self.slots}, at least 1 expected")
 
@@ -236,7 +242,11 @@ class Product:
     lane: int = 0
     """Gate that it turns off at, from 1; 0 = it is on the line. Its right end is at the gate then."""
     away: float = 0.0
-    """What of it is in the lane [mm]; `length` is what still is on the line."""
+    """What of it is in the lane [mm]; `length` is what is on the line."""
+    origin: int = 0
+    """Merging gate that it came in by, from 1; 0 = it came from the beginning of the line, or by hand."""
+    coming: int = 0
+    """The same while a part of it is still in that lane: its left end is at the gate then."""
 
     @property
     def whole(self) -> float:

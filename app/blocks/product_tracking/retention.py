@@ -29,6 +29,7 @@ def retain(table: ProductTable) -> dict[str, Any]:
         "next_id": table.next_id,
         "counters": {name: getattr(table, name) for name in _COUNTERS},
         "diverted": list(table.diverted),
+        "merged": list(table.merged),
         "greatest_correction": table.greatest_correction,
         "sensor_faults": table.sensor_faults,
         "misses": [sensor.misses for sensor in table.sensors],
@@ -49,6 +50,7 @@ def take_back(table: ProductTable, retained: Mapping[str, Any]) -> None:
         next_id, faults = int(retained["next_id"]), int(retained["sensor_faults"])
         greatest = float(retained["greatest_correction"])
         diverted = [int(x) for x in retained["diverted"]]
+        merged = [int(x) for x in retained["merged"]]
         misses, strangers = [int(x) for x in retained["misses"]], [int(x) for x in retained["strangers"]]
     except (KeyError, TypeError) as error:
         raise ValueError(f"retained tracking data is not whole: {error}") from None
@@ -57,12 +59,15 @@ def take_back(table: ProductTable, retained: Mapping[str, Any]) -> None:
         raise ValueError(f"retained data has {len(misses)} sensors, the line {count}")
     if len(diverted) != len(table.line.gates):
         raise ValueError(f"retained data has {len(diverted)} gates, the line {len(table.line.gates)}")
+    if len(merged) != len(table.line.merges):
+        raise ValueError(f"retained data has {len(merged)} merging gates, the line {len(table.line.merges)}")
     slots: list[Product | None] = [None] * table.line.slots
     for product in products:
         if not 0 <= product.slot < table.line.slots or slots[product.slot]:
             raise ValueError(f"product {product.id} has slot {product.slot}, a free one of {table.line.slots} expected")
         if (
             product.lane > len(diverted)
+            or product.coming > len(merged)
             or product.open_at >= count
             or not (isfinite(product.right) and 0 <= product.length < inf)
         ):
@@ -72,7 +77,7 @@ def take_back(table: ProductTable, retained: Mapping[str, Any]) -> None:
         raise ValueError(f"next_id is {next_id} or an id is there twice")
     for name, value in counters.items():
         setattr(table, name, value)
-    table.diverted = diverted
+    table.diverted, table.merged = diverted, merged
     table.next_id, table.sensor_faults, table.greatest_correction = next_id, faults, greatest
     for sensor in table.sensors:
         sensor.misses, sensor.strangers, sensor.stuck = misses[sensor.n], strangers[sensor.n], False

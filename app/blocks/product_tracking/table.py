@@ -105,6 +105,8 @@ class ProductTable:
         """Unexpected products that got a record."""
         self.diverted = [0] * len(line.gates)
         """Products that turned off, by gate."""
+        self.merged = [0] * len(line.merges)
+        """Products that came in from a lane, by merging gate."""
         self.gates = [GatePosition.STRAIGHT] * len(line.gates)
         """Where each gate stands by its feedback; to be set before a scan."""
         self.refused = 0
@@ -232,7 +234,8 @@ class ProductTable:
 
     def put_on_line(self, product: Product) -> None:
         """A person says where it is: in no lane, and past the gates before its right end."""
-        product.lane, product.away, product.gates = 0, 0.0, 0
+        product.lane = product.coming = product.gates = 0
+        product.away = 0.0
         self.pass_gates(product, product.right)
 
     # which end has passed which sensor

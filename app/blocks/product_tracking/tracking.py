@@ -10,6 +10,7 @@ from app.blocks.product_tracking.diverting import divert, stay_in_lanes
 from app.blocks.product_tracking.edges import falling, look_for_short, rising
 from app.blocks.product_tracking.gaps import nearest
 from app.blocks.product_tracking.leaving import leave, unload
+from app.blocks.product_tracking.merging import come_in
 from app.blocks.product_tracking.movement import move
 from app.blocks.product_tracking.product import (
     Code,
@@ -75,9 +76,11 @@ class ProductTracking(ProductTable):
     Backwards it is tracked up to position 0, then removed with the event `LEFT_BACKWARDS`; a product that passed S1 backwards and comes
     again keeps its identity.
 
-    At any time entered + found + inserted = in the table + unloaded + deleted + withdrawn + left + diverted.
+    At any time entered + found + inserted + merged = in the table + unloaded + deleted + withdrawn + left + diverted.
 
     **Diverting.** A product whose head comes to a gate goes where the gate stands (`gates`), straight on or into its lane (`diverting`).
+
+    **Merging.** A product that its lane lets go comes in at its gate, between those that are on the line (`merging`).
 
     Source: thesis 003, TRK_PROD (reference/theses-facts.md section 3, decisions 13–15 of section 6). What the thesis does not have (lost,
     unexpected, contact, suspicion, capacity) is ours.
@@ -108,6 +111,7 @@ class ProductTracking(ProductTable):
         moving = any(moved)
         if moving:
             move(self, moved)
+            come_in(self)
             divert(self)
         if beams != self.beams:
             before, self.beams = self.beams, beams
@@ -117,6 +121,7 @@ class ProductTracking(ProductTable):
                 elif before[n] and not interrupted:
                     falling(self, self.sensors[n])
             stay_in_lanes(self)
+            come_in(self)
         if moving:
             look_for_missed(self)
             if self.cuts:

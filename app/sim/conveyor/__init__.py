@@ -3,6 +3,7 @@
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
 from app.sim.conveyor.blades import GatePlan
+from app.sim.conveyor.lanes import MergePlan
 from app.sim.conveyor.machine import FAULTS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from app.sim.device import VirtualDevice
@@ -13,13 +14,15 @@ __all__ = ["FAULTS", "build"]
 
 def build(item: Equipment, seed: int) -> VirtualDevice:
     """A line as the plant file describes it: its measures, and `simulation` = start, arrivals (1 or 0), interval [s], shortest,
-    longest [mm], not_read [%] and settings by name."""
+    longest [mm], not_read [%], lane_interval [s] and settings by name."""
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", "stopped"))
     if start not in ("automatic", "stopped"):
         raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or stopped")
     given = {key: number(f"simulation.{key}", value) for key, value in simulation.items()}
-    world = {key: given.pop(key) for key in ("interval", "shortest", "longest", "not_read") if key in given}
+    world = {
+        key: given.pop(key) for key in ("interval", "shortest", "longest", "not_read", "lane_interval") if key in given
+    }
     arrivals = bool(given.pop("arrivals", 1.0))
 
     def measure(key: str, default: float = 0.0) -> float:
@@ -36,6 +39,15 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         )
         for n in range(1, round(measure("gates")) + 1)
     )
+    merges = (
+        MergePlan(
+            measure(f"merge_{n}_at"),
+            round(measure(f"merge_{n}_mode")),
+            measure(f"merge_{n}_gap", 15.0),
+            measure(f"merge_{n}_limit", 60.0),
+        )
+        for n in range(1, round(measure("merges")) + 1)
+    )
     geometry = Geometry(
         (*(measure(f"belt_{n}_end") for n in range(1, belts)), measure("line_length", plain.length)),
         tuple(measure(f"sensor_{n}") for n in range(1, sensors + 1)),
@@ -45,6 +57,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
         bool(measure("intact_is_one", float(plain.intact_is_one))),
         tuple(measure(f"belt_{n}_share", 100.0) for n in range(1, belts + 1)),
         tuple(gates),
+        tuple(merges),
     )
     try:
         return VirtualConveyor(

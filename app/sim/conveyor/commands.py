@@ -9,8 +9,9 @@ from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim.conveyor.drives import BeltDrives
 from app.sim.conveyor.gap_stop import GapStop
 from app.sim.conveyor.gate_control import GateControl
+from app.sim.conveyor.merge_control import MergeControl
 from app.sim.conveyor.plausibility import UncertainProducts
-from app.sim.conveyor.register_map import GATE_COMMANDS, ConveyorCommand, ConveyorEvent, ConveyorReason
+from app.sim.conveyor.register_map import GATE_COMMANDS, MERGE_COMMANDS, ConveyorCommand, ConveyorEvent, ConveyorReason
 from app.sim.conveyor.state import LineState
 from app.sim.plc import Verdict
 from app.sim.plc import rejected as no
@@ -30,12 +31,13 @@ class LineCommands:
         gap: GapStop,
         uncertain: UncertainProducts,
         gates: GateControl,
+        merges: MergeControl,
         *,
         start: bool,
     ) -> None:
         """Over the parts that it commands; `start`: automatic is chosen and started already."""
         self._line, self._drives, self._gap, self._uncertain = line, drives, gap, uncertain
-        self._gates = gates
+        self._gates, self._merges = gates, merges
         self._automatic = self._start = start
         self._manual = False
 
@@ -50,6 +52,10 @@ class LineCommands:
             return self._change_mode(code)
         if code in _ON_PRODUCTS:
             return self._change_product(request)
+        if code >= MERGE_COMMANDS:
+            number, what = divmod(code - MERGE_COMMANDS, 3)
+            reason = self._merges.order(number + 1, what)
+            return no(reason) if reason else Verdict()
         if code >= GATE_COMMANDS:
             number, lane = divmod(code - GATE_COMMANDS, 2)
             reason = self._gates.order(number + 1, bool(lane))

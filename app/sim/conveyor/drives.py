@@ -48,7 +48,8 @@ class BeltDrives:
         few, other = line.hold >> BELT_BITS & 7, line.hold >> BELT_NUMBER & 31
         chosen = few | 1 << other >> 1 or -1
         speed, shares = values["automatic_speed"] / 100, line.geometry.speed_shares
-        last, waiting = len(line.belts) - 1, line.gates.held_belt if automatic else -1
+        last = len(line.belts) - 1
+        waiting = max(line.gates.held_belt, line.merges.held_belt) if automatic else -1
         for number, belt in enumerate(line.belts):
             hold = automatic and ((number == 0 and follow.buffer_full) or (number == last and follow.brake))
             at_gate = number <= waiting and not hold

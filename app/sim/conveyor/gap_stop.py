@@ -64,7 +64,7 @@ class GapStop:
             ways[0] = 0.0
         if follow.brake:
             ways[-1] = 0.0
-        waiting = line.gates.held_belt + 1
+        waiting = max(line.gates.held_belt, line.merges.held_belt) + 1
         ways[:waiting] = [0.0] * waiting
         gap = follow.gap_with(ways)
         return gap is None or not gap.stop

@@ -1,31 +1,62 @@
 """What the conveyor's PLC shows: status and configuration image, and the rows of the product table, packed as the map says."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import nan
 
 from app.blocks.ramp_record import PHASES
 from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.blades import MOST_GATES
+from app.sim.conveyor.lanes import MOST_MERGES
 from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS, MOST_BELTS, MOST_SENSORS
 from app.sim.conveyor.register_map import (
     CONFIGURATION_IMAGE,
+    GATE_PLANS,
     GATE_PLANS_IMAGE,
+    GATES,
     GATES_IMAGE,
+    MERGE_PLANS,
+    MERGE_PLANS_IMAGE,
+    MERGES,
+    MERGES_IMAGE,
+    MORE_BELTS,
     MORE_BELTS_IMAGE,
+    MORE_CONFIGURATION,
     MORE_CONFIGURATION_IMAGE,
     MORE_FIRST,
+    MORE_STATUS,
     MORE_STATUS_IMAGE,
+    ORIGIN_IMAGE,
     RAMP_IMAGE,
     READING_IMAGE,
     ROW_IMAGE,
+    SHARES,
     SHARES_IMAGE,
     STATUS_IMAGE,
+    is_wide,
 )
 from app.sim.conveyor.scanner import ReadingState
 from app.sim.conveyor.state import LineState
+from app.sim.plc import Image
 
 _FEW = 0b1111
 """Sensors and areas that the first status image has bits for."""
+
+
+def more(plc: LineState) -> Iterator[Image]:
+    """The images of what not every line has."""
+    measures = plc.geometry
+    if is_wide(measures.belts, len(measures.sensors)):
+        yield Image(MORE_STATUS, 110, lambda: more_status(plc))
+        yield Image(MORE_CONFIGURATION, 112, lambda: more_configuration(plc))
+        yield Image(SHARES, 34, lambda: shares(plc))
+        if measures.belts > MORE_FIRST:
+            yield Image(MORE_BELTS, 64, lambda: more_belts(plc))
+    if measures.gates:
+        yield Image(GATES, 68, lambda: gates(plc))
+        yield Image(GATE_PLANS, 68, lambda: gate_plans(plc))
+    if measures.merges:
+        yield Image(MERGES, 36, lambda: merges(plc))
+        yield Image(MERGE_PLANS, 36, lambda: merge_plans(plc))
 
 
 def status(plc: LineState) -> bytes:
@@ -92,6 +123,7 @@ def configuration(plc: LineState) -> bytes:
         measures.pulse_length,
         plc.scanner.sensor,
         len(measures.gates),
+        len(measures.merges),
     )
 
 
@@ -150,6 +182,29 @@ def gate_plans(plc: LineState) -> bytes:
     told = [number for gate in plc.geometry.gates for number in (gate.at, gate.rule, gate.value, gate.time)]
     none = (nan, 0, nan, nan) * (MOST_GATES - len(plc.geometry.gates))
     return GATE_PLANS_IMAGE.pack(0, *told, *none, 0)
+
+
+def merges(plc: LineState) -> bytes:
+    """How the merging gates stand."""
+    told = [
+        number
+        for merge, merged in zip(plc.merges.all, plc.tracking.merged, strict=True)
+        for number in (merge.state, merge.order, merge.length > 0, merge.holds >= 0, merged, merge.waited)
+    ]
+    return MERGES_IMAGE.pack(0, *told, *(0,) * (6 * MOST_MERGES - len(told)), 0)
+
+
+def merge_plans(plc: LineState) -> bytes:
+    """How the merging gates are built."""
+    told = [number for plan in plc.geometry.merges for number in (plan.at, plan.mode, plan.gap, plan.limit)]
+    none = (nan, 0, nan, nan) * (MOST_MERGES - len(plc.geometry.merges))
+    return MERGE_PLANS_IMAGE.pack(0, *told, *none, 0)
+
+
+def origin(plc: LineState, slot: int) -> bytes:
+    """The row of a slot of the table of origins."""
+    product, mark = plc.tracking.slots[slot], plc.generation
+    return ORIGIN_IMAGE.pack(product.id if product else 0, mark, product.origin if product else 0, mark)
 
 
 def row(plc: LineState, slot: int) -> bytes:

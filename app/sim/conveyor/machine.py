@@ -26,6 +26,7 @@ from random import Random
 from typing import NamedTuple
 
 from app.sim.conveyor.blades import GATE_FAULTS, Blades, GatePlan
+from app.sim.conveyor.lanes import MERGE_FAULTS, Lanes, MergePlan, come_in
 
 MOST_BELTS, MOST_SENSORS = 16, 32
 
@@ -58,13 +59,14 @@ SENSOR_FAULTS: Mapping[str, tuple[int, int]] = {"blind": (20, 300), "stuck": (30
 FEW_BELTS, FEW_SENSORS = 3, 4
 
 
-def fault_names(belts: int, sensors: int, gates: int = 0) -> dict[str, int]:
+def fault_names(belts: int, sensors: int, gates: int = 0, merges: int = 0) -> dict[str, int]:
     """Machine faults that the instructor can cause on such a line (`training`), by name."""
     found: dict[str, int] = {}
     for table, count, few in ((BELT_FAULTS, belts, FEW_BELTS), (SENSOR_FAULTS, sensors, FEW_SENSORS)):
         for kind, (first, more) in table.items():
             found |= {f"{kind}_{n}": n + (first if n <= few else more) for n in range(1, count + 1)}
     found |= {f"gate_{n}": GATE_FAULTS + n for n in range(1, gates + 1)}
+    found |= {f"merge_{n}": MERGE_FAULTS + n for n in range(1, merges + 1)}
     return {**found, "emergency_stop": EMERGENCY_STOP, "host_off": HOST_OFF}
 
 
@@ -90,6 +92,8 @@ class Geometry:
     """What each belt goes in automatic, as part of the automatic speed [%]; empty = all of it."""
     gates: tuple[GatePlan, ...] = ()
     """Diverting gates, from the beginning of the line."""
+    merges: tuple[MergePlan, ...] = ()
+    """Merging gates, likewise."""
 
     @property
     def belts(self) -> int:
@@ -176,6 +180,10 @@ class TrueProduct:
     """What of it is in the lane [mm]."""
     asked: int = 0
     """Bit n: it has come to gate n + 1."""
+    coming: int = 0
+    """Merging gate that it comes in by, from 1, while a part of it, `away`, is still in the lane; its tail is at the gate then."""
+    origin: int = 0
+    """Merging gate that it came in by; 0 = by the infeed or by hand."""
 
     @property
     def tail(self) -> float:
@@ -197,16 +205,22 @@ class Conveyor:
         longest: float = 60.0,
         labels: Labels | None = None,
         not_read: float = 0.0,
+        lane_interval: float = 0.0,
+        lane_chance: Random | None = None,
     ) -> None:
         """`interval`: mean time between two products while belt 1 runs forward [s]; `shortest`, `longest` [mm]; `labels`: what is printed
-        on them; `not_read`: of so many the scanner cannot read it [%]."""
+        on them; `not_read`: of so many the scanner cannot read it [%];
+        `lane_interval`: mean time between two products of a lane [s], 0 = none comes by itself."""
         self.geometry = geometry
         self.arrivals, self.interval, self.shortest, self.longest = arrivals, interval, shortest, longest
         belts = geometry.belts
         self.not_read = not_read
         self._labels = labels or Labels(Random(0))
         self.blades = Blades([gate.at for gate in geometry.gates])
-        names = fault_names(belts, len(geometry.sensors), len(geometry.gates))
+        self.lanes = Lanes(geometry.merges, lane_chance or Random(0), lane_interval, shortest, longest)
+        self.merged = self.returned = 0
+        """Products that began to come in from a lane; that went back into it."""
+        names = fault_names(belts, len(geometry.sensors), len(geometry.gates), len(geometry.merges))
         self._faults = {code: name for name, code in names.items()}
         self.fault = 0
         self.pressed = 0
@@ -240,8 +254,8 @@ class Conveyor:
     def fault(self, code: int) -> None:
         self._fault = code
         kind, _, number = self._faults.get(code, "").rpartition("_")
-        of = {name: int(number) - 1 if name == kind else -1 for name in (*BELT_FAULTS, *SENSOR_FAULTS, "gate")}
-        self.blades.stuck = of["gate"]
+        of = {name: int(number) - 1 if name == kind else -1 for name in (*BELT_FAULTS, *SENSOR_FAULTS, "gate", "merge")}
+        self.blades.stuck, self.lanes.stuck = of["gate"], of["merge"]
         self._jammed, self._slipping, self._dead = of["jam"], of["slip"], of["encoder"]
         self._blind, self._stuck = of["blind"], of["stuck"]
 
@@ -270,14 +284,24 @@ class Conveyor:
 
     # ---- one step
 
-    def step(self, setpoints: list[float], enabled: bool, unload: bool, dt: float, gates: Sequence[bool] = ()) -> None:
+    def step(
+        self,
+        setpoints: list[float],
+        enabled: bool,
+        unload: bool,
+        dt: float,
+        gates: Sequence[bool] = (),
+        stops: Sequence[bool] = (),
+    ) -> None:
         """Advance by `dt` [s]; `setpoints` of the drives [%], `enabled`: they have supply, `unload`: the unloader may take, `gates`: which
-        are to open their lanes."""
+        are to open their lanes, `stops`: which lanes are to let a product in."""
         ways = self._drive(setpoints, enabled, dt)
         if gates and enabled:
             self.blades.step(gates, self.products, dt)
         if unload and abs(self.speeds[-1]) < STANDS:
             self._unload()
+        if stops:
+            self._let_in(stops, enabled, dt)
         if self.products and any(ways):
             self._move(ways)
         if self.arrivals and self.speeds[0] > 1.0:
@@ -342,11 +366,26 @@ class Conveyor:
             if way:
                 product.head = head + way * (1 - product.slip)
                 moved = True
+                if product.coming:
+                    come_in(product, self.geometry.merges[product.coming - 1].at)
         if moved:
             self._turn()
             self._keep_apart(ways)
             self._turn()
             self._leave()
+
+    def _let_in(self, stops: Sequence[bool], enabled: bool, dt: float) -> None:
+        coming = {product.coming for product in self.products}
+        self.lanes.step(dt, supplied=enabled, busy=[n + 1 in coming for n in range(len(stops))])
+        for n, (plan, go) in enumerate(zip(self.geometry.merges, stops, strict=True)):
+            if not go or n + 1 in coming or self.speeds[bisect_left(self.geometry.belt_ends, plan.at)] <= 0:
+                continue
+            if length := self.lanes.let_go(n):
+                self.merged += 1
+                self._add(plan.at, length)
+                product = self.products[-1]
+                product.coming, product.origin, product.away, product.length = n + 1, n + 1, length, 0.0
+                self.products.sort(key=lambda one: -one.head)
 
     def _burst_part(self, belt: int, way: float) -> float:
         """Part of `way` that is lost to slip."""
@@ -381,6 +420,12 @@ class Conveyor:
             self.products[:] = self.blades.turn(self.products)
 
     def _leave(self) -> None:
+        for product in [
+            one for one in self.products if one.coming and one.head < self.geometry.merges[one.coming - 1].at
+        ]:
+            self.products.remove(product)
+            self.lanes.take_back(product.coming - 1, product.away)
+            self.returned += 1
         if not self.products:
             return
         front = self.products[0]
@@ -406,7 +451,7 @@ class Conveyor:
 
     def _add(self, head: float, length: float, *, by_hand: bool = False) -> None:
         slip = self._random.uniform(LEAST_SLIP, MOST_SLIP)
-        number, label = self.entered + self.put, self._labels.label(length)
+        number, label = self.entered + self.put + self.merged, self._labels.label(length)
         product = TrueProduct(number, head, length, slip, by_hand=by_hand, label=label)
         self.blades.place(product)
         self.products.append(product)

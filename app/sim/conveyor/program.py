@@ -22,18 +22,17 @@ Written from the thesis' program, never from the equipment type's points. Decide
 | first-out | first of gap stop, emergency stop, jam, encoder, host, until reset; a gap stop that ended: 10 s or until the next cause |
 | unloading | the unloader takes the product when tracking lets it go; an empty grip is told as lost, source 0 |
 | slip | deviation of a head as part of the way from the sensor before, of a tail as part of the length; warning 0 = off |
-| gates | see `gate_control` |
+| gates | see `gate_control` and `merge_control` |
 | edit, insert | only while the belts stand |
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from random import Random
 
 from app.blocks import product_tracking as tracking
 from app.blocks.mode_control import Mode, ModeControl, ModeInputs
 from app.blocks.product_tracking import ProductTracking, TrackingEvent
 from app.registers.plc_map import Request
-from app.sim import training
 from app.sim.conveyor import images
 from app.sim.conveyor import training as own
 from app.sim.conveyor.belt import Belt
@@ -44,17 +43,15 @@ from app.sim.conveyor.gap_stop import GapStop
 from app.sim.conveyor.gate_control import GateControl
 from app.sim.conveyor.gates import Gates
 from app.sim.conveyor.machine import EMERGENCY_STOP, FEW_BELTS, HOST_OFF, Conveyor, Geometry, Labels, fault_names
+from app.sim.conveyor.merge_control import MergeControl
+from app.sim.conveyor.merges import Merges
 from app.sim.conveyor.plausibility import UncertainProducts, slip_of
 from app.sim.conveyor.register_map import (
     CONFIGURATION,
     FORWARD,
-    GATE_PLANS,
-    GATES,
-    MORE_BELTS,
-    MORE_CONFIGURATION,
-    MORE_FIRST,
     MORE_RAMPS,
-    MORE_STATUS,
+    ORIGIN_WORDS,
+    ORIGINS,
     RAMP_WORDS,
     RAMPS,
     READING_WORDS,
@@ -63,12 +60,10 @@ from app.sim.conveyor.register_map import (
     ROW_WORDS,
     SETTINGS,
     SETTINGS_AT,
-    SHARES,
     STAGING,
     STATUS,
     TABLE,
     ConveyorEvent,
-    is_wide,
     require_settings,
     words_of,
 )
@@ -86,6 +81,7 @@ class VirtualConveyor(LineState):
     _drives: BeltDrives
     _gap_stop: GapStop
     _gate_control: GateControl
+    _merge_control: MergeControl
     _commands: LineCommands
     _uncertain: UncertainProducts
     _unload: bool
@@ -109,10 +105,12 @@ class VirtualConveyor(LineState):
         settings: Mapping[str, float] | None = None,
         scanner: int = 0,
         not_read: float = 2.0,
+        lane_interval: float = 8.0,
     ) -> None:
         """A line just switched on for the first time. `slots` 5–250; `start`: automatic or stopped; `arrivals`, `interval` [s], `shortest`,
         `longest` [mm]: what the infeed gives; `settings`: initial setpoints by name; `scanner`: sensor that it stands at, 0 = none, and
-        of how many products it cannot read the label: `not_read` [%].
+        of how many products it cannot read the label: `not_read` [%];
+        `lane_interval`: what the lanes of merging gates give [s], 0 = nothing.
 
         Raises:
             ValueError: a measure of the line that cannot be, or settings that do not go together.
@@ -120,7 +118,8 @@ class VirtualConveyor(LineState):
         self.geometry = geometry or Geometry()
         measures = self.geometry
         places = tuple(gate.at for gate in measures.gates)
-        self.line = tracking.LineLayout(measures.belt_ends, measures.sensors, measures.area_ends, slots, places)
+        joins = tuple(merge.at for merge in measures.merges)
+        self.line = tracking.LineLayout(measures.belt_ends, measures.sensors, measures.area_ends, slots, places, joins)
         self._seed, self._start_in = seed, start
         self._beam_bits = tuple(1 << sensor for sensor in range(len(self.geometry.sensors)))
         given = dict(settings or {})
@@ -128,11 +127,13 @@ class VirtualConveyor(LineState):
         self.table = Table(TABLE, ROW_WORDS, slots, lambda slot: images.row(self, slot))
         belts, sensors = self.geometry.belts, len(self.geometry.sensors)
         self.readings = Table(READINGS, READING_WORDS, slots, lambda slot: images.reading(self, slot))
+        self.origins = Table(ORIGINS, ORIGIN_WORDS, slots, lambda slot: images.origin(self, slot))
         ramps, rows = (MORE_RAMPS, 2 * belts) if belts > FEW_BELTS else (RAMPS, 2 * FEW_BELTS)
         self.ramps = Table(ramps, RAMP_WORDS, rows, lambda slot: images.ramp(self, slot))
         self.scale = self.geometry.full_speed / 100
         self._scanner_at = scanner
         self._machine_options = {"shortest": shortest, "longest": longest, "interval": interval, "not_read": not_read}
+        self._machine_options["lane_interval"] = lane_interval
         super().__init__(
             settings=[Setting(s.name, given.get(s.name, s.default), s.low, s.high) for s in SETTINGS],
             settings_at=SETTINGS_AT,
@@ -140,51 +141,44 @@ class VirtualConveyor(LineState):
             images=(
                 Image(STATUS, 96, lambda: images.status(self)),
                 Image(CONFIGURATION, 64, lambda: images.configuration(self)),
-                *(self._more_images() if is_wide(belts, sensors) else ()),
-                *(self._gate_images() if places else ()),
+                *images.more(self),
             ),
             configuration=CONFIGURATION,
-            tables=(self.ramps, self.table, *([self.readings] if scanner else [])),
+            tables=(self.ramps, self.table, *([self.readings] if scanner else []), *([self.origins] if joins else [])),
             capacities=(belts, sensors, slots, EVENT_CAPACITY, len(SETTINGS)),
-            faults=tuple(fault_names(belts, sensors, len(places)).values()),
+            faults=tuple(fault_names(belts, sensors, len(places), len(joins)).values()),
             words={
                 own.REG_ARRIVALS: int(arrivals),
                 own.REG_INTERVAL: round(interval * 10),
                 own.REG_SHORTEST: round(shortest),
                 own.REG_LONGEST: round(longest),
+                **({own.REG_LANE_INTERVAL: round(lane_interval * 10)} if joins else {}),
             },
-            limits=own.limits(sensors),
-            triggers=(own.REG_REMOVE, own.REG_PUT),
+            limits=own.limits(sensors, len(joins)),
+            triggers=(own.REG_REMOVE, own.REG_PUT, *([own.REG_LANE_PUT] if joins else [])),
         )
         self._start_up()
-
-    def _more_images(self) -> Iterator[Image]:
-        yield Image(MORE_STATUS, 110, lambda: images.more_status(self))
-        yield Image(MORE_CONFIGURATION, 112, lambda: images.more_configuration(self))
-        yield Image(SHARES, 34, lambda: images.shares(self))
-        if self.geometry.belts > MORE_FIRST:
-            yield Image(MORE_BELTS, 64, lambda: images.more_belts(self))
-
-    def _gate_images(self) -> Iterator[Image]:
-        yield Image(GATES, 68, lambda: images.gates(self))
-        yield Image(GATE_PLANS, 68, lambda: images.gate_plans(self))
 
     # ---- one scan
 
     def _scan(self) -> None:
         machine = self.machine
-        machine.step(self._drives.setpoints, self._drives.enabled, self._unload, self.dt, self.gates.wanted)
+        machine.step(
+            self._drives.setpoints, self._drives.enabled, self._unload, self.dt, self.gates.wanted, self.merges.open
+        )
         if self._unload:
             self._unload = False
             self._look_at_the_gripper()
         self._emergency(machine.fault == EMERGENCY_STOP)
         self._host()
         self._measure()
+        self._merge_control.measure()
         self._track()
         self._drives.supervise()
         self._choose_mode()
         automatic = self.modes.running and not self.stop_active
         self._gate_control.step(automatic=automatic, supplied=self._drives.enabled)
+        self._merge_control.step(automatic=automatic)
         self.first_out.age(self.time)
         if self.tracking.gap_stop:
             self._gap_stop.watch()
@@ -312,23 +306,7 @@ class VirtualConveyor(LineState):
         self._gap_stop.settings_changed()
 
     def _trained(self, address: int, word: int) -> None:
-        machine, words = self.machine, self.training
-        if address == own.REG_REMOVE:
-            machine.remove(word)
-        elif address == own.REG_PUT:
-            machine.place(float(word), float(words[own.REG_SHORTEST]))
-        elif address == own.REG_ARRIVALS:
-            machine.arrivals = bool(word)
-        elif address == own.REG_INTERVAL:
-            machine.interval = word / 10
-        elif address == own.REG_SHORTEST:
-            machine.shortest = float(word)
-        elif address == own.REG_LONGEST:
-            machine.longest = float(word)
-        elif address in (own.REG_SENSORS, own.REG_MORE_SENSORS):
-            machine.pressed = words[own.REG_SENSORS] | words[own.REG_MORE_SENSORS] << 16
-        elif address == training.REG_MACHINE_FAULT:
-            machine.fault = word
+        own.trained(self.machine, self.training, address, word)
 
     def _forget(self) -> None:
         self.machine = Conveyor(
@@ -336,10 +314,11 @@ class VirtualConveyor(LineState):
             Random(self._seed),
             arrivals=bool(self.training[own.REG_ARRIVALS]),
             labels=Labels(Random(f"{self._seed} labels")),
+            lane_chance=Random(f"{self._seed} lanes"),
             **self._machine_options,
         )
         self.scanner = Scanner(self._scanner_at)
-        self.gates = Gates(self.geometry.gates)
+        self.gates, self.merges = Gates(self.geometry.gates), Merges(self.geometry.merges)
         self.tracking = ProductTracking(self.line)
         self._start_automatic = self._start_in == "automatic"
 
@@ -355,9 +334,15 @@ class VirtualConveyor(LineState):
         self.first_out = FirstOut()
         self._uncertain = UncertainProducts()
         self._drives, self._gap_stop = BeltDrives(self), GapStop(self)
-        self._gate_control = GateControl(self)
+        self._gate_control, self._merge_control = GateControl(self), MergeControl(self)
         self._commands = LineCommands(
-            self, self._drives, self._gap_stop, self._uncertain, self._gate_control, start=self._start_automatic
+            self,
+            self._drives,
+            self._gap_stop,
+            self._uncertain,
+            self._gate_control,
+            self._merge_control,
+            start=self._start_automatic,
         )
         self._start_automatic = False
         self.stopping = self.held = self.faulty = False
@@ -366,6 +351,7 @@ class VirtualConveyor(LineState):
         self._taken = self.machine.unloaded
         self.gates.measure(self.machine.blades.open)
         self.gates.power_up()
+        self.merges.power_up(self.machine.lanes.started)
         self._take_settings()
         self.renew_table()
         self.ramps.clear()

@@ -21,6 +21,9 @@ READINGS, READING_WORDS = 0x2800, 16
 """What a line with a scanner has beside it."""
 GATES, GATE_PLANS, GATE_WORDS = 0x2600, 0x2680, 8
 """What a line with diverting gates has beside it: how they stand, and how they are built."""
+MERGES, MERGE_PLANS, MERGE_WORDS = 0x2700, 0x2740, 8
+ORIGINS, ORIGIN_WORDS = 0x3800, 8
+"""What a line with merging gates has beside it: how they stand, how they are built, and a table of who came in where."""
 MORE_WORDS, MORE_FIRST = 12, 11
 """Words of a belt there; belts up to this one are in the first image, the others in the second."""
 
@@ -62,6 +65,10 @@ GATE_COMMANDS = 20
 """Gate n straight on: this + 2(n − 1); into the lane: one more."""
 
 
+MERGE_COMMANDS = 40
+"""Merging gate n automatic: this + 3(n − 1); open: one more; closed: two more."""
+
+
 class ConveyorReason(IntEnum):
     """Why a command is refused; 7–11 come from tracking, 20–22 from the base."""
 
@@ -99,6 +106,8 @@ class ConveyorEvent(IntEnum):
     """By hand."""
     MISROUTED = 48
     """A product has not gone where the gate was to send it; value 1 = into the lane."""
+    MERGE_BLOCKED, MERGE_FREE = 49, 50
+    MERGE_AUTOMATIC, MERGE_OPEN, MERGE_CLOSED = 51, 52, 53
 
 
 class ConveyorState(IntEnum):
@@ -143,7 +152,9 @@ def is_wide(belts: int, sensors: int) -> bool:
     return belts > FEW_BELTS or sensors > FEW_SENSORS
 
 
-def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS, gates: int = 0) -> Mapping[str, RegisterPlace]:
+def places(
+    belts: int = FEW_BELTS, sensors: int = FEW_SENSORS, gates: int = 0, merges: int = 0
+) -> Mapping[str, RegisterPlace]:
     """Every value of such a line that is no cell of a table, by name."""
     u32, i32, f32 = "u32", "i32", "f32"
     found = {
@@ -181,6 +192,7 @@ def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS, gates: int = 0) -
         "pulse_length": RegisterPlace(CONFIGURATION + 36, f32),
         "device_scanner": RegisterPlace(CONFIGURATION + 38),
         "device_gates": RegisterPlace(CONFIGURATION + 39),
+        "device_merges": RegisterPlace(CONFIGURATION + 40),
     }
     for word, names in (
         (
@@ -248,6 +260,20 @@ def places(belts: int = FEW_BELTS, sensors: int = FEW_SENSORS, gates: int = 0) -
             f"device_gate_{n}_value": RegisterPlace(plan + 4, f32),
             f"device_gate_{n}_time": RegisterPlace(plan + 6, f32),
         }
+    for n in range(1, merges + 1):
+        at, plan = MERGES + 2 + MERGE_WORDS * (n - 1), MERGE_PLANS + 2 + MERGE_WORDS * (n - 1)
+        found |= {
+            f"merge_state_{n}": RegisterPlace(at),
+            f"merge_gate_{n}": RegisterPlace(at + 1),
+            f"merge_ready_{n}": RegisterPlace(at + 2),
+            f"merge_holds_{n}": RegisterPlace(at + 3),
+            f"merged_{n}": RegisterPlace(at + 4, u32),
+            f"merge_waited_{n}": RegisterPlace(at + 6, f32),
+            f"device_merge_{n}_at": RegisterPlace(plan, f32),
+            f"device_merge_{n}_mode": RegisterPlace(plan + 2),
+            f"device_merge_{n}_gap": RegisterPlace(plan + 4, f32),
+            f"device_merge_{n}_limit": RegisterPlace(plan + 6, f32),
+        }
     for n, setting in enumerate(SETTINGS):
         found[setting.name] = RegisterPlace(SETTINGS_AT + 2 + 2 * n, f32)
     return MappingProxyType(found)
@@ -301,11 +327,14 @@ READING: Mapping[str, RegisterPlace] = MappingProxyType(
 )
 """Cells of a row of the table of readings: that of a product is in the slot of the product."""
 
+ORIGIN: Mapping[str, RegisterPlace] = MappingProxyType({"id": RegisterPlace(0, "u32"), "lane": RegisterPlace(3)})
+"""Cells of a row of the table of origins: that of a product is in the slot of the product."""
+
 FORWARD, REVERSE, BELT_BITS, BELT_NUMBER = 1, 2, 4, 8
 """Hold-to-run: bits 0 and 1, then a bit for each of belts 1–3 from bit 4, and the number of another belt from bit 8."""
 
 STATUS_IMAGE = Struct(">9HIffIIHHIIQfIIIIIffI" + 3 * "fffif4H" + "5H")
-CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHfHH46x")
+CONFIGURATION_IMAGE = Struct(">3H3f4f4ffffIHHfHHH44x")
 ROW_IMAGE = Struct(">IHHfffHHfIfHQH")
 RAMP_IMAGE = Struct(">IHHQ8fH")
 READING_IMAGE = Struct(">IHHIHxxfQxxH")
@@ -314,6 +343,9 @@ MORE_STATUS_IMAGE = Struct(">11H" + 8 * "fffifHH" + "H")
 MORE_BELTS_IMAGE = Struct(">H" + 5 * "fffifHH" + "H")
 MORE_CONFIGURATION_IMAGE = Struct(">H13f28f13fH")
 SHARES_IMAGE = Struct(">16H32x")
+MERGES_IMAGE = Struct(">H" + 4 * "4HIf" + "H")
+MERGE_PLANS_IMAGE = Struct(">H" + 4 * "fHxxff" + "H")
+ORIGIN_IMAGE = Struct(">IHH6xH")
 GATES_IMAGE = Struct(">H" + 8 * "4H2I" + "H")
 GATE_PLANS_IMAGE = Struct(">H" + 8 * "fHxxff" + "H")
 

@@ -7,6 +7,7 @@ from app.sim.conveyor.belt import Belt
 from app.sim.conveyor.first_out import FirstOut, StopCause
 from app.sim.conveyor.gates import Gates
 from app.sim.conveyor.machine import Conveyor, Geometry
+from app.sim.conveyor.merges import Merges
 from app.sim.conveyor.register_map import ConveyorEvent, ConveyorState, reading_words, words_of
 from app.sim.conveyor.scanner import ReadingState, Scanner
 from app.sim.plc import Table, VirtualPlc
@@ -40,6 +41,9 @@ class LineState(VirtualPlc):
     """What the scanner read of them, in the same slots."""
     scanner: Scanner
     gates: Gates
+    merges: Merges
+    origins: Table
+    """Where the products came from, in the same slots."""
     ramps: Table
     """The last start and stop of every belt."""
     scale: float
@@ -97,6 +101,6 @@ class LineState(VirtualPlc):
         ids = [product.id if product else 0 for product in self.tracking.slots]
         if ids != self.table.ids:
             self.scanner.keep(ids)
-            for table in (self.table, self.readings):
+            for table in (self.table, self.readings, self.origins):
                 table.ids = list(ids)
                 table.generation = table.generation + 2 & 0xFFFE

@@ -6,6 +6,7 @@ from random import Random
 
 from app.blocks.product_tracking import Code, TrackingEvent
 from app.sim.conveyor.blades import GatePlan, Rule
+from app.sim.conveyor.lanes import MOST_MERGES, MergePlan, Mode
 from app.sim.conveyor.machine import MOST_BELTS, MOST_SENSORS, Geometry
 from app.sim.conveyor.program import VirtualConveyor
 from tests.sim.conveyor.bench import QUICK
@@ -71,6 +72,28 @@ def layout_with_gates(seed: int) -> Geometry:
     return replace(line, gates=tuple(plans))
 
 
+def layout_with_lanes(seed: int) -> Geometry:
+    """Any line with gates, and one to four lanes that join it where they may."""
+    chance = Random(f"{seed} lanes")
+    line = layout_with_gates(seed)
+    places: list[float] = []
+    goal = chance.randint(1, MOST_MERGES)
+    for _ in range(400):
+        if len(places) == goal:
+            break
+        x = round(chance.uniform(line.sensors[0] + 110, line.sensors[-1] - 25), 1)
+        near = (*places, *line.sensors)
+        if any(abs(x - y) < 20 for y in near) or any(-20 < gate.at - x < 100 for gate in line.gates):
+            continue
+        places.append(x)
+    plans = []
+    for x in sorted(places):
+        before = max((end for end in line.belt_ends if end < x), default=0.0)
+        mode = chance.choice(list(Mode)) if before and x - before >= 100 else Mode.LINE
+        plans.append(MergePlan(x, mode, round(chance.uniform(10, 25), 1)))
+    return replace(line, merges=tuple(plans))
+
+
 def options(geometry: Geometry, **more: object) -> str:
     """What a plant file says of such a line, and `more`."""
     said: dict[str, object] = {
@@ -88,6 +111,9 @@ def options(geometry: Geometry, **more: object) -> str:
     said |= {f"belt_{n}_share": round(share) for n, share in enumerate(geometry.speed_shares, 1)}
     for n, gate in enumerate(geometry.gates, 1):
         said |= {f"gate_{n}_at": gate.at, f"gate_{n}_rule": int(gate.rule), f"gate_{n}_value": gate.value}
+    said["merges"] = len(geometry.merges)
+    for n, merge in enumerate(geometry.merges, 1):
+        said |= {f"merge_{n}_at": merge.at, f"merge_{n}_mode": int(merge.mode), f"merge_{n}_gap": merge.gap}
     return "".join(f"{key} = {value}\n" for key, value in (said | more).items())
 
 

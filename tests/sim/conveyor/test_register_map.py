@@ -161,7 +161,7 @@ def test_every_state_word_has_a_text() -> None:
 
 def test_a_simulated_line_begins_with_settings_within_their_limits() -> None:
     numbers = dict(_data.numbers["simulation"])
-    world = {"arrivals", "interval", "shortest", "longest", "not_read"}
+    world = {"arrivals", "interval", "shortest", "longest", "not_read", "lane_interval"}
     assert world <= set(numbers), "of the products that arrive"
     limits = {setting.name: (setting.low, setting.high) for setting in SETTINGS}
     for key in set(numbers) - world:
