@@ -123,6 +123,7 @@
   document.addEventListener("toggle", ({ target, newState }) => {
     if (newState === "open" && target.matches?.("details.drop")) for (const menu of menus()) if (menu !== target) menu.open = false;
   }, true);
+  addEventListener("DOMContentLoaded", () => { for (const menu of menus()) menu.dispatchEvent(new ToggleEvent("toggle", { newState: "open" })); }); // opened before htmx began
 
   // ---- tabs: where one is stands in view, however narrow the screen ------------------------------------------------
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });

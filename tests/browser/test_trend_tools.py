@@ -10,7 +10,7 @@ from urllib.parse import parse_qs, urlsplit
 from xml.etree import ElementTree
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from app import bundled
 from app.db import Database
@@ -189,6 +189,19 @@ def test_what_one_sees_is_taken_along_as_picture_and_as_table(sit: Sit, tmp_path
     )
     assert page.locator("[data-export]").get_attribute("href") is not None
     assert re.search(r"interval=\d+", page.locator("[data-export-sums]").get_attribute("href") or "")
+
+
+def test_a_menu_that_is_opened_before_every_script_runs_is_filled(sit: Sit) -> None:
+    page = sit()
+    held: list[Route] = []
+    page.route("**/js/trend.*js*", lambda route: held.append(route))
+    page.goto(page.url, wait_until="commit")
+    page.locator("[data-take] > summary").click()
+    expect(page.locator("[data-picture=svg]")).to_be_visible()
+    for route in held[:]:
+        route.continue_()
+    ready(page)
+    expect(page.locator("[data-export]")).to_be_visible()
 
 
 def test_without_the_server_pictures_are_taken_and_the_line_says_since_when(sit: Sit, tmp_path: Path) -> None:
