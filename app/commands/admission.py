@@ -6,6 +6,7 @@ from app.access.roles import Person
 from app.commands.command_state import CommandState
 from app.commands.interlocks import Prepared
 from app.commands.lifecycle import Progress, ProgressState
+from app.commands.machine import Machine
 from app.commands.nonce import Nonces, Rate
 from app.commands.orders import Order
 from app.errors import Refused
@@ -25,9 +26,8 @@ class Admission:
         self._state = state
         self._bursts: dict[tuple[str, str, str], _Burst] = {}
 
-    def check_person(self, order: Order, prepared: Prepared) -> None:
+    def check_person(self, order: Order, machine: Machine, prepared: Prepared) -> None:
         """Role, token, nonce: before anything is asked of the device."""
-        machine = self._state.machines[order.equipment]
         for found, status in self._state.checks.lacking(order.person, machine, prepared):
             raise Refused(found.key, status, **found.params)
         assert order.person is not None

@@ -218,6 +218,18 @@ class CommandState:
             raise Refused("why.no_such_command", 404, equipment=equipment, command=key)
         return machine, prepared
 
+    def still(self, equipment: str, choose: Callable[[Machine], Prepared | None]) -> tuple[Machine, Prepared]:
+        """A machine as the plant has it now, and what `choose` finds of it, for an order that found them before something was waited for.
+
+        Raises:
+            Refused: 409, they went with a reload.
+        """
+        machine = self.machines.get(equipment)
+        prepared = choose(machine) if machine else None
+        if machine is None or prepared is None:
+            raise Refused("why.reloaded", 409)
+        return machine, prepared
+
     def keep(self, work: Coroutine[Any, Any, T], name: str) -> "asyncio.Task[T]":
         """A task that goes on when its caller goes away."""
         task = asyncio.create_task(work, name=name)

@@ -48,7 +48,9 @@ class Execution:
             self._admission.note_refusal(order, prepared, refusal)
             raise refusal
         if prepared.command.stop:
-            return await asyncio.shield(self._state.keep(self._carry_out(order, prepared), f"stop {order.equipment}"))
+            return await asyncio.shield(
+                self._state.keep(self._carry_out(order, prepared, choose), f"stop {order.equipment}")
+            )
         if len(order.reason) > LONGEST_REASON:
             raise Refused("why.reason_too_long", 422, length=len(order.reason), limit=LONGEST_REASON)
         owner = "" if order.person is None else f"{order.person.id} {order.person.session}"
@@ -56,7 +58,7 @@ class Execution:
             return await self._once.run(
                 order.id,
                 owner,
-                lambda: self._carry_out(order, prepared, send),
+                lambda: self._carry_out(order, prepared, choose, send),
                 keep=lambda refusal: not isinstance(refusal, Question),
             )
         except Refused as refusal:
@@ -64,12 +66,15 @@ class Execution:
                 self._admission.note_refusal(order, prepared, refusal)
             raise
 
-    async def _carry_out(self, order: Order, prepared: Prepared, send: Send | None = None) -> Progress:
+    async def _carry_out(
+        self, order: Order, prepared: Prepared, choose: Callable[[Machine], Prepared | None], send: Send | None = None
+    ) -> Progress:
         try:
+            machine, prepared = self._state.still(order.equipment, choose)
             if not prepared.command.stop:
-                self._admission.check_person(order, prepared)
-                await self._state.checks.renew(self._state.machines[order.equipment], prepared)
-            machine = self._state.machines[order.equipment]
+                self._admission.check_person(order, machine, prepared)
+                await self._state.checks.renew(machine, prepared)
+                machine, prepared = self._state.still(order.equipment, choose)
             if prepared.command.stop and machine.job is not None and machine.job.order.id == order.id:
                 return machine.job.progress  # the second click of a double click
             plan = self._state.checks.task(order, machine, prepared)
@@ -80,10 +85,6 @@ class Execution:
         except Refused as refusal:
             self._admission.note_refusal(order, prepared, refusal)
             raise
-        except KeyError as error:  # the machine went with a reload while it was read
-            gone = Refused("why.reloaded", 409)
-            self._admission.note_refusal(order, prepared, gone)
-            raise gone from error
         if prepared.parts:
             return await self._sets.send(order, machine, prepared, plan)
         return await self._sending.send(order, machine, prepared, plan)

@@ -247,7 +247,7 @@ class HoldToRun:
         lease.counter, lease.last = counter, now
         try:
             self._start(lease)
-        except Refused:
+        except Exception:  # also a fault of our own: what never began does not count as moving
             lease.started = 0.0
             self._leases.pop(lease.token, None)
             raise

@@ -66,9 +66,9 @@ class HeldMotion:
                 raise Refused("why.no_such_command", 404, equipment=equipment, command=command)
             if not self._admission.within_rate(order, prepared):
                 raise Refused("why.rate", 429)
-            self._admission.check_person(order, prepared)
+            self._admission.check_person(order, machine, prepared)
             await self._state.checks.renew(machine, prepared)
-            machine = self._state.machines[equipment]
+            machine, prepared = self._state.still(equipment, lambda one: _held(one, command))
             self._state.checks.task(order, machine, prepared)
             if self._state.dry_run:
                 raise Refused("why.dry_run", 409)
@@ -78,8 +78,6 @@ class HeldMotion:
             if refusal.reason != "why.rate":
                 self._admission.note_refusal(order, prepared, refusal)
             raise
-        except KeyError as error:
-            raise self._gone(order, prepared) from error
         now = self._state.clock.monotonic()
         self._admitted = {key: kept for key, kept in self._admitted.items() if now - kept[2] < REMEMBERED}
         self._admitted[order.id] = (order, prepared, now)
@@ -89,7 +87,7 @@ class HeldMotion:
         """The first keep-alive: everything is judged again, then the motion begins."""
         order, prepared, _ = self._admitted.pop(lease.id)
         try:
-            machine = self._state.machines[lease.equipment]
+            machine, prepared = self._state.still(lease.equipment, lambda one: _held(one, lease.command))
             former, machine.job = machine.job, _without_lease(machine.job)
             try:
                 plan = self._state.checks.task(order, machine, prepared)
@@ -98,8 +96,6 @@ class HeldMotion:
         except Refused as refusal:
             self._admission.note_refusal(order, prepared, refusal)
             raise
-        except KeyError as error:
-            raise self._gone(order, prepared) from error
         previous = self._state.readings.previous(machine, prepared)
         job = self._sending.begin(order, machine, prepared, plan)
         job.lend(lease, self._state.clock.monotonic())
@@ -108,12 +104,6 @@ class HeldMotion:
         machine.then = interlocks.telegrams(machine.item, _parted(prepared.command)[1], None, {})
         job.keeps(dict(machine.restore))
         self._state.spawn(self._sending.write(machine, job, plan.telegrams), f"hold {lease.equipment}")
-
-    def _gone(self, order: Order, prepared: Prepared | None) -> Refused:
-        """The machine went with a reload while it was read, or before the first keep-alive."""
-        gone = Refused("why.reloaded", 409)
-        self._admission.note_refusal(order, prepared, gone)
-        return gone
 
     def _pass_on(self, lease: Lease) -> None:
         """A keep-alive of the browser goes on to a device that watches request bits itself."""
@@ -304,6 +294,12 @@ class HeldMotion:
         )
         new = ", ".join(f"{point} = {value:.10g}" for point, value in held.items())
         self._state.audit_lines.line(None, f"{item.id}.{key}", None, new, progress)
+
+
+def _held(machine: Machine, command: str) -> Prepared | None:
+    """The command, when it is one that lasts as long as its button is held."""
+    prepared = machine.commands.get(command)
+    return prepared if prepared is not None and prepared.command.hold else None
 
 
 def _stands(machine: Machine, job: Job) -> Prepared | None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.commands.checks import Checks
 from app.errors import Refused
 from app.plant.definitions import Scan
 from tests.commands.hold_rig import Pressed, moving
@@ -68,3 +69,40 @@ async def test_a_machine_that_goes_before_the_first_keep_alive_is_not_moved() ->
     with pytest.raises(Refused):
         await pressed.hold(0.15)
     assert not moving(stand)
+
+
+async def test_a_command_that_is_another_after_a_reload_is_judged_as_it_is_now() -> None:
+    """What was found before the wait is of a plant that is gone."""
+    stand = Stand()
+    pressed = await Pressed(stand).arm()
+    machine = stand.plant.equipment["m1"]
+    commands = {key: one for key, one in machine.type.commands.items() if key != "jog_forward"}
+    without = replace(machine, type=replace(machine.type, commands=commands))
+    stand.gate.configure(replace(stand.plant, equipment={**stand.plant.equipment, "m1": without}))
+    with pytest.raises(Refused) as refused:
+        await pressed.hold(0.15)
+    assert (refused.value.reason, refused.value.status) == ("why.reloaded", 409)
+    assert not moving(stand)
+
+
+@pytest.mark.parametrize("when", ["press", "first keep-alive", "command"])
+async def test_a_fault_of_the_house_is_not_told_as_a_reload(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A key that is missed in our own code says nothing of the plant file, and has its traceback."""
+    stand = Stand()
+    pressed = Pressed(stand)
+    if when == "first keep-alive":
+        await pressed.arm()
+
+    def broken(*asked: object) -> None:
+        raise KeyError("forgotten")
+
+    monkeypatch.setattr(Checks, "task", broken)
+    with pytest.raises(KeyError):
+        if when == "press":
+            await pressed.arm()
+        elif when == "command":
+            await stand.ask(ANA, "forward", "m1")
+        else:
+            await pressed.hold(0.15)
+    assert not stand.commands and not moving(stand)
+    assert stand.gate.hold.active("m1") is None
