@@ -78,15 +78,11 @@ banner.addEventListener("submit", (event) => {
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.shiftKey || document.querySelector("dialog[open]")) return;
-  if (event.key === "F4") {
-    event.preventDefault();
-    location.assign("/alarms");
-  } else if (event.key === "F8") {
-    event.preventDefault();
-    const selected = document.getElementById("ack-selected");
-    if (selected && selected.getAttribute("aria-disabled") !== "true") selected.click();
-    else document.getElementById("banner-ack")?.click();
-  }
+  if (event.key !== "F8") return;
+  event.preventDefault();
+  const selected = document.getElementById("ack-selected");
+  if (selected && selected.getAttribute("aria-disabled") !== "true") selected.click();
+  else document.getElementById("banner-ack")?.click();
 });
 
 // ---- announcements ----------------------------------------------------------------------------------------------

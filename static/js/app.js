@@ -146,11 +146,13 @@
     over(at.dataset.over);
   });
   document.addEventListener("keydown", (event) => {
-    const { key, ctrlKey, metaKey, altKey, shiftKey } = event, place = { F2: "/", F6: "/trends" }[key];
-    if (altKey || shiftKey || document.querySelector("dialog[open]")) return;
-    if ((ctrlKey || metaKey) && key.toLowerCase() === "k") over("/palette");
-    else if (!ctrlKey && !metaKey && key === "F1") over("/help");
-    else if (!ctrlKey && !metaKey && place) location.assign(place);
+    const { key, altKey, shiftKey } = event, control = event.ctrlKey || event.metaKey;
+    const place = !control && { F2: "/", F4: "/alarms", F6: "/trends" }[key], dialogs = document.querySelectorAll("dialog[open]");
+    if (altKey || shiftKey || (dialogs.length && !place)) return;
+    if ([...dialogs].some((one) => one.matches(".ask, :has([data-ask])") || [...one.querySelectorAll("input, textarea")].some(changed))) return;
+    if (place) location.assign(place);
+    else if (control && key.toLowerCase() === "k") over("/palette");
+    else if (!control && key === "F1") over("/help");
     else return;
     event.preventDefault();
   });

@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from tests.browser.station import Operator
+from tests.browser.station import Operator, let_go, take
 
 KINDS = (
     *("/", "/equipment/m1", "/equipment/m1/parameters", "/trends", "/alarms", "/alarms?tab=journal", "/events"),
@@ -27,7 +27,6 @@ def test_each_key_leads_there_from_every_page_and_out_of_a_field(operator: Opera
         fields += page.evaluate(FOCUS)
         page.keyboard.press("F1")
         expect(page.locator(".help [data-close]")).to_be_focused()
-        page.keyboard.press("F4")  # over a page that asks something no other key leads away from it
         page.keyboard.press("Escape")
         expect(page.locator(".help [data-close]")).to_have_count(0)
         assert page.url.startswith(operator.server.url + path), "it stays where it was"
@@ -63,3 +62,39 @@ def test_the_key_acknowledges_what_is_shown_and_on_the_list_what_is_chosen(opera
     page.wait_for_timeout(600)  # a press right after the banner changed was meant for what stood there before
     page.keyboard.press("F8")
     expect(page.locator("#message")).to_contain_text("1 alarm acknowledged")
+
+
+def test_the_keys_lead_out_of_help_but_from_no_dialog_that_asks_or_holds_what_was_typed(operator: Operator) -> None:
+    page, url = operator.page, operator.server.url
+    for key, there in (("F2", "/"), ("F4", "/alarms"), ("F6", "/trends")):
+        operator.go("/equipment/m1")
+        page.keyboard.press("F1")
+        expect(page.locator(".help [data-close]")).to_be_focused()
+        page.keyboard.press(key)
+        expect(page.locator(".help")).to_have_count(0, timeout=30_000)
+        assert page.url.partition("?")[0] == url + there, key
+    operator.go("/equipment/m1")
+    page.keyboard.press("Control+k")
+    page.locator("#pal-q").fill("fan")
+    stays_under(page, "#pal-q")
+    page.locator("#pal-q").fill("")
+    page.keyboard.press("F4")
+    expect(page).to_have_url(f"{url}/alarms", timeout=30_000)
+    operator.go("/equipment/m1")
+    take(page)
+    page.locator("[data-faceplate]").first.click()
+    field = page.locator(".fp [data-setpoint] input:not([type=hidden])").first
+    field.fill("41")
+    stays_under(page, ".fp")
+    assert field.input_value() == "41"
+    let_go(page)
+
+
+def stays_under(page: Page, dialog: str) -> None:
+    """No key leads away from what lies under the dialog."""
+    page.evaluate("() => { document.body.dataset.former = '1'; }")
+    for key in ("F2", "F4", "F6"):
+        page.keyboard.press(key)
+    page.wait_for_timeout(500)
+    expect(page.locator(dialog)).to_be_visible()
+    assert page.locator("body[data-former]").count() == 1
