@@ -1,4 +1,4 @@
-"""The command palette (Ctrl+K): machines, points, alarms, pages and actions by a few letters of their names.
+"""The command palette (Ctrl+K): machines, points, alarms, pages, actions and parameters by a few letters of their names.
 
 It only leads somewhere: an action leads to its button on the page of its machine, which is pressed there with all its questions.
 """
@@ -16,7 +16,9 @@ from fastapi.responses import Response
 from app.access.kept import FAVOURITE
 from app.access.roles import ROLE_PERMISSION, permitted
 from app.plant.definitions import Equipment, EquipmentType, Kind, Plant
+from app.plant.register_parameters import codes_in, unknown
 from app.plant.texts import Texts
+from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web.guard import allow, people_access
 from app.web.language import language_of
 from app.web.pages import pages_of, view_of
@@ -28,7 +30,7 @@ MOST = 24
 """Hits that are shown."""
 LONGEST, MOST_WORDS = 80, 6
 """Of what is looked for [characters, words]."""
-KINDS = (FAVOURITE.name, "machine", "page", "action", "alarm", "point")
+KINDS = (FAVOURITE.name, "machine", "page", "action", "alarm", "point", "parameter")
 """Of equally good hits these come first."""
 SYMBOLS: Mapping[str, str] = {
     FAVOURITE.name: "i-star",
@@ -37,6 +39,7 @@ SYMBOLS: Mapping[str, str] = {
     "action": "i-hand",
     "alarm": "i-bell",
     "point": "i-trend",
+    "parameter": "i-edit",
 }
 OTHER_LETTERS = str.maketrans({"đ": "d", "ß": "ss", "ł": "l", "ø": "o"})
 """Letters that no mark can be taken from."""
@@ -116,6 +119,7 @@ async def _found(request: Request, looked: str) -> list[Place]:
         return []
     lang = language_of(request)
     places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
+    places = [*places, *_by_code(runtime.texts, runtime.plant, lang, looked)]
     mine = (place for place in places if permitted(person, place.needs, simulated=runtime.simulated))
     marked = people_access(request).kept.of(person.id, FAVOURITE) if person is not None else {}
     favourites = list(marked)
@@ -197,6 +201,27 @@ def _of_machine(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Itera
             trend = point.history and point.kind in (Kind.ANALOG, Kind.STEP, Kind.BOOL)
             leads = f"/trends?tags={quote(point.name)}" if trend else url
             yield Place("point", text(point.label), f"{machine} · {point.name}", leads)
+    for parameter in item.type.drive_parameters.values():
+        yield _parameter(texts, plant, lang, item, parameter)
+
+
+def _parameter(texts: Texts, plant: Plant, lang: str, item: Equipment, parameter: DriveParameter) -> Place:
+    """A parameter of a drive: its row on the page of all of them."""
+    name = f"{parameter.code} {texts.of_type(lang, item.type, parameter.text_key)}"
+    machine = f"{texts.label(lang, item.label) or item.id} · {item.id}"
+    url = f"/equipment/{quote(item.id)}/drive-parameters?q={quote(parameter.code)}"
+    return Place("parameter", name, machine, url, "configure")
+
+
+def _by_code(texts: Texts, plant: Plant, lang: str, looked: str) -> Iterator[Place]:
+    """Parameters of which nothing is known but their codes: in no list, found by a code that is written out."""
+    for code in {word.upper() for word in looked.split()}:
+        for item in plant.equipment.values():
+            map = item.type.device.parameters
+            if map is None or code in item.type.drive_parameters or code not in codes_in(map):
+                continue
+            if (found := unknown(code)) is not None:
+                yield _with_letters(_parameter(texts, plant, lang, item, found))
 
 
 def _pages_of(texts: Texts, plant: Plant, lang: str, item: Equipment) -> Iterator[Place]:

@@ -1,13 +1,17 @@
 """The palette finds what somebody may use, whatever marks are typed, and leads there without doing anything."""
 
 import re
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
+from app import bundled
 from app.plant.loader import read_plant
+from app.settings import Settings
 from app.web.palette import MOST, Place, _places, _with_letters, folded, ranked
 from tests.demo_plant import DEMO
+from tests.virtual import house, pass_time
 from tests.web.operating import Operator
 from tests.web.people import Staff
 
@@ -107,3 +111,33 @@ def test_a_hit_is_a_way_and_no_deed(staff: Staff) -> None:
     assert hits(dialog)
     assert hits(operator.get("/palette/found?q=" + "x" * 500).text) == []
     assert "&lt;b&gt;" in operator.get("/palette/found?q=%3Cb%3E").text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_code_leads_to_its_row_on_the_page_of_every_drive_that_has_it(staff: Staff, language: str) -> None:
+    engineer = Operator(staff, "mate", ("engineer",), language)
+    for looked, code, machines in (
+        ("F114", "F114", {"m1", "m2"}),
+        ("f114", "F114", {"m1", "m2"}),
+        ("f114 m2", "F114", {"m2"}),
+        ("F612", "F612", {"m1", "m2"}),  # nothing is known of it but that a drive may have it
+    ):
+        found = {url: name for url, name in hits(engineer.get(f"/palette/found?q={looked}").text) if code in name}
+        assert {url.split("/")[2] for url in found} == machines, looked
+        for url, name in found.items():
+            assert name.startswith(f"{code} ") and "[" not in name
+            assert f'<tr data-code="{code}"' in engineer.get(url, fragment=False).text
+    assert not hits(engineer.get("/palette/found?q=F999").text), "no drive may have it"
+
+
+def test_a_drive_behind_a_mailbox_is_found_by_the_number_of_its_parameter(tmp_path: Path) -> None:
+    with house(Settings(plant=bundled("plants/sinamics"), data=tmp_path / "data")) as browser:
+        staff = Staff(browser)
+        pass_time(3)
+        engineer, operator = Operator(staff, "mate", ("engineer",)), Operator(staff, "ana", ("operator",))
+        for looked in ("p1082", "1082"):
+            found = {url for url, _ in hits(engineer.get(f"/palette/found?q={looked}").text)}
+            assert "/equipment/d1/drive-parameters?q=p1082" in found
+            assert not hits(operator.get(f"/palette/found?q={looked}").text), "she may not open that page"
+        page = engineer.get("/equipment/d1/drive-parameters?q=p1082", fragment=False).text
+        assert re.findall(r'<tr data-code="(\w+)"', page) == ["p1082"]
