@@ -57,7 +57,7 @@ JOINED = {
                 "tables",
                 "overlays",
             ),
-            *("plot", "operation", "screens/faceplate"),
+            *("plot", "operation", "screens/faceplate", "screens/palette"),
         )
     ),
     "css/glance.css": ("css/screens/overview.css", "css/screens/plant_picture.css", "css/mimic.css"),

@@ -90,6 +90,21 @@ def test_the_keys_lead_out_of_help_but_from_no_dialog_that_asks_or_holds_what_wa
     let_go(page)
 
 
+def test_what_opens_over_a_page_has_its_looks_at_once(operator: Operator) -> None:
+    """It is never drawn without them, however late a style sheet of its own would come."""
+    page = operator.page
+    operator.go("/")
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    for key, part, display in (("Control+k", ".pal-found a", "grid"), ("F1", ".help .help-keys", "grid")):
+        page.keyboard.press(key)
+        expect(page.locator(".pal [data-first]")).to_be_focused()
+        assert page.locator(part).first.evaluate("(one) => getComputedStyle(one).display") == display
+        page.keyboard.press("Escape")
+        expect(page.locator(".pal")).to_have_count(0)
+    assert asked and not [url for url in asked if ".css" in url]
+
+
 def stays_under(page: Page, dialog: str) -> None:
     """No key leads away from what lies under the dialog."""
     page.evaluate("() => { document.body.dataset.former = '1'; }")

@@ -37,7 +37,7 @@ KEPT = {
     "conveyor.css": 2,  # beside and above Stop, which a dialog leaves in sight
     "faceplate.css": 2,  # above the bar of commands at the bottom of a phone
     "frame.css": 1,  # the same
-    "palette.css": 3,  # beside Stop, and above the bar
+    "palette.css": 1,  # above the bar
     "sequence.css": 1,  # below the tabs
     "trends.css": 3,  # beside the live switch; a text below the name, not below the colour of its pen
 }
