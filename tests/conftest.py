@@ -37,9 +37,10 @@ settings.load_profile("house")  # how long an example takes is the machine's aff
 
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST = (
-    *("test_crane_cycle", "test_layout", "test_commands", "test_gone", "test_sequence", "test_live"),
-    *("test_sequence_tcp", "test_conveyor", "test_sequence_engineering", "test_sinamics", "test_alarms"),
-    *("test_trends", "test_crane", "test_frame", "test_conveyor_by_hand"),
+    *("test_layout_machines", "test_layout_operating", "test_layout", "test_crane_cycle", "test_commands"),
+    *("test_gone", "test_sequence", "test_live", "test_sequence_tcp", "test_conveyor"),
+    *("test_sequence_engineering", "test_sinamics", "test_alarms", "test_trends", "test_crane"),
+    *("test_frame", "test_conveyor_by_hand"),
 )
 """Files of browser tests that take half a minute and more, the longest first, so that none begins when the other browsers end.
 

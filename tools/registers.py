@@ -7,6 +7,7 @@ data: the block above a table of device.toml or commands.toml, and what stands b
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -395,7 +396,11 @@ def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _lines(kind: EquipmentType, file: str) -> list[str]:
-    path = kind.folder / file
+    return _read_lines(kind.folder / file)
+
+
+@cache
+def _read_lines(path: Path) -> list[str]:
     return path.read_text("utf-8").splitlines() if path.is_file() else []
 
 
@@ -426,8 +431,14 @@ def _note(kind: EquipmentType, file: str, table: str, *keys: str) -> str:
 
 def _names(line: str, table: str) -> bool:
     """Whether `line` is the head of `table`, also of one that stands for many (plant/type_files/repeats.py)."""
+    return (heads := _heads(line)) is not None and heads.fullmatch(table) is not None
+
+
+@cache
+def _heads(line: str) -> re.Pattern[str] | None:
+    """What the names of all tables look like that have this head."""
     name = line[1:-1].replace('"', "") if line.startswith("[") else ""
-    return bool(name) and re.fullmatch(r"\d+".join(map(re.escape, re.split(r"\{[^}]*\}", name))), table) is not None
+    return re.compile(r"\d+".join(map(re.escape, re.split(r"\{[^}]*\}", name)))) if name else None
 
 
 def _notes(kind: EquipmentType, file: str, table: str) -> dict[str, str]:

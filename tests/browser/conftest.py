@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page, StorageState, expect
 
-from tests.browser.station import Operator, Sit, Stations, serving, small
+from tests.browser.station import Operator, Sit, Stations, fault, serving, small
 from tests.conftest import PogonServer, find_port
 
 expect.set_options(timeout=15_000)  # what has to happen sooner than this says so itself
@@ -60,6 +60,18 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
     modbus = f"127.0.0.1:{find_port()}"
     with serving(small(tmp_path_factory.mktemp("broken"), "m1", "m2"), people, serve_modbus=modbus) as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def abnormal(stations: Stations, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A page of the whole demo plant at work, one of whose drives has tripped."""
+    with serving(tmp_path_factory.mktemp("whole"), {"ana": ("admin", "engineer", "operator")}) as running:
+        seat = Sit(stations, running, {}, "ana", "/equipment/m2")
+        page = seat()
+        fault(page, "m2", 13)
+        expect(page.locator("#alarms .banner-row, #alarms li, #alarms a").first).to_be_visible()
+        yield page
+        seat.leave()
 
 
 @pytest.fixture

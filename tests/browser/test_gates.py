@@ -7,9 +7,9 @@ import pytest
 from playwright.sync_api import expect
 
 from app import bundled
-from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, serving, take
+from tests.browser.looks import SIZES, looked_at
+from tests.browser.station import LANGUAGES, Sit, lay_out, serving, take
 from tests.browser.test_conveyor_by_hand import manual
-from tests.browser.test_layout import AXE_RUN, BOTH, CUT, FLOORS, LOOKED_AT, SIZES, SMALLEST, STOP
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/c5"
@@ -44,25 +44,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_nothing_of_a_line_with_gates_is_cut_at_any_size(sit: Sit, server: PogonServer, lang: str) -> None:
     page = sit(lang=lang)
-    found: list[str] = []
-    theme = LOOKED_AT.get(lang, "auto")
-    page.context.add_cookies([{"name": "pogon_theme", "value": theme, "url": server.url}])
-    for path in (HOME, f"{HOME}/faceplate"):
-        page.goto(server.url + path)
-        expect(page.locator("body")).to_have_attribute("data-live", "live")
-        page.evaluate("document.fonts.ready.then(() => 1)")
-        if lang in LOOKED_AT:
-            page.evaluate(AXE.read_text("utf-8"))
-            found += [f"{path} {theme}: {one}" for one in page.evaluate(AXE_RUN)]
-        for size, (width, height, profile) in SIZES.items():
-            lay_out(page, width, height, profile)
-            if size != "phone":
-                assert page.evaluate("document.documentElement.scrollHeight") <= height
-                found += [f"{path} {size}: {one}" for one in page.evaluate(CUT)]
-            found += [f"{path} {size}: {one}" for one in page.evaluate(SMALLEST, FLOORS[size])]
-            found += [f"{path} {size}: {one}" for one in page.evaluate(BOTH)]
-            found += [f"{path} {size}: no Stop in sight" for _ in range(not page.evaluate(STOP, height))]
-    assert found == []
+    assert looked_at(page, server.url, (HOME, f"{HOME}/faceplate"), lang) == []
     page.goto(server.url + HOME)
     expect(page.locator("body")).to_have_attribute("data-live", "live")
     page.locator(".c-gates > summary").click()

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import expect
 
+from tests.browser.looks import BOTH, SIZES
 from tests.browser.station import AXE, LANGUAGES, Sit, lay_out, serving, small, speak
-from tests.browser.test_layout import BOTH, SIZES
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/m1"

@@ -272,7 +272,7 @@ def test_nobody_is_left_out(sit: Sit, path: str) -> None:
 
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_nothing_of_a_long_sequence_is_cut_off_in_any_language_and_size(sit: Sit, lang: str) -> None:
-    """Twelve steps that nothing moves; the pages of a machine and its sequence are among those of test_layout."""
+    """Twelve steps that nothing moves; the pages of a machine and its sequence are among those of test_layout_machines."""
     from tools.pictures import LOOK, MARKS
 
     page = sit(lang=lang, path="/equipment/seq2")

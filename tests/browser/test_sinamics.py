@@ -8,8 +8,8 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from app import bundled
+from tests.browser.looks import BOTH
 from tests.browser.station import LANGUAGES, SIZES, Sit, built, fault, lay_out, serving, take
-from tests.browser.test_layout import BOTH
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/d2"

@@ -1,0 +1,43 @@
+"""Nothing is cut, shortened, covered or beyond the edge on any page of any machine, in every language at every size."""
+
+import tomllib
+
+import pytest
+from playwright.sync_api import Page
+
+from app import bundled
+from tests.browser.looks import looked_at
+from tests.browser.station import LANGUAGES, origin, speak
+
+DEMO = tomllib.loads((bundled("plants/demo") / "plant.toml").read_text("utf-8"))["equipment"]
+MACHINES = tuple(DEMO)
+FURTHER = {
+    machine: sorted(
+        path.stem.removeprefix("page_") for path in (bundled("templates/screens") / item["type"]).glob("page_*.html")
+    )
+    for machine, item in DEMO.items()
+}
+"""Machine → its further pages."""
+MORE = {
+    "m1": ["parameters"],
+    "c1": ["parameters", "events"],
+    "seq1": ["definition"],
+    "cr1": ["parameters", "page/thesis?run=positioner"],
+    "a1": ["drive-parameters", "drive-parameters/compare", "encoder", "fault-buffer"],
+}
+"""Machine → what else it shows, one of each kind."""
+
+
+def pages(machine: str) -> list[str]:
+    """Everything that the demo plant shows of a machine."""
+    parts = ["faceplate", *(f"page/{name}" for name in FURTHER[machine]), *MORE.get(machine, ())]
+    return [f"/equipment/{machine}", *(f"/equipment/{machine}/{part}" for part in parts)]
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_of_a_machine_is_cut_at_any_size(abnormal: Page, lang: str, machine: str) -> None:
+    """Nor is a text missing in a language, nor Stop out of sight."""
+    speak(abnormal, lang, origin(abnormal))
+    found = looked_at(abnormal, origin(abnormal), pages(machine), lang)
+    assert found == [], "\n".join(["", *found])
