@@ -3,7 +3,8 @@
 import asyncio
 import contextlib
 import os
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from collections import defaultdict
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from itertools import pairwise
@@ -23,7 +24,8 @@ from app.registers.crc import crc_holds
 from app.registers.pdu import read_request, write_request
 from app.registers.rtu import build_frame, read_time
 from app.sim import server as server_module
-from app.sim.bus import Bus, LineFaultMode
+from app.sim.bus import Answer, Bus, LineFaultMode
+from app.sim.device import VirtualDevice
 from app.sim.server import SerialServer, TcpServer, close_all, serve_pty, serve_serial, serve_tcp
 from app.sim.training import LineFault
 from tests.sim.fake_device import FakeDevice
@@ -36,6 +38,23 @@ Client = AsyncModbusTcpClient | AsyncModbusSerialClient
 FAST = 115200
 ANSWERS = 30.0
 """Patience where an answer comes [s], however busy the machine."""
+
+
+class HearingBus(Bus):
+    """Tells which units were asked. A master in the same loop that is out of patience may ask again before its line has read the first
+    telegram: then the silence between the two is not on the line, and they are one."""
+
+    def __init__(self, devices: Mapping[int, VirtualDevice]) -> None:
+        super().__init__(devices)
+        self._asked: dict[int, asyncio.Event] = defaultdict(asyncio.Event)
+
+    def answer(self, unit: int, pdu: bytes) -> Answer:
+        self._asked[unit].set()
+        return super().answer(unit, pdu)
+
+    async def heard_of(self, unit: int) -> None:
+        """Until a whole telegram to `unit` was heard, and the silence behind it."""
+        await self._asked[unit].wait()
 
 
 @asynccontextmanager
@@ -131,9 +150,12 @@ async def test_a_foreign_master_gets_each_exception(road: str) -> None:
 
 @pytest.mark.real_time
 async def test_a_unit_that_is_not_there_is_silent_and_its_neighbour_answers(road: str) -> None:
-    async with master(road, Bus({1: FakeDevice()}), patience=0.1) as client:
+    bus = HearingBus({1: FakeDevice()})
+    async with master(road, bus, patience=0.1) as client:
         with pytest.raises(ModbusIOException):
             await client.read_holding_registers(0x1000, count=1, device_id=9)
+        async with asyncio.timeout(ANSWERS):
+            await bus.heard_of(9)
         client.ctx.comm_params.timeout_connect = ANSWERS
         assert (await client.read_holding_registers(0x1000, count=1, device_id=1)).registers == [100]
 
@@ -150,11 +172,13 @@ async def test_a_unit_that_is_not_there_is_silent_and_its_neighbour_answers(road
     ],
 )
 async def test_a_spoiled_answer_never_passes_for_a_good_one(road: str, fault: LineFault) -> None:
-    device = FakeDevice(line_fault=replace(fault))
-    async with master(road, Bus({1: device}), patience=0.1) as client:
+    bus = HearingBus({1: FakeDevice(line_fault=replace(fault))})
+    async with master(road, bus, patience=0.1) as client:
         with pytest.raises(ModbusIOException):
             await client.read_holding_registers(0x1000, count=25, device_id=1)
-        await asyncio.sleep(0.1)
+        async with asyncio.timeout(ANSWERS):
+            await bus.heard_of(1)
+        await asyncio.sleep(0.2)
         client.ctx.comm_params.timeout_connect = ANSWERS
         client.close()
         assert await client.connect()
