@@ -64,13 +64,14 @@ def run(
     from app.access.access import lock, prepare
     from app.access.former import begin_anew as put_aside
     from app.main import create_app
-    from app.settings import unknown_settings
+    from app.settings import check_places, unknown_settings
     from app.web.serve import serve
 
     for name in unknown_settings(os.environ):
         typer.echo(f"pogon: {name} is no setting of pogon, it is not used", err=True)
     os.umask(0o077)
     try:
+        check_places(settings)
         if begin_anew:
             held = lock(settings.data) if settings.data.is_dir() else None
             place = put_aside(settings.data)
@@ -82,7 +83,8 @@ def run(
         lock(settings.data)
         serve(create_app(settings), settings)
     except ConfigurationError as error:
-        typer.echo(f"pogon: {error}", err=True)
+        for line in str(error).splitlines():
+            typer.echo(f"pogon: {line}", err=True)
         raise typer.Exit(2) from error
 
 

@@ -28,7 +28,7 @@ from app.errors import ConfigurationError
 from app.files import open_ordinary, read_text
 from app.plant.definitions import Plant
 from app.plant.problems import Problem
-from app.settings import Settings
+from app.settings import Settings, check_places
 
 State = Literal["ok", "warning", "failed"]
 
@@ -72,6 +72,7 @@ ReadPlant = Callable[[Path], tuple[Plant | None, list[Problem]]]
 
 def run_checks(settings: Settings, clock: Clock, read_plant: ReadPlant) -> Iterator[Finding]:
     """Every finding, in the order in which a start would meet it."""
+    yield from _settings(settings)
     yield _data(settings.data)
     yield _keys(settings.data)
     running = _is_running(settings.data)
@@ -92,11 +93,24 @@ def run_checks(settings: Settings, clock: Clock, read_plant: ReadPlant) -> Itera
             yield _serial(name, link.port)
 
 
+def _settings(settings: Settings) -> Iterator[Finding]:
+    """What is told of each place that a setting names, as the start tells it."""
+    try:
+        check_places(settings)
+    except ConfigurationError as error:
+        for line in str(error).splitlines():
+            yield Finding("settings", "failed", "wrong", {"reason": line})
+    else:
+        yield Finding("settings", "ok", "good")
+
+
 def _data(data: Path) -> Finding:
     try:
         check_files(data)
     except ConfigurationError as error:
         return Finding("data", "failed", "wrong", {"reason": error})
+    if os.path.lexists(data) and not data.is_dir():
+        return Finding("data", "failed", "wrong", {"reason": f"{data}: expected a folder"})
     if not data.is_dir():
         above = next((path for path in data.absolute().parents if path.exists()), Path("/"))
         good = above.is_dir() and os.access(above, os.W_OK | os.X_OK)

@@ -1,9 +1,13 @@
 """What an installer may change: `POGON_…` variables, read once, passed by parameter."""
 
+import errno
 import ipaddress
-from collections.abc import Iterable
+import os
+import re
+import stat
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -17,6 +21,14 @@ if TYPE_CHECKING:
 
 ROLES = frozenset({"viewer", "operator", "engineer", "admin"})
 """Those of people, which are known only further up (access/roles.py)."""
+HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(\.(?!-)[A-Za-z0-9_-]{1,63})*\.?")
+"""As browsers send it; what is of digits and points alone is an address."""
+LONGEST_PATH, LONGEST_NAME = 4095, 255
+"""Of a path, and of one folder or file in it [bytes]."""
+SHOWN = 120
+"""Of a value in a message [signs]."""
+SECRETS = frozenset({"metrics_token"})
+"""Whose values no message repeats."""
 OTHERS = frozenset({"POGON_CHROMIUM", "POGON_SOAK_SECONDS"})
 """Variables of ours that are no settings of the server."""
 
@@ -64,10 +76,45 @@ class Settings(BaseSettings):
         None, description="File on another disk or machine to which the anchors of the audit are added as well."
     )
     metrics_token: str = Field("", description="Token for /metrics from other machines; empty: loopback only.")
-    history_keep_days: float = Field(400, gt=0, description="History older than this is cut [days].")
-    history_quota_mb: float = Field(4096, ge=8, description="Size at which the oldest history is cut [MB].")
-    export_rows: int = Field(1_000_000, ge=1, description="Most rows of one CSV export from a page.")
+    history_keep_days: float = Field(400, gt=0, le=36_500, description="History older than this is cut [days].")
+    history_quota_mb: float = Field(4096, ge=8, le=1e9, description="Size at which the oldest history is cut [MB].")
+    export_rows: int = Field(1_000_000, ge=1, le=1_000_000_000, description="Most rows of one CSV export from a page.")
     push_period: float = Field(0.05, ge=0.02, le=1, description="Shortest time between two pushes to a browser [s].")
+
+    @field_validator("data", "plant", "tls_cert", "tls_key", "audit_anchors", mode="before")
+    @classmethod
+    def _is_path(cls, given: Any) -> Any:
+        text = os.fspath(given) if isinstance(given, str | os.PathLike) else "x"
+        names = [len(os.fsencode(name)) for name in text.split("/")]
+        if not text.strip() or any(ord(sign) < 32 for sign in text):
+            raise ValueError("expected a path")
+        if len(os.fsencode(text)) > LONGEST_PATH or max(names) > LONGEST_NAME:
+            raise ValueError(f"expected a path of at most {LONGEST_PATH} bytes, {LONGEST_NAME} in each of its names")
+        return given
+
+    @field_validator("tls_cert", "tls_key", "audit_anchors", mode="before")
+    @classmethod
+    def _may_be_unset(cls, given: Any) -> Any:
+        # before `_is_path`: pydantic begins with the last
+        return None if given == "" else given
+
+    @field_validator("host")
+    @classmethod
+    def _is_host(cls, text: str) -> str:
+        if not _names_host(text):
+            raise ValueError("expected an address or name of this machine without port, such as 127.0.0.1 or localhost")
+        return text
+
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _are_hosts(cls, text: str) -> str:
+        for name in _parts(text):
+            if not _names_host(name.removeprefix("[").removesuffix("]")):
+                raise ValueError(
+                    "expected host names as browsers send them, such as pogon.plant.example, without http://, port or path, "
+                    f"not {shown(name)}"
+                )
+        return text
 
     @field_validator("serve_modbus")
     @classmethod
@@ -84,27 +131,47 @@ class Settings(BaseSettings):
     def _is_syslog(cls, text: str) -> str:
         if text and not text.startswith("/"):
             try:
-                host_and_port(text)
-            except ConfigurationError as error:
-                raise ValueError("expected a path such as /dev/log, or HOST:PORT such as 192.0.2.7:514") from error
+                host, port = host_and_port(text)
+            except ConfigurationError:
+                host, port = "", 0
+            if not port or not _names_host(host):
+                raise ValueError("expected a path such as /dev/log, or HOST:PORT such as 192.0.2.7:514")
         return text
 
     @field_validator("second_factor")
     @classmethod
     def _are_roles(cls, text: str) -> str:
-        if unknown := sorted(_listed(text) - ROLES):
-            raise ValueError(f"expected roles of {', '.join(sorted(ROLES))}, not {', '.join(unknown)}")
+        unknown = sorted(_listed(text) - ROLES)
+        if unknown or (text and not _listed(text)):
+            said = f", not {shown(', '.join(unknown))}" if unknown else ""
+            raise ValueError(f"expected roles of {', '.join(sorted(ROLES))}{said}")
         return text
 
     @field_validator("behind_proxy")
     @classmethod
     def _are_proxies(cls, text: str) -> str:
-        for address in (part.strip() for part in text.split(",")):
+        for address in _parts(text):
             try:
-                if address:
-                    ipaddress.ip_network(address)
+                network = ipaddress.ip_network(address)
             except ValueError as error:
-                raise ValueError(f"expected IP addresses or networks, such as 172.30.80.1, not {address}") from error
+                raise ValueError(
+                    f"expected IP addresses or networks, such as 172.30.80.1, not {shown(address)}"
+                ) from error
+            if not network.prefixlen:
+                raise ValueError(
+                    f"expected addresses of the TLS proxies, such as 172.30.80.1, not everybody ({address})"
+                )
+        if text and not _parts(text):
+            raise ValueError("expected IP addresses or networks, such as 172.30.80.1")
+        return text
+
+    @field_validator("metrics_token")
+    @classmethod
+    def _is_token(cls, text: str) -> str:
+        if not all("!" <= sign <= "~" for sign in text):
+            raise ValueError(
+                "expected letters, digits and signs of ASCII without spaces: others do not fit into a header"
+            )
         return text
 
     @model_validator(mode="after")
@@ -131,13 +198,27 @@ class Settings(BaseSettings):
     @property
     def hosts(self) -> frozenset[str]:
         """Host names that a request may name, lower case, without port."""
-        named = {name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip()}
+        named = {name.lower() for name in _parts(self.allowed_hosts)}
         own = set() if self.host in ("0.0.0.0", "::") else {self.host.lower()}
         return frozenset(named | own | {"localhost", "127.0.0.1", "[::1]", "::1"})
 
 
 def _listed(text: str) -> frozenset[str]:
-    return frozenset(part.strip().lower() for part in text.split(",") if part.strip())
+    return frozenset(part.lower() for part in _parts(text))
+
+
+def _parts(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _names_host(text: str) -> bool:
+    """Whether `text` is an IP address, or a name that may be one of a machine."""
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        digits = text.replace(".", "").isdigit()
+        return not digits and len(text) <= LONGEST_NAME and HOST_NAME.fullmatch(text) is not None
+    return True
 
 
 def read_settings(**given: str) -> Settings:
@@ -153,8 +234,57 @@ def read_settings(**given: str) -> Settings:
 
 
 def _told(problem: "ErrorDetails") -> str:
-    name = "".join(f"POGON_{str(part).upper()}={problem['input']}: " for part in problem["loc"])
-    return name + problem["msg"].removeprefix("Value error, ")
+    named = [str(part) for part in problem["loc"]]
+    said = "".join(
+        f"POGON_{name.upper()}{'' if name in SECRETS else '=' + shown(str(problem['input']))}: " for name in named
+    )
+    return said + problem["msg"].removeprefix("Value error, ")
+
+
+def shown(text: str) -> str:
+    """`text` as a message repeats it: on one line, and cut when it is very long."""
+    line = "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in text[:SHOWN])
+    return line if len(text) <= SHOWN else f"{line}… ({len(text)} characters)"
+
+
+def check_places(settings: Settings) -> None:
+    """Refuse settings that name a folder, file or socket that is something else, before anything is started. Nothing is opened or made.
+
+    A data folder that is not there is made by the start; what is wrong in a plant folder is listed on a page of the running server.
+
+    Raises:
+        ConfigurationError: one line per setting with its value and what was expected.
+    """
+    anchors = settings.audit_anchors
+    wrong = [
+        ("DATA", settings.data, "a folder", _other_than(settings.data, stat.S_ISDIR, missing=True)),
+        ("PLANT", settings.plant, "a folder with plant.toml", _other_than(settings.plant, stat.S_ISDIR)),
+    ]
+    if anchors is not None:
+        why = _other_than(anchors.parent, stat.S_ISDIR) or _other_than(anchors, stat.S_ISREG, missing=True)
+        if not why and not os.access(anchors if anchors.exists() else anchors.parent, os.W_OK):
+            why = os.strerror(errno.EACCES)
+        wrong.append(("AUDIT_ANCHORS", anchors, "a file that may be written, in a folder that is there", why))
+    if settings.syslog.startswith("/"):
+        socket = Path(settings.syslog)
+        wrong.append(
+            ("SYSLOG", socket, "the socket of a running syslog such as /dev/log", _other_than(socket, stat.S_ISSOCK))
+        )
+    told = [
+        f"POGON_{name}={shown(str(path))}: expected {expected} ({why})" for name, path, expected, why in wrong if why
+    ]
+    if told:
+        raise ConfigurationError("\n".join(told))
+
+
+def _other_than(path: Path, kind: Callable[[int], bool], *, missing: bool = False) -> str:
+    """Why `path` is not of this `kind`; empty when it is, or is not there and may be `missing`."""
+    try:
+        return "" if kind(path.stat().st_mode) else "it is something else"
+    except FileNotFoundError as error:
+        return "" if missing and not path.is_symlink() else error.strerror or str(error)
+    except OSError as error:
+        return error.strerror or str(error)
 
 
 def unknown_settings(environment: Iterable[str]) -> list[str]:
