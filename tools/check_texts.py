@@ -24,7 +24,7 @@ from app.plant import types
 ROOT = Path(__file__).resolve().parent.parent
 LANGUAGES = ("en", "hr", "de", "cs")
 PLURAL = {"zero", "one", "two", "few", "many", "other"}
-CALLS = {"_", "t", "text"}
+CALLS = {"_", "t", "text", "said"}
 Texts = dict[str, str | dict[str, str]]
 
 

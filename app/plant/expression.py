@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from app.errors import ConfigurationError
+from app.plant.said import said
 from app.tags.batch import Value
 from app.tags.quality import GOOD, NO_DATA, is_bad, is_good
 
@@ -37,7 +38,7 @@ Age = Callable[[str], float | None]
 ARGUMENT = "argument"
 LONGEST = 4000  # a sentence over thirty-two sensors is long
 DEEPEST = 24
-EXPECTED = "numbers, names of points, + - * /, comparisons, and/or/not, in (…), abs min max good bad age"
+EXPECTED = said("mistake.grammar")
 
 _Step = Callable[[Look, Age | None, float | None], Result]
 
@@ -110,9 +111,14 @@ def parse(text: str, *, machines: bool = False) -> Expression:
         ConfigurationError: it is not a sentence of the grammar; names the text, the position (from 1) and what was expected.
     """
     if not text.strip():
-        raise _error(text, 1, "nothing", EXPECTED)
+        raise _error(text, 1, said("mistake.nothing"), EXPECTED)
     if len(text) > LONGEST:
-        raise _error(text[:40] + "…", LONGEST + 1, f"{len(text)} characters", f"at most {LONGEST} characters")
+        raise _error(
+            text[:40] + "…",
+            LONGEST + 1,
+            said("mistake.length", length=len(text)),
+            said("mistake.characters", most=LONGEST),
+        )
     sentence = text.strip()
     if stranger := re.search(r"[^A-Za-z0-9_.,()+\-*/<>=!\s]", sentence):
         raise _error(sentence, stranger.start() + 1, f"`{stranger[0]}`", EXPECTED)
@@ -122,9 +128,11 @@ def parse(text: str, *, machines: bool = False) -> Expression:
             tree = ast.parse(sentence, mode="eval")
     except SyntaxError as error:
         # an offset of 0 is the parser's word for the end
-        raise _error(sentence, error.offset or len(sentence), f"a mistake ({error.msg})", EXPECTED) from error
+        raise _error(
+            sentence, error.offset or len(sentence), said("mistake.a_mistake", parser=str(error.msg)), EXPECTED
+        ) from error
     except (ValueError, RecursionError, MemoryError) as error:
-        raise _error(sentence, 1, f"a mistake ({error})", EXPECTED) from error
+        raise _error(sentence, 1, said("mistake.a_mistake", parser=str(error)), EXPECTED) from error
     compiler = _Compiler(sentence, machines=machines)
     step = compiler.build(tree.body, 0)
     return Expression(text, frozenset(compiler.names), compiler.argument, frozenset(compiler.ages), step)
@@ -154,7 +162,7 @@ class _Compiler:
 
     def build(self, node: ast.expr, depth: int) -> _Step:
         if depth > DEEPEST:
-            raise self._wrong(node, "nesting too deep", f"at most {DEEPEST} levels")
+            raise self._wrong(node, said("mistake.too_deep"), said("mistake.levels", most=DEEPEST))
         match node:
             case ast.Constant(value=bool() as truth):
                 return lambda look, age, argument: truth
@@ -183,7 +191,7 @@ class _Compiler:
             self.argument = True
             return lambda look, age, argument: argument
         if name in RESERVED:
-            raise self._wrong(node, f"`{name}` without brackets", f"{name}(…)")
+            raise self._wrong(node, said("mistake.no_brackets", name=name), said("mistake.as_is", what=f"{name}(…)"))
         self.names.add(name)
 
         def step(look: Look, age: Age | None, argument: float | None) -> Result:
@@ -209,20 +217,18 @@ class _Compiler:
         if len(ops) == 1 and isinstance(ops[0], ast.In | ast.NotIn):
             members = comparators[0]
             if not isinstance(members, ast.Tuple) or not members.elts:
-                raise self._wrong(
-                    members, f"`{ast.unparse(members)[:40]}`", "a list in brackets after `in`, such as (1, 2)"
-                )
+                raise self._wrong(members, f"`{ast.unparse(members)[:40]}`", said("mistake.members"))
             inside = _member(self.build(left, depth + 1), [self.build(item, depth + 1) for item in members.elts])
             return _negation(inside) if isinstance(ops[0], ast.NotIn) else inside
         if any(type(op) not in _COMPARE for op in ops):
-            raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", "< <= > >= == != or in (…)")
+            raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.comparison"))
         terms = [self.build(term, depth + 1) for term in (left, *comparators)]
         return _chain([_COMPARE[type(op)] for op in ops], terms)
 
     def _call(self, node: ast.expr, name: str, arguments: list[ast.expr], depth: int) -> _Step:
         if name in _QUALITY or name == "age":
             if len(arguments) != 1 or not self._point(arguments[0]):
-                raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", f"{name}(point)")
+                raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.of_point", name=name))
             point = self._point(arguments[0])
             self.names.add(point)
             if name == "age":
@@ -231,9 +237,7 @@ class _Compiler:
             judge = _QUALITY[name]
             return lambda look, age, argument: judge(*look(point))
         if name not in _CALLS or not arguments or (name == "abs" and len(arguments) != 1):
-            raise self._wrong(
-                node, f"`{ast.unparse(node)[:40]}`", "abs(x), min(x, y), max(x, y), good(point), bad(point), age(point)"
-            )
+            raise self._wrong(node, f"`{ast.unparse(node)[:40]}`", said("mistake.calls"))
         call, terms = _CALLS[name], [self.build(item, depth + 1) for item in arguments]
 
         def step(look: Look, age: Age | None, argument: float | None) -> Result:
@@ -332,4 +336,4 @@ def _chain(comparisons: list[Callable[[float, float], bool]], terms: list[_Step]
 
 
 def _error(text: str, position: int, found: str, expected: str) -> ConfigurationError:
-    return ConfigurationError(f'expression "{text}", position {position}: found {found}, expected {expected}')
+    return ConfigurationError(said("mistake.expression", text=text, position=position, found=found, expected=expected))

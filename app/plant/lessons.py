@@ -36,7 +36,8 @@ from app.plant import expression
 from app.plant.definitions import EquipmentType
 from app.plant.lesson_definition import MOMENTS, NO_FAULT, Choice, Deed, Lesson, LessonStep, Texts
 from app.plant.problems import Problem
-from app.plant.tables import MISSING, NONE, Plain, Source, Table
+from app.plant.said import Plain
+from app.plant.tables import MISSING, NONE, Source, Table
 
 FOLDER = "lessons"
 NAME = r"[a-z][a-z0-9_]{0,31}"

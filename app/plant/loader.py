@@ -18,9 +18,10 @@ from app.plant.plant_files.names import check_id
 from app.plant.plant_files.shifts import USUAL, read_shifts
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.problems import MoreProblems, Problem
+from app.plant.said import Plain
 from app.plant.sequence_recipe import texts_of
 from app.plant.sequences import SequenceFiles
-from app.plant.tables import MOST_PROBLEMS, NONE, STOP_AT, Enough, Plain, Source, Table
+from app.plant.tables import MOST_PROBLEMS, NONE, STOP_AT, Enough, Source, Table
 
 PLANT_FILE = "plant.toml"
 TRANSPORTS = ("memory", "tcp", "rtu")

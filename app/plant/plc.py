@@ -37,7 +37,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap
-from app.plant.tables import MISSING, Plain, Table, one_of
+from app.plant.said import Plain
+from app.plant.tables import MISSING, Table, one_of
 from app.records.event import WORDS
 from app.records.snapshot import TYPES, Field, Layout, words_of
 from app.registers.plc_map import MINOR, TABLE_HEAD

@@ -21,6 +21,7 @@ whatever is nested meets again.
 from collections.abc import Iterator, Sequence
 
 from app.blocks.sequence import Branch, Chart, Loop
+from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceStep
 from app.plant.sequence_recipe import check_count, named, refers
 from app.plant.tables import MISSING, Table
@@ -54,24 +55,24 @@ def _step(row: Table, key: str, keys: Sequence[str]) -> int:
 def _branch(row: Table, keys: Sequence[str]) -> Branch | None:
     after, then = _step(row, "after", keys), _step(row, "then", keys)
     take = row.text("take", choices=TAKES)
-    names = list(row.items("paths", [], "the first steps of the paths"))
+    names = list(row.items("paths", [], said("mistake.first_steps")))
     paths: list[int] = []
     for index, name in enumerate(names):
         if name in keys:
             paths.append(keys.index(name) + 1)
         else:
-            row.note(f"paths.{index}", name, f"a step of this file: {', '.join(keys)}")
+            row.note(f"paths.{index}", name, said("mistake.step_of_file", keys=", ".join(keys)))
     row.done()
     if not (after and then and take in TAKES) or len(paths) != len(names):
         return None
     if len(paths) < 2:
-        row.note("paths", names or MISSING, "the first steps of at least two paths")
+        row.note("paths", names or MISSING, said("mistake.two_paths"))
     elif paths[0] != after + 1:
-        row.note("paths.0", names[0], f"the step behind {keys[after - 1]}, where the first path begins")
+        row.note("paths.0", names[0], said("mistake.first_path", step=keys[after - 1]))
     elif sorted(set(paths)) != paths:
-        row.note("paths", names, "each path once, in the order of the steps in the file")
+        row.note("paths", names, said("mistake.paths_once"))
     elif then <= paths[-1]:
-        row.note("then", keys[then - 1], f"a step behind the last path, which begins with {names[-1]}")
+        row.note("then", keys[then - 1], said("mistake.behind_paths", step=names[-1]))
     else:
         return Branch(after, tuple(paths), then, take == "all")
     return None
@@ -81,10 +82,10 @@ def _fits(row: Table, branch: Branch, others: Sequence[Branch], keys: Sequence[s
     """Whether it stands within one path of each of the `others`, or beside it."""
     for other in others:
         if other.after == branch.after:
-            row.note("after", keys[branch.after - 1], "a step after which nothing else divides")
+            row.note("after", keys[branch.after - 1], said("mistake.divides_once"))
             return False
         if not (_lies(branch.after, branch.then, other) or _lies(other.after, other.then, branch)):
-            expected = f"a branch within one path of the branch after {keys[other.after - 1]}, or one that does not touch its paths"
+            expected = said("mistake.branch_within", step=keys[other.after - 1])
             row.note("after", keys[branch.after - 1], expected)
             return False
     return True
@@ -103,8 +104,7 @@ def _commands_apart(row: Table, branch: Branch, steps: Sequence[SequenceStep]) -
     for number, (first, last) in enumerate(branch.spans if branch.together else ()):
         for machine in dict.fromkeys(order.machine for step in steps[first - 1 : last] for order in step.orders):
             if owner.setdefault(machine, number) != number:
-                expected = "paths that command different machines: they run side by side"
-                row.note("take", "all", f"{expected}, and {machine} is in two of them")
+                row.note("take", "all", said("mistake.side_by_side", machine=machine))
                 return False
     return True
 
@@ -119,7 +119,7 @@ def _loop(row: Table, keys: Sequence[str], recipe: Sequence[RecipeValue]) -> Loo
         times = row.whole("times", low=2, high=MOST_TIMES)
     row.done()
     if first and last and last < first:
-        row.note("to", keys[last - 1], f"{keys[first - 1]} or a step behind it")
+        row.note("to", keys[last - 1], said("mistake.or_behind", step=keys[first - 1]))
         return None
     return Loop(first, last, times, value.key if value else "") if first and last and (times or value) else None
 
@@ -128,18 +128,14 @@ def _is_whole(row: Table, loop: Loop, branches: Sequence[Branch], others: Sequen
     """Whether both its ends are in the same path, and it crosses no other loop."""
     for branch in branches:
         if _path(loop.first, branch) != _path(loop.last, branch):
-            row.note(
-                "to",
-                keys[loop.last - 1],
-                f"a step in the same path as {keys[loop.first - 1]}: a loop crosses no branch",
-            )
+            row.note("to", keys[loop.last - 1], said("mistake.same_path", step=keys[loop.first - 1]))
             return False
     for other in others:
         apart = loop.last < other.first or other.last < loop.first
         inside = other.first <= loop.first and loop.last < other.last
         around = loop.first <= other.first and other.last < loop.last
         if not (apart or inside or around):
-            row.note("to", keys[loop.last - 1], "a loop within another one or beside it, each with an end of its own")
+            row.note("to", keys[loop.last - 1], said("mistake.loop_within"))
             return False
     return True
 
@@ -156,9 +152,9 @@ def _safe(head: Table, keys: Sequence[str], branches: Sequence[Branch], loops: S
     crossed = [keys[branch.after - 1] for branch in branches if branch.after < safe <= branch.then]
     crossed += [keys[loop.first - 1] for loop in loops if loop.first < safe <= loop.last]
     if safe == 1:
-        head.note("abort_to", keys[0], "a step behind the first one: the safe steps are the last of the file")
+        head.note("abort_to", keys[0], said("mistake.safe_steps"))
     elif crossed:
-        head.note("abort_to", keys[safe - 1], f"a step outside of the branch or loop at {crossed[0]}")
+        head.note("abort_to", keys[safe - 1], said("mistake.safe_outside", step=crossed[0]))
     else:
         return safe
     return 0

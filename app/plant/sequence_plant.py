@@ -12,12 +12,14 @@ sequence what he may not set in the other. Values of a run have no right of thei
 every sequence: there is none to compare.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
 from app.plant.definitions import Argument, Equipment, Kind, Link, Plant, Scan, Type
+from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceOrder
-from app.plant.tables import MISSING, Table, one_of
+from app.plant.tables import MISSING, Table, one_of, perhaps, span
 from app.plant.type_files.orders import expected_action
 
 
@@ -46,15 +48,15 @@ def check_points(table: Table, key: str, text: str, names: Sequence[str], found:
         machine, _, point = name.partition(".")
         item = found.get(machine)
         if item is None:
-            table.note(key, text, f"points of equipment of the plant; {machine} is {_no(machine, found)}")
+            table.note(key, text, said("mistake.points_of_plant", machine=machine, what=_near(machine, found)))
         elif point not in item.points:
             near = get_close_matches(point, list(item.points), n=1)
-            meant = f" (perhaps {machine}.{near[0]})" if near else ""
-            table.note(key, text, f"names of points of {machine}; it has no {point}{meant}")
+            meant = perhaps(f"{machine}.{near[0]}" if near else "")
+            table.note(key, text, said("mistake.points_of", machine=machine, point=point, near=meant))
         elif item.points[point].kind is Kind.TEXT:
-            table.note(key, text, f"points that are numbers; {name} is a text")
+            table.note(key, text, said("mistake.point_is_text", point=name))
         elif item.points[point].scan in (Scan.PAGE, Scan.ONCE) and item.points[point].register is not None:
-            table.note(key, text, f"points that are read all the time; {name} is read for a page or once")
+            table.note(key, text, said("mistake.point_is_rare", point=name))
 
 
 def check_order(
@@ -67,32 +69,31 @@ def check_order(
 ) -> None:
     """Note what is wrong with an order of the sequence `item`: where it runs, whom it commands, what, with which values."""
     if item.link in links and not links[item.link].simulated:
-        expected = (
-            f"no orders: {item.id} has a PLC of its own, whose program commands; only what this server runs gives them"
-        )
-        table.note("machine", order.machine, expected)
+        table.note("machine", order.machine, said("mistake.own_plc", machine=item.id))
         return
     machine = found.get(order.machine)
     if machine is None or machine.id == item.id:
         known = sorted(id for id, other in found.items() if other.type.orders and id != item.id)
-        table.note("machine", order.machine, "another equipment that takes orders: " + one_of(known, order.machine))
+        table.note("machine", order.machine, said("mistake.takes_orders", known=one_of(known, order.machine)))
         return
     link = links.get(machine.link)
     if link is not None and not (link.simulated or link.believe_simulated):
-        expected = f"a machine that is simulated: {item.id} runs in this server, which moves nothing on a live link"
-        table.note("machine", order.machine, expected)
+        table.note("machine", order.machine, said("mistake.simulated", machine=item.id))
     elif link is not None and not link.may_write:
-        table.note("machine", order.machine, f"a machine whose link may write; {link.name} says writes = false")
+        table.note("machine", order.machine, said("mistake.may_write", link=link.name))
     action = machine.type.orders.get(order.action)
     if action is None:
         table.note("action", order.action, expected_action(machine.type.orders, machine.type.name, order.action))
         return
     for name in action.values:
         if name not in order.values:
-            table.note(f"values.{name}", MISSING, f"a number: {order.action} needs {', '.join(action.values)}")
+            table.note(
+                f"values.{name}", MISSING, said("mistake.needs", what=order.action, values=", ".join(action.values))
+            )
     for name, value in order.values.items():
         if name not in (*action.values, *action.optional):
-            expected = f"a value of {order.action}: " + one_of([*action.values, *action.optional], name)
+            values = one_of([*action.values, *action.optional], name)
+            expected = said("mistake.value_of", action=order.action, known=values)
             table.note(f"values.{name}", value, expected)
     ends = {one.key: (one.low, one.high) for one in recipe}
     spans = {name: ends.get(order.recipe.get(name, ""), (value,)) for name, value in order.values.items()}
@@ -104,18 +105,18 @@ def check_order(
         for argument in command.arguments:
             if argument.name in order.values:
                 value = order.values[argument.name]
-                span = spans[argument.name]
-                _check_range(table, argument.name, span, _number(argument.low), _number(argument.high), machine)
+                ends_of_it = spans[argument.name]
+                _check_range(table, argument.name, ends_of_it, _number(argument.low), _number(argument.high), machine)
                 if argument.name in each.optional:
                     _check_taken(table, argument, order, recipe, machine)
                 if argument.type is not Type.F32 and argument.name in order.recipe:
                     table.note(
                         f"values.{argument.name}",
                         PREFIX + order.recipe[argument.name],
-                        "a whole number, no value of a run",
+                        said("mistake.whole_no_run"),
                     )
                 elif argument.type is not Type.F32 and not value.is_integer():
-                    table.note(f"values.{argument.name}", value, "a whole number")
+                    table.note(f"values.{argument.name}", value, said("mistake.whole"))
 
 
 def _check_range(
@@ -124,8 +125,8 @@ def _check_range(
     """The widest range that there can be; narrower limits that are set in the drive are the gate's. `values`: one, or both ends."""
     wrong = [value for value in values if (low is not None and value < low) or (high is not None and value > high)]
     if wrong:
-        ends = " ".join([f"from {low:g}"] * (low is not None) + [f"up to {high:g}"] * (high is not None))
-        table.note(f"values.{name}", wrong[0], f"a number {ends} for {machine.id}")
+        ends = span("number", -math.inf if low is None else low, math.inf if high is None else high)
+        table.note(f"values.{name}", wrong[0], said("mistake.for_machine", what=ends, machine=machine.id))
 
 
 def _check_taken(
@@ -134,16 +135,19 @@ def _check_taken(
     """A value for the run of another sequence: one with more decimals would be refused at its start, one in another unit misread."""
     value, name = order.values[argument.name], f"values.{argument.name}"
     own = next((one for one in recipe if one.key == order.recipe.get(argument.name)), None)
-    takes = f"with at most {argument.decimals} decimals" if argument.decimals else "in whole numbers"
+    takes = said("mistake.decimals", most=argument.decimals) if argument.decimals else said("mistake.in_whole")
     if own is not None and own.decimals > argument.decimals:
-        expected = f"a value of a run {takes}, as {machine.id} takes it; {own.key} has decimals = {own.decimals}"
+        expected = said("mistake.run_decimals", takes=takes, machine=machine.id, key=own.key, decimals=own.decimals)
         table.note(name, PREFIX + own.key, expected)
     elif own is not None and own.unit != argument.unit:
-        units = [f"in {unit}" if unit else "without a unit" for unit in (argument.unit, own.unit)]
-        expected = f"a value of a run {units[0]}, as {machine.id} takes it; {own.key} is {units[1]}"
+        units = [
+            said("mistake.in_unit", unit=unit) if unit else said("mistake.no_unit")
+            for unit in (argument.unit, own.unit)
+        ]
+        expected = said("mistake.run_unit", takes=units[0], machine=machine.id, key=own.key, unit=units[1])
         table.note(name, PREFIX + own.key, expected)
     elif own is None and round(value, argument.decimals) != value:
-        table.note(name, value, f"a number {takes}, as {machine.id} takes it")
+        table.note(name, value, said("mistake.number_as", takes=takes, machine=machine.id))
 
 
 def _widest(machine: Equipment, key: str, end: str) -> float | None:
@@ -167,6 +171,6 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _no(machine: str, found: Mapping[str, Equipment]) -> str:
+def _near(machine: str, found: Mapping[str, Equipment]) -> str:
     near = get_close_matches(machine, list(found), n=1)
-    return "none" + (f" (perhaps {near[0]})" if near else "")
+    return perhaps(near[0] if near else "")

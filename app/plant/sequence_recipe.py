@@ -20,8 +20,9 @@ from dataclasses import replace
 from app.plant import expression
 from app.plant.actions import Action
 from app.plant.definitions import Argument, Command, Condition, Equipment, Point, Texts
+from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceDefinition
-from app.plant.tables import Table, one_of
+from app.plant.tables import Table, one_of, span
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 
 ReadLabel = Callable[[Table, str], Texts]
@@ -40,18 +41,18 @@ def read_recipe(root: Table, label: ReadLabel) -> tuple[RecipeValue, ...]:
     for index, row in enumerate(root.rows("recipe")):
         key = row.text("key", pattern=KEY, expected=KEY_EXPECTED)
         if index == MOST_VALUES:
-            row.note("key", key, f"at most {MOST_VALUES} values of a run")
+            row.note("key", key, said("mistake.values_of_run", most=MOST_VALUES))
         if key in (one.key for one in found):
-            row.note("key", key, "a key that no other value of a run has")
+            row.note("key", key, said("mistake.run_key_twice"))
         elif key in expression.RESERVED or key in TAKEN:
-            row.note("key", key, f"a key that is no word of the grammar and none of {', '.join(TAKEN)}")
+            row.note("key", key, said("mistake.run_key_taken", taken=", ".join(TAKEN)))
         low, high = float(row.number("minimum")), float(row.number("maximum"))
         if low >= high:
-            row.note("maximum", row.data.get("maximum"), f"more than the minimum, which is {low:g}")
+            row.note("maximum", row.data.get("maximum"), said("mistake.more_than", low=f"{low:g}"))
             high = low + 1
         default = float(row.number("default"))
         if not low <= default <= high:
-            row.note("default", row.data.get("default"), f"a number from {low:g} to {high:g}")
+            row.note("default", row.data.get("default"), span("number", low, high))
             default = low
         text = label(row, "label")
         found.append(RecipeValue(key, text, low, high, default, row.text("unit", ""), row.whole("decimals", 1, 0, 6)))
@@ -68,9 +69,8 @@ def named(table: Table, key: str, known: Sequence[RecipeValue]) -> RecipeValue |
     found = next((one for one in known if given == PREFIX + one.key), None)
     if found is None:
         names = [PREFIX + one.key for one in known]
-        table.note(
-            key, given, "a number, or " + (one_of(names, given) if names else "a value of [[recipe]], which has none")
-        )
+        known_names = one_of(names, given) if names else said("mistake.no_recipe")
+        table.note(key, given, said("mistake.number_or", what=known_names))
     return found
 
 
@@ -82,29 +82,29 @@ def refers(given: object) -> bool:
 def check_time(table: Table, key: str, value: RecipeValue, most: float) -> None:
     """Note a value of a run that no time of a step can be."""
     if not (value.low >= 0 and value.high <= most):
-        table.note(
-            key,
-            PREFIX + value.key,
-            f"a value of a run from 0 to {most:g} s; its range is {value.low:g} to {value.high:g}",
-        )
+        ends = {"low": f"{value.low:g}", "high": f"{value.high:g}"}
+        table.note(key, PREFIX + value.key, said("mistake.run_time", most=f"{most:g}", **ends))
 
 
 def check_count(table: Table, key: str, value: RecipeValue, most: int) -> None:
     """Note a value of a run that cannot be how often something is done: whole numbers from 1."""
     given = PREFIX + value.key
     if value.decimals or not all(one.is_integer() for one in (value.low, value.high, value.default)):
-        said = f"its decimals are {value.decimals}, its range is {value.low:g} to {value.high:g}, default {value.default:g}"
-        table.note(key, given, f"a value of a run in whole numbers, with decimals = 0; {said}")
+        default = f"{value.default:g}"
+        expected = said(
+            "mistake.run_whole", decimals=value.decimals, low=f"{value.low:g}", high=f"{value.high:g}", default=default
+        )
+        table.note(key, given, expected)
     elif not (value.low >= 1 and value.high <= most):
-        table.note(key, given, f"a value of a run from 1 to {most}; its range is {value.low:g} to {value.high:g}")
+        table.note(key, given, said("mistake.run_count", most=most, low=f"{value.low:g}", high=f"{value.high:g}"))
 
 
 def check_names(table: Table, key: str, text: str, names: Sequence[str], known: Sequence[RecipeValue]) -> None:
     """Note values of a run that a sentence names and the file does not have."""
     for name in names:
         if name not in (PREFIX + one.key for one in known):
-            have = one_of([PREFIX + one.key for one in known], name) if known else "none in this file"
-            table.note(key, text, f"values of a run of [[recipe]]; {name} is none ({have})")
+            have = one_of([PREFIX + one.key for one in known], name) if known else said("mistake.none_in_file")
+            table.note(key, text, said("mistake.run_values", name=name, known=have))
 
 
 def with_recipe(item: Equipment) -> Equipment:

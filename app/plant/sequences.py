@@ -59,6 +59,7 @@ from app.errors import ConfigurationError
 from app.plant import expression
 from app.plant.definitions import Equipment, Kind, Link, Plant, Point, Texts, Type
 from app.plant.problems import Problem
+from app.plant.said import Plain, said
 from app.plant.sequence_chart import chart_lines, read_chart
 from app.plant.sequence_definition import (
     PREFIX,
@@ -71,8 +72,8 @@ from app.plant.sequence_definition import (
 )
 from app.plant.sequence_plant import check_order, check_points, others, own
 from app.plant.sequence_recipe import check_names, check_time, named, read_recipe, refers
-from app.plant.tables import MISSING, Plain, Source, Table, one_of
-from app.plant.type_files.names import KEY
+from app.plant.tables import MISSING, Source, Table, one_of, perhaps, span
+from app.plant.type_files.names import KEY, KEY_EXPECTED
 from app.plant.type_files.options import MOST_STEPS, STEPS
 
 FOLDER = "sequences"
@@ -88,9 +89,7 @@ STATES = tuple(state.name.lower() for state in SequenceState)
 ABORT = "abort"
 POINT = rf"({NAME}\.)?{KEY}"
 """A point of the machine, or of any."""
-NO_TESTS = (
-    "no tests where steps have orders: they go through the gate of a running plant, which tests of the file do not have"
-)
+NO_TESTS = said("mistake.no_tests")
 ORDERS = ("command", "fault", "set")
 """What a row of `when` may do."""
 SIGHTS = ("state", "step", "expect", "first_out", "never")
@@ -182,14 +181,14 @@ class SequenceFiles:
         if forgotten:
             return
         ranges = machine.type.simulation_presets if machine else _words(file.definition)
-        owner = machine.type.name if machine else "a sequence without a machine"
+        owner = machine.type.name if machine else said("mistake.without_machine")
         for table, key, given in file.presets:
             name = key.rpartition(".")[2]
             if name not in ranges:
-                table.note(key, given, f"a preset of {owner}: {one_of(sorted(ranges), name)}")
+                table.note(key, given, said("mistake.preset_of", owner=owner, known=one_of(sorted(ranges), name)))
             elif isinstance(given, int | float) and not ranges[name][0] <= given <= ranges[name][1]:
                 low, high = ranges[name]
-                table.note(key, given, f"a number from {low:g} to {high:g}")
+                table.note(key, given, span("number", low, high))
         looked = machine or item
         signals = {key: point for key, point in looked.points.items() if _is_signal(point)}
         for table, key, text in file.sentences:
@@ -212,24 +211,24 @@ class SequenceFiles:
             check_order(table, order, item, found, links, file.recipe)
         if file.orders and file.definition.tests:
             table = file.orders[0][0]
-            table.source.note(("tests",), f"{len(file.definition.tests)} tests", NO_TESTS)
+            table.source.note(("tests",), said("mistake.tests", number=len(file.definition.tests)), NO_TESTS)
 
     def _check_machine(self, file: _File, machine: Equipment) -> None:
         known = {key: point for key, point in machine.points.items() if _is_signal(point)}
         for table, key, text in file.signals:
             if not text:
-                table.note(key, MISSING, f"a sentence over points of {machine.id} that says when it is there")
+                table.note(key, MISSING, said("mistake.sentence_over", machine=machine.id))
             else:
                 _check_signals(table, key, text, known, machine)
         for table, key, text in file.wishes:
             _check_signals(table, key, text, known, machine)
         for table, key, name in file.values:
             if "." not in name and name not in known:
-                table.note(key, name, f"a point that {machine.id} itself has as a number{_near(name, known)}")
+                table.note(key, name, said("mistake.own_point", machine=machine.id, near=_near(name, known)))
         for table, key, action in file.actions:
             if machine.type.actions and action not in machine.type.actions:
                 expected = one_of(list(machine.type.actions), action)
-                table.note(key, action, f"an action of {machine.type.name}: {expected}")
+                table.note(key, action, said("mistake.action_of", type=machine.type.name, known=expected))
 
     # ---- one file -------------------------------------------------------------------------------------
 
@@ -244,15 +243,15 @@ class SequenceFiles:
         if source.problems:
             return file
         root = source.table()
-        head = root.table("sequence", required=True, expected="[sequence] with label")
+        head = root.table("sequence", required=True, expected=said("mistake.with_label", table="[sequence]"))
         if not root.has("sequence"):
             head = Table(source, ("sequence",), {"label": name})
         file.recipe = read_recipe(root, self._label)
         rows = list(root.rows("steps"))
         if not root.has("steps") or root.data["steps"] == []:
-            root.note("steps", MISSING, "at least one [[steps]]")
+            root.note("steps", MISSING, said("mistake.at_least_one", what="[[steps]]"))
         elif len(rows) > MOST_STEPS:
-            root.note("steps", f"{len(rows)} steps", f"at most {MOST_STEPS} steps")
+            root.note("steps", said("mistake.steps", number=len(rows)), said("mistake.most_steps", most=MOST_STEPS))
         steps: list[SequenceStep] = []
         for row in rows[:MOST_STEPS]:
             steps.append(self._step(file, row, [step.key for step in steps]))
@@ -280,16 +279,16 @@ class SequenceFiles:
         return file
 
     def _step(self, file: _File, row: Table, others: Sequence[str]) -> SequenceStep:
-        key = row.text("key", pattern=NAME, expected="a key of small letters, digits and _")
+        key = row.text("key", pattern=NAME, expected=KEY_EXPECTED)
         if key in (*others, ABORT):
-            row.note("key", key, f"a key that no other step has; not {ABORT}")
+            row.note("key", key, said("mistake.step_key", taken=ABORT))
         times, of_recipe = _times(file, row)
         actions: list[str] = []
-        for index, action in enumerate(row.items("actions", [], "a list of actions of the machine")):
+        for index, action in enumerate(row.items("actions", [], said("mistake.list_of_actions"))):
             if not isinstance(action, str) or not re.fullmatch(KEY, action):
-                row.note(f"actions.{index}", action, "an action of the machine")
+                row.note(f"actions.{index}", action, said("mistake.action"))
             elif action in actions:
-                row.note(f"actions.{index}", action, "each action once")
+                row.note(f"actions.{index}", action, said("mistake.action_once"))
             else:
                 actions.append(action)
                 file.actions.append((row, f"actions.{index}", action))
@@ -310,17 +309,17 @@ class SequenceFiles:
         """A word of permissives, in order of its bits."""
         found: dict[int, SequencePermissive] = {}
         keys: set[str] = set()
-        for number, table in parent.tables(name, f"a table, [{name}.<bit>]"):
+        for number, table in parent.tables(name, said("mistake.bit_table", table=f"[{name}.<bit>]")):
             bit = int(number) if re.fullmatch(r"[0-9]{1,4}", number) else -1
             if not 0 <= bit < BITS:
-                table.note("", number, f"a bit from 0 to {BITS - 1}")
+                table.note("", number, said("mistake.bit", most=BITS - 1))
             elif bit in found:
-                table.note("", number, f"each bit once; bit {bit} is there")
-            key = table.text("key", f"bit_{max(bit, 0)}", pattern=NAME, expected="a key of small letters, digits and _")
+                table.note("", number, said("mistake.bit_once", bit=bit))
+            key = table.text("key", f"bit_{max(bit, 0)}", pattern=NAME, expected=KEY_EXPECTED)
             if key in keys:
-                table.note("key" if table.has("key") else "", key, "a key that no other bit of this word has")
+                table.note("key" if table.has("key") else "", key, said("mistake.bit_key"))
             keys.add(key)
-            when, value = table.text("when", ""), table.text("value", "", pattern=POINT, expected="a point")
+            when, value = table.text("when", ""), table.text("value", "", pattern=POINT, expected=said("mistake.point"))
             permissive = SequencePermissive(
                 key, bit, self._label(table, "label"), when, value, table.flag("forceable", forceable),
                 self._label(table, "missing") if table.has("missing") else {},
@@ -338,12 +337,12 @@ class SequenceFiles:
     def _test(self, file: _File, row: Table, definition: SequenceDefinition, others: Sequence[str]) -> SequenceTest:
         name = row.text("name")
         if name in others:
-            row.note("name", name, "a name that no other test has")
+            row.note("name", name, said("mistake.test_name"))
         given = self._presets(file, row, "given")
         when = [self._order(file, each) for each in row.rows("when")]
         then = [self._sight(file, each, definition) for each in row.rows("then")]
         if not row.data.get("then"):
-            row.note("then", MISSING, "at least one row: a test that expects nothing cannot fail")
+            row.note("then", MISSING, said("mistake.test_rows"))
         row.done()
         when.sort(key=lambda order: float(order["at"]))
         return SequenceTest(name, given, tuple(when), tuple(then))
@@ -374,7 +373,7 @@ class SequenceFiles:
         if row.has("set"):
             order["set"] = self._presets(file, row, "set")
             if row.data["set"] == {}:
-                row.note("set", Plain("empty"), "a table of presets: { pressure = 20 }")
+                row.note("set", said("mistake.empty"), said("mistake.presets", example="{ pressure = 20 }"))
         row.done()
         return order
 
@@ -385,9 +384,9 @@ class SequenceFiles:
         times = [key for key in ("within", "at") if row.has(key)]
         if row.has("never"):
             for key in times:
-                row.note(key, row.data[key], "no time: never is all the time")
+                row.note(key, row.data[key], said("mistake.no_time"))
         elif len(times) == 2 or (not times and not row.has("first_out") and any(key in row.data for key in SIGHTS)):
-            row.note("at" if times else "within", row.data.get("at", MISSING), "either `within` or `at`, in seconds")
+            row.note("at" if times else "within", row.data.get("at", MISSING), said("mistake.within_or_at"))
         for key in times:
             sight[key] = float(row.number(key, low=0, high=LONGEST_TEST))
         if row.has("state"):
@@ -479,13 +478,13 @@ def _is_sentence(table: Table, key: str, text: str) -> bool:
     try:
         parsed = expression.parse(text, machines=True)
     except ConfigurationError as error:
-        table.note(key, text, str(error))
+        table.note(key, text, error.args[0])
         return False
     if parsed.needs_argument:
-        table.note(key, text, "no `argument` here: nobody enters one")
+        table.note(key, text, said("mistake.no_argument"))
         return False
     if parsed.ages:
-        table.note(key, text, "no age(…) here: a device knows its own signals at once")
+        table.note(key, text, said("mistake.no_age"))
         return False
     return True
 
@@ -514,8 +513,8 @@ def _times(file: _File, row: Table) -> tuple[tuple[float, float], dict[str, str]
         elif not refers(row.data.get(key)):
             least[n] = most[n] = float(row.number(key, 0.0, 0, LONGEST_TIME))
     if most[1] > 0 and least[1] < most[0] and of_recipe.get("minimum") != of_recipe.get("maximum", ""):
-        said = f"{most[0]:g} s at most" if "minimum" in of_recipe else f"{most[0]:g} s"
-        row.note("maximum", row.data.get("maximum"), f"0 (stay), or at least the minimum, which is {said}")
+        key = "mistake.maximum_of_run" if "minimum" in of_recipe else "mistake.maximum"
+        row.note("maximum", row.data.get("maximum"), said(key, low=f"{most[0]:g}"))
     defaults = {one.key: one.default for one in file.recipe}
     minimum, maximum = (defaults.get(of_recipe.get(key, ""), least[n]) for n, key in enumerate(("minimum", "maximum")))
     return (minimum, maximum), of_recipe
@@ -531,8 +530,8 @@ def _order(file: _File, row: Table) -> SequenceOrder:
         elif not refers(values.data[name]):
             numbers[name] = float(values.number(name))
     order = SequenceOrder(
-        row.text("machine", pattern=NAME, expected="the id of an equipment"),
-        row.text("action", pattern=KEY, expected="an action of its type"),
+        row.text("machine", pattern=NAME, expected=said("mistake.equipment")),
+        row.text("action", pattern=KEY, expected=said("mistake.action_of_type")),
         numbers,
         of_recipe,
     )
@@ -545,32 +544,38 @@ def _order(file: _File, row: Table) -> SequenceOrder:
 def _check_signals(table: Table, key: str, text: str, known: Mapping[str, Point], machine: Equipment) -> None:
     for name in sorted(_names(text) - set(known) - set(others(_names(text)))):
         if name in machine.points:
-            table.note(key, text, f"points that {machine.id} itself has as numbers; {name} is computed or a text")
+            table.note(key, text, said("mistake.own_points", machine=machine.id, point=name))
         else:
-            table.note(key, text, f"names of points of {machine.id}; it has no {name}{_near(name, known)}")
+            table.note(key, text, said("mistake.points_of", machine=machine.id, point=name, near=_near(name, known)))
 
 
 def _near(name: str, known: Iterable[str]) -> str:
     """What was perhaps meant; a machine has too many points to name them all."""
     near = get_close_matches(name, list(known), n=1)
-    return f" (perhaps {near[0]})" if near else ""
+    return perhaps(near[0] if near else "")
 
 
 def _check_command(row: Table, command: str, given: Mapping[str, float], item: Equipment) -> None:
     """A command of the sequence itself, with a number for each of its arguments; whether it takes them, the device says."""
     orders = {name: each for name, each in item.type.commands.items() if each.code}
     if command not in orders:
-        row.note("command", command, f"a command of {item.type.name}: {one_of(sorted(orders), command)}")
+        row.note(
+            "command", command, said("mistake.command_of", type=item.type.name, known=one_of(sorted(orders), command))
+        )
         return
     kinds = {argument.name: argument.type for argument in orders[command].arguments}
     for name in kinds:
         if name not in given:
-            row.note(f"arguments.{name}", MISSING, f"a number: {command} needs {', '.join(kinds)}")
+            row.note(f"arguments.{name}", MISSING, said("mistake.needs", what=command, values=", ".join(kinds)))
     for name, value in given.items():
         if name not in kinds:
-            row.note(f"arguments.{name}", value, f"an argument of {command}: {one_of(list(kinds), name)}")
+            row.note(
+                f"arguments.{name}",
+                value,
+                said("mistake.argument_of", command=command, known=one_of(list(kinds), name)),
+            )
         elif kinds[name] is not Type.F32 and not (value.is_integer() and abs(value) < 2**31):
-            row.note(f"arguments.{name}", value, "a whole number")
+            row.note(f"arguments.{name}", value, said("mistake.whole"))
 
 
 def _one(row: Table, names: Sequence[str]) -> None:
@@ -579,4 +584,8 @@ def _one(row: Table, names: Sequence[str]) -> None:
     for name in names:
         row.raw(name)
     if len(given) != 1:
-        row.note("", Plain(" and ".join(given) or "nothing"), f"exactly one of {', '.join(names)}")
+        row.note(
+            "",
+            Plain(", ".join(given)) if given else said("mistake.nothing"),
+            said("mistake.exactly_one", names=", ".join(names)),
+        )

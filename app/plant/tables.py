@@ -12,6 +12,8 @@ from typing import Any
 from app.errors import MissingFile, UnusableFile
 from app.files import ORDINARY, read_text
 from app.plant.problems import Problem
+from app.plant.said import LONGEST as LONGEST_EXPECTED
+from app.plant.said import Plain, Said, printable, said
 from app.plant.toml import LARGEST_FILE, TomlRefused, parse
 from app.plant.toml_text import headed, split
 
@@ -21,8 +23,7 @@ MOST_PROBLEMS = 200
 STOP_AT = 1000
 """Mistakes in one file after which it is not worth reading on."""
 LONGEST_SHOWN = 120
-LONGEST_EXPECTED = 400
-"""Of a value, and of what was expected of it [characters]."""
+"""Of a value [characters]."""
 LONGEST_LINE = 1000
 """Of a line in which a key is looked for [characters]."""
 MOST_CHOICES = 40
@@ -31,11 +32,7 @@ COMPARED = 1000
 """Choices among which the one that was perhaps meant is looked for."""
 
 
-class Plain(str):
-    """A word of ours in place of a value: shown without quotation marks."""
-
-
-MISSING, NONE = Plain("missing"), Plain("none")
+MISSING, NONE = said("mistake.missing"), said("mistake.none")
 
 
 class Enough(Exception):
@@ -61,16 +58,16 @@ class Source:
             text = read_text(path, LARGEST_FILE, inside=inside) if draft is None else draft
         except MissingFile as error:
             if not optional:
-                self.note((), error.found, "a TOML file")
+                self.note((), error.found, said("mistake.toml_file"))
             return
         except UnusableFile as error:
-            expected = "a TOML file" if error.expected == ORDINARY else error.expected
+            expected = said("mistake.toml_file") if error.expected == ORDINARY else error.expected
             self.note((), error.found, expected, line=error.line)
             return
         self._lines = text.splitlines()
         if not text.strip():
             if not optional:
-                self.note((), "an empty file", "TOML tables")
+                self.note((), said("mistake.empty_file"), said("mistake.toml_tables"))
             return
         try:
             self.data = parse(text)
@@ -83,12 +80,12 @@ class Source:
         Raises:
             Enough: it is one of very many.
         """
-        key = _printable(".".join(path) if path else "(file)", LONGEST_SHOWN)
+        key = printable(".".join(path) if path else "(file)", LONGEST_SHOWN)
         text = isinstance(value, str) and bool(path) and not isinstance(value, Plain)
-        shown = f'"{value}"' if text else str(value) if isinstance(value, str) else _SHORT.repr(value)
+        shown = f'"{value}"' if text else value if isinstance(value, str) else _SHORT.repr(value)
         place = line if line is not None else self.line(path)
         self.problems.append(
-            Problem(self.name, key, _printable(shown, LONGEST_SHOWN), _printable(expected, LONGEST_EXPECTED), place)
+            Problem(self.name, key, printable(shown, LONGEST_SHOWN), printable(expected, LONGEST_EXPECTED), place)
         )
         if len(self.problems) >= STOP_AT:
             raise Enough
@@ -164,7 +161,7 @@ class Table:
         expected: str = "",
     ) -> str:
         """A text that is not empty, one of `choices`, or matching `pattern`."""
-        value = self._value(key, default, expected or "a text")
+        value = self._value(key, default, expected or said("mistake.text"))
         if key not in self.data:
             return "" if value is REQUIRED or value is None else str(value)
         if choices is not None:
@@ -174,13 +171,13 @@ class Table:
                 return wanted[0] if default is REQUIRED and wanted else "" if default is REQUIRED else str(default)
             return str(value)
         if not isinstance(value, str) or not value.strip() or (pattern and not re.fullmatch(pattern, value)):
-            self.note(key, value, expected or "a text")
+            self.note(key, value, expected or said("mistake.text"))
             return "" if default is REQUIRED else str(default)
         return value
 
     def number(self, key: str, default: Any = REQUIRED, low: float = -math.inf, high: float = math.inf) -> Any:
         """A finite number `low <= value <= high`; the default as it is when there is none."""
-        expected = span("a number", low, high)
+        expected = span("number", low, high)
         value = self._value(key, default, expected)
         if key not in self.data:
             return 0.0 if value is REQUIRED else value
@@ -196,7 +193,7 @@ class Table:
 
     def whole(self, key: str, default: Any = REQUIRED, low: int = 0, high: int = 65535) -> Any:
         """A whole number `low <= value <= high`."""
-        expected = span("a whole number", low, high)
+        expected = span("whole", low, high)
         value = self._value(key, default, expected)
         if key not in self.data:
             return low if value is REQUIRED else value
@@ -207,14 +204,15 @@ class Table:
 
     def flag(self, key: str, default: bool = False) -> bool:
         """true or false."""
-        value = self._value(key, default, "true or false")
+        value = self._value(key, default, said("mistake.flag"))
         if not isinstance(value, bool):
-            self.note(key, value, "true or false")
+            self.note(key, value, said("mistake.flag"))
             return default
         return value
 
-    def items(self, key: str, default: Any = REQUIRED, expected: str = "a list") -> list[Any]:
+    def items(self, key: str, default: Any = REQUIRED, expected: str = "") -> list[Any]:
         """A list, unchecked inside."""
+        expected = expected or said("mistake.list")
         value = self._value(key, default, expected)
         if key not in self.data:
             return [] if value is REQUIRED else list(value)
@@ -223,8 +221,9 @@ class Table:
             return []
         return value
 
-    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> "Table":
+    def table(self, key: str, *, required: bool = False, expected: str = "") -> "Table":
         """The table at `key`; empty when there is none."""
+        expected = expected or said("mistake.table")
         value = self._value(key, REQUIRED if required else {}, expected)
         if key not in self.data:
             value = {}
@@ -233,7 +232,7 @@ class Table:
             value = {}
         return Table(self.source, (*self.path, key), value)
 
-    def tables(self, key: str = "", expected: str = "a table") -> Iterator[tuple[str, "Table"]]:
+    def tables(self, key: str = "", expected: str = "") -> Iterator[tuple[str, "Table"]]:
         """Name and table of each table under `key` (empty: of this table)."""
         parent = self.table(key) if key else self
         for name, value in parent.data.items():
@@ -241,21 +240,25 @@ class Table:
             if isinstance(value, dict):
                 yield name, Table(self.source, (*parent.path, name), value)
             else:
-                parent.note(name, value, expected)
+                parent.note(name, value, expected or said("mistake.table"))
 
     def rows(self, key: str) -> Iterator["Table"]:
         """Each table of a list of tables (`[[alarms]]`)."""
-        for index, value in enumerate(self.items(key, [], f"a list of tables, [[{key}]]")):
+        for index, value in enumerate(self.items(key, [], said("mistake.list_of_tables", key=f"[[{key}]]"))):
             if isinstance(value, dict):
                 yield Table(self.source, (*self.path, key, str(index)), value)
             else:
-                self.note(f"{key}.{index}", value, "a table")
+                self.note(f"{key}.{index}", value, said("mistake.table"))
 
     def done(self) -> None:
         """Report the keys that nobody asked for."""
         for key in self.data:
             if key not in self._asked:
-                self.source.note((*self.path, key), self.data[key], "no such key; " + one_of(sorted(self._asked), key))
+                self.source.note(
+                    (*self.path, key),
+                    self.data[key],
+                    said("mistake.no_such_key", known=one_of(sorted(self._asked), key)),
+                )
 
     def _value(self, key: str, default: Any, expected: str) -> Any:
         self._asked.add(key)
@@ -274,7 +277,7 @@ def read_label(
     `languages`: those of the plant; `known`: those of the product.
     """
     value = table.raw(key)
-    expected = "a text, or a text for each language: { hr = …, en = … }"
+    expected = said("mistake.label", example="{ hr = …, en = … }")
     if value is None:
         if required:
             table.note(key, MISSING, expected)
@@ -287,36 +290,37 @@ def read_label(
     texts: dict[str, str] = {}
     for language, text in value.items():
         if language not in known:
-            table.note(f"{key}.{language}", text, "a language of the product: " + one_of(known, language))
+            table.note(f"{key}.{language}", text, said("mistake.language", known=one_of(known, language)))
         elif not isinstance(text, str) or not text.strip():
-            table.note(f"{key}.{language}", text, "a text")
+            table.note(f"{key}.{language}", text, said("mistake.text"))
         else:
             texts[language] = text
     return texts
 
 
-def one_of(choices: Sequence[str], value: object = "") -> str:
+def one_of(choices: Sequence[str], value: object = "") -> Said:
     """`one of a, b`, with the choice that was perhaps meant; of very many the first."""
     meant = str(value)[:LONGEST_SHOWN] if isinstance(value, str) else ""
     near = difflib.get_close_matches(meant, choices[:COMPARED], n=1) if meant else []
-    shown = ", ".join(choices[:MOST_CHOICES]) or "none"
-    more = f" and {len(choices) - MOST_CHOICES} more" if len(choices) > MOST_CHOICES else ""
-    return f"one of {shown}{more}" + (f" (perhaps {near[0]})" if near else "")
+    shown = ", ".join(choices[:MOST_CHOICES]) or NONE
+    more = said("mistake.and_more", number=len(choices) - MOST_CHOICES) if len(choices) > MOST_CHOICES else ""
+    return said("mistake.one_of", choices=shown, more=more, near=perhaps(near[0] if near else ""))
+
+
+def perhaps(near: str) -> str:
+    """`(perhaps …)`, behind a blank; nothing where nothing is near."""
+    return said("mistake.perhaps", near=near) if near else ""
 
 
 def span(what: str, low: float, high: float) -> str:
-    """`a number from 1 to 247`."""
+    """`a number from 1 to 247`; `what`: number or whole (a whole number)."""
     if math.isinf(low) and math.isinf(high):
-        return what
+        return said(f"mistake.{what}")
     if math.isinf(high):
-        return f"{what} from {low:g} up"
-    return f"{what} up to {high:g}" if math.isinf(low) else f"{what} from {low:g} to {high:g}"
-
-
-def _printable(text: str, longest: int) -> str:
-    """`text` on one line of a terminal, cut."""
-    cut = text if len(text) <= longest else text[: longest - 3] + "…"
-    return "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in cut)
+        return said(f"mistake.{what}_from", low=f"{low:g}")
+    if math.isinf(low):
+        return said(f"mistake.{what}_up_to", high=f"{high:g}")
+    return said(f"mistake.{what}_between", low=f"{low:g}", high=f"{high:g}")
 
 
 _SHORT = Repr()

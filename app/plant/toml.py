@@ -8,6 +8,8 @@ import tomllib
 from functools import lru_cache
 from typing import Any
 
+from app.plant.said import said
+
 LARGEST_FILE = 2 * 1024 * 1024
 """[bytes]"""
 MOST_VALUES = 50_000
@@ -28,6 +30,26 @@ TOKEN = re.compile(
     re.S,
 )
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+
+
+PARSER = {
+    "Invalid value": "parser_value",
+    "Invalid statement": "parser_statement",
+    "Expected '=' after a key": "parser_equals",
+    "Expected newline or end of document": "parser_newline",
+    "Expected ']'": "parser_bracket",
+    "Unclosed array": "parser_array",
+    "Unclosed inline table": "parser_inline",
+    "Unterminated string": "parser_string",
+    "Illegal character": "parser_character",
+    "Found invalid character": "parser_character",
+    "Invalid initial character for a key": "parser_key",
+    "Cannot overwrite a value": "parser_twice",
+    "Cannot declare": "parser_twice",
+    "Duplicate inline table key": "parser_twice",
+    "Invalid date or datetime": "parser_value",
+}
+"""How what `tomllib` says begins → the text of ours."""
 
 
 class TomlRefused(Exception):
@@ -51,7 +73,7 @@ def parse(text: str) -> dict[str, Any]:
     try:
         tables = tomllib.loads(text)
     except RecursionError as error:
-        raise TomlRefused("tables in tables", f"at most {DEEPEST} in each other", 0) from error
+        raise TomlRefused(said("mistake.tables_in_tables"), said("mistake.in_each_other", most=DEEPEST), 0) from error
     except ValueError as error:  # also of what Python makes of its numbers and times
         raise _not_toml(text, str(error)) from error
     _check_values(text, tables)
@@ -67,7 +89,8 @@ def _check_outline(text: str) -> None:
         if kind == "open":
             depth += 1
             if depth > DEEPEST:
-                raise _refused(text, token.start(), "lists or tables in each other", f"at most {DEEPEST} in each other")
+                found, most = said("mistake.lists_in_lists"), said("mistake.in_each_other", most=DEEPEST)
+                raise _refused(text, token.start(), found, most)
         elif kind == "close":
             depth = max(0, depth - 1)
         elif kind == "count":
@@ -75,19 +98,19 @@ def _check_outline(text: str) -> None:
         elif kind == "dot":
             dots += 1
             if dots > DEEPEST:
-                raise _refused(text, token.start(), "a key of many parts", f"at most {DEEPEST} parts")
+                raise _refused(text, token.start(), said("mistake.key_of_parts"), said("mistake.parts", most=DEEPEST))
             after_dot = True
             continue
         elif kind == "word" and token.end() - token.start() > LONGEST_WORD:
-            what = f"a key or a number of {token.end() - token.start()} characters"
-            raise _refused(text, token.start(), what, f"at most {LONGEST_WORD} characters")
+            what = said("mistake.long_word", length=token.end() - token.start())
+            raise _refused(text, token.start(), what, said("mistake.characters", most=LONGEST_WORD))
         elif kind is None and not token[0].strip():
             continue  # around a dot may be spaces
         if not after_dot:
             dots = 0
         after_dot = False
     if values > MOST_VALUES:
-        raise TomlRefused(f"{values} values", f"at most {MOST_VALUES} in one file", 0)
+        raise TomlRefused(said("mistake.values", number=values), said("mistake.in_one_file", most=MOST_VALUES), 0)
 
 
 def _check_values(text: str, tables: dict[str, Any]) -> None:
@@ -96,30 +119,35 @@ def _check_values(text: str, tables: dict[str, Any]) -> None:
     while rest:
         key, value = rest.pop()
         if _CONTROL.search(key) or len(key) > LONGEST_WORD:
-            raise TomlRefused("a key with control characters, or a long one", f"at most {LONGEST_WORD} letters", 0)
+            raise TomlRefused(said("mistake.odd_key"), said("mistake.letters", most=LONGEST_WORD), 0)
         if isinstance(value, dict):
             rest += value.items()
         elif isinstance(value, list):
             rest += ((key, item) for item in value)
         elif isinstance(value, str) and (len(value) > LONGEST_TEXT or (_CONTROL.search(value))):
-            what = (
-                f"a text of {len(value)} characters" if len(value) > LONGEST_TEXT else "a text with control characters"
-            )
-            raise TomlRefused(
-                f"{key}: {what}", f"at most {LONGEST_TEXT} characters that can be printed", _line_of(text, key)
-            )
+            long = len(value) > LONGEST_TEXT
+            what = said("mistake.long_text", key=key, length=len(value)) if long else said("mistake.odd_text", key=key)
+            raise TomlRefused(what, said("mistake.printable", most=LONGEST_TEXT), _line_of(text, key))
         elif isinstance(value, int) and value not in WHOLE_NUMBERS:
-            raise TomlRefused(
-                f"{key}: a number of {value.bit_length()} bits", "whole numbers of 64 bits", _line_of(text, key)
-            )
+            found = said("mistake.large_number", key=key, bits=value.bit_length())
+            raise TomlRefused(found, said("mistake.whole_of_64"), _line_of(text, key))
 
 
-def _not_toml(text: str, said: str) -> TomlRefused:
+def _not_toml(text: str, parser: str) -> TomlRefused:
     lines = text.split("\n")
-    where = re.search(r"at line (\d+)", said)
+    where = re.search(r"at line (\d+)", parser)
     line = int(where[1]) if where else len(lines)
     shown = lines[line - 1].strip() if 0 < line <= len(lines) else ""
-    return TomlRefused(shown or "the end of the file", f"TOML ({said})", line)
+    return TomlRefused(shown or said("mistake.end_of_file"), said("mistake.toml", why=_why(parser)), line)
+
+
+def _why(parser: str) -> str:
+    """What `tomllib` said, as a text of ours where it is one of its common ones."""
+    what, _, place = parser.partition(" (at ")
+    known = next((key for begin, key in PARSER.items() if what.startswith(begin)), "")
+    at = re.match(r"line (\d+), column (\d+)", place)
+    where = said("mistake.at", line=at[1], column=at[2]) if at else said("mistake.at_end")
+    return said(f"mistake.{known}", where=where) if known else parser
 
 
 def _refused(text: str, position: int, found: str, expected: str) -> TomlRefused:

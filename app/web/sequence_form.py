@@ -12,7 +12,6 @@ from app.plant.sequence_chart import TAKES
 from app.plant.sequence_definition import PREFIX
 from app.plant.sequence_text import HEAD_TABLE, ROWS, TESTS, Section, mask, table_of, unnamed
 from app.plant.sequences import ABORT, FOLDER
-from app.plant.tables import LONGEST_EXPECTED
 from app.tags.quality import NO_DATA
 from app.web.points import EquipmentView
 
@@ -186,7 +185,7 @@ class _Fields:
         if choices and shown not in [key for key, _ in choices]:
             choices = [(shown, shown or "–"), *choices]
         label = label or self._text(f"editor.key.{name.rpartition('.')[2]}")
-        wrong = problem.expected[:LONGEST_EXPECTED] if problem else ""
+        wrong = problem.expected if problem else ""
         return Field(name, label, shown, kind, choices=choices, wrong=wrong, **more)
 
     def _wrong(self, base: str, name: str) -> dict[str, Problem]:
@@ -338,7 +337,7 @@ class Forms(_Fields):
         fields = [
             self._place(f"{name}.after", row.get("after")),
             self._field("", f"{name}.take", row.get("take"), kind="choice", choices=takes, required=True),
-            replace(self._field("", f"{name}.paths", written, required=True), wrong=wrong[:LONGEST_EXPECTED]),
+            replace(self._field("", f"{name}.paths", written, required=True), wrong=wrong),
             self._place(f"{name}.then", row.get("then")),
         ]
         return OrderView(number, fields, self._whole(name))

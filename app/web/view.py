@@ -27,6 +27,7 @@ from app import bundled
 from app.access.roles import Person, permitted
 from app.clock import to_datetime
 from app.plant.definitions import Equipment, EquipmentType, Plant
+from app.plant.said import in_words
 from app.plant.texts import Texts
 from app.running.page_tags import force_names
 from app.web import format as fmt
@@ -266,6 +267,7 @@ class View:
             "asset": self.assets.url,
             "screen_assets": self.assets.of_screen,
             "label": partial(texts.label, lang),
+            "in_words": partial(in_words, partial(texts.text, lang)),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
             "typed_time": lambda typed: typed_time.shown(typed, lang),

@@ -25,7 +25,7 @@ def test_a_right_one_has_none(tmp_path: Path) -> None:
     [
         ('machine = "m1"', 'machine = "m3"', "another equipment that takes orders: one of c1, m1, m2"),
         ('action = "run_forward"', 'action = "run_forwards"', "perhaps run_forward"),
-        ("frequency = 30", "frequency = 5000", "a number from 0 up to 650 for m1"),
+        ("frequency = 30", "frequency = 5000", "a number from 0 to 650 for m1"),
         ("{ frequency = 30 }", "{}", "a number: run_forward needs frequency"),
         ("{ frequency = 30 }", "{ frequency = 30, speed = 3 }", "a value of run_forward: one of frequency"),
         ("m1.status != 4", "m1.statsu != 4", "it has no statsu (perhaps m1.status)"),

@@ -116,14 +116,14 @@ def test_a_step_gives_another_sequence_some_of_its_values_or_none(tmp_path: Path
 @pytest.mark.parametrize(
     ("values", "own", "told"),
     [
-        ("wait = 21", "", "steps.0.orders.0.values.wait = 21.0: a number from 2 up to 20 for seq2"),
+        ("wait = 21", "", "steps.0.orders.0.values.wait = 21.0: a number from 2 to 20 for seq2"),
         ("wait = 2.25", "", "values.wait = 2.25: a number with at most 1 decimals, as seq2 takes it"),
         ("count = 2.5", "", "values.count = 2.5: a number in whole numbers, as seq2 takes it"),
         ("hold = 3", "", "values.hold = 3.0: a value of run: one of wait, count"),
         ('wait = "recipe.wait"', "", "a number, or a value of [[recipe]], which has none"),
         ('count = "recipe.hold"', VALUE, "in whole numbers, as seq2 takes it; hold has decimals = 1"),
-        ('wait = "recipe.hold"', VALUE.replace("maximum = 20", "maximum = 25"), "values.wait = 25.0: a number from 2 up to 20 for seq2"),
-        ('wait = "recipe.hold"', VALUE.replace("minimum = 2", "minimum = 1"), "values.wait = 1.0: a number from 2 up to 20 for seq2"),
+        ('wait = "recipe.hold"', VALUE.replace("maximum = 20", "maximum = 25"), "values.wait = 25.0: a number from 2 to 20 for seq2"),
+        ('wait = "recipe.hold"', VALUE.replace("minimum = 2", "minimum = 1"), "values.wait = 1.0: a number from 2 to 20 for seq2"),
         ('wait = "recipe.hold"', VALUE.replace('"s"', '"Hz"'), "recipe.hold: a value of a run in s, as seq2 takes it; hold is in Hz"),
         ('wait = "recipe.hold"', VALUE.replace('unit = "s"\n', ""), "a value of a run in s, as seq2 takes it; hold is without a unit"),
     ],

@@ -109,6 +109,6 @@ def test_choices_and_ranges_are_told_in_words() -> None:
     assert one_of(["rtu", "tcp"], "rtv") == "one of rtu, tcp (perhaps rtu)"
     assert one_of([]) == "one of none"
     assert one_of([f"c{n}" for n in range(45)]).endswith("c39 and 5 more")
-    assert [span("n", *ends) for ends in ((1, 2), (1, float("inf")), (float("-inf"), 2), (float("-inf"), float("inf")))] == [
-        "n from 1 to 2", "n from 1 up", "n up to 2", "n",
+    assert [span("number", *ends) for ends in ((1, 2), (1, float("inf")), (float("-inf"), 2), (float("-inf"), float("inf")))] == [
+        "a number from 1 to 2", "a number from 1 up", "a number up to 2", "a number",
     ]  # fmt: skip

@@ -4,6 +4,7 @@ import re
 import shutil
 from collections.abc import Iterator
 from functools import partial
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -212,3 +213,35 @@ def test_a_window_from_before_the_draft_was_given_up_does_not_bring_it_back(staf
     assert staff.post(f"{URL}/discard", {}).status_code == 303
     assert old.send("fields", maximum="80").status_code == 409
     assert "As in the file" in Window(staff, "2").page
+
+
+@pytest.mark.parametrize(
+    ("language", "number", "missing", "sentence", "toml"),
+    [
+        ("en", "expected a number from 0 to 36000", "missing", "expected expression", "expected TOML (Invalid value"),
+        (
+            "hr",
+            "očekuje se: broj od 0 do 36000",
+            "nedostaje",
+            "očekuje se: izraz",
+            "očekuje se: TOML (neispravna vrijednost",
+        ),
+        ("de", "erwartet: eine Zahl von 0 bis 36000", "fehlt", "erwartet: Ausdruck", "erwartet: TOML (ungültiger Wert"),
+        ("cs", "očekává se: číslo od 0 do 36000", "chybí", "očekává se: výraz", "očekává se: TOML (neplatná hodnota"),
+    ],
+)
+def test_mistakes_are_told_in_the_language_of_who_edits(
+    staff: Staff, language: str, number: str, missing: str, sentence: str, toml: str
+) -> None:
+    window = Window(staff, "2")
+    staff.client.cookies.set("pogon_lang", language)
+    wrong = unescape(window.send("fields", minimum="much", permissives__0__when="m1.frequency >", key="").text)
+    assert number in wrong and sentence in wrong
+    shown = unescape(staff.client.get(f"{URL}?section=2").text)
+    review = unescape(staff.client.get(f"{URL}/review").text)
+    for page in (shown, review):
+        assert number in page and f">{missing}</span>" in page
+        assert language == "en" or "expected" not in re.sub(r"<[^>]+>", "", page)
+    broken = unescape(window.send("text", text="[[steps]]\nkey = \n").text)
+    assert toml in broken
+    staff.client.cookies.set("pogon_lang", "en")

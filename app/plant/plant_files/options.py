@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from app.plant.plant_files.names import ID
+from app.plant.said import Plain
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import options as definition_options
-from app.plant.tables import NONE, Plain, Table, one_of
+from app.plant.tables import NONE, Table, one_of
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import BY_DEFINITION

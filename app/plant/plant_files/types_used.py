@@ -8,7 +8,8 @@ from app.plant.definitions import EquipmentType
 from app.plant.derive import order_problem
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.problems import Problem
-from app.plant.tables import Plain, Table
+from app.plant.said import Plain
+from app.plant.tables import Table
 from app.plant.type_files.data import TypeData
 
 

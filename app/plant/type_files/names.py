@@ -1,7 +1,9 @@
 """Names that the files of a type give: of points, commands, alarms, options, arguments and everything else."""
 
+from app.plant.said import said
+
 KEY = r"[a-z][a-z0-9_]*"
-KEY_EXPECTED = "a key of small letters, digits and _"
-NAME_EXPECTED = "a name of small letters, digits and _"
+KEY_EXPECTED = said("mistake.key")
+NAME_EXPECTED = said("mistake.name")
 ROLES = ("viewer", "operator", "engineer", "admin")
 """Who may be asked for."""

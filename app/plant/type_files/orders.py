@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from app.plant.actions import Action, ActionCommand
 from app.plant.definitions import Command
+from app.plant.said import said
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.sentences import Sentences
@@ -54,4 +55,4 @@ def _may(command: Command) -> bool:
 
 def expected_action(actions: Mapping[str, Action], type: str, name: str) -> str:
     """What an order should have named."""
-    return f"an action of {type}: {one_of(sorted(actions), name)}"
+    return said("mistake.action_of", type=type, known=one_of(sorted(actions), name))

@@ -1,0 +1,62 @@
+"""What is said of a mistake in a plant file: in English as a terminal prints it, with its key and its values for a page in other languages.
+
+The texts are `mistake.<key>` of the product (`app/locale/<lang>/mistake.toml`); a value may be such a text itself.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+
+ENGLISH = Path(__file__).resolve().parents[1] / "locale" / "en" / "mistake.toml"
+LONGEST = 400
+"""Of what was expected [characters]."""
+
+
+class Plain(str):
+    """A word of ours in place of a value: shown without quotation marks."""
+
+
+class Said(Plain):
+    """A text of ours in English, which knows how it is said in other languages."""
+
+    key: str
+    params: Mapping[str, object]
+
+
+def said(key: str, /, **params: object) -> Said:
+    """The text `key` with its values.
+
+    Raises:
+        KeyError: there is no such text.
+    """
+    return _made(_english()[key].format(**params), key, params)
+
+
+def in_words(text: Callable[..., str], message: str) -> str:
+    """`message` as `text` (of the reader's language: key, values) says it; what is none of ours stays as it is."""
+    if not isinstance(message, Said):
+        return message
+    values = {
+        name: in_words(text, value) if isinstance(value, str) else value for name, value in message.params.items()
+    }
+    return printable(text(message.key, **values), LONGEST)
+
+
+def printable(text: str, longest: int) -> str:
+    """`text` on one line of a terminal, cut; a text of ours stays one."""
+    cut = text if len(text) <= longest else text[: longest - 3] + "…"
+    shown = "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in cut)
+    return _made(shown, text.key, text.params) if isinstance(text, Said) else shown
+
+
+def _made(english: str, key: str, params: Mapping[str, object]) -> Said:
+    made = Said(english)
+    made.key, made.params = key, params
+    return made
+
+
+@lru_cache(maxsize=1)
+def _english() -> Mapping[str, str]:
+    table = tomllib.loads(ENGLISH.read_text("utf-8"))["mistake"]
+    return {f"mistake.{key}": text for key, text in table.items()}

@@ -1,0 +1,100 @@
+"""What is said of a mistake in a plant file has words in every language, and is one line of English in a terminal."""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from app.plant import said as module
+from app.plant.plant_files.languages import LANGUAGES
+from app.plant.said import LONGEST, Said, in_words, printable, said
+from app.plant.texts import Texts
+from app.plant.toml import PARSER, TomlRefused, parse
+from tests.conftest import ROOT
+
+TEXTS = Texts.read()
+IN_PAGES = ("sequence*.py", "tables.py", "toml.py", "expression.py", "type_files/names.py")
+"""Whose mistakes an engineer reads while he types."""
+
+
+def keys() -> list[str]:
+    return list(module._english())
+
+
+def spoken(lang: str, message: str) -> str:
+    return in_words(partial(TEXTS.text, lang), message)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_mistake_has_a_text_in_every_language(language: str) -> None:
+    for key in keys():
+        names = set(re.findall(r"\{(\w+)\}", module._english()[key]))
+        told = spoken(language, said(key, **{name: "~" for name in names}))
+        assert told.count("~") == len(names), f"{key} in {language}: {told}"
+        assert not told.startswith("["), f"{key} in {language}: {told}"
+    inner = said("mistake.as_is", what=said("mistake.missing"))
+    assert spoken(language, inner) == TEXTS.text(language, "mistake.missing")
+
+
+def test_english_pages_say_what_the_terminal_says() -> None:
+    for key in keys():
+        message = said(key, **{name: "7" for name in re.findall(r"\{(\w+)\}", module._english()[key])})
+        assert spoken("en", message) == str(message)
+
+
+def literals(path: Path) -> Iterator[str]:
+    """What a file says of a mistake in English alone: what `note` and its like are given as expected."""
+
+    def plain(node: ast.expr) -> bool:
+        if isinstance(node, ast.BinOp):
+            return plain(node.left) or plain(node.right)
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+        return any(re.search("[A-Za-z] ?", text) for text in texts)
+
+    for call in ast.walk(ast.parse(path.read_bytes())):
+        if not isinstance(call, ast.Call):
+            continue
+        name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+        told = [each.value for each in call.keywords if each.arg == "expected"]
+        if name in ("note", "TomlRefused", "_refused", "_wrong", "_error"):
+            told += call.args[2:] if name in ("note", "_refused", "_error") else call.args[1:2]
+        yield from (f"{path.name}:{one.lineno}: {ast.unparse(one)}" for one in told if plain(one))
+
+
+def test_nothing_of_it_is_english_alone() -> None:
+    found = [one for pattern in IN_PAGES for path in (ROOT / "app" / "plant").glob(pattern) for one in literals(path)]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("text", "german"),
+    [
+        ("a = ", "TOML (ungültiger Wert (am Ende der Datei))"),
+        ("a 1", "TOML (nach dem Schlüssel fehlt '=' (Zeile 1, Spalte 3))"),
+        ("a = [1", "TOML (eckige Klammer nicht geschlossen (am Ende der Datei))"),
+        ('a = "x', "TOML (Text ohne schließendes Anführungszeichen (am Ende der Datei))"),
+        ("a = 1\na = 2", "TOML (derselbe Schlüssel oder dieselbe Tabelle zweimal (am Ende der Datei))"),
+        ("[a]\n[a]\n", "TOML (derselbe Schlüssel oder dieselbe Tabelle zweimal (Zeile 2, Spalte 3))"),
+    ],
+)
+def test_what_is_no_toml_is_told_in_the_language_too(text: str, german: str) -> None:
+    with pytest.raises(TomlRefused) as refused:
+        parse(text)
+    told = spoken("de", refused.value.expected)
+    assert re.sub(r"Spalte \d+", "Spalte", told) == re.sub(r"Spalte \d+", "Spalte", german)
+
+
+def test_each_word_of_the_parser_has_a_text() -> None:
+    assert {f"mistake.{key}" for key in PARSER.values()} <= set(keys())
+
+
+def test_what_is_cut_for_a_line_stays_a_text_of_ours() -> None:
+    message = printable(said("mistake.text"), LONGEST)
+    assert isinstance(message, Said) and spoken("hr", message) == "tekst"
+    long = printable(said("mistake.step_of_file", keys="k\n" * LONGEST), LONGEST)
+    assert len(long) <= LONGEST + 900 and "\n" not in long and "\n" not in spoken("cs", long)
+    assert in_words(lambda key: "?", "a saying of somebody else") == "a saying of somebody else"
