@@ -79,6 +79,12 @@ def read_text(path: Path, most: int, *, inside: Path | None = None) -> str:
         raise UnusableFile(path, found, expected, error.object[: error.start].count(b"\n") + 1) from error
 
 
+def may_exchange(path: Path) -> bool:
+    """Whether `exchange_file` may do its work: the folder of `path` takes a new file. False on a file system that is mounted read only."""
+    folder = Path(os.path.realpath(path)).parent
+    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+
+
 def exchange_file(path: Path, content: bytes) -> None:
     """Put `content` in the place of the file `path`: whole or not at all, whatever happens meanwhile; who may read it stays as it was.
 

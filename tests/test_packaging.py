@@ -25,7 +25,7 @@ UNIT = (ROOT / "packaging" / "pogon.service").read_text("utf-8")
 
 def test_the_compose_file_follows_the_schema() -> None:
     dclint = [shutil.which("node") or "node", "node_modules/dclint/bin/dclint.cjs", "--max-warnings", "0"]
-    lint = subprocess.run([*dclint, BASE, SERIAL, TLS], cwd=ROOT, capture_output=True, text=True)
+    lint = subprocess.run([*dclint, BASE, SERIAL, TLS, EDITOR], cwd=ROOT, capture_output=True, text=True)
     assert lint.returncode == 0, lint.stdout + lint.stderr
 
 
@@ -58,6 +58,24 @@ def filled(text: str, **given: str) -> str:
 
 
 BASE, SERIAL, TLS = "docker-compose.yml", "packaging/compose.serial.yml", "packaging/compose.tls.yml"
+EDITOR = "packaging/compose.editor.yml"
+
+
+def test_where_sequences_are_edited_in_the_browser_the_plant_may_be_written() -> None:
+    """In a container a volume of the same place inside gives way to the later file; a service has one more folder of its own."""
+    inside = {}
+    for name in (BASE, EDITOR):
+        for one in composed(name)["volumes"]:
+            if "PLANT" in one:
+                inside[filled(one, PLANT_FOLDER="/etc/pogon/plants/hall").split(":")[1]] = one.rpartition(":")[2]
+    assert inside == {composed(BASE)["environment"]["POGON_PLANT"]: "rw"}
+    user = re.search(r"--uid (\d+)", DOCKERFILE)
+    assert user and f"chown -R {user[1]} " in (ROOT / EDITOR).read_text("utf-8")
+    drop_in = (ROOT / "packaging" / "pogon-editor.conf").read_text("utf-8")
+    (more,) = re.findall(r"^StateDirectory=(\S+)$", drop_in, re.MULTILINE)
+    assert f"POGON_PLANT=/var/lib/{more}/" in drop_in and "ProtectSystem=strict" in UNIT and f"={more}\n" not in UNIT
+    told = (ROOT / "docs" / "operations.md").read_text("utf-8")
+    assert "## Editing sequences in the browser" in told and EDITOR in told and "pogon-editor.conf" in told
 
 
 def test_the_container_takes_any_plant_folder_and_no_more_than_it_needs() -> None:

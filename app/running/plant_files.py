@@ -11,7 +11,7 @@ from app.access.audit.audit import Audit
 from app.access.roles import Person
 from app.commands.interlocks import met, stopped
 from app.errors import UnusableFile
-from app.files import exchange_file, read_bytes
+from app.files import exchange_file, may_exchange, read_bytes
 from app.plant.changes import Change, compare, digest
 from app.plant.definitions import Plant
 from app.plant.problems import Problem
@@ -92,6 +92,8 @@ class PlantFiles:
                 reading = replace(reading, refused="plant.refused.problems")
             elif running is None or plant is None:
                 reading = replace(reading, refused="editor.refused.no_plant")
+            elif self.read_only(path):
+                reading = replace(reading, refused="editor.refused.read_only", error=str(path.parent))
             elif busy := self.who_runs(name):
                 reading = replace(reading, refused="editor.refused.runs", error=", ".join(busy))
             elif reading.digest != confirm:
@@ -130,6 +132,10 @@ class PlantFiles:
                 log.error("definition not put back file=%s reason=%s", path, error.strerror)
                 return replace(taken, refused="editor.refused.not_put_back")
         return taken
+
+    def read_only(self, path: Path) -> bool:
+        """Whether the definition `path` can be written by no means: its folder is not this server's to write in, as where it is mounted."""
+        return not may_exchange(path)
 
     def who_runs(self, definition: str) -> list[str]:
         """Machines whose sequence is `definition` and runs now, suspended or not."""

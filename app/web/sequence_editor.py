@@ -166,10 +166,18 @@ async def _shown(request: Request, at: Editing, section: str) -> dict[str, Any]:
         "others": await runtime.drafts.others(at.person, at.name),
         "users": [one.id for one in at.plant.equipment.values() if one.sequence and one.sequence.name == at.name],
         "runs": runtime.plant_files.who_runs(at.name),
+        "read_only": read_only(request, at),
         "file": f"{FOLDER}/{at.name}.toml",
         "steps": sum(part.key not in ("0", TESTS) for part in parts),
         "when": partial(when, request),
     }
+
+
+def read_only(request: Request, at: Editing) -> str:
+    """The folder in which nothing can be taken, since it is not this server's to write in; empty where it is."""
+    runtime = view_of(request).runtime(request)
+    path = runtime.drafts.path(at.name)
+    return str(path.parent) if runtime.plant_files.read_only(path) else ""
 
 
 def when(request: Request, micros: int) -> str:

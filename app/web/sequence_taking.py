@@ -20,7 +20,7 @@ from app.running.sequence_drafts import OVERTAKEN, Revision
 from app.web.guard import address_of, allow, fields
 from app.web.pages import view_of
 from app.web.plant import drawn
-from app.web.sequence_editor import Editing, editing, when
+from app.web.sequence_editor import Editing, editing, read_only, when
 from app.web.sequence_trying import trial_of
 
 router = APIRouter()
@@ -146,6 +146,7 @@ async def _review(
         changes=[drawn(request, change) for change in reading.changes if change.name in own],
         others=[drawn(request, change) for change in reading.changes if change.name not in own],
         runs=runtime.plant_files.who_runs(at.name),
+        read_only=read_only(request, at),
         refused=view.text(request, refused, name=printable(error, 200)) if refused else "",
         error=error,
         reason=reason,

@@ -5,7 +5,9 @@ import errno
 import os
 import re
 import shutil
+import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -152,6 +154,63 @@ def test_a_full_disk_leaves_the_file_whole_and_the_draft_kept(
     assert written(folder) == FILE and [one.name for one in (folder / "sequences").iterdir()] == ["feed.toml"]
     assert "minimum = 25" in Window(staff, "2").page and "needs longer" not in staff.client.get(f"{URL}/history").text
     assert take(staff).status_code == 303
+
+
+@contextmanager
+def closed(folder: Path, patched: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nobody may write in the folder: mounted read only as in a container; who may not mount has modes that count, or is told so."""
+
+    def mount(*how: str) -> bool:
+        tool = shutil.which(how[0])
+        return tool is not None and subprocess.run([tool, *how[1:]], capture_output=True).returncode == 0
+
+    if os.geteuid() != 0:
+        folder.chmod(0o555)
+        yield
+        folder.chmod(0o755)
+    elif mount("mount", "--bind", str(folder), str(folder)):
+        try:
+            assert mount("mount", "-o", "remount,ro,bind", str(folder))
+            yield
+        finally:
+            assert mount("umount", str(folder))
+    else:
+
+        def refuses(path: str, flags: int, *more: object, **other: object) -> int:
+            if flags & os.O_CREAT and str(path).startswith(str(folder)):
+                raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+            return opens(path, flags, *more, **other)  # type: ignore[arg-type]
+
+        opens, may = os.open, os.access
+        patched.setattr(files.os, "open", refuses)
+        patched.setattr(
+            files.os, "access", lambda path, mode: not str(path).startswith(str(folder)) and may(path, mode)
+        )
+        yield
+
+
+@pytest.mark.parametrize(
+    ("language", "way_out"),
+    [("en", "An administrator"), ("hr", "Administrator mu"), ("de", "Ein Administrator"), ("cs", "Administrátor")],
+)
+def test_where_the_folder_is_read_only_it_says_so_before_with_the_way_out(
+    staff: Staff, folder: Path, monkeypatch: pytest.MonkeyPatch, language: str, way_out: str
+) -> None:
+    Window(staff, "2").send("fields", minimum="25")
+    open_page = staff.client.get(f"{URL}/review").text
+    given = {
+        name: (re.findall(rf'name="{name}"\s+value="(\w*)"', open_page) or [""])[0] for name in ("digest", "version")
+    }
+    assert "disabled" not in open_page.partition('name="reason"')[2]
+    staff.client.cookies.set("pogon_lang", language)
+    with monkeypatch.context() as patched, closed(folder / "sequences", patched):
+        for page in (staff.client.get(URL).text, staff.client.get(f"{URL}/review").text):
+            assert way_out in page and str(folder / "sequences") in page
+        assert "disabled" in page.partition('name="reason"')[2].partition("</form>")[0]
+        refused = staff.post(f"{URL}/take", {**given, "reason": "the fan needs longer", "read": "1"})
+        assert refused.status_code == 409 and way_out in refused.text and written(folder) == FILE
+    assert way_out not in staff.client.get(f"{URL}/review").text
+    assert take(staff).status_code == 303, "as soon as it may be written"
 
 
 def test_a_plant_that_is_not_taken_puts_the_file_back(
