@@ -42,9 +42,11 @@ BROKEN = {
     "cut": "and all after it were cut off",
     "head": "does not agree with audit.head",
     "anchor": "does not agree with audit.anchors",
+    "copied": "does not agree with the anchors in {anchors}",
     "mark": "does not agree with the mark in audit.key",
     "wiped": "and all others were wiped",
     "buffer": "was put into audit.buffer by somebody else (see audit.foreign)",
+    "unread": "may be in audit.buffer, which is no file that can be read",
 }
 """What is wrong with a line of a chain, in words."""
 
@@ -163,7 +165,8 @@ def verify(
             typer.echo(f"{name} ok: {verdict.count} lines")
         else:
             typer.echo(
-                f"{name} broken: line {verdict.bad} {BROKEN[verdict.why]}; {verdict.count} lines before it are in order",
+                f"{name} broken: line {verdict.bad} {BROKEN[verdict.why].format(anchors=anchors)}; "
+                f"{verdict.count} lines before it are in order",
                 err=True,
             )
     if not all(verdict.ok for verdict in chains.values()):

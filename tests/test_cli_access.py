@@ -195,6 +195,27 @@ def test_verify_says_ok_with_a_count_or_names_the_first_bad_line(pogon: Pogon, t
     assert bad.stderr == "audit broken: line 2 was changed; 1 lines before it are in order\n"
 
 
+def test_verify_names_the_file_of_anchors_that_does_not_agree(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    copy = tmp_path / "of another plant"
+    copy.write_text(f"1 1773036300000000 {'ab' * 32} - {'cd' * 32}\n")
+    bad = pogon("audit", "verify", "--anchors", str(copy))
+    assert bad.exit_code == 1
+    assert (
+        bad.stderr
+        == f"audit broken: line 1 does not agree with the anchors in {copy}; 0 lines before it are in order\n"
+    )
+
+
+def test_verify_says_that_the_buffer_is_no_file(pogon: Pogon, tmp_path: Path) -> None:
+    pogon("user", "add", "ana")
+    (tmp_path / "data" / "audit.buffer").unlink(missing_ok=True)
+    (tmp_path / "data" / "audit.buffer").mkdir()
+    bad = pogon("audit", "verify")
+    assert bad.exit_code == 1
+    assert "line 2 may be in audit.buffer, which is no file that can be read" in bad.stderr
+
+
 def test_verify_looks_at_the_alarm_journal_too(pogon: Pogon, tmp_path: Path) -> None:
     data = tmp_path / "data"
     pogon("user", "add", "ana")

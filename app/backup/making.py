@@ -62,7 +62,11 @@ def back_up(
         raise ConfigurationError(
             f"{data / 'pogon.db'} is not there: nothing to back up, or POGON_DATA is another folder"
         )
-    if archive.exists():
+    if (
+        not archive.parent.is_dir()
+    ):  # mistyped, or a disk that is not mounted: a folder made there would be a backup nobody finds
+        raise ConfigurationError(f"{archive.parent} is no folder: a backup makes none, expected one that is there")
+    if os.path.lexists(archive):
         raise ConfigurationError(f"{archive} exists already: a backup replaces no file")
     key = signing_key(key_file or data / BACKUP_KEY, make=True)
     try:

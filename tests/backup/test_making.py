@@ -60,6 +60,18 @@ def test_nothing_is_replaced(data: Path, plant: Path, tmp_path: Path) -> None:
         back_up(tmp_path / "d.tar", tmp_path / "empty", plant)
 
 
+def test_a_folder_that_is_not_there_is_not_made(data: Path, plant: Path, tmp_path: Path) -> None:
+    """A typing mistake, or a disk that is not mounted: a backup in its place would be looked for in vain."""
+    (tmp_path / "file").touch()
+    for folder in (tmp_path / "mnt" / "nas", tmp_path / "file"):
+        with pytest.raises(ConfigurationError, match="is no folder: a backup makes none"):
+            back_up(folder / "b.tar", data, plant)
+    (tmp_path / "dangling.tar").symlink_to(tmp_path / "mnt" / "b.tar")
+    with pytest.raises(ConfigurationError, match="exists already"):
+        back_up(tmp_path / "dangling.tar", data, plant)
+    assert not (tmp_path / "mnt").exists()
+
+
 def test_what_a_killed_backup_left_is_removed_by_the_next(data: Path, plant: Path, tmp_path: Path) -> None:
     stale, used = tmp_path / ".pogon-stale", tmp_path / ".pogon-used"
     for folder in (stale, used):

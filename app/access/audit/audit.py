@@ -255,7 +255,11 @@ class Audit:
         return self._db.run(lambda connection: self._verified(connection, copied))
 
     def _verified(self, connection: Connection, copied: Path | None = None) -> Verdict:
-        marks = read_marks(self._data, self._buffer.read(), copied)
+        try:
+            found = self._buffer.read()
+        except OSError:
+            found = None
+        marks = read_marks(self._data, found, copied, unread=found is None)
         return verify(connection, self._key, marks)
 
     def check_other_now(self, verify: Callable[[Connection, bytes], Verdict]) -> Verdict:

@@ -14,8 +14,12 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from errno import EINVAL
 from hashlib import sha256
 from pathlib import Path
+
+from app.errors import MissingFile, UnusableFile
+from app.files import open_ordinary
 
 NAME = "audit.buffer"
 HEAD = 512
@@ -54,9 +58,11 @@ class Buffer:
         """
         found = Found()
         try:
-            file = self.path.open("rb")
-        except FileNotFoundError:
+            file = open_ordinary(self.path)
+        except MissingFile:
             return found
+        except UnusableFile as error:
+            raise OSError(EINVAL, str(error)) from error
         with file:
             head = re.fullmatch(rb"(?:([0-9]{20} [0-9a-f]{64} [0-9a-f]{64})\n)?\0*", file.read(HEAD))
             if head is None:
@@ -141,7 +147,7 @@ class Buffer:
             OSError: the disk does not take it.
         """
         try:
-            handle = os.open(self.path, os.O_WRONLY)
+            handle = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK)
         except FileNotFoundError:
             return
         try:

@@ -1,5 +1,6 @@
 """Verifying: the chain is walked from its first line and compared with what stands outside the database."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,11 @@ from app.access.audit.buffer import Found
 from app.access.audit.chain import chained, genesis, is_mac, signed, tolerant
 from app.access.keys import Mark, read_mark
 from app.access.tables import audit_table
+from app.errors import ConfigurationError
+from app.files import read_text
 
+LARGEST = 256 << 20
+"""Of a file of anchors, some hundred years of them [bytes]."""
 FOREIGN = "audit.foreign"
 """In POGON_DATA, what the server found in the buffer at its start and did not put there; the chain counts as broken while it lies there."""
 
@@ -24,7 +29,7 @@ class Verdict:
     bad: int | None = None
     """Number of the first line that is not."""
     why: str = ""
-    """`changed`, `removed`, `inserted`, `cut`, `head`, `anchor`, `mark`, `wiped` or `buffer`."""
+    """`changed`, `removed`, `inserted`, `cut`, `head`, `anchor`, `copied`, `mark`, `wiped`, `buffer` or `unread`."""
     newest: int = 0
     """Number of the newest line that was looked at."""
 
@@ -63,12 +68,14 @@ class Marks:
     headless: bool = False
     """There is no `audit.head`."""
     broken: str = ""
-    """`head` or `anchor`: that file cannot be understood."""
+    """`head`, `anchor` or `copied`: that file cannot be understood."""
     foreign: int = 0
+    unread: bool = False
+    """There is something in the place of `audit.buffer` that is no file or cannot be read."""
 
 
-def read_marks(data: Path, buffer: Found | None = None, copied: Path | None = None) -> Marks:
-    """Read what is outside the database; a file that is not there is an empty one."""
+def read_marks(data: Path, buffer: Found | None = None, copied: Path | None = None, *, unread: bool = False) -> Marks:
+    """Read what is outside the database; a file that is not there is an empty one. `unread`: the buffer could not be."""
     broken, heads = "", []
     headless = not (data / "audit.head").exists()
     for text in (None if headless else _text(data / "audit.head"), buffer.head if buffer else ""):
@@ -80,22 +87,24 @@ def read_marks(data: Path, buffer: Found | None = None, copied: Path | None = No
             broken = "head"
     anchors = _read_anchors(data / "audit.anchors")
     from_elsewhere = _read_anchors(copied) if copied else ()
-    if anchors is None or from_elsewhere is None:
+    if from_elsewhere is None:
+        broken = "copied"
+    if anchors is None:
         broken = "anchor"
     foreign = (buffer.foreign if buffer else 0) + (data / FOREIGN).exists()
     mark = read_mark(data / "audit.key")
-    return Marks(heads, anchors or (), from_elsewhere or (), mark, headless, broken, foreign)
+    return Marks(heads, anchors or (), from_elsewhere or (), mark, headless, broken, foreign, unread)
 
 
 def _text(path: Path) -> str | None:
     try:
-        return path.read_text("utf-8")
-    except (OSError, ValueError):
+        return read_text(path, LARGEST)
+    except ConfigurationError:
         return None
 
 
 def _read_anchors(path: Path) -> list[Anchor] | None:
-    if not path.exists():
+    if not os.path.lexists(path):
         return []
     lines = []
     try:
@@ -110,12 +119,11 @@ def _read_anchors(path: Path) -> list[Anchor] | None:
 
 def verify(connection: Connection, key: bytes, marks: Marks) -> Verdict:
     """Walk the chain from its first line and compare it with `marks`. Whatever stands in it, there is a verdict."""
-    anchors: dict[int, str] = {}
     before_sign = ""
-    for anchor in (*marks.anchors, *marks.copied):
-        if not anchor.is_true(key):
-            return Verdict(0, anchor.seq, "anchor")
-        anchors[anchor.seq] = anchor.mac
+    for why, read in (("anchor", marks.anchors), ("copied", marks.copied)):
+        untrue = next((anchor for anchor in read if not anchor.is_true(key)), None)
+        if untrue is not None:
+            return Verdict(0, untrue.seq, why)
     for anchor in marks.anchors:
         if anchor.before and anchor.before != (before_sign[:16] or "-"):
             return Verdict(0, anchor.seq, "anchor")
@@ -129,23 +137,29 @@ def verify(connection: Connection, key: bytes, marks: Marks) -> Verdict:
     if mark is not None and not is_mac(mark.sign, signed(key, "mark", mark.install, mark.seq, mark.mac)):
         return Verdict(0, mark.seq, "mark")
     with tolerant(connection):
-        verdict = _walked(connection, key, marks, anchors)
+        verdict = _walked(connection, key, marks)
     if not verdict.ok:
         return verdict
-    last = verdict.count
-    if mark is not None and not last and not marks.heads and not anchors:
+    last, anchored = verdict.count, [anchor.seq for anchor in (*marks.anchors, *marks.copied)]
+    if mark is not None and not last and not marks.heads and not anchored:
         return Verdict(0, 1, "wiped")
-    known = max([mark.seq if mark else 0, *(seq for seq, _, _ in marks.heads), *anchors])
+    known = max([mark.seq if mark else 0, *(seq for seq, _, _ in marks.heads), *anchored])
     if known > last:
         return Verdict(last, last + 1, "cut", last)
     if last and marks.headless:
         return Verdict(last, last, "head", last)
     if marks.foreign:
         return Verdict(last, last + 1, "buffer", last)
+    if marks.unread:
+        return Verdict(last, last + 1, "unread", last)
     return verdict
 
 
-def _walked(connection: Connection, key: bytes, marks: Marks, anchors: Mapping[int, str]) -> Verdict:
+def _walked(connection: Connection, key: bytes, marks: Marks) -> Verdict:
+    outside: list[tuple[str, Mapping[int, str]]] = [
+        ("anchor", {anchor.seq: anchor.mac for anchor in marks.anchors}),
+        ("copied", {anchor.seq: anchor.mac for anchor in marks.copied}),
+    ]
     before, expected = genesis(key), 1
     columns = [column for column in audit_table.c if column.name != "mac"]
     for row in connection.execute(select(audit_table).order_by(audit_table.c.seq)).yield_per(1000):
@@ -155,8 +169,9 @@ def _walked(connection: Connection, key: bytes, marks: Marks, anchors: Mapping[i
         fields = {column.name: getattr(row, column.name) for column in columns}
         if not is_mac(row.mac, chained(key, before, fields)):
             return Verdict(expected - 1, row.seq, "changed", row.seq)
-        if anchors.get(row.seq, row.mac) != row.mac:
-            return Verdict(expected - 1, row.seq, "anchor", row.seq)
+        for why, macs in outside:
+            if macs.get(row.seq, row.mac) != row.mac:
+                return Verdict(expected - 1, row.seq, why, row.seq)
         if any(seq == row.seq and mac != row.mac for seq, mac, _ in marks.heads):
             return Verdict(expected - 1, row.seq, "head", row.seq)
         if marks.mark is not None and marks.mark.seq == row.seq and marks.mark.mac != row.mac:

@@ -1,10 +1,12 @@
 """Whatever is done to a line, to the chain or to what stands outside the database is found."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from app.access.access import Access
+from app.access.audit.chain import signed
 from app.access.audit.search import Filter
 from app.clock import ManualClock
 from app.errors import StorageError
@@ -188,3 +190,42 @@ async def test_a_table_that_is_gone_ends_nothing_but_the_verifying(access: Acces
     tamper(data, "DROP TABLE audit")
     with pytest.raises(StorageError):
         await access.audit.check()
+
+
+@pytest.mark.parametrize("wrong", ["of another plant", "changed", "rubbish", "pipe"])
+async def test_anchors_from_elsewhere_that_do_not_agree_are_named_as_such(
+    access: Access, data: Path, clock: ManualClock, tmp_path: Path, wrong: str
+) -> None:
+    """Not audit.anchors, which is in order."""
+    await access.audit.begin()
+    clock.advance(3601)
+    await filled(access, 3)
+    copy = tmp_path / "elsewhere"
+    seq, time, mac, before, sign = (data / "audit.anchors").read_text().splitlines()[0].split()
+    key = access.audit._key
+    match wrong:
+        case "of another plant":  # signed with this key, but of a chain that is another
+            mac = "ab" * 32
+            copy.write_text(f"{seq} {time} {mac} {before} {signed(key, 'anchor', int(seq), mac, int(time), before)}\n")
+        case "changed":
+            copy.write_text(f"{seq} {int(time) + 1} {mac} {before} {sign}\n")
+        case "rubbish":
+            copy.write_text("no anchor\n")
+        case "pipe":
+            os.mkfifo(copy)
+    assert access.audit.check_now().ok
+    verdict = access.audit.check_now(copy)
+    assert (verdict.ok, verdict.why) == (False, "copied")
+    assert verdict.bad == (1 if wrong in ("rubbish", "pipe") else int(seq))
+
+
+@pytest.mark.parametrize("what", ["folder", "pipe"])
+async def test_a_buffer_that_is_no_file_is_a_verdict_and_keeps_nobody_waiting(
+    access: Access, data: Path, what: str
+) -> None:
+    await filled(access, 3)
+    access.audit.close()
+    (data / "audit.buffer").unlink(missing_ok=True)
+    (data / "audit.buffer").mkdir() if what == "folder" else os.mkfifo(data / "audit.buffer")
+    verdict = access.audit.check_now()
+    assert (verdict.count, verdict.bad, verdict.why) == (3, 4, "unread")
