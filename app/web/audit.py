@@ -13,8 +13,8 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from app.access.audit.line import Record
 from app.access.audit.search import Filter
+from app.access.roles import PERMISSIONS, ROLES, Person
 from app.access.roles import SYSTEM as NOBODY
-from app.access.roles import Person
 from app.clock import to_datetime, to_micros
 from app.commands import parameter_change, value_set
 from app.commands.open_sets import values_of
@@ -219,9 +219,14 @@ def _stored(request: Request, typed: str) -> str:
 
 
 def _page(request: Request, line: Record) -> str:
-    """The page that was refused, by the name in the reader's language, with the machine's when it is of one."""
-    machine = _object(request, line.parameters.get("machine", ""))
-    key = page_names.name_of(line.object)
+    """What was refused, by the name in the reader's language: the command or setpoint, what was asked about control, else the page; with
+    the machine's when it is of one."""
+    told = line.parameters
+    name = told.get("machine", "")
+    machine = _object(request, name)
+    if (command := told.get("command")) and (named := _object(request, f"{name}.{command}")) != machine:
+        return named
+    key = f"control.{told['control']}" if "control" in told else page_names.name_of(line.object)
     return ": ".join(filter(None, (machine, view_of(request).text(request, key) if key else "")))
 
 
@@ -288,6 +293,13 @@ def _reason(request: Request, line: Record) -> str:
         )
         cause = params.get("cause", "")
         params["because"] = _known(request, cause, cause, **params).rstrip(".")
+    if line.kind == "access.denied":
+        roles = [
+            _known(request, f"access.role.{role}", role)
+            for role in ROLES
+            if role in PERMISSIONS.get(params.get("permission", ""), ())
+        ]
+        return _known(request, "audit.needs", "", roles=" / ".join(roles)) if roles else ""
     told = _known(request, line.reason, line.reason, **params) if line.reason else ""
     return f"{told} (×{params['count']})" if told and line.kind == "command" and "count" in params else told
 

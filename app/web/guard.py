@@ -30,7 +30,7 @@ from app.access.roles import PERMISSIONS as OF_ROLES
 from app.access.roles import PUBLIC, RECORDED, Person, may_watch, permissions_of, permitted
 from app.access.signin import HALF_LIFE
 from app.errors import ConfigurationError, Refused, StorageError
-from app.plant.definitions import Point, Scan
+from app.plant.definitions import Plant, Point, Scan
 from app.plant.system import FRAME, SYSTEM
 from app.web.errors import answer
 from app.web.security import is_own_origin
@@ -53,6 +53,10 @@ IN_LISTS = frozenset({"commands", "events", "alarms", "records", "lessons"})
 """First part of the keys of system points that pages for everybody follow: that something in a list has changed."""
 DENIALS_KEPT = 60.0
 """The same refusal of the same person is written down once in so long [s]."""
+DENIALS_APART = 30
+"""So many of a person are told apart in it by machine and command; further ones by their page alone."""
+CONTROL = frozenset({"take", "request", "refuse", "give", "release"})
+"""What may be asked about the control of a machine."""
 
 
 class SignInFirst(Exception):
@@ -545,15 +549,30 @@ async def _note_denied(connection: HTTPConnection, person: Person, permission: s
     app_state = connection.app.state
     if not hasattr(app_state, "denials"):
         app_state.denials = {}
-    noted: dict[tuple[str, str], float] = app_state.denials
+    noted: dict[tuple[str, ...], float] = app_state.denials
     now = app_state.runtime.clock.monotonic()
-    key = (person.name, path)
+    told = _what_was_denied(app_state.runtime.plant, path, connection.scope.get("path_params", {}))
+    if sum(other[0] == person.name and now - at < DENIALS_KEPT for other, at in noted.items()) >= DENIALS_APART:
+        told = {}
+    key = (person.name, path, *told.values())
     if now - noted.get(key, -DENIALS_KEPT) < DENIALS_KEPT:
         return
     if len(noted) > 1000:
         noted.clear()
     noted[key] = now
-    plant, parts = app_state.runtime.plant, connection.scope.get("path_params", {})
-    machine = next((one for one in map(parts.get, ("key", "id", "machine")) if plant and one in plant.equipment), "")
-    told = {"permission": permission} | ({"machine": machine} if machine else {})
-    await access.audit.record("access.denied", person, path, result="refused", **told)
+    await access.audit.record("access.denied", person, path, result="refused", permission=permission, **told)
+
+
+def _what_was_denied(plant: Plant | None, path: str, parts: Mapping[str, str]) -> dict[str, str]:
+    """The machine that a refused request was about and what was asked of it, as far as the plant has them."""
+    named = next((one for one in map(parts.get, ("key", "id", "machine")) if one), "")
+    item = plant.equipment.get(named) if plant else None
+    if item is None:
+        return {}
+    command = parts.get("command") or parts.get("setpoint") or ""
+    if path.endswith("/stop"):
+        command = next((key for key, one in item.type.commands.items() if one.stop), "")
+    known = command in item.type.commands or command in item.type.setpoints
+    action = parts.get("action", "") if path.endswith(("/token/{action}", "/control/{action}")) else ""
+    told = {"machine": named, "command": command if known else "", "control": action if action in CONTROL else ""}
+    return {name: value for name, value in told.items() if value}
