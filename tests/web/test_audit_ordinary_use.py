@@ -23,12 +23,12 @@ RAW = re.compile(
     r"|[{}]|\bNone\b|\bTrue\b|0x[0-9A-F]{4}| = "
 )
 DENIED = {
-    "hr": ("Korisnici", "Upravljanje", "Usporedba parametara", "Uredi sekvencu"),
-    "en": ("Users", "Operation", "Compare parameters", "Edit sequence"),
-    "de": ("Benutzer", "Bedienung", "Parameter vergleichen", "Schrittkette bearbeiten"),
-    "cs": ("Uživatelé", "Ovládání", "Porovnání parametrů", "Upravit sekvenci"),
+    "hr": ("Korisnici", "Naprijed", "Usporedba parametara", "Uredi sekvencu"),
+    "en": ("Users", "Forward", "Compare parameters", "Edit sequence"),
+    "de": ("Benutzer", "Vorwärts", "Parameter vergleichen", "Schrittkette bearbeiten"),
+    "cs": ("Uživatelé", "Vpřed", "Porovnání parametrů", "Upravit sekvenci"),
 }
-"""Pages that somebody was refused."""
+"""Pages and a command that somebody was refused."""
 
 
 @pytest.fixture(scope="module")
