@@ -100,7 +100,7 @@ def test_the_editor_has_a_field_for_each_value_of_the_other_one(plant: TestClien
         shown
     )
     assert re.search(r'name="orders\.0\.values\.duration"[^>]*value="3"', shown)
-    assert "a number from 2 up to 40 for steps1" in send(duration="41")
+    assert "a number from 2 to 40 for steps1" in send(duration="41")
     assert "in whole numbers, as steps1 takes it" in send(duration="recipe.speed")
     assert "No mistakes." in send(duration="")
     assert 'values = { frequency = "recipe.speed" }' in page().replace("&#34;", '"'), "then it is as in the last run"
