@@ -97,6 +97,8 @@ class Derivation:
             if point.derived and point.derived.kind == "option"
         }
         self._fresh = True
+        self.worth_keeping = False
+        """A start was counted, what counts hours came to a stop, or a counter was set back: whoever keeps this sets it to False."""
 
     @property
     def inputs(self) -> frozenset[str]:
@@ -173,7 +175,7 @@ class Derivation:
         if state is None or state.kind not in ("running_hours", "starts"):
             raise ConfigurationError(f"{name} is no counter: only running hours and starts can be set back")
         state.value = 0.0
-        self._fresh = True
+        self._fresh = self.worth_keeping = True
 
     def _turn_day(self, time_us: int) -> bool:
         if self._begin <= time_us < self._midnight:
@@ -204,11 +206,13 @@ class Derivation:
                 if state.truth and state.at and now > state.at:
                     state.value = (state.value or 0.0) + (now - state.at) / HOUR
                 state.value = state.value or 0.0
+                self.worth_keeping |= bool(state.truth) and not seen
                 state.truth, state.at = seen, now
                 return round(state.value, max(1, state.point.decimals)), _accumulated(quality, known=seen is not None)
             case "starts":
                 if seen and state.truth is False:
                     state.value = (state.value or 0.0) + 1
+                    self.worth_keeping = True
                 state.value = state.value or 0.0
                 state.truth = state.truth if seen is None else seen
                 return round(state.value), _accumulated(quality, known=seen is not None)

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Mapping
+from contextlib import suppress
 
 from app.clock import Clock
 from app.errors import StorageError
@@ -17,6 +18,8 @@ DERIVED = "derived"
 """Source of these points."""
 RETAIN_PERIOD = 60.0
 """How often running hours and the like are kept [s]."""
+RETAIN_SOON = 2.0
+"""So long after a start or a stop they are kept as well [s]; what happens in it is one write."""
 
 
 class DerivedPoints:
@@ -30,6 +33,7 @@ class DerivedPoints:
         self._clock = clock
         self._states = states
         self._inputs: frozenset[int] = frozenset()
+        self._soon = asyncio.Event()
 
     async def restore(self, derivation: Derivation) -> None:
         """`derivation` goes on from what was kept."""
@@ -75,13 +79,18 @@ class DerivedPoints:
             self.derivation.interrupted(still.begin, still.end)
 
     async def run(self) -> None:
-        """Keep what they remember, for ever; a killed server forgets the last minute of it."""
+        """Keep what they remember, for ever; a killed server forgets no start but those of the last 2 s, and a minute of what runs on."""
         while True:
-            await asyncio.sleep(RETAIN_PERIOD)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(RETAIN_PERIOD):
+                    await self._soon.wait()
+                    await asyncio.sleep(RETAIN_SOON)
+            self._soon.clear()
             try:
                 await self.keep()
             except StorageError as error:
                 log.error("running hours and the like not kept reason=%s", error)
+                await asyncio.sleep(RETAIN_PERIOD)
 
     async def keep(self) -> None:
         """Keep what they remember now.
@@ -96,6 +105,9 @@ class DerivedPoints:
         if self.derivation is None:
             return
         results = self.derivation.update(changed, time)
+        if self.derivation.worth_keeping:
+            self.derivation.worth_keeping = False
+            self._soon.set()
         self._tags.publish(
             Batch(
                 source=DERIVED,

@@ -1,5 +1,6 @@
 """Points that are computed while the plant runs: with what they depend on, with time, and from where they were."""
 
+import asyncio
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -105,3 +106,68 @@ async def test_what_it_published_itself_sets_nothing_off(hall: Hall) -> None:
     hall.tags.subscribe(lambda batch: seen.append(batch.source))
     hall.tell(status=1)
     assert seen.count(DERIVED) <= 1 and seen.count("link.hall") == 1
+
+
+async def killed(hall: Hall, database: Database, folder: Path, after: float) -> Hall:
+    """The points of a server that starts anew, `after` [s] the one of `hall` was killed."""
+    work = asyncio.create_task(hall.points.run())
+    await asyncio.sleep(after)
+    work.cancel()
+    again = Hall(folder, database)
+    await again.points.restore(again.derivation)
+    again.take()
+    again.points.compute_all()
+    return again
+
+
+async def test_starts_are_kept_when_the_server_is_killed_soon_after(
+    hall: Hall, database: Database, tmp_path: Path
+) -> None:
+    """Not with the next minute: a motor of two starts had none after a kill."""
+    hall.take()
+    for status in (0, 1, 0, 1):
+        hall.tell(status=status)
+        hall.clock.advance(1)
+    again = await killed(hall, database, tmp_path, after=3)
+    assert again.tags.value(again.tags.handle("m1.starts")) == 2
+
+
+async def test_the_hours_of_a_motor_that_stopped_are_kept_to_the_second(
+    hall: Hall, database: Database, tmp_path: Path
+) -> None:
+    hall.take()
+    run_for(hall, 7200)
+    hall.tell(status=0)
+    again = await killed(hall, database, tmp_path, after=3)
+    value = again.derivation.retained()["m1.running_hours"]["value"]
+    assert value == pytest.approx(2.0, abs=1e-6)
+
+
+async def test_a_counter_that_was_set_back_stays_so(hall: Hall, database: Database, tmp_path: Path) -> None:
+    hall.take()
+    run_for(hall, 3600)
+    await hall.points.keep()
+    hall.derivation.reset("m1.running_hours")
+    hall.points.pass_time()
+    again = await killed(hall, database, tmp_path, after=3)
+    assert again.derivation.retained()["m1.running_hours"]["value"] == 0
+
+
+async def test_many_starts_are_one_write(hall: Hall) -> None:
+    hall.take()
+    writes: list[int] = []
+
+    async def keep() -> None:
+        writes.append(round(asyncio.get_running_loop().time()))
+
+    hall.points.keep = keep  # type: ignore[method-assign]
+    begun = round(asyncio.get_running_loop().time())
+    work = asyncio.create_task(hall.points.run())
+    for _ in range(20):
+        hall.tell(status=1)
+        await asyncio.sleep(0.05)
+        hall.tell(status=0)
+        await asyncio.sleep(0.05)
+    await asyncio.sleep(130)
+    work.cancel()
+    assert [at - begun for at in writes] == [2, 62, 122]
