@@ -167,7 +167,7 @@ def sign_in(page: Page, url: str, data: Path) -> None:
     for name, value in given.items():
         page.fill(f"[name={name}]", value)
     page.click(".sheet-form button.cmd")
-    page.wait_for_url(re.compile(r"/(\?.*)?$"))
+    page.wait_for_url(re.compile(r"/(welcome)?(\?.*)?$"), wait_until="commit")
     page.close()
 
 
