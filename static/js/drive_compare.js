@@ -16,15 +16,15 @@ const pieces = (text, most) => { // a character may take nine signs on its way
 };
 
 pick.addEventListener("change", async () => {
-  const file = pick.files[0];
+  const [file] = pick.files;
   if (!file) return;
+  form.querySelector("[data-chosen]").textContent = file.name;
   say("");
   if (file.size > Number(form.dataset.largest)) return say(form.dataset.large.replace("{}", file.size));
   pick.disabled = true;
   try {
     const bytes = new Uint8Array(await file.arrayBuffer());
-    let text;
-    try { text = new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(bytes); } catch { return say(form.dataset.encoding); }
+    let text; try { text = new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(bytes); } catch { return say(form.dataset.encoding); }
     const parts = pieces(text, Number(form.dataset.piece));
     for (const [n, part] of parts.entries()) {
       const body = new URLSearchParams({ csrf: form.elements.csrf.value, text: part, name: file.name, part: n + 1, parts: parts.length });

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app import bundled
-from tests.browser.station import PASSWORD, Sit, origin, serving, take
+from tests.browser.station import PASSWORD, Sit, origin, serving, speak, take
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/equipment/d2/drive-parameters?group=ramp"
@@ -88,11 +88,29 @@ def test_a_set_goes_home_comes_back_changed_and_is_compared_reviewed_and_written
     changed = tmp_path / "changed.csv"
     changed.write_text(home.replace(old, ";".join((cells | {"value": "4.5"}).values())), "utf-8")
 
+    # the button that chooses one speaks the language of the page, is reached by the keyboard, and says what was chosen
+    for lang, choose_one in (
+        ("hr", "Odaberi datoteku"),
+        ("de", "Datei wählen"),
+        ("cs", "Vybrat soubor"),
+        ("en", "Choose a file"),
+    ):
+        speak(page, lang, origin(page))
+        page.reload()
+        expect(page.locator(".dc-choose label")).to_have_text(choose_one)
+    expect(page.get_by_role("button", name="A file Choose a file")).to_have_count(1)
+    page.locator("#dc-file").focus()
+    with page.expect_file_chooser():
+        page.keyboard.press("Enter")
+    with page.expect_file_chooser():
+        page.locator(".dc-choose label").click()
+
     # a file with a mistake is refused whole, with its line
     wrong = tmp_path / "wrong.csv"
     wrong.write_text(home.replace(old, ";".join((cells | {"value": "fast"}).values())), "utf-8")
     page.set_input_files("#dc-file", wrong)
     expect(page.locator("#dc .dc-wrong li")).to_contain_text("fast")
+    expect(page.locator("#dc-name")).to_have_text("wrong.csv")
     assert page.locator("#dc .dc-table").count() == 0
 
     page.set_input_files("#dc-file", changed)
