@@ -52,9 +52,8 @@ class Derived:
 
     kind: str
     of: str = ""
-    """Name of the point it is computed from."""
     when: str = ""
-    """Condition that steers it."""
+    """Name of the point it is computed from, and condition that steers it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +86,8 @@ class Point:
     dead_band: float = 0.0
     """Change too small to store [EU]."""
     history: bool = True
+    opens_trends: bool = False
+    """It tells how fast a drive runs: a pen of who opens the trends the first time."""
     texts: Mapping[int, str] = field(default_factory=dict)
     """Value → text key, for enumerations and booleans."""
     certainty: str = ""
@@ -94,9 +95,8 @@ class Point:
     reason: str = ""
     """Why the plant file gives it other limits than its type."""
     table: str = ""
-    """Table that it is a cell of; empty = none."""
     row: int = 0
-    """Row (slot) of that table, from 0."""
+    """Table that it is a cell of (empty = none) and row (slot) of that, from 0."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from app.clock import to_datetime, to_micros
 from app.errors import ConfigurationError, Refused
 from app.historian.export import moment
 from app.historian.saved_views import LONGEST_VIEW
-from app.plant.definitions import Kind, Plant, Point
+from app.plant.definitions import Kind, Plant
 from app.web import typed_time
 
 MOST_PENS = 8
@@ -26,8 +26,6 @@ AXES = ("auto", "fit", "scale")
 KNOWN = ("tags", "span", "from", "to", "off", "pen", "axis", "a", "b", "under")
 """All that an address says, in its order."""
 OF_TIME = {"span", "from", "to", "a", "b"}
-DRIVE_SPEED = re.compile(r"(^|_)speed(_\d+)?$")
-"""Key of a point that tells how fast a drive turns."""
 
 
 def names_of(asked: QueryParams) -> list[str]:
@@ -209,8 +207,9 @@ def opened(query: str, usable: Callable[[str], bool], now: int, zone: ZoneInfo) 
 
 
 def first_pens(plant: Plant) -> list[str]:
-    """Pens for who comes the first time: how fast all drives turn, else values of the first machine that has some with a normal band."""
-    speeds = [one for item in plant.equipment.values() for one in item.points.values() if _is_speed(one)]
+    """Pens for who comes the first time: how fast all drives turn; how fast machines move; or what has a normal band on the first one."""
+    points = [one for item in plant.equipment.values() for one in item.points.values() if one.history]
+    speeds = [one for one in points if one.opens_trends]
     for found in ([one for one in speeds if one.unit == "rpm"], speeds):
         if found:
             return [one.name for one in found[:MOST_PENS]]
@@ -235,8 +234,3 @@ def with_pens(asked: QueryParams, names: Sequence[str]) -> str:
 def query_of(parts: Mapping[str, str] | Sequence[tuple[str, str]]) -> str:
     """`parts` as the query of an address, readable."""
     return urlencode(parts, safe=",:", quote_via=quote)
-
-
-def _is_speed(point: Point) -> bool:
-    measured = point.kind is Kind.ANALOG and point.history and "rated" not in point.key
-    return measured and DRIVE_SPEED.search(point.key) is not None

@@ -3,6 +3,7 @@
 import html
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import parse_qs, urlencode, urlsplit
@@ -11,12 +12,14 @@ import orjson
 import pytest
 from fastapi.testclient import TestClient
 
+from app import bundled
 from app.errors import StorageError
 from app.historian import store
 from app.historian.statistics import Numbers, statistics
+from app.plant.loader import read_plant
 from app.runtime import Runtime
 from app.tags.quality import COMM_FAILURE, GOOD
-from app.web.trend_address import MOST_PENS
+from app.web.trend_address import MOST_PENS, first_pens
 from tests.virtual import pass_time
 from tests.web.people import Staff
 
@@ -427,6 +430,18 @@ def test_an_address_without_tags_shows_the_speeds_of_all_drives_and_keeps_the_re
     answer = client.get("/trends?span=1h", follow_redirects=False)
     drives = "m1.speed,m2.speed,cr1.hoist_1_speed,cr1.hoist_2_speed,cr1.trolley_1_speed,cr1.bridge_1_speed,a1.speed"
     assert (answer.status_code, answer.headers["location"]) == (303, f"/trends?tags={drives}&span=1h")
+
+
+def test_a_type_says_which_values_open_the_trends() -> None:
+    belts, _ = read_plant(bundled("plants/belts"))
+    assert belts is not None
+    assert first_pens(belts) == [f"c5.belt_speed_{belt}" for belt in range(1, 6)], "no drive turns in rpm here"
+    machine = belts.equipment["c5"]
+    points = {
+        key: replace(one, opens_trends=key == "motor_2", history=key != "motor_1")
+        for key, one in machine.points.items()
+    }
+    assert first_pens(replace(belts, equipment={"c5": replace(machine, points=points)})) == ["c5.motor_2"]
 
 
 def test_every_pen_names_its_machine(client: TestClient) -> None:

@@ -99,6 +99,7 @@ class Points:
             scale_high=self._bound(table, "scale_high", bounds),
             dead_band=self._bound(table, "dead_band", bounds) or 0.0,
             history=table.flag("history", given.get("history", True)),
+            opens_trends=table.flag("opens_trends", False),
             texts=read_choices(table, key, "texts"),
             certainty=table.text("certainty", ""),
         )
