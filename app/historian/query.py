@@ -168,6 +168,14 @@ def at(connection: Connection, number: int, time: int) -> tuple[int, float | str
     return None if row is None else (row[0], row[2] if row[1] is None else row[1], row[3])
 
 
+def line_at(connection: Connection, number: int, time: int) -> tuple[int, float | str | None, int] | None:
+    """As `at`, with the value where the curve is at `time`: between the two samples of a ramp on the line that joins them."""
+    held = at(connection, number, time)
+    if held is None or not isinstance(held[1], float) or not (ramp := _ramp(connection, number)):
+        return held
+    return held[0], _on_line(time, held[0], held[1], _after(connection, number, time + 1, ramp), ramp), held[2]
+
+
 def texts(
     connection: Connection, number: int, begin: int, end: int, limit: int = MAX_WIDTH
 ) -> list[tuple[int, str | None]]:
@@ -362,16 +370,10 @@ def _drawn(
 ) -> Columns:
     """Columns in order, with what holds at the edges and a break wherever nothing was recorded or a sample was bad."""
 
-    def at(moment: int, since: int, value: float, then: tuple[int, float | None] | None) -> float:
-        """Between two samples: on a ramp the line tells, else the first one holds."""
-        if then is None or then[1] is None or not 0 < then[0] - since <= ramp:
-            return value
-        return value + (then[1] - value) * (moment - since) / (then[0] - since)
-
     held_time, held, level = before if before is not None else (begin - GAP_AFTER - 1, None, 2)
     if held is not None:
         following = (cells[0].first_time, cells[0].first) if cells else after
-        out.hold(begin, at(begin, held_time, held, following), level)
+        out.hold(begin, _on_line(begin, held_time, held, following, ramp), level)
     for cell in cells:
         if held is not None:
             _end_of_hold(out, held_time, held, level, cell.first_time, cell.first)
@@ -382,8 +384,15 @@ def _drawn(
     if held is not None and known_to > held_time:
         _end_of_hold(out, held_time, held, level, known_to, held)
         if known_to - held_time <= GAP_AFTER:
-            out.hold(known_to, at(known_to, held_time, held, after), level)
+            out.hold(known_to, _on_line(known_to, held_time, held, after, ramp), level)
     return out
+
+
+def _on_line(moment: int, since: int, value: float, then: tuple[int, float | None] | None, ramp: int) -> float:
+    """Between two samples: on a ramp the line tells, else the first one holds."""
+    if then is None or then[1] is None or not 0 < then[0] - since <= ramp:
+        return value
+    return value + (then[1] - value) * (moment - since) / (then[0] - since)
 
 
 def _end_of_hold(out: Columns, since: int, held: float, level: int, time: int, value: float | None) -> None:

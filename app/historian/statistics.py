@@ -33,7 +33,7 @@ class Numbers:
     lacking: int
     """Time of it without one [µs]; what the recorder did not see, also when it has stopped since, but not what is still to come."""
     held: tuple[Held | None, ...]
-    """What held at each of the moments that were asked for, None when nothing was recorded then."""
+    """What the curve says at each of the moments that were asked for: what held, on a ramp the line; None when nothing was recorded."""
 
 
 def statistics(
@@ -76,7 +76,7 @@ def _numbers(
 
 
 def _held(connection: Connection, number: int, time: int, alive: int) -> Held | None:
-    found = query.at(connection, number, time)
+    found = query.line_at(connection, number, time)
     if found is None or time - found[0] > GAP_AFTER or time > alive + GAP_AFTER:
         return None
     return found[1], found[2] & 3

@@ -101,8 +101,8 @@ export class Chart {
       if (low === null) return;
       if (pen.stepped && before !== null && first !== before) put(at, before);
       const ends = [first ?? low, last ?? high];
-      // A column of many samples that is no higher than usual is a line in the middle of its band.
-      if (!pen.stepped && count > 3 && first !== null && last !== null && high - low <= out) put(at, (low + high) / 2);
+      // A column of many samples that is no higher than usual is a line through its last value.
+      if (!pen.stepped && count > 3 && first !== null && last !== null && high - low <= out) put(at, last);
       else {
         put(at, ends[0]);
         if (Math.min(...ends) - low > out) put(at, low);
@@ -123,13 +123,11 @@ export class Chart {
     return Math.max((STANDS_OUT[0] * (high - low)) / Math.max(60, this.element.clientHeight - 90), STANDS_OUT[1] * (heights[heights.length >> 1] ?? 0));
   }
 
-  /** What the pen shows at a time, null in a gap. */
+  /** Where the line of the pen, as it is drawn, is at a time; null in a gap. */
   at(pen, at) {
-    const items = this.drawn(pen), i = items.findLastIndex((item) => item.at <= at), before = items[i], after = items[i + 1];
-    if (!before || before.last === null) return null;
-    if (!after) return before.at === at ? before.last : null;
-    if (pen.stepped || after.first === null) return before.last;
-    return before.last + ((after.first - before.last) * (at - before.at)) / (after.at - before.at || 1);
+    const [xs, ys] = pen.line ?? [[], []], when = at / 1e6, i = xs.findLastIndex((x) => x <= when), value = ys[i], after = ys[i + 1];
+    if (after === undefined) return xs[i] === when ? value : null;
+    return value === null || after === null ? value ?? null : value + ((after - value) * (when - xs[i])) / (xs[i + 1] - xs[i] || 1);
   }
 
   /** Times without a good or uncertain value of a pen within the view, [from, to]. */
@@ -180,8 +178,9 @@ export class Chart {
       for (const pen of known) if (!this.mini || pen === this.pens[0]) note(pen.normal ? Math.min(pen.high, pen.normal[1]) : null);
     }
     const least = Math.max(2 * 10 ** -Math.max(0, ...pens.map((pen) => pen.decimals)), ...known.map((pen) => (pen.high - pen.low) / 50));
-    if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
-    if (this.axis !== "scale") { const air = (high - low) * 0.04; low -= low < 0 || this.axis === "fit" ? air : 0; high += air; }
+    const floor = low >= 0 && known.length === pens.length && known.every((pen) => pen.low >= 0) ? 0 : -Infinity; // what cannot be negative has no scale below 0
+    if (high - low < least) [low, high] = [Math.max(floor, (low + high - least) / 2), Math.max(floor + least, (low + high + least) / 2)];
+    if (this.axis !== "scale") { const air = (high - low) * 0.04; low = Math.max(floor, low - (low < 0 || this.axis === "fit" ? air : 0)); high += air; }
     const step = time.nice((high - low) / 6);
     return [Math.floor(low / step + 1e-9) * step, Math.ceil(high / step - 1e-9) * step];
   }
@@ -224,7 +223,7 @@ export class Chart {
     const shape = JSON.stringify([pens.map((pen) => pen.tag), scales, room, this.below, margins]);
     this.ranges = Object.fromEntries(scales.map((scale) => [scale, this.range(scale)]));
     this.lines = [...(this.shift ? pens.map((pen) => ({ pen, thin: true })) : []), ...pens.map((pen) => ({ pen })), ...(pens.length ? [] : [{ pen: this.pens[0], none: true }])];
-    const data = [null, ...this.lines.map(({ pen, thin, none }) => (none ? [[], []] : this.points(pen, thin ? pen.ghost ?? [] : undefined)))];
+    const data = [null, ...this.lines.map(({ pen, thin, none }) => (none ? [[], []] : thin ? this.points(pen, pen.ghost ?? []) : pen.line = this.points(pen)))];
     if (shape !== this.shape) {
       this.plot?.destroy();
       this.shape = shape;

@@ -251,3 +251,20 @@ def test_a_point_is_found_by_its_name_and_by_its_lasting_id() -> None:
         assert by_name is not None
         assert by_name.unit == "rpm"
         assert query.find(connection, "m9.speed") is None
+
+
+def test_between_the_samples_of_a_ramp_the_line_tells_else_what_held() -> None:
+    second = 1_000_000
+    rows = [
+        (BEGIN, 10.0, GOOD),
+        (BEGIN + second // 2, 20.0, GOOD),
+        (BEGIN + 60 * second, 50.0, GOOD),
+        (BEGIN + 61 * second, None, COMM_FAILURE),
+    ]
+    with fresh() as connection:
+        fill(connection, as_rows(rows))
+        found = [
+            query.line_at(connection, 1, BEGIN + at)
+            for at in (-1, 0, second // 4, second // 2, 30 * second, 60 * second + second // 2)
+        ]
+    assert [None if one is None else one[1] for one in found] == [None, 10.0, 15.0, 20.0, 20.0, 50.0]
