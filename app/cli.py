@@ -71,7 +71,8 @@ def run(
         typer.echo(f"pogon: {name} is no setting of pogon, it is not used", err=True)
     os.umask(0o077)
     try:
-        check_places(settings)
+        for line in check_places(settings):
+            typer.echo(f"pogon: {line}", err=True)
         if begin_anew:
             held = lock(settings.data) if settings.data.is_dir() else None
             place = put_aside(settings.data)

@@ -96,12 +96,15 @@ def run_checks(settings: Settings, clock: Clock, read_plant: ReadPlant) -> Itera
 def _settings(settings: Settings) -> Iterator[Finding]:
     """What is told of each place that a setting names, as the start tells it."""
     try:
-        check_places(settings)
+        absent = check_places(settings)
     except ConfigurationError as error:
         for line in str(error).splitlines():
             yield Finding("settings", "failed", "wrong", {"reason": line})
     else:
-        yield Finding("settings", "ok", "good")
+        for line in absent:
+            yield Finding("settings", "warning", "wrong", {"reason": line})
+        if not absent:
+            yield Finding("settings", "ok", "good")
 
 
 def _data(data: Path) -> Finding:

@@ -247,34 +247,39 @@ def shown(text: str) -> str:
     return line if len(text) <= SHOWN else f"{line}… ({len(text)} characters)"
 
 
-def check_places(settings: Settings) -> None:
+def check_places(settings: Settings) -> list[str]:
     """Refuse settings that name a folder, file or socket that is something else, before anything is started. Nothing is opened or made.
 
-    A data folder that is not there is made by the start; what is wrong in a plant folder is listed on a page of the running server.
+    A data folder that is not there is made by the start; what is wrong in a plant folder is listed on a page of the running server. Where
+    copies go to (anchors, syslog) may come later, as no plant waits for that: what is not there is returned, to be told.
 
     Raises:
         ConfigurationError: one line per setting with its value and what was expected.
     """
-    anchors = settings.audit_anchors
+    anchors, absent = settings.audit_anchors, os.strerror(errno.ENOENT)
     wrong = [
         ("DATA", settings.data, "a folder", _other_than(settings.data, stat.S_ISDIR, missing=True)),
         ("PLANT", settings.plant, "a folder with plant.toml", _other_than(settings.plant, stat.S_ISDIR)),
     ]
+    later = []
     if anchors is not None:
         why = _other_than(anchors.parent, stat.S_ISDIR) or _other_than(anchors, stat.S_ISREG, missing=True)
         if not why and not os.access(anchors if anchors.exists() else anchors.parent, os.W_OK):
             why = os.strerror(errno.EACCES)
-        wrong.append(("AUDIT_ANCHORS", anchors, "a file that may be written, in a folder that is there", why))
+        later.append(("AUDIT_ANCHORS", anchors, "a file that may be written, in a folder that is there", why))
     if settings.syslog.startswith("/"):
-        socket = Path(settings.syslog)
-        wrong.append(
-            ("SYSLOG", socket, "the socket of a running syslog such as /dev/log", _other_than(socket, stat.S_ISSOCK))
+        place = Path(settings.syslog)
+        later.append(
+            ("SYSLOG", place, "the socket of a running syslog such as /dev/log", _other_than(place, stat.S_ISSOCK))
         )
-    told = [
-        f"POGON_{name}={shown(str(path))}: expected {expected} ({why})" for name, path, expected, why in wrong if why
-    ]
-    if told:
-        raise ConfigurationError("\n".join(told))
+    found = [(_line(*one), one in later and one[3] == absent) for one in (*wrong, *later) if one[3]]
+    if not all(may_come for _, may_come in found):
+        raise ConfigurationError("\n".join(line for line, _ in found))
+    return [f"{line}: nothing goes there until it is" for line, _ in found]
+
+
+def _line(name: str, path: Path, expected: str, why: str) -> str:
+    return f"POGON_{name}={shown(str(path))}: expected {expected} ({why})"
 
 
 def _other_than(path: Path, kind: Callable[[int], bool], *, missing: bool = False) -> str:
