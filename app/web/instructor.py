@@ -21,6 +21,7 @@ from app.plant.training import text_of_code
 from app.running.instruction import Trainee, Words, look, says_simulated, write
 from app.sim import training
 from app.sim.plant import SPEEDS
+from app.web import format as fmt
 from app.web.commands import wants_fragment
 from app.web.guard import address_of, allow, fields, people_access, person_of
 from app.web.language import language_of
@@ -28,6 +29,8 @@ from app.web.pages import plant_of, view_of
 
 router = APIRouter()
 
+TENTHS = "× 0.1 "
+"""How the unit of a training register begins that counts tenths."""
 LINE_FIELDS: Mapping[str, TrainingWord] = {
     name: TrainingWord(register, *training.COMMON_LIMITS[register], unit)
     for name, register, unit in (
@@ -348,13 +351,20 @@ def _entries(
         (
             name,
             view_of(request).text(request, f"{texts}.{name}"),
-            word.unit,
+            word.unit.replace(TENTHS, f"× {fmt.number(0.1, 1, language_of(request))} "),
             words[word.register] if words else 0,
             word.low,
             word.high,
         )
         for name, word in table.items()
     ]
+
+
+def _amount(raw: int, unit: str, lang: str) -> str:
+    """What a training register says, in its unit: of one that counts tenths the number itself."""
+    if unit.startswith(TENTHS):
+        return f"{fmt.number(raw / 10, 1, lang)}\u00a0{unit.removeprefix(TENTHS)}"
+    return f"{raw}\u00a0{unit}"
 
 
 def _faults(request: Request, item: Equipment) -> list[tuple[int, str, str]]:
@@ -412,7 +422,7 @@ def _row(request: Request, one: Trainee) -> dict[str, Any]:
             text(request, f"{item.type.name}.training.{name}"),
             text(request, f"instructor.{'on' if words[word.register] else 'off'}")
             if (word.low, word.high) == (0, 1)
-            else f"{words[word.register]}\u00a0{word.unit}",
+            else _amount(words[word.register], word.unit, language_of(request)),
         )
         for name, word in trained.world.items()
     ]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import LANGUAGES, Sit, origin, serving, speak
+from tests.browser.station import LANGUAGES, Sit, lay_out, origin, serving, speak
 from tests.conftest import PogonServer
 
 WHO, HOME = "ivana", "/"
@@ -44,6 +44,17 @@ def test_nothing_of_a_desk_is_beyond_an_edge(sit: Sit, lang: str) -> None:
             one.parentElement.hidden = false; return [one.parentElement.scrollWidth, one.parentElement.clientWidth]; }"""
     )
     assert needed[0] <= needed[1], f"{needed} of {page.inner_text('.c-stat .push')}"
+
+
+@pytest.mark.parametrize(
+    ("size", "path"), [((800, 480), "/equipment/cc1"), ((390, 844), "/equipment/cc1"), ((390, 844), "/")]
+)
+def test_no_column_of_a_small_screen_is_beyond_the_edge(sit: Sit, size: tuple[int, int], path: str) -> None:
+    page = sit()
+    lay_out(page, *size, "panel-9" if size[0] == 800 else "")
+    for lang in LANGUAGES:
+        shown(page, lang, path)
+        assert page.evaluate(SIDEWAYS) == [], f"{lang} {path} {size}"
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)

@@ -177,6 +177,18 @@ def test_only_an_engineer_breaks_machines(staff: Staff) -> None:
     assert register(staff, 1, training.REG_MACHINE_FAULT) == 0
 
 
+@pytest.mark.parametrize(
+    ("lang", "mean", "counts"), [("en", "10.0\u00a0s", "× 0.1 s"), ("de", "10,0\u00a0s", "× 0,1 s")]
+)
+def test_what_a_register_counts_in_tenths_is_said_as_the_number(
+    staff: Staff, lang: str, mean: str, counts: str
+) -> None:
+    staff.client.cookies.set("pogon_lang", lang)
+    page = staff.client.get("/instructor/c1").text
+    assert f">{mean}<" in page and "\u00a0×" not in page
+    assert f'<span class="unit">{counts}</span>' in page
+
+
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_the_page_speaks_every_language(staff: Staff, lang: str) -> None:
     staff.client.cookies.set("pogon_lang", lang)
