@@ -83,3 +83,15 @@ def test_every_symbol_that_is_drawn_exists() -> None:
         text = path.read_text("utf-8")
         drawn = set(re.findall(r'icon\("([\w-]+)"', text)) | set(re.findall(r"#([ice]-[\w-]+)\"", text))
         assert drawn <= known, path.name
+
+
+def test_words_under_the_bars_of_alarms_have_room_below_their_line() -> None:
+    """A letter that goes below its line, as in "today", is a third of an em deep; type there is 11 high."""
+    found = 0
+    for path in sorted(Path(bundled("templates")).rglob("*.html")):
+        for height, inside in re.findall(
+            r'class="hist" viewBox="0 0 \d+ (\d+)"(.*?)</svg>', path.read_text("utf-8"), re.DOTALL
+        ):
+            found += 1
+            assert int(height) - max(int(y) for y in re.findall(r'<text [^>]*y="(\d+)"', inside)) >= 3, path.name
+    assert found >= 2
