@@ -93,26 +93,41 @@ def begin_run(connection: Connection, start: int) -> int:
     """Note that the recorder runs since `start` [µs UTC], and close what the run before left open.
 
     A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
-    directly after the last sign of life. Returns the number of these.
+    directly after the last sign of life. After a clock that was set back this is done twice, before `start` and at the end of what lies
+    behind it. Returns the number of these.
     """
-    alive = ALIVE(connection).scalar()
-    rows: list[Row] = []
-    if alive is not None:
-        rows = [(number, max(alive, time) + 1, None, None, NO_DATA) for number, time in LEFT_OPEN(connection)]
+    before, alive = ALIVE(connection, until=start).scalar() or 0, ALIVE(connection, until=FOREVER).scalar() or 0
+    rows: list[Row] = [
+        (number, max(before, time) + 1, None, None, NO_DATA) for number, time in LEFT_OPEN(connection, until=start)
+    ]
+    if alive >= start:
+        rows += [
+            (number, max(alive, time) + 1, None, None, NO_DATA)
+            for number, time in LEFT_OPEN(connection, until=FOREVER)
+            if time >= start
+        ]
     append(connection, rows, start, start)
     return len(rows)
 
 
+FOREVER = (1 << 63) - 1
+"""Behind every time [µs UTC]."""
 _earlier = sample.alias()
-_newest = select(func.max(_earlier.c.t)).where(_earlier.c.point == point.c.id).correlate(point).scalar_subquery()
-ALIVE = Statement(select(run.c.alive).order_by(run.c.start.desc()).limit(1))
+_newest = (
+    select(func.max(_earlier.c.t))
+    .where(_earlier.c.point == point.c.id, _earlier.c.t < bindparam("until"))
+    .correlate(point)
+    .scalar_subquery()
+)
+ALIVE = Statement(select(func.max(run.c.alive)).where(run.c.alive < bindparam("until")))
+"""The last sign of life before a time."""
 LEFT_OPEN = Statement(
     select(point.c.id, sample.c.t)
     .select_from(in_order(point, sample, sample.c.point == point.c.id, sample.c.t == _newest))
     .where(sample.c.q.bitwise_and(3) != 2)
     .order_by(point.c.id)
 )
-"""Points whose last sample is not bad, and its time."""
+"""Points whose last sample before a time is not bad, and its time."""
 
 
 def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, minutes: Minutes | None = None) -> None:

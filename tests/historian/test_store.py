@@ -171,6 +171,25 @@ def test_a_new_run_closes_what_a_killed_one_left_open() -> None:
         assert tuple(last) == (BEGIN + 40_000_001, None, NO_DATA)
 
 
+def test_after_a_clock_that_was_set_back_what_a_killed_run_left_open_is_closed_where_it_ended() -> None:
+    """Else its values hold over the time without a server, up to samples of before the clock was set."""
+    with fresh() as connection:
+        later = BEGIN + HOUR
+        fill(connection, [(1, later, 5.0, None, GOOD)], point("m1.speed"), point("m1.current"), alive=later + 2_000_000)
+        store.begin_run(connection, BEGIN)  # an hour back
+        store.append(connection, [(1, BEGIN, 6.0, None, GOOD), (2, BEGIN, 7.0, None, GOOD)], BEGIN, BEGIN + 9_000_000)
+        assert store.begin_run(connection, BEGIN + 60_000_000) == 2
+        found = connection.exec_driver_sql("SELECT point, t, q FROM sample ORDER BY point, t").all()
+        assert [tuple(row) for row in found] == [
+            (1, BEGIN, GOOD),
+            (1, BEGIN + 9_000_001, NO_DATA),
+            (1, later, GOOD),
+            (1, later + 2_000_001, NO_DATA),
+            (2, BEGIN, GOOD),
+            (2, BEGIN + 9_000_001, NO_DATA),
+        ]
+
+
 def test_cutting_removes_whole_hours_and_nothing_younger() -> None:
     with fresh() as connection:
         rows = [(BEGIN + i * 10_000_000, float(i), GOOD) for i in range(3 * 360)]
