@@ -5,6 +5,7 @@ import json
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from sqlalchemy import select
 
@@ -16,8 +17,10 @@ from app.commands.lifecycle import Progress, ProgressState
 from app.commands.open_sets import values_of
 from app.commands.parameter_change import KEY as PARAMETERS
 from app.historian import tables as history
+from app.plant.definitions import Equipment
 from app.profidrive.scaling import Scaling
 from app.profidrive.words import Control, Status
+from app.records.record import OPEN, UNKNOWN
 from app.registers import plc_map
 from app.registers.codec import decoder
 from app.sim.bus import Bus
@@ -41,6 +44,8 @@ DESCENDED = 300
 """Containers of more things are counted and not looked into."""
 STOP_REASONS = {"why.no_such_command", "why.role", "why.signed_out", "why.dry_run"}
 """Why a Stop of somebody who may stop can be refused: only that the machine is gone, or the right."""
+SEEN_LAST = 1_000_000
+"""A time without a server is told when it is longer [µs]; what was seen before it may hold for a moment."""
 UNDER_WAY = 3.0
 """So old is an event at least that has to be stored [s]."""
 VirtualDrive = VirtualE800 | VirtualSinamics
@@ -105,9 +110,11 @@ class Checker:
         """How many entries there were of anything when it was first counted."""
         self.counted = (0, 0, 0)
         """What there was when it was last counted."""
+        self._items: dict[str, Equipment] = {}
         self._limited: tuple[tuple[int, int], dict[str, list[tuple[int, float]]]] | None = None
 
     async def __call__(self, _world: World, last: bool) -> None:
+        self.item("")  # those that are there now may be gone with the next step
         for invariant in ALWAYS:
             invariant(self)
         if last:
@@ -125,10 +132,16 @@ class Checker:
             self._limited = (id(tags), tags.revision), found
         return self._limited[1]
 
+    def item(self, machine: str) -> Equipment | None:
+        """A machine as the plant has it, or had it last: it may have gone with a reload since, or there may be no plant."""
+        plant = self.world.runtime.plant
+        if plant is not None:
+            self._items.update(plant.equipment)
+        return self._items.get(machine)
+
     def stops(self, sent: Sent) -> bool:
         """Whether a command telegram is a Stop."""
-        plant = self.world.runtime.plant
-        item = plant.equipment.get(sent.machine) if plant else None
+        item = self.item(sent.machine)
         return item is None or any(c.stop and c.code == sent.words[0] for c in item.type.commands.values())
 
     # ---- what is noted meanwhile
@@ -177,8 +190,8 @@ class Checker:
             if not any(abs(one.setpoint - wanted) < 0.01 for one in shows):
                 self.false.append(f"{machine}.{key} {progress.id}: its setpoint was never {wanted}, {shows[-3:]}")
         elif progress.argument is not None and not forgets:
-            plant = self.world.runtime.plant
-            setpoint = plant.equipment[machine].type.setpoints.get(key) if plant else None
+            item = self.item(machine)
+            setpoint = item.type.setpoints.get(key) if item else None
             present = held_of(device, *_named(setpoint.code)) if setpoint else None
             if present is not None and abs(present - progress.argument) > 0.06:
                 self.false.append(f"{machine}.{key} {progress.id}: {present}, not {progress.argument}")
@@ -192,9 +205,9 @@ class Checker:
                 )
 
     def _confirmed_by_plc(self, device: VirtualPlc, since: float, machine: str, key: str, progress: Progress) -> None:
-        plant = self.world.runtime.plant
-        item = plant.equipment.get(machine) if plant else None
+        item = self.item(machine)
         if item is None:
+            self.false.append(f"{machine}.{key} {progress.id}: there never was such a machine")
             return
         command = item.type.commands.get(key)
         if command is None and progress.argument is not None and key in device.settings:
@@ -502,6 +515,66 @@ async def events_are_stored(c: Checker) -> None:
                 raise Fell("events_are_stored", f"{one} is neither stored nor told as a gap")
 
 
+async def records_are_of_events(c: Checker) -> None:
+    """Every record begins with an event that is stored, and one that is over ends with one, or after the time that its kind lasts."""
+    runtime, event, of = c.world.runtime, history.event.c, history.record_event.c
+    kinds = {kind.name: kind for item in c._items.values() for kind in item.type.records.values()}
+    rows = await runtime.history.read(lambda connection: connection.execute(select(history.record)).all())
+    parts = await runtime.history.read(
+        lambda connection: connection.execute(
+            select(of.record, event.machine, event.boot, event.sequence, event.time, event.code).join(
+                history.event, event.id == of.event
+            )
+        ).all()
+    )
+    mine: dict[int, list[Any]] = {}
+    for part in parts:
+        mine.setdefault(part.record, []).append(part)
+    seen: Counter[tuple[object, ...]] = Counter()
+    for row in rows:
+        c.world.trace(f"record {row.id} {row.kind} {row.number} {row.outcome}")
+        events, what = mine.get(row.id, []), f"{row.kind} {row.number} of {row.machine} ({row.outcome})"
+        seen[row.machine, row.kind, row.number, row.boot, row.sequence] += 1
+        if any(one.machine != row.machine for one in events):
+            raise Fell("records_are_of_events", f"{what} has events of another machine")
+        first = (row.boot, row.sequence, row.entry, row.begun)
+        if row.entry and first not in {(one.boot, one.sequence, one.code, one.time) for one in events}:
+            raise Fell("records_are_of_events", f"{what} began with {first}, which is no event of it")
+        if row.outcome in (OPEN, UNKNOWN) or kinds[row.kind].lasts:
+            continue
+        codes = {code for end in kinds[row.kind].ends for code in end.when.codes}
+        ends = {max(row.begun, one.time) for one in events if one.code in codes}
+        if row.ended not in ends:
+            raise Fell("records_are_of_events", f"{what} ended at {row.ended}, its events say {sorted(ends)}")
+    if twice := [key for key, count in seen.items() if count > 1]:
+        raise Fell("records_are_of_events", f"there twice: {twice}")
+
+
+async def nothing_good_while_nobody_looked(c: Checker) -> None:
+    """Of a time in which the server was down or stood still the history has no good value."""
+    runtime, columns = c.world.runtime, history.sample.c
+    names = {
+        row.id: row.name
+        for row in await runtime.history.read(lambda connection: connection.execute(select(history.point)).all())
+    }
+    for begin, end in c.world.silences:
+        if end - begin < SEEN_LAST:
+            continue
+        moment = end - SEEN_LAST // 10
+        rows = await runtime.history.read(
+            lambda connection, until=moment: connection.execute(  # type: ignore[misc]
+                select(columns.point, columns.t, columns.q).where(columns.t <= until).order_by(columns.point, columns.t)
+            ).all()
+        )
+        last = {number: (since, quality) for number, since, quality in rows}
+        for number, (since, quality) in last.items():
+            if is_good(quality):
+                raise Fell(
+                    "nothing_good_while_nobody_looked",
+                    f"{names[number]} is good at {moment}, since {since}: nobody looked from {begin} to {end}",
+                )
+
+
 async def what_is_shown_is_so(c: Checker) -> None:
     """While machines stand still, every good value that was read meanwhile is the one in the registers of its machine."""
     world = c.world
@@ -555,4 +628,5 @@ ALWAYS: tuple[Callable[[Checker], None], ...] = (
 )
 AT_THE_END = (
     all_is_well_again, what_is_shown_is_so, audit_is_whole, what_was_done_was_foretold, alarms_follow_the_table, events_are_stored,
+    records_are_of_events, nothing_good_while_nobody_looked,
 )  # fmt: skip

@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.storm.script import Script, draw
+from app.historian import records
+from app.records.kind import RecordKind
+from app.records.record import OPEN, UNKNOWN, Record
+from tests.storm.script import Action, Script, draw
 from tests.storm.trial import run, shortened
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,3 +66,40 @@ def test_a_script_that_fails_is_made_short(monkeypatch: pytest.MonkeyPatch) -> N
     run_nothing = run(replace(script, seconds=0.5, actions=()))
     monkeypatch.setattr("tests.storm.trial.run", tried)
     assert shortened(script, "fell").actions == (bad,)
+
+
+def at(moment: float, kind: str, **given: object) -> Action:
+    return Action(moment, kind, given)
+
+
+def short(*actions: Action) -> Script:
+    return Script(8, ("c1",), 40.0, (at(0.2, "enter", who="ana"), at(0.6, "take", who="ana", machine="c1"), *actions))
+
+
+@pytest.mark.parametrize(
+    ("gap", "broken"),
+    [
+        (at(8.0, "kill", seconds=4.0, point=0), "app.historian.store.LEFT_OPEN"),
+        (at(8.0, "stall", seconds=6.0), "app.historian.recorder.Recorder.break_off"),
+    ],
+)
+def test_a_good_value_of_a_time_without_a_server_is_found(
+    gap: Action, broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not run(short(gap)).name
+    monkeypatch.setattr(broken, lambda *_, **__: ())
+    verdict = run(short(gap))
+    assert verdict.name == "nothing_good_while_nobody_looked", verdict.what
+
+
+@pytest.mark.parametrize("wrong", ["entry", "ended"])
+def test_a_record_that_is_not_of_its_events_is_found(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = records._said
+
+    def said(kind: RecordKind, record: Record) -> dict[str, object]:
+        found = kept(kind, record)
+        return found if record.outcome in (OPEN, UNKNOWN) else found | {wrong: getattr(record, wrong) + 1}
+
+    monkeypatch.setattr(records, "_said", said)
+    verdict = run(draw(5))
+    assert verdict.name == "records_are_of_events", verdict.what

@@ -166,6 +166,8 @@ class World:
     """Until then something was wrong with the server, its disk or its clock [s]."""
     tasks: set["asyncio.Task[None]"] = field(default_factory=set)
     acting: dict["asyncio.Task[None]", None] = field(default_factory=dict)
+    silences: list[tuple[int, int]] = field(default_factory=list)
+    """When no server saw anything [µs UTC, from and to], as long as the clock was not set back behind that."""
     errors: list[str] = field(default_factory=list)
     """What was logged as an error that is none of those we made."""
     lines: list[str] = field(default_factory=list)
@@ -761,7 +763,13 @@ class World:
         self.disks.mend(which)
 
     async def _do_clock(self, seconds: float) -> None:
+        self.step_clock(seconds)
+
+    def step_clock(self, seconds: float) -> None:
+        """Somebody sets the wall clock; of a time that comes once more nothing can be said afterwards."""
         self.clock.step_wall(seconds)
+        now = self.clock.micros()
+        self.silences = [(begin, end) for begin, end in self.silences if end < now]
 
     async def _do_reload(self, machine: str) -> None:
         """Take a machine out of the plant file, or put it in again."""
@@ -838,6 +846,7 @@ class World:
     async def _back(self, seconds: float, clock: float) -> None:
         assert self.sim is not None
         self.disks.mend_all()
+        begun = self.clock.micros()
         moving = []
         if not self.wires:
             self.sim._due = self.now
@@ -847,21 +856,27 @@ class World:
             task.cancel()
         await asyncio.gather(*moving, return_exceptions=True)
         self.troubled = self.now
+        self.silences.append((begun, self.clock.micros()))
         if clock:
-            self.clock.step_wall(clock)
+            self.step_clock(clock)
         await self.start()
 
     async def _do_stall(self, seconds: float) -> None:
         """The server stands still; the machines do not."""
         assert self.sim is not None
+        begun = self.clock.micros()
         for _ in range(round(seconds / 0.01)):
             self.clock.advance(0.01)
             self.sim.step()
+        if seconds > NOTICED and not self.down:
+            self.silences.append((begun, self.clock.micros()))
         self.sim._due = self.now
         await asyncio.sleep(SWEPT)
         self.troubled = self.now
 
 
+NOTICED = 2.5
+"""A server that stood still for longer has to know it [s]."""
 SWEPT = 0.3
 """A server that stood still has looked at all values again [s]."""
 HIDDEN_AS = {
