@@ -53,6 +53,7 @@ def head(page: Page) -> Any:
 
 def begin(page: Page) -> None:
     """A run that has just begun on a line as it was built, with no alarm, whatever went on before."""
+    heard(page, "seq1.state")  # or there may be no link yet that takes this
     for machine in ("cc1", "seq1"):
         built(page, machine)
     heard(page, "seq1.state")

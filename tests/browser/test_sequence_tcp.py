@@ -1,8 +1,11 @@
 """The same sequences and the same browser, with the plant in a process of its own behind Modbus TCP."""
 
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -17,7 +20,7 @@ from tests.browser.test_sequence import (
     test_an_abort_is_told_with_its_cause_and_has_to_be_reset,
     test_suspend_stops_the_time_and_resume_goes_on,
 )
-from tests.conftest import ROOT, PogonServer, clean, find_port
+from tests.conftest import ROOT, START_LIMIT, PogonServer, clean, find_port
 
 __all__ = [
     "HOME",
@@ -28,6 +31,17 @@ __all__ = [
     "test_an_abort_is_told_with_its_cause_and_has_to_be_reset",
     "test_suspend_stops_the_time_and_resume_goes_on",
 ]
+
+
+def wait_for(port: int, devices: "subprocess.Popen[bytes]") -> None:
+    """The devices listen: a Pogon is forked off a process that is there, and would be before them."""
+    end = time.monotonic() + START_LIMIT
+    while True:
+        with suppress(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", port)).close()
+            return
+        assert devices.poll() is None and time.monotonic() < end
+        time.sleep(0.1)
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +57,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PogonServer]:
             cwd=ROOT, env=clean(), stdin=subprocess.DEVNULL, stdout=sink, stderr=subprocess.STDOUT,
         )  # fmt: skip
     try:
+        wait_for(port, devices)
         with serving(folder) as running:
             yield running
     finally:
