@@ -22,6 +22,8 @@ from app.registers.pdu import Request, build_request, parse_answer
 
 CONNECT_LIMIT = 1.2
 """Longest wait for a socket [s]."""
+LARGEST = 1 << 16
+"""Of what came and was not understood yet [bytes]. pymodbus throws all of it away above 264, also the answer, when others came before."""
 NEVER = 1 << 40
 """pymodbus would cut the line after a few silent units; the link decides that."""
 
@@ -60,6 +62,7 @@ class TcpTransport:
         )
         client.set_max_no_responses(NEVER)
         client.ctx.framer = _PlainFramer(DecodePDU(False))
+        client.ctx.max_buffer_size = LARGEST
         try:
             opened = await client.connect()
         except BaseException:

@@ -93,6 +93,36 @@ class _Door:
                 sink.sendall(data)
 
 
+@pytest.mark.parametrize("copies", [1, 3, 40])
+async def test_long_answers_that_come_together_are_told_apart(copies: int) -> None:
+    """Of a gateway that sends each answer again right before the next one: pymodbus forgets what is longer than 264 bytes."""
+    answer, ended = b"", asyncio.Event()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        nonlocal answer
+        with suppress(asyncio.IncompleteReadError):
+            while head := await reader.readexactly(12):
+                before, count = answer, int.from_bytes(head[10:12], "big")
+                words = b"".join((int.from_bytes(head[8:10], "big") + one).to_bytes(2, "big") for one in range(count))
+                answer = head[:4] + (3 + len(words)).to_bytes(2, "big") + head[6:8] + bytes([len(words)]) + words
+                writer.write(before * copies + answer)
+        writer.close()
+        await writer.wait_closed()
+        ended.set()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    transport = TcpTransport(Link("hall", "tcp", host="127.0.0.1", tcp_port=server.sockets[0].getsockname()[1]), None)
+    await transport.connect()
+    try:
+        for address in range(0, 500, 100):
+            words = await transport.read(1, Block(address, 125), 2.0)
+            assert words == [*range(address, address + 125)]
+    finally:
+        await transport.close()
+        await ended.wait()
+        server.close()
+
+
 def test_a_connection_that_is_closed_while_it_is_opened_is_not_connected() -> None:
     async def story() -> set[str]:
         door = _Door(find_port())
