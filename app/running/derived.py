@@ -18,8 +18,8 @@ DERIVED = "derived"
 """Source of these points."""
 RETAIN_PERIOD = 60.0
 """How often running hours and the like are kept [s]."""
-RETAIN_SOON = 2.0
-"""So long after a start or a stop they are kept as well [s]; what happens in it is one write."""
+RETAIN_SOON = 10.0
+"""So long after a start or a stop they are kept as well [s]; what happens in it is one write, as belts start all day."""
 
 
 class DerivedPoints:
@@ -79,7 +79,7 @@ class DerivedPoints:
             self.derivation.interrupted(still.begin, still.end)
 
     async def run(self) -> None:
-        """Keep what they remember, for ever; a killed server forgets no start but those of the last 2 s, and a minute of what runs on."""
+        """Keep what they remember, for ever; a killed server forgets no start but those of the last 10 s, and a minute of what runs on."""
         while True:
             with suppress(TimeoutError):
                 async with asyncio.timeout(RETAIN_PERIOD):

@@ -128,7 +128,7 @@ async def test_starts_are_kept_when_the_server_is_killed_soon_after(
     for status in (0, 1, 0, 1):
         hall.tell(status=status)
         hall.clock.advance(1)
-    again = await killed(hall, database, tmp_path, after=3)
+    again = await killed(hall, database, tmp_path, after=11)
     assert again.tags.value(again.tags.handle("m1.starts")) == 2
 
 
@@ -138,7 +138,7 @@ async def test_the_hours_of_a_motor_that_stopped_are_kept_to_the_second(
     hall.take()
     run_for(hall, 7200)
     hall.tell(status=0)
-    again = await killed(hall, database, tmp_path, after=3)
+    again = await killed(hall, database, tmp_path, after=11)
     value = again.derivation.retained()["m1.running_hours"]["value"]
     assert value == pytest.approx(2.0, abs=1e-6)
 
@@ -149,7 +149,7 @@ async def test_a_counter_that_was_set_back_stays_so(hall: Hall, database: Databa
     await hall.points.keep()
     hall.derivation.reset("m1.running_hours")
     hall.points.pass_time()
-    again = await killed(hall, database, tmp_path, after=3)
+    again = await killed(hall, database, tmp_path, after=11)
     assert again.derivation.retained()["m1.running_hours"]["value"] == 0
 
 
@@ -168,6 +168,6 @@ async def test_many_starts_are_one_write(hall: Hall) -> None:
         await asyncio.sleep(0.05)
         hall.tell(status=0)
         await asyncio.sleep(0.05)
-    await asyncio.sleep(130)
+    await asyncio.sleep(140)
     work.cancel()
-    assert [at - begun for at in writes] == [2, 62, 122]
+    assert [at - begun for at in writes] == [10, 70, 130]
