@@ -118,8 +118,7 @@ async def _found(request: Request, looked: str) -> list[Place]:
     if runtime.plant is None:
         return []
     lang = language_of(request)
-    places = await asyncio.to_thread(_places_of, request.app.state, runtime.texts, runtime.plant, lang)
-    places = [*places, *_by_code(runtime.texts, runtime.plant, lang, looked)]
+    places = await asyncio.to_thread(_places_for, request.app.state, runtime.texts, runtime.plant, lang, looked)
     mine = (place for place in places if permitted(person, place.needs, simulated=runtime.simulated))
     marked = people_access(request).kept.of(person.id, FAVOURITE) if person is not None else {}
     favourites = list(marked)
@@ -134,6 +133,11 @@ def _marked(places: Iterable[Place], favourites: Sequence[str]) -> list[Place]:
         for place in places
     ]
     return sorted(found, key=lambda one: order[one.url] if one.kind == FAVOURITE.name else len(order))
+
+
+def _places_for(state: object, texts: Texts, plant: Plant, lang: str, looked: str) -> Sequence[Place]:
+    """Of a large plant this takes its time, so a thread does it."""
+    return [*_places_of(state, texts, plant, lang), *_by_code(texts, plant, lang, looked)]
 
 
 def _places_of(state: object, texts: Texts, plant: Plant, lang: str) -> Sequence[Place]:
