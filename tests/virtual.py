@@ -19,6 +19,7 @@ import starlette.testclient
 from anyio._backends._asyncio import AsyncIOBackend
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from httpx2 import Cookies
 
 from app.clock import Clock, ManualClock, SystemClock
 from app.main import create_app
@@ -154,11 +155,23 @@ _wait_for_threads = starlette.testclient.wait_futures
 starlette.testclient.wait_futures = _wait
 
 
+class _Jar(Cookies):
+    """Cookies as a browser keeps them: one of a name, whether a test or the house gave it."""
+
+    def __init__(self, host: str) -> None:
+        super().__init__()
+        self._host = host
+
+    def set(self, name: str, value: str, domain: str = "", path: str = "/") -> None:
+        super().set(name, value, domain or self._host, path)
+
+
 class VirtualClient(TestClient):
     """A browser and the house that it looks at, both in virtual time, which passes during a request and in `pass_time` only."""
 
     def __init__(self, app: FastAPI, clock: ManualClock, **settings: Any) -> None:
         super().__init__(app, **settings)
+        self._cookies = _Jar(self.base_url.host)  # what is assigned to `cookies` becomes one of httpx' own
         self.clock = clock
 
     def __enter__(self) -> Self:
