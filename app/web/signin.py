@@ -203,7 +203,7 @@ def code_sheet(request: Request, next: str, refused: Refused | None = None) -> R
 
 
 def first_sheet(request: Request, refused: Refused | None = None, given: dict[str, str] | None = None) -> Response:
-    """The sheet of the first account, with what was wrong; neither code nor passwords come back."""
+    """The sheet of the first account, with what was wrong and what was typed; passwords and a wrong code do not come back."""
     typed = given or {}
     return _over_the_plant(
         request,
@@ -211,6 +211,7 @@ def first_sheet(request: Request, refused: Refused | None = None, given: dict[st
         refused,
         title_key="access.first",
         next="/",
+        code="" if refused and refused.reason == "access.code_wrong" else typed.get("code", ""),
         name=typed.get("name", ""),
         display=typed.get("display", ""),
     )

@@ -55,9 +55,11 @@ def test_a_newcomer_sees_the_plant_types_the_code_and_may_do_everything(start: S
     form = {"code": code.lower(), "name": "ana", "display": "Ana Kos", "password": PASSWORD, "again": PASSWORD}
     wrong = staff.post("/first", {**form, "code": "AAAA-AAAA-AAAA-AAAA"})
     assert wrong.status_code == 401
-    assert PASSWORD not in wrong.text
-    differ = staff.post("/first", {**form, "again": "something else"})
-    assert differ.status_code == 422
+    assert PASSWORD not in wrong.text and "AAAA-AAAA" not in wrong.text
+    for mistake in ({"again": "something else"}, {"password": "short", "again": "short"}, {"name": "a b"}):
+        refused = staff.post("/first", {**form, **mistake})
+        assert refused.status_code == 422 and f'value="{code.lower()}"' in refused.text  # not to be typed again
+        assert PASSWORD not in refused.text
     answer = staff.post("/first", form)
     assert (answer.status_code, answer.headers["location"]) == (303, "/welcome")
     staff.have(sid_of(answer))
