@@ -94,6 +94,14 @@ def codes_in(ranges: ParameterMap) -> Iterator[str]:
                 yield code
 
 
+def has_code(ranges: ParameterMap, code: str) -> bool:
+    """Whether `code` is one of `codes_in`."""
+    address = address_of(code)
+    if address is None or code_of(address) != code:
+        return False
+    return any((address_of(first) or 0) <= address <= (address_of(last) or -1) for first, last in ranges.ranges)
+
+
 def text_keys(map: ParameterMap) -> Iterator[str]:
     """The texts that the groups ask for."""
     yield from (f"parameter.group.{group_of(first)}" for first, _ in map.ranges)

@@ -16,7 +16,7 @@ from fastapi.responses import Response
 from app.access.kept import FAVOURITE
 from app.access.roles import ROLE_PERMISSION, permitted
 from app.plant.definitions import Equipment, EquipmentType, Kind, Plant
-from app.plant.register_parameters import codes_in, unknown
+from app.plant.register_parameters import has_code, unknown
 from app.plant.texts import Texts
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web.guard import allow, people_access
@@ -222,7 +222,7 @@ def _by_code(texts: Texts, plant: Plant, lang: str, looked: str) -> Iterator[Pla
     for code in {word.upper() for word in looked.split()}:
         for item in plant.equipment.values():
             map = item.type.device.parameters
-            if map is None or code in item.type.drive_parameters or code not in codes_in(map):
+            if map is None or code in item.type.drive_parameters or not has_code(map, code):
                 continue
             if (found := unknown(code)) is not None:
                 yield _with_letters(_parameter(texts, plant, lang, item, found))

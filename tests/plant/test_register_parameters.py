@@ -7,7 +7,7 @@ import pytest
 from app.plant import register_parameters, types
 from app.plant.definitions import Device, ParameterMap
 from app.plant.plant_files.languages import LANGUAGES
-from app.plant.register_parameters import codes_in, read_known, read_parameter_map, unknown
+from app.plant.register_parameters import codes_in, has_code, read_known, read_parameter_map, unknown
 from app.plant.tables import Source
 from app.profidrive.parameter_access.parameter import DriveParameter, When
 from app.sim.eura_e800.parameters import PARAMETERS
@@ -90,6 +90,13 @@ def test_the_virtual_drive_has_every_known_parameter_with_the_same_scale_and_def
     virtual = PARAMETERS[parameter.code]
     assert (virtual.address, virtual.scale, virtual.unit) == (parameter.number, parameter.scale, parameter.unit)
     assert virtual.default == parameter.default or not parameter.has_default
+
+
+def test_a_code_is_there_when_a_range_has_it() -> None:
+    codes = set(codes_in(MAP))
+    every = {f"F{group}{number:02d}" for group in "0123456789ABF" for number in range(100)}
+    for code in (*every, "F1140", "F11", "f114", "", "P114", "F1x4"):
+        assert has_code(MAP, code) == (code in codes), code
 
 
 def test_of_every_other_code_there_is_the_number_and_nothing_else() -> None:
