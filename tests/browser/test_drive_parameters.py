@@ -57,7 +57,7 @@ def test_one_writes_and_saves_while_the_other_reads(sit: Sit) -> None:
     order(page, "write")
     expect(page.locator("#dw [data-result='1:p1120']")).to_have_attribute("data-done", "yes", timeout=20_000)
     expect(page.locator("#dw [data-result='1:p1121']")).to_have_attribute("data-done", "yes")
-    expect(page.locator("#dw .dw-save")).to_contain_text("Unsaved changes: 2")
+    expect(page.locator("#dw .dw-save")).to_contain_text("1:p1120, 1:p1121")
     expect(other.locator("#dp progress")).to_have_count(0, timeout=20_000)
     expect(other.locator("tr[data-code=p1135] td.r").first).to_have_text(re.compile(r"\d"))
 
@@ -98,6 +98,8 @@ def test_a_set_goes_home_comes_back_changed_and_is_compared_reviewed_and_written
         speak(page, lang, origin(page))
         page.reload()
         expect(page.locator(".dc-choose label")).to_have_text(choose_one)
+    # heard of all the time: who begins to listen when the key goes down may be told too late (Playwright)
+    page.on("filechooser", lambda chooser: None)
     expect(page.get_by_role("button", name="A file Choose a file")).to_have_count(1)
     page.locator("#dc-file").focus()
     with page.expect_file_chooser():
