@@ -1,4 +1,6 @@
-"""The page "Plant": what the plant files would change, or what is wrong with them, and the button that takes them while everything runs."""
+"""The page "Plant": what the plant files would change, or what is wrong with them, and the button that takes them while everything runs;
+and which machines run, of which type, on which link.
+"""
 
 from typing import Any
 
@@ -6,9 +8,12 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
 from app.plant.changes import Change
+from app.plant.definitions import Equipment
 from app.running.plant_files import Reading
 from app.web.guard import address_of, allow, fields, person_of
+from app.web.language import language_of
 from app.web.signin import view_of
+from app.web.view import area_label
 
 router = APIRouter()
 
@@ -45,9 +50,30 @@ def _page(request: Request, reading: Reading, status: int = 200, refused: str = 
         changes=[drawn(request, change) for change in reading.changes],
         folder=str(runtime.settings.plant),
         running=runtime.plant,
+        machines=[listed(request, item) for item in runtime.plant.equipment.values()] if runtime.plant else [],
         refused=view.text(request, refused) if refused else "",
         done=bool(request.query_params.get("done")) and not reading.changes and not reading.problems,
     )
+
+
+def listed(request: Request, item: Equipment) -> dict[str, Any]:
+    """A machine that runs as the list of them shows it."""
+    runtime, lang = view_of(request).runtime(request), language_of(request)
+    plant, texts = runtime.plant, runtime.texts
+    assert plant is not None
+    link = plant.links[item.link]
+    return {
+        "id": item.id,
+        "label": texts.label(lang, item.label) or item.id,
+        "type": texts.of_type(lang, item.type, item.type.label),
+        "preset": item.preset,
+        "area": area_label(texts, plant, lang, item.area),
+        "link": texts.label(lang, link.label) or link.name,
+        "transport": link.transport,
+        "unit": item.unit,
+        "points": len(item.points),
+        "alarms": len(item.alarms),
+    }
 
 
 def drawn(request: Request, change: Change) -> dict[str, Any]:

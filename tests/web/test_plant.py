@@ -84,3 +84,22 @@ def test_only_an_engineer_reads_and_takes_plant_files(staff: Staff, folder: Path
         assert staff.client.get("/plant").status_code == 403
         assert staff.post("/plant", {"digest": seen, "read": "1"}).status_code == 403
     assert "West" not in staff.client.get("/").text
+
+
+def test_it_lists_the_machines_that_run_and_where_they_are_connected(staff: Staff, folder: Path) -> None:
+    plant = staff.client.app.state.runtime.plant  # type: ignore[attr-defined]
+    rows = re.findall(
+        r'<tr><th scope="row"><a class="link" href="/equipment/(\w+)">.*?</tr>',
+        page := staff.client.get("/plant").text,
+        re.S,
+    )
+    assert rows == list(plant.equipment)
+    for item in plant.equipment.values():
+        found = re.search(rf'<tr><th scope="row"><a class="link" href="/equipment/{item.id}">(.*?)</tr>', page, re.S)
+        assert found
+        numbers = [int(one) for one in re.findall(r'class="r num">(\d+)<', found[1])]
+        assert numbers == [item.unit, len(item.points), len(item.alarms)]
+        assert plant.links[item.link].name in found[1] or plant.links[item.link].label["en"] in found[1]
+    (folder / "plant.toml").write_text("rubbish", "utf-8")
+    page = staff.client.get("/plant").text
+    assert 'href="/equipment/m1"' in page, "what runs does so while the files have mistakes"
