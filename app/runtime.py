@@ -211,7 +211,7 @@ class Runtime:
         self.texts, derivation = await read_words(plant)
         self.access.passwords.plant_name = " ".join(plant.name.values())
         self.sim = await self._memories.simulated(plant, self._simulate)
-        parts = await asyncio.to_thread(parts_of, plant, self.texts, list(plant.links), self.alarms)
+        parts = await asyncio.to_thread(parts_of, plant, self.texts, list(plant.links), self.alarms, self.tags.table)
         await self.derived.restore(derivation)
         self.derived.take(derivation)
         self._tasks.retain(self.derived.run, self._memories.run)
@@ -250,7 +250,7 @@ class Runtime:
 
     def _configure(self, parts: Parts | None = None, person: Person | None = None) -> None:
         """Tags, alarms and pages of the plant as it is now; `person` had it read anew."""
-        parts = parts or parts_of(self.plant, self.texts, self.links, self.alarms)
+        parts = parts or parts_of(self.plant, self.texts, self.links, self.alarms, self.tags.table)
         self.points = parts.points
         self.tags.take(parts.table)
         self.alarms.take(parts.alarms, person)
@@ -318,7 +318,7 @@ class Runtime:
         )
         links = await asyncio.to_thread(next_links, self.links, plant, taken[2] if taken else {}, self._link)
         stations = await asyncio.to_thread(stations_of, plant, links)
-        parts = await asyncio.to_thread(parts_of, plant, texts, list(links), self.alarms)
+        parts = await asyncio.to_thread(parts_of, plant, texts, list(links), self.alarms, self.tags.table)
         numbers = await self.recorder.register(parts.points.values())
         with suppress(StorageError):
             await self.derived.keep()
@@ -343,7 +343,7 @@ class Runtime:
         self.links.clear()
         self.links.update(new.links)
         self.derived.take(new.derivation)
-        parts = new.parts or parts_of(new.plant, new.texts, new.links, self.alarms)
+        parts = new.parts or parts_of(new.plant, new.texts, new.links, self.alarms, self.tags.table)
         self._configure(parts, person)
         for name, link in self.links.items():
             link.renew(new.plant.on_link(name), new.stations.get(name))

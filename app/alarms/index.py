@@ -1,6 +1,7 @@
 """Every alarm at work, found by its id, by the points it reads, by its machine and by the machine's events."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from app.alarms.conditions import Delay, Reported, condition, delay, inputs, needs_time
 from app.alarms.definitions import SYSTEM_ALARMS
@@ -15,6 +16,18 @@ from app.tags.quality import NO_DATA
 
 COMM = "comm"
 """Class of the alarm that says that a device does not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """How alarms see the tags of a machine, by the keys of its points."""
+
+    names: Mapping[str, str]
+    """Names of the tags."""
+    look: Callable[[str], tuple[Value, int]]
+    """Value and quality."""
+    age: Callable[[str], float | None]
+    """[s]; None = it was never seen."""
 
 
 class AlarmIndex:
@@ -32,6 +45,8 @@ class AlarmIndex:
         self._roots: dict[str, Watch] = {}
         self._members: dict[str, list[Watch]] = {}
         self._by_event: dict[str, dict[int, list[Watch]]] = {}
+        self._views: dict[str, View] = {}
+        """How the alarms of a machine look at its tags, by its id."""
 
     def fill(self, equipment: Mapping[str, Equipment]) -> None:
         """Take in the alarms of the machines `equipment`."""
@@ -46,6 +61,7 @@ class AlarmIndex:
         self.equipment = other.equipment
         self._by_id, self._readers, self._timed = other._by_id, other._readers, other._timed
         self._roots, self._members, self._by_event = other._roots, other._members, other._by_event
+        self._views = other._views
         return old
 
     def add(self, watch: Watch) -> None:
@@ -67,7 +83,7 @@ class AlarmIndex:
         """Let the sentence `until` over the points of its machine end what was told of `watch`."""
         assert isinstance(watch.condition, Reported)
         watch.condition.until = expression.parse(until)
-        names = _names(self.equipment.get(watch.equipment))
+        names = self._view(self.equipment.get(watch.equipment)).names
         for handle in self._handles(names, watch.condition.until.names):
             readers = self._readers.setdefault(handle, [])
             if watch not in readers:
@@ -75,8 +91,8 @@ class AlarmIndex:
 
     def look_anew(self, watch: Watch) -> None:
         """Let `watch` of another revision look at the tags of this one; at nothing when its machine is gone."""
-        names = _names(self.equipment.get(watch.equipment))
-        watch.look, watch.age = self._look(names), self._age(names)
+        view = self._view(self.equipment.get(watch.equipment))
+        watch.look, watch.age = view.look, view.age
 
     # ---- who is asked for -----------------------------------------------------------------------------
 
@@ -120,7 +136,7 @@ class AlarmIndex:
         Raises:
             ConfigurationError: its sentence is none of the grammar (the plant reader has refused it before).
         """
-        names = _names(item)
+        view = self._view(item)
         point = item.points.get(alarm.value)
         numeric = point is not None and point.kind not in (Kind.ENUM, Kind.TEXT, Kind.BOOL) and not point.texts
         return Watch(
@@ -132,9 +148,9 @@ class AlarmIndex:
             alarm=alarm,
             condition=condition(alarm),
             delay=delay(alarm),
-            look=self._look(names),
-            age=self._age(names),
-            handles=frozenset(self._handles(names, inputs(alarm))),
+            look=view.look,
+            age=view.age,
+            handles=frozenset(self._handles(view.names, inputs(alarm))),
             unit=point.unit if point and numeric else "",
             decimals=point.decimals if point else 1 if alarm.event else 0,
             params=untold(item.type.snapshot) if alarm.event else {},
@@ -150,7 +166,7 @@ class AlarmIndex:
         definition = SYSTEM_ALARMS[key]
         row = definition.row(key)
         item = self.equipment.get(equipment)
-        names = _names(item)
+        view = self._view(item)
         return Watch(
             id=id,
             index=0,
@@ -160,8 +176,8 @@ class AlarmIndex:
             alarm=row,
             condition=Reported(),
             delay=Delay(row.on_delay, row.off_delay),
-            look=self._look(names),
-            age=self._age(names),
+            look=view.look,
+            age=view.age,
             handles=frozenset(),
             once=definition.once,
         )
@@ -174,26 +190,24 @@ class AlarmIndex:
         known = self._known
         return [known[names[key]] for key in keys if names.get(key) in known]
 
-    def _look(self, names: Mapping[str, str]) -> Callable[[str], tuple[Value, int]]:
+    def _view(self, item: Equipment | None) -> View:
+        id = item.id if item else ""
+        found = self._views.get(id)
+        if found is None:
+            found = self._views[id] = self._view_of(item)
+        return found
+
+    def _view_of(self, item: Equipment | None) -> View:
         known, tags = self._known, self._tags
+        names = {key: point.name for key, point in item.points.items()} if item else {}
         handles = {key: known[name] for key, name in names.items() if name in known}
 
         def look(key: str) -> tuple[Value, int]:
             handle = handles.get(key)
             return (None, NO_DATA) if handle is None else (tags.value(handle), tags.quality(handle))
 
-        return look
-
-    def _age(self, names: Mapping[str, str]) -> Callable[[str], float | None]:
-        known, tags = self._known, self._tags
-
         def age(key: str) -> float | None:
-            handle = known.get(names.get(key, ""))
+            handle = handles.get(key)
             return None if handle is None else tags.age(handle)
 
-        return age
-
-
-def _names(item: Equipment | None) -> Mapping[str, str]:
-    """Names of a machine's tags by the keys of its points."""
-    return {key: point.name for key, point in item.points.items()} if item else {}
+        return View(names, look, age)

@@ -57,10 +57,13 @@ async def read_words(plant: Plant) -> tuple[Texts, Derivation]:
     return await asyncio.to_thread(lambda: (Texts.read(plant), Derivation(plant)))
 
 
-def parts_of(plant: Plant | None, texts: Texts | None, links: Iterable[str], alarms: AlarmEngine) -> Parts:
-    """The parts of `plant` with these `links`; nothing of what runs is touched."""
+def parts_of(
+    plant: Plant | None, texts: Texts | None, links: Iterable[str], alarms: AlarmEngine, former: TagTable
+) -> Parts:
+    """The parts of `plant` with these `links`, ready to take the place of a plant with the tags `former`; what runs is not touched."""
     points = {point.name: point for point in points_of(plant, links)}
     table = TagTable(tag_of(point, plant) for point in points.values())
+    table.look_up(former)
     machines = machines_of(plant) if plant else {}
     return Parts(points, table, alarms.prepare(plant, texts, table.handles), machines)
 

@@ -1,6 +1,7 @@
 """The tag database: the last value of every point, with its quality and its age."""
 
 import logging
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -47,6 +48,16 @@ class TagTable:
         self.by_place = {place: handle for handle, place in enumerate(self.places)}
         if len(self.handles) != len(self.tags):
             raise ValueError(f"tag names must be unique: {len(self.tags) - len(self.handles)} are not")
+        self._former: tuple[TagTable, list[int | None]] | None = None
+
+    def look_up(self, former: "TagTable") -> None:
+        """Find every tag in the table `former`, for `handles_in`."""
+        self._former = former, [*map(former.by_place.get, self.places)]
+
+    def handles_in(self, former: "TagTable") -> list[int | None]:
+        """Handle of every tag in the table `former`, by handle; None = it was not there. What was looked up is forgotten."""
+        known, self._former = self._former, None
+        return known[1] if known is not None and known[0] is former else [*map(former.by_place.get, self.places)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,19 +129,24 @@ class TagDatabase:
 
     def take(self, table: TagTable) -> None:
         """Take a new set of tags; values of tags whose id and source stay are kept."""
-        kept = self._table.by_place
-        old = [kept.get(place) for place in table.places]
+        old = table.handles_in(self._table)
         self._values = [None if o is None else self._values[o] for o in old]
         self._qualities = [NO_DATA if o is None else self._qualities[o] for o in old]
         self._times = [0 if o is None else self._times[o] for o in old]
         self._blocks = [None if o is None else self._blocks[o] for o in old]
-        self._members = {}
+        members: dict[tuple[str, int], set[int]] = defaultdict(set)
         for handle, block in enumerate(self._blocks):
             if block is not None:
-                self._members.setdefault(block, set()).add(handle)
+                members[block].add(handle)
+        self._members = dict(members)
         self._stale, self._limits = {}, {}
         self._table = table
         self.revision += 1
+
+    @property
+    def table(self) -> TagTable:
+        """The tags of this revision."""
+        return self._table
 
     @property
     def tags(self) -> Sequence[Tag]:

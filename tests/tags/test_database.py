@@ -1,10 +1,12 @@
 """The tag database: last values, quality, age, one batch at a time."""
 
+import weakref
+
 import pytest
 
 from app.clock import ManualClock
 from app.tags.batch import Batch, Value
-from app.tags.database import Tag, TagDatabase
+from app.tags.database import Tag, TagDatabase, TagTable
 from app.tags.quality import BAD, COMM_FAILURE, GOOD, NO_DATA, STALE, Origin, is_good, level, name, worst
 
 
@@ -80,6 +82,23 @@ def test_a_new_revision_keeps_values_by_identity_over_a_rename() -> None:
     assert tags.sample("m9.new").quality == NO_DATA
     assert "m1.speed" not in tags
     assert tags.revision == 2
+
+
+def test_what_was_looked_up_in_a_table_that_is_gone_decides_nothing_and_no_former_table_is_kept() -> None:
+    clock = ManualClock()
+    tags = TagDatabase(clock)
+    first, second, third = (TagTable(Tag(name, name, "hall") for name in names) for names in ("ab", "ba", "cb"))
+    tags.take(first)
+    tags.publish(batch(clock, {0: 1.0, 1: 2.0}))
+    third.look_up(first)  # the second one comes between
+    second.look_up(first)
+    tags.take(second)
+    assert [tags.value(handle) for handle in range(2)] == [2.0, 1.0]
+    tags.take(third)
+    assert [tags.value(handle) for handle in range(2)] == [None, 2.0] and tags.table is third
+    kept = [weakref.ref(first), weakref.ref(second)]
+    del first, second
+    assert [one() for one in kept] == [None, None]
 
 
 def test_a_subscriber_that_fails_does_not_keep_the_others_from_it(caplog: pytest.LogCaptureFixture) -> None:
