@@ -217,3 +217,21 @@ def test_nobody_reads_an_expression(plant: TestClient, operator: Operator, key: 
     operator.language = lang
     part = operator.get(f"/equipment/{key}/part/word?all=1&step=1")
     assert part.status_code == 200 and "==" not in part.text
+
+
+def test_nothing_is_said_to_be_unforced_that_no_device_told(plant: TestClient, engineer: Operator) -> None:
+    """Where nothing is forced the page leads to the sequences and to what was forced; where a device is silent it says so."""
+    engineer.language = "en"
+    assert until(lambda: "Nothing is forced" in engineer.get("/forces/list").text)
+    page = engineer.get("/forces/list").text
+    assert "not known" not in page
+    for key in ("seq1", "seq2"):
+        assert f'href="/equipment/{key}"' in page and f'href="/records/force?equipment={key}"' in page
+    assert engineer.get("/records/force?equipment=seq2", fragment=False).status_code == 200
+    engineer.post("/instructor/seq2/line", mode="1")
+    try:
+        assert until(lambda: "forces not known" in engineer.get("/forces/list").text)
+        assert "Nothing is forced" not in engineer.get("/forces/list").text
+    finally:
+        engineer.post("/instructor/seq2/line", mode="0")
+    assert until(lambda: "Nothing is forced" in engineer.get("/forces/list").text)
