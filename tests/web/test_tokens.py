@@ -39,7 +39,7 @@ KEPT = {
     "frame.css": 1,  # the same
     "palette.css": 1,  # above the bar
     "sequence.css": 1,  # below the tabs
-    "trends.css": 3,  # beside the live switch; a text below the name, not below the colour of its pen
+    "trends.css": 2,  # beside the live switch
 }
 """Sheet → room kept for a thing, as large as the thing. Spaces in em grow with the text that they stand in and are no steps."""
 
