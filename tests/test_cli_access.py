@@ -210,7 +210,7 @@ def test_verify_names_the_file_of_anchors_that_does_not_agree(pogon: Pogon, tmp_
 def test_verify_says_that_the_buffer_is_no_file(pogon: Pogon, tmp_path: Path) -> None:
     pogon("user", "add", "ana")
     (tmp_path / "data" / "audit.buffer").unlink(missing_ok=True)
-    (tmp_path / "data" / "audit.buffer").mkdir()
+    (tmp_path / "data" / "audit.buffer").mkdir(mode=0o700)
     bad = pogon("audit", "verify")
     assert bad.exit_code == 1
     assert "line 2 may be in audit.buffer, which is no file that can be read" in bad.stderr
