@@ -27,7 +27,7 @@ class View:
     look: Callable[[str], tuple[Value, int]]
     """Value and quality."""
     age: Callable[[str], float | None]
-    """[s]; None = it was never seen."""
+    """[s]; infinite when it was never seen, None when there is no such tag."""
 
 
 class AlarmIndex:

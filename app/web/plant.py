@@ -8,10 +8,10 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
 from app.plant.changes import Change
-from app.plant.definitions import Equipment
 from app.running.plant_files import Reading
 from app.web.guard import address_of, allow, fields, person_of
 from app.web.language import language_of
+from app.web.points import EquipmentView
 from app.web.signin import view_of
 from app.web.view import area_label
 
@@ -50,30 +50,23 @@ def _page(request: Request, reading: Reading, status: int = 200, refused: str = 
         changes=[drawn(request, change) for change in reading.changes],
         folder=str(runtime.settings.plant),
         running=runtime.plant,
-        machines=[listed(request, item) for item in runtime.plant.equipment.values()] if runtime.plant else [],
+        machines=_machines(request),
         refused=view.text(request, refused) if refused else "",
         done=bool(request.query_params.get("done")) and not reading.changes and not reading.problems,
     )
 
 
-def listed(request: Request, item: Equipment) -> dict[str, Any]:
-    """A machine that runs as the list of them shows it."""
-    runtime, lang = view_of(request).runtime(request), language_of(request)
+def _machines(request: Request) -> list[tuple[EquipmentView, str, str]]:
+    """Each machine that runs, the name of its area, and the transport of its link."""
+    view, lang = view_of(request), language_of(request)
+    runtime = view.runtime(request)
     plant, texts = runtime.plant, runtime.texts
-    assert plant is not None
-    link = plant.links[item.link]
-    return {
-        "id": item.id,
-        "label": texts.label(lang, item.label) or item.id,
-        "type": texts.of_type(lang, item.type, item.type.label),
-        "preset": item.preset,
-        "area": area_label(texts, plant, lang, item.area),
-        "link": texts.label(lang, link.label) or link.name,
-        "transport": link.transport,
-        "unit": item.unit,
-        "points": len(item.points),
-        "alarms": len(item.alarms),
-    }
+    if plant is None:
+        return []
+    return [
+        (view.machine(request, item), area_label(texts, plant, lang, item.area), plant.links[item.link].transport)
+        for item in plant.equipment.values()
+    ]
 
 
 def drawn(request: Request, change: Change) -> dict[str, Any]:
