@@ -64,7 +64,7 @@ class Recorder:
         self._rows: list[Row] = []
         self._minutes = Minutes(GAP_AFTER)
         self.upkeep = Upkeep(database, clock, self._minutes, keep_days=keep_days, quota=quota)
-        self._start = clock.micros()
+        self._start = self._alive = clock.micros()
         self._wanted: list[Point] = []
         self._opened = False
         self._begun = False
@@ -217,7 +217,9 @@ class Recorder:
             await self.flush()
 
     async def _append(self, rows: list[Row], now: int) -> None:
-        start, id = self._start, self._id
+        if now < self._alive:  # the clock was set back: what this run says ends before what it said until now
+            self._start = now
+        start, id, self._alive = self._start, self._id, now
 
         def work(connection: Connection) -> None:
             if self._database.id == id:  # else the numbers are of points of the database that was lost
@@ -238,7 +240,7 @@ class Recorder:
             return store.register(connection, points)
 
         numbers = await self._database.write(work)
-        self._start, self._id = start, id
+        self._start, self._alive, self._id = start, start, id
         for track in self._by_id.values():
             track.end(self._rows)
         moved = {track.number: numbers[id] for id, track in self._by_id.items() if id in numbers}

@@ -93,10 +93,11 @@ def begin_run(connection: Connection, start: int) -> int:
     """Note that the recorder runs since `start` [µs UTC], and close what the run before left open.
 
     A run that was killed could not say that its values hold no longer: every point whose last sample is not bad gets a bad one,
-    directly after the last sign of life. After a clock that was set back this is done twice, before `start` and at the end of what lies
-    behind it. Returns the number of these.
+    directly after the last sign of life. After a clock that was set back this is done more than once: before `start`, at the end of what
+    lies behind it, and where the last run ended. Returns the number of these.
     """
     before, alive = ALIVE(connection, until=start).scalar() or 0, ALIVE(connection, until=FOREVER).scalar() or 0
+    ended = ENDED(connection).scalar() or 0
     rows: list[Row] = [
         (number, max(before, time) + 1, None, None, NO_DATA) for number, time in LEFT_OPEN(connection, until=start)
     ]
@@ -106,6 +107,8 @@ def begin_run(connection: Connection, start: int) -> int:
             for number, time in LEFT_OPEN(connection, until=FOREVER)
             if time >= start
         ]
+    if ended not in (0, before, alive):
+        rows += [(number, ended + 1, None, None, NO_DATA) for number, _ in LEFT_OPEN(connection, until=ended + 1)]
     append(connection, rows, start, start)
     return len(rows)
 
@@ -121,6 +124,10 @@ _newest = (
 )
 ALIVE = Statement(select(func.max(run.c.alive)).where(run.c.alive < bindparam("until")))
 """The last sign of life before a time."""
+LAST_RUN = "run"
+"""The mark that says since when the run runs that was alive last: after a clock that was set back it is not the latest one."""
+ENDED = Statement(select(run.c.alive).join_from(run, mark, mark.c.t == run.c.start).where(mark.c.name == LAST_RUN))
+"""The last sign of life of the run that was alive last."""
 LEFT_OPEN = Statement(
     select(point.c.id, sample.c.t)
     .select_from(in_order(point, sample, sample.c.point == point.c.id, sample.c.t == _newest))
@@ -145,6 +152,7 @@ def append(connection: Connection, rows: Sequence[Row], start: int, alive: int, 
                 SET_BACK(connection, of=table, t=time // width * width, than=time)
         STORED(connection, t=alive // HOUR * HOUR, rows=len(rows), grown=0)
     LIVED(connection, start=start, alive=alive)
+    SET(connection, name=LAST_RUN, t=start)
 
 
 PUT = Statement(replacing(sample), "point", "t", "v", "s", "q")

@@ -76,7 +76,10 @@ run = Table(
     Column("start", BigInteger, primary_key=True),
     Column("alive", BigInteger, nullable=False),
 )
-"""When the recorder ran: from `start` to `alive` [µs UTC]. The next run closes the gap between with a bad sample per point."""
+"""When the recorder ran: from `start` to `alive` [µs UTC]. The next run closes the gap between with a bad sample per point.
+
+A recorder whose clock is set back begins another run.
+"""
 
 mark = Table(
     "mark",
@@ -84,7 +87,7 @@ mark = Table(
     Column("name", String, primary_key=True),
     Column("t", BigInteger, nullable=False),
 )
-"""Up to when roll-ups are written [µs UTC], which a late sample sets back; up to when anything is sealed."""
+"""Up to when roll-ups are written [µs UTC], which a late sample sets back; up to when anything is sealed; start of the last run."""
 
 volume = Table(
     "volume",

@@ -33,8 +33,9 @@ class Sweep:
         self._second = second
 
     async def run(self) -> None:
-        """Sweep, for ever."""
+        """Sweep, for ever; what stands still before the first pause is over has been looked at, too."""
         loop = asyncio.get_running_loop()
+        self._tags.sweep()
         next_second = loop.time()
         while True:
             before = loop.time()

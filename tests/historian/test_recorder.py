@@ -199,6 +199,26 @@ async def test_a_clock_that_is_set_back_loses_nothing(history: Database) -> None
     assert [v for _, v, _ in rows_of(history)] == [1.1, 5.0, 1.0]
 
 
+async def test_a_server_killed_after_its_clock_was_set_back_leaves_no_good_value_behind(history: Database) -> None:
+    """Its last sign of life is not the latest one: that is of before the clock was set."""
+    source, made = await recording(history, point())
+    source.publish(m1_speed=1.0)
+    before = source.clock.micros()
+    await made.flush()
+    source.clock.step_wall(-3600)
+    source.clock.advance(1)
+    source.publish(m1_speed=2.0)
+    ended = source.clock.micros()
+    await made.flush()
+    history.run(lambda c: store.begin_run(c, ended + 86_400_000_000))
+    assert rows_of(history) == [
+        (ended, 2.0, GOOD),
+        (ended + 1, None, NO_DATA),
+        (before, 1.0, GOOD),
+        (before + 1, None, NO_DATA),
+    ]
+
+
 async def test_points_without_history_leave_none(history: Database) -> None:
     silent = Point("m1.code", "m1.code", "m1", "code", "code", history=False)
     source, made = await recording(history, point(), silent)

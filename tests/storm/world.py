@@ -168,6 +168,10 @@ class World:
     acting: dict["asyncio.Task[None]", None] = field(default_factory=dict)
     silences: list[tuple[int, int]] = field(default_factory=list)
     """When no server saw anything [µs UTC, from and to], as long as the clock was not set back behind that."""
+    lived: list[tuple[int, int]] = field(default_factory=list)
+    """Until when the clock was set back, each with what it was before it ran there [µs UTC]."""
+    lives_since: int = 0
+    """What the clock was in the beginning, and when it was last set back [µs UTC]."""
     errors: list[str] = field(default_factory=list)
     """What was logged as an error that is none of those we made."""
     lines: list[str] = field(default_factory=list)
@@ -179,6 +183,7 @@ class World:
         self.disks = Disks(Random(f"disk {self.script.seed}"))
         self.disks.die = self._die
         self._hash = hashlib.sha256()
+        self.lives_since = self.clock.micros()
         self.machines = list(self.script.machines)
         self.wires: dict[str, Wire] = {}
         """Links that are not in memory."""
@@ -767,9 +772,19 @@ class World:
 
     def step_clock(self, seconds: float) -> None:
         """Somebody sets the wall clock; of a time that comes once more nothing can be said afterwards."""
+        before = self.clock.micros()
         self.clock.step_wall(seconds)
         now = self.clock.micros()
         self.silences = [(begin, end) for begin, end in self.silences if end < now]
+        if now < before:
+            self.lived.append((self.lives_since, before))
+            self.lives_since = now
+
+    def _silent(self, begin: int) -> None:
+        """No server saw anything from `begin` until now; where the clock was before it was set back, one did."""
+        end = self.clock.micros()
+        if not any(begin < until and since < end for since, until in self.lived):
+            self.silences.append((begin, end))
 
     async def _do_reload(self, machine: str) -> None:
         """Take a machine out of the plant file, or put it in again."""
@@ -856,7 +871,7 @@ class World:
             task.cancel()
         await asyncio.gather(*moving, return_exceptions=True)
         self.troubled = self.now
-        self.silences.append((begun, self.clock.micros()))
+        self._silent(begun)
         if clock:
             self.step_clock(clock)
         await self.start()
@@ -869,7 +884,7 @@ class World:
             self.clock.advance(0.01)
             self.sim.step()
         if seconds > NOTICED and not self.down:
-            self.silences.append((begun, self.clock.micros()))
+            self._silent(begun)
         self.sim._due = self.now
         await asyncio.sleep(SWEPT)
         self.troubled = self.now
