@@ -19,6 +19,9 @@ from app.tags.database import TagDatabase
 
 log = logging.getLogger(__name__)
 
+REPORT = 1.0
+"""Period of the statistics [s]."""
+
 
 class Line:
     """The state of one link. Its connections are the runner's, what goes wrong is of `outages`."""
@@ -189,6 +192,12 @@ class Line:
         if LinkState.UP in states and self._open and self._heard:
             self._note(up=True)
         self._publisher.publish()
+
+    async def _report(self) -> None:
+        while True:
+            await asyncio.sleep(REPORT)
+            self._publisher.measure()
+            self._settle()
 
     def _note(self, *, up: bool, reason: str = "") -> None:
         if up == self._told_up:

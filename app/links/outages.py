@@ -48,8 +48,6 @@ SETTLE = 0.05
 """What a device is given to act on registers that somebody wrote, before it is looked at again [s]."""
 PROBE_SHARE = 0.05
 """Most of the line's time that goes into probes while others live on it, but for the rare one with full patience."""
-FIRST_PAUSE, LAST_PAUSE = 0.1, 0.5
-"""Pauses before a lost connection is opened again [s], doubling; the first try is at once."""
 REOPEN = 5.0
 """A connection that is open and on which nobody answers is opened again this often [s]."""
 RECHECK = 1.5

@@ -8,15 +8,14 @@ schedule one by one, so a write never waits for more than the telegram on the wi
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
 from math import inf
 
-from app import chance
 from app.clock import Clock
 from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
 from app.links.contract import LateAnswerDue, Transport
+from app.links.lane import Deaf, Hearing, Lane, Reopening
 from app.links.line import check_permit, fail, finish
-from app.links.outages import FIRST_PAUSE, GATEWAY, LAST_PAUSE, SETTLE, Outages
+from app.links.outages import GATEWAY, SETTLE, Outages
 from app.links.plc import TORN_TRIES
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job
@@ -29,26 +28,13 @@ from app.tags.quality import COMM_FAILURE
 
 RETRY_LIMIT = 0.8
 """Longest time-out of a retry [s]: a pulled cable shows within one time-out + 1 s."""
-STEADY = 2.0
-"""A connection with answers that lasted so long is opened again at once when it is lost; others wait longer each time [s]."""
 TORN_PAUSE = 1.0
 """Before an image that is read once is tried again when it was never whole [s]."""
 ENDED = "link ended"
-REPORT = 1.0
-"""Period of the statistics [s]."""
 
 
 class Torn(BadAnswer):
     """An image that the device was changing while it was read."""
-
-
-@dataclass(slots=True)
-class _Lane:
-    """One connection."""
-
-    number: int
-    transport: Transport
-    answers: int = 0
 
 
 class LinkRunner(Outages):
@@ -67,6 +53,7 @@ class LinkRunner(Outages):
         super().__init__(link, stations, tags, clock)
         self._build = build
         self._lanes = lanes
+        self._hearing = Hearing(link.name)
         for station in stations.values():
             self._prepare(station)
 
@@ -139,25 +126,26 @@ class LinkRunner(Outages):
         self._wake()
 
     async def _lane(self, number: int) -> None:
-        pause = 0.0
+        again = Reopening()
         transport = self._build()
         transport.counts = self.statistics.wire
         while True:
-            lane, began = _Lane(number, transport), self._now()
+            lane, began = Lane(number, transport), self._now()
             try:
                 await lane.transport.connect()
+                if again.deaf:
+                    await self._hearing.prove(lane, self.stations.values())
+                again.deaf = False
                 self._opened(number)
                 await self._work(lane)
             except NotConnected as error:
+                again.deaf = again.deaf or isinstance(error, Deaf)
                 self._lost(number, error)
             finally:
                 await lane.transport.close()
-            if lane.answers and self._now() - began >= STEADY:
-                pause = 0.0
-            await asyncio.sleep(pause * chance.uniform(0.9, 1.1))
-            pause = min(max(2 * pause, FIRST_PAUSE), LAST_PAUSE)
+            await asyncio.sleep(again.after(lane, self._now() - began))
 
-    async def _work(self, lane: _Lane) -> None:
+    async def _work(self, lane: Lane) -> None:
         """Carry telegrams until the connection is lost."""
         number, transport = lane.number, lane.transport
         try:
@@ -226,7 +214,7 @@ class LinkRunner(Outages):
             self._note(up=False, reason=reason)
         self._settle()
 
-    async def _do(self, lane: _Lane, job: Job) -> None:
+    async def _do(self, lane: Lane, job: Job) -> None:
         transport = lane.transport
         started, standstills = self._now(), self._tags.standstills
         station = self.stations.get(job.unit)
@@ -248,15 +236,17 @@ class LinkRunner(Outages):
                 fail(job, NotConnected(f"link {self.link.name}: ended while unit {job.unit} was asked"))
                 raise
             if isinstance(error, DeviceException):
-                lane.answers += 1
+                self._hearing.heard(lane, job.unit, self._now())
                 self._answered(station, started, job.liveness and error.code not in GATEWAY)
             if not isinstance(error, LateAnswerDue) and not (job.quiet and isinstance(error, DeviceException)):
                 self.statistics.failed(job.unit, error)
             fail(job, error)
             if isinstance(error, NotConnected):
                 raise
+            if isinstance(error, NoAnswer):
+                self._hearing.missed(lane, job.unit, started)
             return
-        lane.answers += 1
+        self._hearing.heard(lane, job.unit, self._now())
         self.statistics.busy += self._now() - started
         self._answered(station, started, job.liveness, self._wire(job.read, len(job.words), job.function))
         if job.scan is not None and self._answer_was_kept(standstills):
@@ -270,7 +260,7 @@ class LinkRunner(Outages):
         if not job.done.done():
             job.done.set_result(words)
 
-    async def _scan(self, lane: _Lane, block: ScanBlock) -> None:
+    async def _scan(self, lane: Lane, block: ScanBlock) -> None:
         station = self.stations[block.unit]
         started = self._now()
         ticket = block.ticket
@@ -290,11 +280,13 @@ class LinkRunner(Outages):
             self.statistics.busy += self._now() - started
             self.statistics.failed(block.unit, error)
             if isinstance(error, DeviceException):
-                lane.answers += 1
+                self._hearing.heard(lane, block.unit, self._now())
             if ticket == block.ticket:  # else it has been given another place, or none, while it was away
                 self._scan_failed(station, block, error, started)
+            if isinstance(error, NoAnswer):
+                self._hearing.missed(lane, block.unit, started)
             return
-        lane.answers += 1
+        self._hearing.heard(lane, block.unit, self._now())
         ended = self._now()
         self.statistics.busy += ended - started
         self._answered(station, started, True, self._wire(block.block))
@@ -345,9 +337,3 @@ class LinkRunner(Outages):
             self.statistics.late_scans += 1 + int((now - due) / block.period)
             due = now
         self._schedule.at(block, due)
-
-    async def _report(self) -> None:
-        while True:
-            await asyncio.sleep(REPORT)
-            self._publisher.measure()
-            self._settle()

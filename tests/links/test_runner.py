@@ -115,6 +115,77 @@ async def test_a_device_that_takes_fewer_connections_is_read_over_those() -> Non
     await server.close()
 
 
+class HardOfHearing(TcpServer):
+    """A device that keeps connections open and does not serve them: from the `serves` + 1st on, or those in `deaf`."""
+
+    serves = 99
+    accepted = 0
+    swallowed = 0
+
+    def __init__(self, bus: Bus) -> None:
+        super().__init__(bus)
+        self.deaf: set[asyncio.StreamReader] = set()
+        self.open: list[asyncio.StreamReader] = []
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.accepted += 1
+        self.open.append(reader)
+        if len(self.open) > self.serves:
+            self.deaf.add(reader)
+        try:
+            await super()._serve(reader, writer)
+        finally:
+            self.open.remove(reader)
+
+    async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+        if reader not in self.deaf:
+            return await super()._serve_one(reader, writer)
+        heard = await reader.read(1000)
+        self.swallowed += bool(heard)
+        return bool(heard)
+
+
+@pytest.mark.parametrize("connections", [2, 4])
+async def test_a_connection_that_goes_deaf_while_others_are_answered_is_opened_again(connections: int) -> None:
+    """What was lost behind a router's back is open for ever; the unit that is identified over it would never come back."""
+    device = RegisterDevice({n: n for n in range(300)})
+    server = HardOfHearing(Bus({1: device}))
+    await server.start("127.0.0.1", 0)
+    equipment = row("m", 1, 300, Device(timeout=0.2, fast=0.05, connections=connections))
+    async with running([equipment], link=tcp_link(server)) as line:
+        await until(lambda: all(is_good(line.quality(f"m.v{n}")) for n in range(300)))
+        await until(lambda: line.link.statistics.connections == connections)
+        server.deaf = set(server.open[1:])
+        await asyncio.sleep(2.0)
+        assert line.link.up and server.accepted > connections
+        assert not server.deaf & set(server.open), "they were closed, and others opened"
+        before = len(line.batches)
+        await asyncio.sleep(3.0)
+        assert not [b for b in line.batches[before:] if b.source == "link.hall" and b.quality & 3]
+        assert line.link.statistics.connections == connections
+    await server.close()
+
+
+async def test_a_device_that_takes_more_connections_than_it_serves_is_read_over_those_that_it_serves() -> None:
+    device = RegisterDevice({n: n for n in range(300)})
+    server = HardOfHearing(Bus({1: device}))
+    server.serves = 1
+    await server.start("127.0.0.1", 0)
+    equipment = row("m", 1, 300, Device(timeout=0.2, fast=0.05, connections=3))
+    async with running([equipment], link=tcp_link(server, writes=True)) as line:
+        await until(lambda: all(is_good(line.quality(f"m.v{n}")) for n in range(300)), 5.0)
+        await asyncio.sleep(5.0)
+        before, swallowed, timeouts = len(line.batches), server.swallowed, line.link.statistics.timeouts
+        await asyncio.sleep(60.0)
+        assert not [b for b in line.batches[before:] if b.source == "link.hall" and b.quality & 3]
+        assert server.swallowed - swallowed <= 16 and line.link.statistics.timeouts == timeouts, "one look now and then"
+        server.serves, tried = 99, server.accepted
+        server.deaf.clear()
+        await until(lambda: line.link.statistics.connections == 3, 150.0)
+        assert server.accepted > tried
+    await server.close()
+
+
 async def test_a_write_waits_for_the_telegram_on_the_wire_and_no_longer() -> None:
     device = RegisterDevice({n: 0 for n in range(600)})
     points = [point("m", f"v{n}", n) for n in range(0, 600, 5)] + [point("m", "command", 599, writable=True)]

@@ -530,11 +530,11 @@ async def records_are_of_events(c: Checker) -> None:
     mine: dict[int, list[Any]] = {}
     for part in parts:
         mine.setdefault(part.record, []).append(part)
-    seen: Counter[tuple[object, ...]] = Counter()
+    seen: Counter[tuple[object, ...]] = Counter()  # a machine that is built anew counts its starts from 1 again
     for row in rows:
         c.world.trace(f"record {row.id} {row.kind} {row.number} {row.outcome}")
         events, what = mine.get(row.id, []), f"{row.kind} {row.number} of {row.machine} ({row.outcome})"
-        seen[row.machine, row.kind, row.number, row.boot, row.sequence] += 1
+        seen[row.machine, row.kind, row.number, row.boot, row.sequence, row.begun] += 1
         if any(one.machine != row.machine for one in events):
             raise Fell("records_are_of_events", f"{what} has events of another machine")
         first = (row.boot, row.sequence, row.entry, row.begun)
