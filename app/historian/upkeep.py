@@ -7,7 +7,8 @@ from collections.abc import Callable
 from app.clock import Clock
 from app.db import Database
 from app.errors import StorageError
-from app.historian import sealed, store
+from app.historian import age, sealed, store
+from app.historian.age import Age
 from app.historian.minutes import Minutes
 from app.historian.store import DAY, HOUR, SETTLED
 from app.historian.written import Written
@@ -46,6 +47,9 @@ class Upkeep:
         self._warned = False
         self._sealed = 0
         """What is older is packed [µs UTC]."""
+        self._aged = clock.monotonic()
+        """When it was last looked how old the history is [s]."""
+        self._leapt = False
 
     @property
     def fill(self) -> float:
@@ -91,7 +95,7 @@ class Upkeep:
             StorageError: the database did not take it.
         """
         await self.measure(takes=takes)
-        await self._cut()
+        await self._cut(await self._grow_older(takes=takes))
         settled = self._clock.micros() - SETTLED
         done = False
         while not done:
@@ -127,10 +131,26 @@ class Upkeep:
             log.warning("history fills up used=%d quota=%d days=%s", self.size.used, self.quota, self.quota_days)
         self._warned = self.fill >= WARN_AT
 
-    async def _cut(self) -> None:
+    async def _grow_older(self, *, takes: bool) -> Age:
+        """By which time the history is cut; it is kept, so that no restart makes a clock that leapt any truer."""
+        now, at = self._clock.micros(), self._clock.monotonic()
+        known = await self._database.read(age.read)
+        found = (known or Age(now)).after(round((at - self._aged) * 1e6), now, self.keep_days)
+        if takes:
+            await self._database.write(lambda connection: age.note(connection, found))
+            self._aged = at
+        if found.leapt and not self._leapt:
+            days = (now - found.time) / DAY
+            log.error(
+                "history not cut by this clock: it leapt days=%.0f; it is believed when it runs so for a day", days
+            )
+        self._leapt = found.leapt > 0
+        return found
+
+    async def _cut(self, aged: Age) -> None:
         size = self.size
         while size is not None and size.oldest is not None:
-            before = self._cut_before(size.used, size.oldest)
+            before = self._cut_before(aged.time, size.used, size.oldest)
             if before // HOUR * HOUR <= size.oldest:
                 return
             removed = await self._remove(before)
@@ -145,9 +165,8 @@ class Upkeep:
             removed += count
         return removed
 
-    def _cut_before(self, used: int, oldest: int) -> int:
+    def _cut_before(self, now: int, used: int, oldest: int) -> int:
         """Everything older than this has to go [µs UTC]."""
-        now = self._clock.micros()
         before = now - int(self.keep_days * DAY)
         if used > self.quota:
             part = 1 - CUT_TO * self.quota / used

@@ -1,9 +1,15 @@
 """What is stored is rolled up, packed, and cut by age and quota."""
 
+import logging
+
+import pytest
+
 from app.db import Database
 from app.historian import store
+from app.historian.age import Age
+from app.historian.recorder import Recorder
 from app.historian.store import DAY, HOUR
-from tests.historian.conftest import point
+from tests.historian.conftest import Source, point
 from tests.historian.recording import recording, rows_of
 
 
@@ -64,3 +70,79 @@ async def test_history_older_than_it_is_kept_is_cut(history: Database) -> None:
     await made.upkeep.look_after()
     age = source.clock.micros() - rows_of(history)[0][0]
     assert 2 * DAY <= age < 2 * DAY + store.HOUR * 2
+
+
+# ---- a clock that leapt ----------------------------------------------------------------------------------
+
+YEAR = 365 * 86_400
+
+
+async def four_days(history: Database) -> tuple[Source, Recorder]:
+    """A history of four days, as long as it is kept, looked after once."""
+    source, made = await recording(history, point())
+    made.upkeep.keep_days = 4
+    for hour in range(24 * 4):
+        source.publish(m1_speed=hour)
+        source.clock.advance(3600)
+    await made.flush()
+    await made.upkeep.look_after()
+    return source, made
+
+
+async def minutes(source: Source, made: Recorder, count: int) -> None:
+    for _ in range(count):
+        source.publish(m1_speed=source.clock.micros() % 1000)
+        source.clock.advance(60)
+        await made.flush()
+        await made.upkeep.look_after()
+
+
+async def test_a_clock_that_leaps_by_years_and_is_set_right_costs_no_history(
+    history: Database, caplog: pytest.LogCaptureFixture
+) -> None:
+    source, made = await four_days(history)
+    before = rows_of(history)
+    source.clock.step_wall(YEAR)
+    with caplog.at_level(logging.ERROR):
+        await minutes(source, made, 3)
+    assert [record.message for record in caplog.records] == [
+        "history not cut by this clock: it leapt days=365; it is believed when it runs so for a day"
+    ]
+    source.clock.step_wall(-YEAR)
+    await minutes(source, made, 3)
+    assert set(before) <= set(rows_of(history))
+
+
+async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_it_needs(history: Database) -> None:
+    source, made = await four_days(history)
+    before = rows_of(history)
+    source.clock.step_wall(YEAR)
+    await made.close()
+    for _ in range(2):
+        made = Recorder(source.tags, history, source.clock, keep_days=4, quota=1 << 30)
+        await made.configure(source.points)
+        await minutes(source, made, 2)
+        await made.close()
+    assert set(before) <= set(rows_of(history))
+    made.upkeep.quota = round(history.run(store.used) * 0.97)
+    await made.upkeep.look_after()
+    assert len(set(before) & set(rows_of(history))) > 0.6 * len(before)
+
+
+@pytest.mark.parametrize(
+    ("age", "passed", "now", "expected"),
+    [
+        (Age(0), 60, 60, Age(60)),
+        (Age(0), 60, -600, Age(-600)),  # set back
+        (Age(0), 60, 60 + 40, Age(100)),  # a tenth of what is kept
+        (Age(0), 60, 60 + 41, Age(60, 60)),
+        (Age(60, 60), 60, 160, Age(160)),  # set right
+        (Age(60, 60), 60, 9999, Age(120, 120)),
+        (Age(0, 86_340), 60, 9999, Age(9999)),  # a day over
+    ],
+)
+def test_by_which_time_it_ages(age: Age, passed: int, now: int, expected: Age) -> None:
+    second = 1_000_000
+    keep = 400 / 86_400
+    age, expected = (Age(one.time * second, one.leapt * second) for one in (age, expected))
+    assert age.after(passed * second, now * second, keep) == expected
