@@ -11,7 +11,7 @@ import heapq
 import re
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -51,6 +51,11 @@ PAGE = 2000
 PORTION = 1000
 """Lines per portion."""
 MOST_TAGS = 100
+EARLIEST, LATEST = (to_micros(one.replace(tzinfo=UTC)) for one in (datetime.min, datetime.max))
+COUNTED = 10 * 366 * DAY * 1_000_000
+"""Shifts of no longer a time are counted one by one [µs]."""
+ROOM = 2 * 366 * DAY * 1_000_000
+"""Before and behind a range whose rows are intervals or shifts [µs]: these begin before it, and its last one ends behind it."""
 CHECKSUM = b"# sha256: "
 
 
@@ -103,6 +108,18 @@ class ExportSettings:
             )
         if self.interval and self.shifts:
             raise ConfigurationError(f"interval: {self.interval}, expected none where a row is a shift")
+        if self.interval or self.shifts:
+            for field, time in (("from", self.begin), ("to", self.end)):
+                if not ROOM <= time - EARLIEST <= LATEST - EARLIEST - ROOM:
+                    said = to_datetime(time).isoformat()
+                    raise ConfigurationError(f"{field}: {said}, expected the years 3 to 9997 where rows are aggregated")
+
+    def count(self) -> int:
+        """How many rows each tag has, of those that are aggregated; of centuries about."""
+        if self.shifts and self.end - self.begin <= COUNTED:
+            return sum(1 for _ in self.rows())
+        span = self.interval or DAY // len(self.shifts)
+        return -(-(self.end - self.begin) // (span * 1_000_000))
 
     def rows(self) -> Iterator[tuple[int, int]]:
         """From when to when each row is [µs UTC], of those that are aggregated."""

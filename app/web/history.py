@@ -122,10 +122,8 @@ async def size(request: Request) -> Response:
 
     def work(connection: Connection) -> int:
         found = [query.find(connection, tag) for tag in settings.tags]
-        if settings.shifts:
-            return len(found) * sum(1 for _ in settings.rows())
-        if settings.interval:
-            return len(found) * -(-(settings.end - settings.begin) // (settings.interval * 1_000_000))
+        if settings.shifts or settings.interval:
+            return len(found) * settings.count()
         return sum(query.count(connection, one.number, settings.begin, settings.end) for one in found if one)
 
     rows = await read(runtime, work)

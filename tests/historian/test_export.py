@@ -324,6 +324,39 @@ def test_what_cannot_be_is_refused_by_name(asked: dict[str, Any], named: str) ->
         Export(ExportSettings(**{"tags": ["m1.speed"], "begin": BEGIN, "end": BEGIN + 1, "zone": ZAGREB, **asked}))
 
 
+@pytest.mark.parametrize("rows", [{"interval": 3600}, {"interval": 366 * 86_400}, {"shifts": (360, 840, 1320)}])
+@pytest.mark.parametrize(
+    ("begin", "end", "named"),
+    [
+        ("0001-01-01T12:00+00:00", "0001-01-05", "from: 0001-01-01T12:00:00"),
+        ("0001-01-02T12:00", "2026-03-09", "from: 0001-01-02"),
+        ("2026-03-09", "9999-12-31T12:00", "to: 9999-12-31"),
+        ("9999-12-29", "9999-12-30", "from: 9999-12-2"),
+    ],
+)
+def test_rows_at_the_ends_of_the_calendar_are_refused_by_name(
+    rows: dict[str, Any], begin: str, end: str, named: str
+) -> None:
+    first, last = span(begin, end, ZAGREB, BEGIN)
+    with pytest.raises(ConfigurationError, match=rf"{named}.*, expected the years 3 to 9997"):
+        Export(ExportSettings(["m1.speed"], first, last, ZAGREB, **rows))
+    Export(ExportSettings(["m1.speed"], first, last, ZAGREB))
+
+
+@pytest.mark.parametrize("rows", [{"interval": 366 * 86_400}, {"shifts": (360, 840, 1320)}])
+@pytest.mark.parametrize("begin", ["0003-02-01", "9997-12-01"])
+def test_rows_beside_the_ends_of_the_calendar_are_made(rows: dict[str, Any], begin: str) -> None:
+    first = moment(begin, ZoneInfo("Pacific/Apia"), 0)
+    asked = ExportSettings(["m1.speed"], first, first + 3 * 86_400_000_000, ZoneInfo("Pacific/Apia"), **rows)
+    assert list(asked.rows())[-1][1] == asked.end
+
+
+def test_shifts_of_centuries_are_counted_in_no_time() -> None:
+    first, last = span("2026-03-09", "9997-03-09", ZAGREB, BEGIN)
+    asked = ExportSettings(["m1.speed"], first, last, ZAGREB, shifts=(360, 840, 1320))
+    assert asked.count() == pytest.approx(3 * 365.2425 * 7971, rel=1e-4)
+
+
 def test_a_tag_that_was_never_recorded_is_named() -> None:
     with fresh() as connection, pytest.raises(ConfigurationError, match=r"m9\.speed"):
         export(connection, ["m9.speed"], BEGIN, BEGIN + 1)
