@@ -122,7 +122,7 @@ class Hiding:
         """End the shelves whose time is over, and remind of what has been out of service for a week."""
         now = self._clock.micros()
         for watch in list(self._index):
-            if watch.shelf is not None and watch.shelf.until <= now:
+            if watch.shelf is not None and watch.shelf.over(now):
                 self._states.apply(watch, AlarmEvent.UNSHELVE, detail=BY_TIME)
         self._remind()
 

@@ -30,6 +30,10 @@ class Shelf:
     once: bool = False
     """It also ends when the alarm returns to normal."""
 
+    def over(self, now: int) -> bool:
+        """Whether it has ended at `now` [µs UTC]; by a clock set back it lasts once more as long at most, not until that comes again."""
+        return abs(now - self.since) >= self.until - self.since
+
 
 @dataclass(frozen=True, slots=True)
 class Service:
@@ -45,8 +49,8 @@ class Service:
     """When an engineer last confirmed that it stays out [µs UTC]; 0 = never."""
 
     def review_due(self, now: int) -> bool:
-        """Whether somebody is to look at it again at `now` [µs UTC]."""
-        return now - max(self.since, self.reviewed) >= REVIEW * 1e6
+        """Whether somebody is to look at it again at `now` [µs UTC]; also when the clock was set back for longer than that."""
+        return abs(now - max(self.since, self.reviewed)) >= REVIEW * 1e6
 
 
 def packed(shelf: Shelf | None, service: Service | None) -> str:

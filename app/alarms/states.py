@@ -120,5 +120,5 @@ class AlarmStates:
         """Let those come back whose time is over."""
         at = self._clock.micros()
         for watch in list(self._realarms.values()):
-            if at - watch.acked_at >= watch.alarm.realarm * 1e6:
+            if abs(at - watch.acked_at) >= watch.alarm.realarm * 1e6:  # it may be ahead of a clock that was set back
                 self.apply(watch, AlarmEvent.REALARM)

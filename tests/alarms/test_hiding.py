@@ -189,6 +189,33 @@ async def test_a_restart_and_a_reload_keep_shelves_and_service(plot: Plot) -> No
     assert len(times) == 2, "what came back counts as heard, also for the server that reads the journal next"
 
 
+@pytest.mark.parametrize("restart", [False, True])
+async def test_a_clock_set_back_by_a_year_hides_no_alarm_for_a_year(plot: Plot, restart: bool) -> None:
+    engine = await plot.begin(HOT, machines=["m1", "m2"])
+    plot.put(t=71.0)
+    engine.hiding.shelve("m1.hot", ANA, HOUR, WHY)
+    engine.hiding.take_out("m2.hot", EVA, WHY)
+    plot.clock.step_wall(-365 * 24 * HOUR)
+    if restart:
+        await engine.journal.flush()
+        engine = await plot.begin(HOT, machines=["m1", "m2"])
+        plot.put(t=71.0)
+    plot.wait(1)
+    assert {found.id for found in engine.list.active()} == {"m1.hot", "sys.service_review"}
+    assert [found.id for found in engine.list.hidden()] == ["m2.hot"]
+
+
+async def test_a_clock_set_back_a_little_ends_no_shelf_and_lengthens_it_by_that(plot: Plot) -> None:
+    engine = await plot.begin(HOT)
+    plot.put(t=71.0)
+    engine.hiding.shelve("m1.hot", ANA, HOUR, WHY)
+    plot.clock.step_wall(-HOUR / 2)
+    plot.wait(1.5 * HOUR - 1)
+    assert one(engine) == "G"
+    plot.wait(1)
+    assert one(engine) == "B"
+
+
 async def test_a_definition_that_goes_takes_its_shelf_along(plot: Plot) -> None:
     engine = await plot.begin(HOT)
     engine.hiding.shelve("m1.hot", ANA, HOUR, WHY)

@@ -46,6 +46,18 @@ async def test_an_acknowledged_alarm_asks_again_when_its_class_says_so(plot: Plo
     assert (await plot.story())[-1] == "REALARM CB"
 
 
+async def test_it_asks_again_although_the_clock_was_set_back_by_a_year(plot: Plot) -> None:
+    engine = await plot.begin(replace(HOT, realarm=600.0))
+    plot.put(t=71.0)
+    await engine.acknowledge([engine.list.active()[0].occurrence], ANA)
+    plot.clock.step_wall(-60)
+    plot.wait(1)
+    assert plot.letters == "C"
+    plot.clock.step_wall(-365 * 86_400)
+    plot.wait(1)
+    assert plot.letters == "B"
+
+
 async def test_a_new_limit_acts_at_once_on_the_alarm_that_stands(plot: Plot) -> None:
     engine = await plot.begin(HOT)
     plot.put(t=72.0)
