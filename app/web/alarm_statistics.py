@@ -19,9 +19,11 @@ from app.errors import Refused
 from app.plant.system import SYSTEM
 from app.web import format as fmt
 from app.web.alarm_view import PRIORITY_NAMES, Drawing, lasting
-from app.web.alarms import area_choices, cells, drawing, tabs
+from app.web.alarms import area_choices, drawing, tabs
 from app.web.audit import read_time
+from app.web.csv_lines import cells, locale_of
 from app.web.guard import allow, person_of
+from app.web.language import language_of
 from app.web.view import View
 
 router = APIRouter()
@@ -85,16 +87,18 @@ async def statistics(request: Request) -> Response:
         area_choices=area_choices(request),
         span_choices=[(key, view.text(request, f"alarm.stats.span.{key}")) for key in SPANS],
         position_choices=[str(one) for one in POSITIONS],
-        export_url=f"/alarms/statistics.csv?{asked.query}" if _may_export(request) else "",
+        export_url=f"/alarms/statistics.csv?{asked.query}&locale={language_of(request)}"
+        if _may_export(request)
+        else "",
         stats=_shown(draw, answered.figures, answered.named) if answered.figures else None,
     )
 
 
 @router.get("/alarms/statistics.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """The same figures, and the whole of every list, as CSV."""
+    """The same figures, and the whole of every list, as CSV; `locale`: hr, en, de, cs, or machine, which it is without."""
     view: View = request.app.state.view
-    asked = _asked(request)
+    asked, locale = _asked(request), locale_of(request)
     answered = await _read(request, asked)
     said = "; ".join(f"{name}={value}" for name, value in asked.typed.items() if value)
     await view.runtime(request).access.audit.record("alarm.exported", person_of(request), filters=f"statistics; {said}")
@@ -102,7 +106,7 @@ async def export(request: Request) -> Response:
     found = answered.figures
     lines = [[f"# {said}"], CSV_COLUMNS, *(_lines(draw, found, answered.named) if found else ())]
     return Response(
-        "\ufeff".encode() + b"".join(cells(line) for line in lines),
+        "\ufeff".encode() + b"".join(cells(line, locale) for line in lines),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": 'attachment; filename="alarm-statistics.csv"'},
     )

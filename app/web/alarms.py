@@ -1,9 +1,7 @@
 """The alarm list, its journal, acknowledging, and the fragments that every page fetches when the alarms change."""
 
 import asyncio
-import csv
-import io
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -30,7 +28,8 @@ from app.plant.system import SYSTEM
 from app.web import format as fmt
 from app.web import language
 from app.web.alarm_view import PRIORITY_NAMES, STATE_NAMES, SYMBOL_OF, Drawing, Row, bars, lasting
-from app.web.audit import defused, read_time
+from app.web.audit import read_time
+from app.web.csv_lines import cells, locale_of
 from app.web.guard import access_of, allow, field_list, fields, person_of, shown_name, shown_words
 from app.web.history import with_shift
 from app.web.view import View, area_label
@@ -170,13 +169,14 @@ def _tools(request: Request, wanted: dict[str, str]) -> dict[str, Any]:
     text = _view(request).text
     narrowed = {name: wanted[name] for name in ("area", "priority", "q") if wanted[name]}
     asked = {name: value for name, value in wanted.items() if value and name not in ("page", "before")}
+    file = urlencode(asked | {"shift": "1", "locale": language.language_of(request)})
     return {
         "wanted": wanted,
         "kept_filters": kept_filters(request),
         **tabs(request, narrowed),
         "area_choices": area_choices(request),
         "priority_choices": [(str(one), text(request, f"alarm.priority.{name}")) for one, name in PRIORITY_NAMES.items()],
-        "export_url": f"/alarms.csv?{urlencode(asked | {'shift': '1'})}" if _may(request, "export") else "",
+        "export_url": f"/alarms.csv?{file}" if _may(request, "export") else "",
         "may_acknowledge": _may(request, "acknowledge"),
         "may_shelve": _may(request, "shelve"),
         "may_configure": _may(request, "configure"),
@@ -500,12 +500,15 @@ def _line(request: Request, draw: Drawing, record: Record) -> dict[str, Any]:
 
 @router.get("/alarms.csv", dependencies=[allow("export")])
 async def export(request: Request) -> Response:
-    """The list or the journal as the filter shows it, with the filter in the first line; `shift` (1): of the journal with shifts."""
-    wanted = _wanted(request)
+    """The list or the journal as the filter shows it, with the filter in the first line.
+
+    `shift` (1): of the journal with shifts; `locale`: hr, en, de, cs, or machine, which it is without.
+    """
+    wanted, locale = _wanted(request), locale_of(request)
     person = person_of(request)
     shown = "; ".join(f"{name}={value}" for name, value in wanted.items() if value and name not in ("page", "before"))
     await _view(request).runtime(request).access.audit.record("alarm.exported", person, filters=shown)
-    pieces = _csv_journal(request, wanted, shown) if wanted["tab"] == "journal" else _csv_list(request, wanted, shown)
+    pieces = (_csv_journal if wanted["tab"] == "journal" else _csv_list)(request, wanted, shown, locale)
     first = await anext(pieces)  # what cannot be read is told before a file begins
 
     async def whole() -> AsyncIterator[bytes]:
@@ -520,9 +523,9 @@ async def export(request: Request) -> Response:
     )
 
 
-async def _csv_list(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
+async def _csv_list(request: Request, wanted: dict[str, str], shown: str, locale: str) -> AsyncIterator[bytes]:
     draw = drawing(request)
-    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells(CSV_LIST)
+    yield "\ufeff".encode() + cells([f"# {shown}"], locale) + cells(CSV_LIST, locale)
     rows, _ = _chosen(request, wanted)
     for index, (one, row) in enumerate(rows):
         end = draw.now if one.life.active else one.returned or draw.now
@@ -531,13 +534,14 @@ async def _csv_list(request: Request, wanted: dict[str, str], shown: str) -> Asy
                 fmt.iso(one.first_true, _UTC), row.iso, STATE_NAMES[one.state], one.priority, row.source, one.area,
                 row.text, _plain(one.value), _plain(one.limit), round((end - one.first_true) / 1e6, 3), one.count,
                 one.acked_by, fmt.iso(one.acked_at, _UTC) if one.acked_at else "",
-            ]
+            ],
+            locale,
         )  # fmt: skip
         if index % 200 == 0:
             await asyncio.sleep(0)
 
 
-async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> AsyncIterator[bytes]:
+async def _csv_journal(request: Request, wanted: dict[str, str], shown: str, locale: str) -> AsyncIterator[bytes]:
     draw, runtime = drawing(request), _view(request).runtime(request)
     filter = _filter(request, wanted | {"before": ""})
 
@@ -547,7 +551,8 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
     found = await asyncio.to_thread(read, filter)
     begins = with_shift(request)
     shifts = Shifts(begins, draw.zone) if begins else None
-    yield "\ufeff".encode() + cells([f"# {shown}"]) + cells((*CSV_JOURNAL, "shift") if shifts else CSV_JOURNAL)
+    columns = (*CSV_JOURNAL, "shift") if shifts else CSV_JOURNAL
+    yield "\ufeff".encode() + cells([f"# {shown}"], locale) + cells(columns, locale)
     while found:
         for r in found:
             yield cells(
@@ -556,7 +561,8 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
                     r.equipment or SYSTEM, r.area, r.alarm_class, r.priority, r.before, r.after, draw.recorded(r),
                     _plain(r.value), _plain(r.limit), r.unit, r.quality, r.person, r.address, r.comment,
                     *([shift_cell(shifts, r.time, draw.zone)] if shifts else []),
-                ]
+                ],
+                locale,
             )  # fmt: skip
         filter = replace(filter, before=found[-1].seq)
         found = await asyncio.to_thread(read, filter)
@@ -564,10 +570,3 @@ async def _csv_journal(request: Request, wanted: dict[str, str], shown: str) -> 
 
 def _plain(value: float | None) -> float | str:
     return "" if value is None else value
-
-
-def cells(values: Iterable[Any]) -> bytes:
-    """One line of a CSV file; no text of it is a formula to a spreadsheet."""
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\r\n").writerow([defused(one) if isinstance(one, str) else one for one in values])
-    return out.getvalue().encode()

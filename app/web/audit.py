@@ -1,7 +1,5 @@
 """The audit on screen and as CSV: who did what, where, from what to what, and whether the chain holds."""
 
-import csv
-import io
 import re
 from collections.abc import AsyncIterator
 from typing import Any
@@ -22,6 +20,7 @@ from app.errors import Refused
 from app.plant.system import SYSTEM
 from app.web import audit_words, language, page_names, typed_time
 from app.web import format as fmt
+from app.web.csv_lines import cells, locale_of
 from app.web.guard import allow, fields, people_access, person_of
 from app.web.signin import moment, view_of, zone_of
 
@@ -31,8 +30,6 @@ PAGE = 50
 """Lines on a page."""
 CSV_PAGE = 500
 _UTC = ZoneInfo("UTC")
-FORMULA = ("=", "+", "-", "@", "\t", "\r", "|", "%")
-"""A cell of text that begins like this is a formula to a spreadsheet; ours begins with an apostrophe then."""
 SETS = {
     value_set.KEY: value_set.LABEL,
     parameter_change.KEY: parameter_change.LABEL,
@@ -64,7 +61,9 @@ async def audit(request: Request) -> Response:
         kinds=[(kind, _kind(request, kind)) for kind in _groups(await access.audit.kinds())],
         older=f"/audit?{urlencode(query | {'before': older})}" if older else "",
         newest=f"/audit?{urlencode(query)}" if wanted.before else "",
-        export=f"/audit.csv?{urlencode(query)}" if person.may("audit") else "",
+        export=f"/audit.csv?{urlencode(query | {'locale': language.language_of(request)})}"
+        if person.may("audit")
+        else "",
         whole=person.may("audit"),
         may_verify=person.may("administer"),
         healthy=access.audit.healthy,
@@ -85,41 +84,33 @@ async def verify(request: Request) -> Response:
 
 @router.get("/audit.csv", dependencies=[allow("audit")])
 async def export(request: Request) -> Response:
-    """The lines that the filter lets through, oldest last, as CSV with UTC and local time."""
-    person, access = person_of(request), people_access(request)
+    """The lines that the filter lets through, oldest last, as CSV with UTC and local time.
+
+    `locale`: hr, en, de, cs, or machine, which it is without.
+    """
+    person, access, locale = person_of(request), people_access(request), locale_of(request)
     wanted, typed = _filter(request, person)
     filters = "&".join(f"{name}={value}" for name, value in typed.items() if value)
     await access.audit.find(wanted, 1)  # what cannot be read is told before a file begins
     await access.audit.record("audit.exported", person, filters=filters)
     return StreamingResponse(
-        _csv(request, wanted),
+        _csv(request, wanted, locale),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": 'attachment; filename="audit.csv"'},
     )
 
 
-async def _csv(request: Request, wanted: Filter) -> AsyncIterator[bytes]:
+async def _csv(request: Request, wanted: Filter, locale: str) -> AsyncIterator[bytes]:
     access = people_access(request)
     yield "\ufeff".encode()
-    yield _line([*COLUMNS[:2], "local_time", *COLUMNS[2:]])
+    yield cells([*COLUMNS[:2], "local_time", *COLUMNS[2:]], locale)
     zone = zone_of(request)
     while lines := await access.audit.find(wanted, CSV_PAGE):
         for line in lines:
-            cells = [getattr(line, name) for name in COLUMNS[2:-1]]
-            texts = [defused(str(cell)) for cell in (*cells, _text(request, line))]
-            yield _line([line.seq, fmt.iso(line.time, _UTC), fmt.iso(line.time, zone), *texts])
+            told = [str(getattr(line, name)) for name in COLUMNS[2:-1]]
+            times = fmt.iso(line.time, _UTC), fmt.iso(line.time, zone)
+            yield cells([line.seq, *times, *told, _text(request, line)], locale)
         wanted = Filter(wanted.person, wanted.object, wanted.kind, wanted.since, wanted.until, lines[-1].seq)
-
-
-def defused(cell: str) -> str:
-    """`cell` so that no spreadsheet takes it for a formula."""
-    return f"'{cell}" if cell.startswith(FORMULA) else cell
-
-
-def _line(cells: list[Any]) -> bytes:
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\r\n").writerow(cells)
-    return out.getvalue().encode()
 
 
 def _filter(request: Request, person: Person) -> tuple[Filter, dict[str, str]]:

@@ -31,8 +31,8 @@ from app.errors import LinkError, Refused
 from app.profidrive.parameter_access.messages import Values
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.web import format as fmt
-from app.web.audit import defused
 from app.web.commands import operation_of, wants_fragment
+from app.web.csv_lines import defused
 from app.web.drive_mailbox import has_objects, kept_of, problem_of
 from app.web.drive_parameters import Machine, begin_reading, machine_of, places
 from app.web.drive_values import number_text, parameter_of, value_text

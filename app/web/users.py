@@ -4,8 +4,6 @@ Every change asks for one's own password again (confirmation level C4 of hmi-des
 the answer to the request that made them, and kept nowhere.
 """
 
-import csv
-import io
 from typing import Annotated, Any
 from zoneinfo import ZoneInfo
 
@@ -17,11 +15,18 @@ from app.access.roles import ROLES, Person, permissions_of
 from app.access.tokens import GRANTABLE, Token
 from app.errors import Refused
 from app.web import format as fmt
-from app.web.audit import defused
+from app.web.csv_lines import cells, locale_of
 from app.web.guard import allow, field_list, fields, people_access, person_of
+from app.web.language import language_of
 from app.web.signin import SHOWN_ID, explained, moment, role_names, session_row, view_of
 
 router = APIRouter()
+
+REVIEW = (
+    "name", "display", "roles", "disabled", "initial_password", "created", "last_sign_in", "unused", "sessions", "tokens",
+    "second_factor", "second_factor_missing",
+)  # fmt: skip
+"""Columns of the list of accounts as CSV."""
 
 Id = Annotated[int, Path(ge=1, le=2**62)]
 LIVES = (7, 30, 90, 365)
@@ -57,6 +62,7 @@ async def review(request: Request) -> Response:
     return view.page(
         request,
         "pages/review.html",
+        export_url=f"/users/review.csv?locale={language_of(request)}",
         title=view.text(request, "access.review"),
         kind="frame",
         rows=rows,
@@ -66,48 +72,35 @@ async def review(request: Request) -> Response:
 
 @router.get("/users/review.csv", dependencies=[allow("administer")])
 async def review_csv(request: Request) -> Response:
-    """The same as CSV, with times in UTC."""
+    """The same as CSV, with times in UTC; `locale`: hr, en, de, cs, or machine, which it is without."""
+    locale = locale_of(request)
     access, now = people_access(request), view_of(request).runtime(request).clock.micros()
     sessions, tokens = await access.sessions.of(), await access.tokens.all()
-    out = io.StringIO()
-    write = csv.writer(out, lineterminator="\r\n").writerow
-    write(
-        [
-            "name",
-            "display",
-            "roles",
-            "disabled",
-            "initial_password",
-            "created",
-            "last_sign_in",
-            "unused",
-            "sessions",
-            "tokens",
-            "second_factor",
-            "second_factor_missing",
-        ]
-    )
     accounts = await access.people.all()
+    lines = [cells(REVIEW, locale)]
     for one in accounts:
-        write(
-            [
-                defused(one.name),
-                defused(one.display),
-                " ".join(sorted(one.roles)),
-                int(one.disabled),
-                int(one.must_change),
-                fmt.iso(one.created, UTC),
-                fmt.iso(one.last_seen, UTC) if one.last_seen else "",
-                int(_is_unused(one, now)),
-                sum(session.person == one.id for session in sessions),
-                sum(token.person == one.id and not token.revoked and token.until > now for token in tokens),
-                int(one.factor),
-                int(_lacks_factor(request, one)),
-            ]
+        lines.append(
+            cells(
+                [
+                    one.name,
+                    one.display,
+                    " ".join(sorted(one.roles)),
+                    int(one.disabled),
+                    int(one.must_change),
+                    fmt.iso(one.created, UTC),
+                    fmt.iso(one.last_seen, UTC) if one.last_seen else "",
+                    int(_is_unused(one, now)),
+                    sum(session.person == one.id for session in sessions),
+                    sum(token.person == one.id and not token.revoked and token.until > now for token in tokens),
+                    int(one.factor),
+                    int(_lacks_factor(request, one)),
+                ],
+                locale,
+            )
         )
     await access.audit.record("person.reviewed", person_of(request), accounts=len(accounts))
     return Response(
-        "\ufeff" + out.getvalue(),
+        "\ufeff".encode() + b"".join(lines),
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": 'attachment; filename="accounts.csv"'},
     )

@@ -1,0 +1,61 @@
+"""What lists hand out as CSV opens in a spreadsheet of the reader's language; programs get the same bytes in all of them."""
+
+import csv
+import io
+import re
+from collections.abc import Iterator
+from html import unescape
+
+import pytest
+
+from app.historian.export import FORMATS
+from app.settings import Settings
+from app.web.csv_lines import cells
+from tests import virtual
+from tests.web.test_alarms import Hall
+
+PAGES = {
+    "/alarms": "/alarms.csv",
+    "/alarms?tab=journal": "/alarms.csv",
+    "/alarms/statistics": "/alarms/statistics.csv",
+    "/audit": "/audit.csv",
+    "/users/review": "/users/review.csv",
+}
+LANGUAGES = ("hr", "en", "de", "cs")
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hall]:
+    with virtual.house(Settings(data=tmp_path_factory.mktemp("lines") / "data")) as client:
+        hall = Hall(client)
+        hall.tell("command_unconfirmed", "m1")
+        hall.staff.wait(hall.engine.journal.flush)
+        hall.staff.enter("ana", "admin", "engineer", "operator")
+        yield hall
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize(("address", "file"), PAGES.items())
+def test_the_file_of_a_page_has_the_separators_of_its_language(hall: Hall, address: str, file: str, lang: str) -> None:
+    hall.client.cookies.set("pogon_lang", lang)
+    (link,) = set(re.findall(rf'href="({re.escape(file)}\?[^"]*)"', hall.client.get(address).text))
+    text = hall.client.get(unescape(link)).content.decode("utf-8-sig")
+    separator = FORMATS[lang][0]
+    rows = [row for row in csv.reader(io.StringIO(text), delimiter=separator) if not row[0].startswith("#")]
+    assert len(rows) > 1
+    assert {len(row) for row in rows} == {len(rows[0])}
+    assert len(rows[0]) > 10
+
+
+@pytest.mark.parametrize("file", sorted(set(PAGES.values())))
+def test_another_locale_is_refused_by_name(hall: Hall, file: str) -> None:
+    answer = hall.client.get(f"{file}?locale=fr")
+    assert answer.status_code == 422
+    assert "fr" in answer.text
+
+
+def test_numbers_have_the_decimal_sign_and_stay_numbers() -> None:
+    line = [1, -2.5, "-2.5", "a;b", "a,b", ""]
+    assert cells(line) == b'1,-2.5,\'-2.5,a;b,"a,b",\r\n'
+    assert cells(line, "en") == cells(line)
+    assert cells(line, "hr") == b'1;-2,5;\'-2.5;"a;b";a,b;\r\n'
