@@ -7,6 +7,7 @@ our business. Each is one line, and nothing of its content is shown.
 import os
 import stat
 from contextlib import suppress
+from errno import ENOSPC
 from pathlib import Path
 from typing import BinaryIO
 
@@ -111,6 +112,28 @@ def exchange_file(path: Path, content: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Add `line` behind the others in the file `path`, which nobody else may read; on the disk when it returns, whole or not at all.
+
+    Raises:
+        OSError: it was not done (disk full, no right); the file is as before.
+    """
+    content = (line + "\n").encode()
+    handle = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        size = os.fstat(handle).st_size
+        try:
+            if os.write(handle, content) < len(content):
+                raise OSError(ENOSPC, os.strerror(ENOSPC))
+            os.fsync(handle)
+        except BaseException:
+            with suppress(OSError):  # else what is there of it would be the beginning of the next line
+                os.ftruncate(handle, size)
+            raise
+    finally:
+        os.close(handle)
 
 
 def _check(path: Path, mode: int) -> None:

@@ -17,6 +17,7 @@ from app.access.audit.verification import read_marks
 from app.access.keys import Mark, read_mark, write_mark
 from app.clock import Clock
 from app.errors import ConfigurationError
+from app.files import append_line
 from app.logs import security
 
 log = logging.getLogger(__name__)
@@ -101,12 +102,7 @@ class Anchoring:
         time = self._clock.micros()
         before = self._last_sign[:16] or "-"
         line = f"{seq} {time} {mac} {before} {signed(self._key, 'anchor', seq, mac, time, before)}"
-        with os.fdopen(
-            os.open(self._data / "audit.anchors", os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600), "w"
-        ) as file:
-            file.write(line + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        append_line(self._data / "audit.anchors", line)
         self._anchored, self._anchored_at, self._last_sign = seq, self._clock.monotonic(), line.split()[-1]
         return line
 

@@ -1,6 +1,10 @@
 """Anchors tell of a cut that nothing else tells of, and hang together."""
 
+import os
+from errno import ENOSPC
 from pathlib import Path
+
+import pytest
 
 from app.access.access import Access
 from app.access.audit.anchoring import ANCHOR_LINES
@@ -67,6 +71,34 @@ async def test_anchors_hang_together(access: Access, data: Path, clock: ManualCl
         path.write_text("\n".join(wrong) + "\n")
         assert access.audit.check_now().why == "anchor"
     path.write_text("\n".join(lines) + "\n")
+    assert access.audit.check_now().ok
+
+
+@pytest.mark.parametrize("room", [0, 1, 60, 140])
+async def test_an_anchor_that_a_full_disk_takes_in_part_is_taken_back_and_written_later(
+    access: Access, data: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    for _ in range(2):
+        clock.advance(3601)
+        await access.audit.record("command", boss())
+    path = data / "audit.anchors"
+    before = path.read_text()
+
+    def full(handle: int, content: bytes) -> int:
+        if not room:
+            raise OSError(ENOSPC, "No space left on device")
+        return write(handle, content[:room])
+
+    write = os.write
+    clock.advance(3601)
+    with monkeypatch.context() as patch:
+        patch.setattr("app.files.os.write", full)
+        patch.setattr("app.access.audit.anchoring.log.error", lambda *_: None)
+        await access.audit.record("command", boss())
+    assert path.read_text() == before
+    assert access.audit.check_now().ok
+    await access.audit.record("command", boss())
+    assert len(path.read_text().splitlines()) == 3
     assert access.audit.check_now().ok
 
 
