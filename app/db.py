@@ -375,6 +375,25 @@ def _heads(name: str) -> set[str]:
     return {found[1] for found in revisions if found} - {found[1] for found in followed if found}
 
 
+@contextmanager
+def in_one(url: str) -> Iterator[Connection]:
+    """A connection whose statements happen together or not at all, those that make tables, too: for migrations.
+
+    Killed in the middle it leaves the schema as it was, and the next start begins anew. The driver by itself commits every such statement
+    at once, and a table that is there already could not be made again.
+    """
+    engine = create_engine(url)
+    try:
+        with engine.begin() as connection:
+            driver = connection.connection.dbapi_connection
+            assert isinstance(driver, sqlite3.Connection)
+            driver.isolation_level = None
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+            yield connection
+    finally:
+        engine.dispose()
+
+
 def alembic_config(name: str, url: str) -> "Config":
     """Alembic's configuration for the database `name` at `url`."""
     from alembic.config import Config

@@ -1,5 +1,6 @@
 """The databases: the newest schema is recognised without Alembic, and any other is left to it."""
 
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -8,7 +9,9 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from alembic import command
 from alembic.script import ScriptDirectory
+from sqlalchemy import Engine, event
 
 from app.db import PAGE_SIZE, Database, _heads, alembic_config
 from app.errors import StorageError
@@ -68,4 +71,43 @@ def test_a_new_file_has_pages_of_its_size_and_an_older_one_goes_on_as_it_is(
         database.migrate()
         assert database.run(lambda connection: connection.exec_driver_sql("PRAGMA page_size").scalar()) == size
         assert database.id
+        database.close()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("former", ["base", "0001"])
+def test_killed_at_any_statement_of_a_migration_it_is_migrated_by_the_next_start(
+    tmp_path: Path, name: Literal["pogon", "history"], former: str
+) -> None:
+    """What the disk has before each statement is put by: that is what a kill leaves there."""
+    (tmp_path / "left").mkdir()
+    file = tmp_path / "left" / f"{name}.db"
+    Database(file, name, inline)._create()
+    command.upgrade(alembic_config(name, f"sqlite:///{file}"), former)
+    left: list[Path] = []
+
+    def put_by(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+        if statement.split()[0] in ("CREATE", "ALTER", "DROP", "INSERT", "UPDATE", "DELETE"):
+            left.append(tmp_path / str(len(left)))
+            shutil.copytree(file.parent, left[-1])
+
+    event.listen(Engine, "before_cursor_execute", put_by)
+    try:
+        newest = schema(file, name)
+    finally:
+        event.remove(Engine, "before_cursor_execute", put_by)
+    assert len(left) > 20
+    for folder in left:
+        assert schema(folder / file.name, name) == newest, folder.name
+
+
+def schema(file: Path, name: Literal["pogon", "history"]) -> list[str]:
+    """What is in the file after a start."""
+    database = Database(file, name, inline)
+    try:
+        database.migrate()
+        return database.run(
+            lambda c: list(c.exec_driver_sql("SELECT coalesce(sql, name) FROM sqlite_master ORDER BY 1").scalars())
+        )
+    finally:
         database.close()
