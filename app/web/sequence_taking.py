@@ -76,8 +76,8 @@ async def history(request: Request, key: str, a: str = "", b: str = "", done: st
     view = view_of(request)
     revisions = await view.runtime(request).drafts.revisions(at.name)
     texts = {str(one.number): one.text for one in revisions} | {"file": at.file}
-    now = next((str(one.number) for one in revisions if one.text == at.file), "file")
-    newer = b if b in texts else now
+    running = next((str(one.number) for one in revisions if one.text == at.file), "file")
+    newer = b if b in texts else running
     older = a if a in texts else _before(revisions, newer)
     compared = older in texts and newer in texts and older != newer
     return view.page(
@@ -89,10 +89,10 @@ async def history(request: Request, key: str, a: str = "", b: str = "", done: st
         at=at,
         url=at.url,
         revisions=[(one, when(request, one.taken)) for one in revisions],
-        now=now,
+        running=running,
         older=older,
         newer=newer,
-        numbers=[*(["file"] if now == "file" else []), *(str(one.number) for one in revisions)],
+        numbers=[*(["file"] if running == "file" else []), *(str(one.number) for one in revisions)],
         differences=_words(request, at, texts[older], texts[newer]) if compared else [],
         compared=compared,
         done=done if done.isdecimal() and done in texts else "",

@@ -242,6 +242,17 @@ def test_a_former_revision_comes_back_as_a_new_one(staff: Staff, folder: Path) -
     assert staff.post(f"{URL}/restore", {"number": "9", "over": "1"}).status_code == 404
 
 
+def test_the_page_of_revisions_has_the_time_of_the_house_for_its_clock(staff: Staff) -> None:
+    """It had the number of a revision there, or the word "file", and the clock of the page threw five times a second."""
+    for _ in range(2):
+        asked = {path: staff.client.get(path).text for path in ("/", f"{URL}/history")}
+        times = [re.search(r'data-now="([^"]*)"', page) for page in asked.values()]
+        first, second = [int(found[1]) for found in times if found is not None]
+        assert 0 <= second - first < 60_000_000
+        Window(staff, "2").send("fields", minimum="25")
+        take(staff)
+
+
 def test_only_an_engineer_takes_or_goes_back(staff: Staff) -> None:
     staff.enter("operator_only", "operator")
     for path in ("review", "history"):
