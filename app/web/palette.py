@@ -41,8 +41,8 @@ SYMBOLS: Mapping[str, str] = {
     "point": "i-trend",
     "parameter": "i-edit",
 }
-OTHER_LETTERS = str.maketrans({"đ": "d", "ß": "ss", "ł": "l", "ø": "o"})
-"""Letters that no mark can be taken from."""
+OTHER_LETTERS = str.maketrans({"đ": "d", "ß": "ss", "ł": "l", "ø": "o", "\u00ad": ""})
+"""Letters that no mark can be taken from, and the hyphen that is only seen where a word is parted."""
 
 
 @dataclass(frozen=True, slots=True)

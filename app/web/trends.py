@@ -27,6 +27,7 @@ from app.web.alarms import drawing
 from app.web.guard import allow, check_points, may_read
 from app.web.language import language_of
 from app.web.pages import plant_of, view_of
+from app.web.palette import folded
 from app.web.signin import zone_of
 from app.web.trend_address import (
     AXES,
@@ -119,7 +120,7 @@ async def trends(request: Request) -> Response:
 async def points(request: Request) -> Response:
     """Points that can be drawn, by machine, those that fit the search `q`; a fragment for the picker."""
     plant, view = plant_of(request), view_of(request)
-    wanted = request.query_params.get("q", "").strip().casefold()[:80]
+    wanted = folded(request.query_params.get("q", "").strip()[:80]).split()
     asked = on_screen(request.query_params)
     chosen = names_of(asked)
     groups: list[tuple[str, str, list[tuple[str, str, str, bool]]]] = []
@@ -132,8 +133,8 @@ async def points(request: Request) -> Response:
             if not drawable(point) or point.name not in _runtime(request).points or not may_read(request, point):
                 continue
             drawn = machine.point(key)
-            haystack = f"{machine.label} {drawn.label} {point.name} {drawn.unit}".casefold()
-            if all(word in haystack for word in wanted.split()):
+            haystack = folded(f"{machine.label} {drawn.label} {point.name} {drawn.unit}")
+            if all(word in haystack for word in wanted):
                 found.append((point.name, drawn.label, drawn.unit, point.name in chosen))
         if found and left > 0:
             groups.append((machine.label, equipment.id, found[:left]))

@@ -34,7 +34,13 @@ def hits(answer: str) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(
     ("text", "letters"),
-    [("Greška", "greska"), ("Đuro", "duro"), ("STRASSE Größe", "strasse grosse"), ("Přeprava", "preprava")],
+    [
+        ("Greška", "greska"),
+        ("Đuro", "duro"),
+        ("STRASSE Größe", "strasse grosse"),
+        ("Přeprava", "preprava"),
+        ("Ausgangs\u00adstrom", "ausgangsstrom"),
+    ],
 )
 def test_letters_count_without_their_marks(text: str, letters: str) -> None:
     assert folded(text) == folded(letters) == letters
@@ -60,6 +66,7 @@ def test_names_come_before_details_and_beginnings_before_the_middle_of_words() -
         ("hr", "postavi frekv ventilator 1", "/equipment/m1#do-set_frequency"),
         ("en", "fan 1 speed", "/trends?tags=m1.speed"),
         ("de", "lufter 1 uberstrom", "/alarms?tab=journal&source=m1&q=Umrichter%3A%20%C3%9Cberstrom"),
+        ("de", "lufter 1 ausgangsstrom", "/trends?tags=m1.current"),
         ("cs", "dopravnik", "/equipment/c1"),
         ("en", "m1.heatsink", "/trends?tags=m1.heatsink_temperature"),
     ],

@@ -398,6 +398,9 @@ def test_the_picker_finds_by_words_of_label_tag_and_machine(client: TestClient) 
     assert "m1.speed" in found("fan 1 speed") and "m2.speed" not in found("fan 1 speed")
     assert "m1.speed" not in found("speed", "m1.speed")
     assert found("no such thing") == []
+    client.cookies.set("pogon_lang", "de")
+    assert found("ausgangsstrom m1") == ["m1.current"]  # its label may be parted where "Strom" begins
+    assert found("kuhlkorper m1") == found("Kühlkörper m1") != []
 
 
 def test_the_picker_offers_no_ninth_pen(client: TestClient) -> None:
