@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.looks import LONG, SIZES, looked_at
+from tests.browser.looks import FAULTS, LONG, SIZES, looked_at, open_page
 from tests.browser.station import LANGUAGES, lay_out, origin, speak
 
 PAGES = {
@@ -35,6 +35,14 @@ PAGES = {
     ),
 }
 """What it is about → its pages."""
+BETWEEN = {"a panel of ten inches": (1024, 768), "twice as large": (640, 400)}
+"""Sizes that none of the others is near: a common industrial panel, and 1280x800 in a browser that was told to show 200 %."""
+THERE = (
+    *("/", "/alarms", "/alarms?tab=journal", "/events", "/records/passage?equipment=c1", "/trends", "/communication"),
+    *(f"/equipment/{machine}" for machine in ("m1", "c1", "cc1", "cr1", "seq1", "a1")),
+    *("/equipment/cr1/page/hoist", "/equipment/cr1/page/drives", "/equipment/c1/events"),
+)
+"""What is looked at there."""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}
 """What a page may weigh when nothing of it is kept [bytes]."""
 
@@ -45,6 +53,18 @@ def test_nothing_is_cut_at_any_size(abnormal: Page, lang: str, about: str) -> No
     """Nor is a text missing in a language."""
     speak(abnormal, lang, origin(abnormal))
     found = looked_at(abnormal, origin(abnormal), PAGES[about], lang)
+    assert found == [], "\n".join(["", *found])
+
+
+def test_nothing_is_cut_between_these_sizes(abnormal: Page) -> None:
+    """In the language with the longest words."""
+    speak(abnormal, "de", origin(abnormal))
+    found: list[str] = []
+    for path in THERE:
+        open_page(abnormal, origin(abnormal) + path)
+        for name, (width, height) in BETWEEN.items():
+            lay_out(abnormal, width, height, "desk")
+            found += [f"{path} {name}: {one}" for one in abnormal.evaluate(FAULTS)]
     assert found == [], "\n".join(["", *found])
 
 
