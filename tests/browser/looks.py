@@ -88,8 +88,9 @@ BOTH = f"() => {{ ({LONGEST})(); return ({FAULTS[FAULTS.index('() =>') :].strip(
 
 
 def open_page(page: Page, url: str) -> None:
-    """Go there, until it is drawn and, if it lives, alive."""
-    page.goto(url, wait_until="load")
+    """Go there, until it is drawn and, if it lives, alive; what is refused is no page to look at, but one that is not there is."""
+    answer = page.goto(url, wait_until="load")
+    assert answer is not None and answer.status in (200, 404), url
     if page.locator("body[data-live]").count():
         expect(page.locator("body")).to_have_attribute("data-live", "live")
     page.evaluate("document.fonts.ready.then(() => 1)")

@@ -17,7 +17,7 @@ PAGES = {
         "/events",
     ),
     "history": (
-        "/trends?tags=m1.speed,m1.frequency_setpoint,c1.measured_speed_1&span=10m",
+        "/trends?tags=m1.speed,m1.frequency_setpoint,c1.speed_1&span=10m",
         "/records/passage?equipment=c1",
         "/records/run?equipment=seq1",
         "/records/run?equipment=seq1&view=steps",
