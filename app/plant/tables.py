@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from reprlib import Repr
-from typing import Any
+from typing import Any, TypeGuard
 
 from app.errors import MissingFile, UnusableFile
 from app.files import ORDINARY, read_text
@@ -30,6 +30,8 @@ MOST_CHOICES = 40
 """Choices that one line lists."""
 COMPARED = 1000
 """Choices among which the one that was perhaps meant is looked for."""
+LARGEST = 1e100
+"""Of a number, up or down: far beyond what any register says, and differences of such numbers, which pages draw, are finite."""
 
 
 MISSING, NONE = said("mistake.missing"), said("mistake.none")
@@ -176,20 +178,19 @@ class Table:
         return value
 
     def number(self, key: str, default: Any = REQUIRED, low: float = -math.inf, high: float = math.inf) -> Any:
-        """A finite number `low <= value <= high`; the default as it is when there is none."""
+        """A finite number `low <= value <= high`, at most `LARGEST`; the default as it is when there is none."""
         expected = span("number", low, high)
         value = self._value(key, default, expected)
         if key not in self.data:
             return 0.0 if value is REQUIRED else value
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-            or not low <= value <= high
-        ):
+        if not is_number(value):
+            huge = isinstance(value, float) and math.isfinite(value)
+            self.note(key, value, span("number", max(low, -LARGEST), min(high, LARGEST)) if huge else expected)
+        elif not low <= value <= high:
             self.note(key, value, expected)
-            return 0.0 if default is REQUIRED else default
-        return value
+        else:
+            return value
+        return 0.0 if default is REQUIRED else default
 
     def whole(self, key: str, default: Any = REQUIRED, low: int = 0, high: int = 65535) -> Any:
         """A whole number `low <= value <= high`."""
@@ -296,6 +297,11 @@ def read_label(
         else:
             texts[language] = text
     return texts
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether `value` is a finite number that is no flag and at most `LARGEST`."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST
 
 
 def one_of(choices: Sequence[str], value: object = "") -> Said:

@@ -55,6 +55,18 @@ def test_a_number_is_finite_no_flag_and_within(tmp_path: Path, number: str) -> N
     assert read.whole("n", low=1, high=9) == 1 and len(told(read)) == 1
 
 
+@pytest.mark.parametrize(
+    ("low", "expected"), [(float("-inf"), "a number from -1e+100 to 1e+100"), (0, "a number from 0 to 1e+100")]
+)
+def test_a_number_with_which_nobody_can_reckon_is_told_with_what_can_be(
+    tmp_path: Path, low: float, expected: str
+) -> None:
+    read = table(tmp_path, "n = 1e308")
+    assert read.number("n", low=low) == 0.0
+    ((_, _, said, _),) = told(read)
+    assert said == expected
+
+
 def test_what_is_missing_is_told_only_where_it_must_be_there(tmp_path: Path) -> None:
     read = table(tmp_path, "[a]\nx = 1")
     inner = read.table("a")

@@ -7,7 +7,7 @@ from app.plant.plant_files.names import ID
 from app.plant.said import Plain
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import options as definition_options
-from app.plant.tables import NONE, Table, one_of
+from app.plant.tables import NONE, Table, is_number, one_of
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.names import KEY
 from app.plant.type_files.options import BY_DEFINITION
@@ -67,10 +67,10 @@ def _override(key: str, row: Table, data: TypeData, *, repeated: bool) -> Iterat
         yield "history", row.flag("history")
     if row.has("normal"):
         match row.items("normal", expected="[low, high]"):
-            case [int() | float() as low, int() | float() as high] if low <= high:
+            case [low, high] if is_number(low) and is_number(high) and low <= high:
                 yield "normal", (float(low), float(high))
             case band:
-                row.note("normal", band, "[low, high] with low <= high")
+                row.note("normal", band, "[low, high] with low <= high, two finite numbers")
     for name in (
         "was",
         "scale_low",

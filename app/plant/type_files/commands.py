@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from app.plant import expression
 from app.plant.definitions import Argument, Command, Effect, PlcMap, Type, Write
-from app.plant.tables import MISSING, Table
+from app.plant.tables import MISSING, Table, is_number
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import KEY, NAME_EXPECTED, ROLES
 from app.plant.type_files.options import Options
@@ -86,7 +86,7 @@ class CommandReader:
         timeout = table.raw("timeout", 5)
         if isinstance(timeout, str):
             self.sentences.add(table, "timeout", timeout, argument=True)
-        elif isinstance(timeout, bool) or not isinstance(timeout, int | float) or not timeout > 0:
+        elif not is_number(timeout) or not timeout > 0:
             table.note("timeout", timeout, "seconds above 0, or an expression over points")
         return str(timeout)
 
@@ -166,7 +166,7 @@ class CommandReader:
         value = row.raw(bound)
         if isinstance(value, str):
             self.sentences.add(row, bound, value)
-        elif value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+        elif value is not None and not is_number(value):
             row.note(bound, value, "a number or an expression over points")
         return "" if value is None else str(value)
 
@@ -184,11 +184,7 @@ class CommandReader:
             option = value.removeprefix("option:") if isinstance(value, str) and value.startswith("option:") else None
             if option is not None and option not in self.options.values:
                 row.note("value", value, f"an option of {self.owner}")
-            elif (
-                option is None
-                and value not in SPECIAL_VALUES
-                and (isinstance(value, bool) or not isinstance(value, int | float))
-            ):
+            elif option is None and value not in SPECIAL_VALUES and not is_number(value):
                 row.note("value", value, "a number, argument, option:<name> or previous")
             row.done()
             yield Write(point, str(value), when, after, within)

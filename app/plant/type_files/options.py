@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from app.errors import ConfigurationError
 from app.plant import expression
-from app.plant.tables import Table
+from app.plant.tables import Table, is_number
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 
 STEPS = "steps"
@@ -109,10 +109,10 @@ def read_checks(head: Table, options: Options, *, usual: bool = True) -> Iterato
 def read_span(name: str, table: Table) -> tuple[float, float]:
     """`name = [low, high]`."""
     match table.raw(name):
-        case [int() | float() as low, int() | float() as high] if low <= high:
+        case [low, high] if is_number(low) and is_number(high) and low <= high:
             return float(low), float(high)
         case other:
-            table.note(name, other, "[low, high] with low <= high")
+            table.note(name, other, "[low, high] with low <= high, two finite numbers")
             return 0.0, 0.0
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from app.plant import expression
 from app.plant.definitions import Derived, Kind, Point, Register, Scan, TableMap, Type
 from app.plant.derive import KINDS
-from app.plant.tables import NONE, Table
+from app.plant.tables import NONE, Table, is_number
 from app.plant.type_files.data import PointData
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 from app.plant.type_files.options import Options
@@ -65,7 +65,7 @@ class Points:
             if isinstance(item, str):
                 self._options.check_expression(table, f"normal.{index}", item)
                 bounds[f"normal.{index}"] = item
-            elif isinstance(item, bool) or not isinstance(item, int | float):
+            elif not is_number(item):
                 table.note(f"normal.{index}", item, "a number or an expression over options")
             values.append(float(item) if isinstance(item, int | float) else 0.0)
         if len(values) != 2 or (not bounds and values[0] > values[1]):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from app.plant import plc
 from app.plant.definitions import PlcMap, Setpoint
-from app.plant.tables import MISSING, Table
+from app.plant.tables import MISSING, Table, is_number
 from app.plant.type_files.names import ROLES
 from app.plant.type_files.points import Points, read_choices
 from app.plant.type_files.sentences import Sentences
@@ -21,7 +21,7 @@ def read_setpoints(
         for name, bound in (("low", low), ("high", high)):
             if isinstance(bound, str):
                 sentences.add(row, name, bound)
-            elif isinstance(bound, bool) or not isinstance(bound, int | float):
+            elif not is_number(bound):
                 row.note(name, bound, "a number or an expression over points")
         setpoint = Setpoint(
             key=key,

@@ -19,6 +19,21 @@ MISTAKES = [
     ),
     ("unit = 1", "unit = 1\nsimulation = { F905 = -1 }", "equipment.m2.simulation.F905", "-1", "from 0 to 3000"),
     ("unit = 1", "unit = 1\nsimulation = { F999 = 1 }", "equipment.m2.simulation.F999", "1", "no such key"),
+    *(
+        (
+            "unit = 1",
+            f"unit = 1\npoints.frequency.{key} = {given}",
+            f"equipment.m2.points.frequency.{key}",
+            shown,
+            expected,
+        )
+        for key, given, shown, expected in (
+            ("normal", "[-inf, inf]", "[-inf, inf]", "two finite numbers"),
+            ("normal", "[-1e308, 1e308]", "[-1e+308, 1e+308]", "two finite numbers"),
+            ("normal", "[false, true]", "[False, True]", "two finite numbers"),
+            ("scale_high", "1e308", "1e+308", "from -1e+100 to 1e+100"),
+        )
+    ),
 ]
 
 
