@@ -1,8 +1,14 @@
-"""Addresses as people write them: HOST:PORT, and whether a host is this machine."""
+"""Addresses as people write them: HOST:PORT, what a host may be called, and whether it is this machine."""
 
 import ipaddress
+import re
 
 from app.errors import ConfigurationError
+
+HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(\.(?!-)[A-Za-z0-9_-]{1,63})*\.?")
+"""As browsers send it and resolvers take it; what is of digits and points alone is an address."""
+LONGEST_HOST = 255
+"""[characters]."""
 
 
 def host_and_port(text: str) -> tuple[str, int]:
@@ -14,7 +20,21 @@ def host_and_port(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not port.isascii() or not port.isdecimal() or not int(port) <= 65535:
         raise ConfigurationError("expected HOST:PORT, such as 127.0.0.1:5020")
-    return host.removeprefix("[").removesuffix("]"), int(port)
+    if host.startswith("[") and host.endswith("]"):
+        host = host[1:-1]
+    if not names_host(host):
+        raise ConfigurationError("expected HOST:PORT, such as 127.0.0.1:5020, its host an address or a name")
+    return host, int(port)
+
+
+def names_host(text: str) -> bool:
+    """Whether `text` is an IP address, or a name that may be one of a machine."""
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        digits = text.replace(".", "").isdigit()
+        return not digits and len(text) <= LONGEST_HOST and HOST_NAME.fullmatch(text) is not None
+    return True
 
 
 def is_loopback(host: str) -> bool:

@@ -3,7 +3,6 @@
 import errno
 import ipaddress
 import os
-import re
 import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -13,7 +12,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app import bundled
-from app.addresses import host_and_port, is_loopback
+from app.addresses import host_and_port, is_loopback, names_host
 from app.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
 
 ROLES = frozenset({"viewer", "operator", "engineer", "admin"})
 """Those of people, which are known only further up (access/roles.py)."""
-HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(\.(?!-)[A-Za-z0-9_-]{1,63})*\.?")
-"""As browsers send it; what is of digits and points alone is an address."""
 LONGEST_PATH, LONGEST_NAME = 4095, 255
 """Of a path, and of one folder or file in it [bytes]."""
 SHOWN = 120
@@ -101,7 +98,7 @@ class Settings(BaseSettings):
     @field_validator("host")
     @classmethod
     def _is_host(cls, text: str) -> str:
-        if not _names_host(text):
+        if not names_host(text):
             raise ValueError("expected an address or name of this machine without port, such as 127.0.0.1 or localhost")
         return text
 
@@ -109,7 +106,7 @@ class Settings(BaseSettings):
     @classmethod
     def _are_hosts(cls, text: str) -> str:
         for name in _parts(text):
-            if not _names_host(name.removeprefix("[").removesuffix("]")):
+            if not names_host(name.removeprefix("[").removesuffix("]")):
                 raise ValueError(
                     "expected host names as browsers send them, such as pogon.plant.example, without http://, port or path, "
                     f"not {shown(name)}"
@@ -134,7 +131,7 @@ class Settings(BaseSettings):
                 host, port = host_and_port(text)
             except ConfigurationError:
                 host, port = "", 0
-            if not port or not _names_host(host):
+            if not port or not names_host(host):
                 raise ValueError("expected a path such as /dev/log, or HOST:PORT such as 192.0.2.7:514")
         return text
 
@@ -209,16 +206,6 @@ def _listed(text: str) -> frozenset[str]:
 
 def _parts(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
-
-
-def _names_host(text: str) -> bool:
-    """Whether `text` is an IP address, or a name that may be one of a machine."""
-    try:
-        ipaddress.ip_address(text)
-    except ValueError:
-        digits = text.replace(".", "").isdigit()
-        return not digits and len(text) <= LONGEST_NAME and HOST_NAME.fullmatch(text) is not None
-    return True
 
 
 def read_settings(**given: str) -> Settings:

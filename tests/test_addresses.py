@@ -20,7 +20,20 @@ def test_host_and_port_are_taken_apart(text: str, host: str, port: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "5020", ":5020", "host", "host:", "host:x", "host:65536", "host:-1", "host:²", "host:٣"]
+    "text",
+    [
+        *("", "5020", ":5020", "host", "host:", "host:x", "host:65536", "host:-1", "host:²", "host:٣"),
+        *(
+            "plc..hall:502",
+            f"{'a' * 64}:502",
+            ".:502",
+            "a b:502",
+            "http://plc:502",
+            "[plc:502",
+            "[]:502",
+            "10.0.0.300:502",
+        ),
+    ],
 )
 def test_anything_else_is_told_what_was_expected(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected HOST:PORT"):

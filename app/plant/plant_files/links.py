@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from app.addresses import names_host
 from app.plant.definitions import Link
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import check_id
@@ -31,7 +32,7 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
     link = Link(
         name=key,
         transport=transport,
-        host=table.text("host", *([] if network else [""]), expected="a host name or an address"),
+        host=_read_host(table, needed=network),
         tcp_port=tcp_port,
         port=port,
         baud=baud,
@@ -46,3 +47,12 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
     )
     table.done()
     return link
+
+
+def _read_host(table: Table, *, needed: bool) -> str:
+    """What a look-up of addresses may be asked; a port, brackets or http:// do not belong to it."""
+    expected = "a host name or an address, such as 192.168.0.1, without http:// or port"
+    host = table.text("host", *([] if needed else [""]), expected=expected)
+    if host and not names_host(host):
+        table.note("host", host, expected)
+    return host

@@ -20,6 +20,23 @@ MISTAKES = [
     ("writes = false", "wirtes = false", "links.press_shop.wirtes", "False", "perhaps writes"),
     ("writes = false", "fast = 0", "links.press_shop.fast", "0", "from 0.01 to 3600"),
     ("writes = false", "stop_bits = 3", "links.press_shop.stop_bits", "3", "from 1 to 2"),
+    *(
+        (
+            '"rtu"            # memory | tcp | rtu\nport = "/dev/ttyUSB0"',
+            f'"tcp"\nhost = "{host}"',
+            "links.press_shop.host",
+            shown,
+            "a host name or an address",
+        )
+        for host, shown in (
+            ("plc..hall", '"plc..hall"'),
+            ("http://plc", '"http://plc"'),
+            ("10.0.0.7:502", '"10.0.0.7:502"'),
+            ("10.0.0.300", '"10.0.0.300"'),
+            ("a b", '"a b"'),
+            ("10.0.0.7\\n", '"10.0.0.7\\x0a"'),
+        )
+    ),
     ("[links.press_shop]", "[links.Press-Shop]", "links.Press-Shop", '"Press-Shop"', "small letters"),
 ]
 
