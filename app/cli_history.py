@@ -148,11 +148,11 @@ def backup(
 
     try:
         settings = read_settings()
-        folder = data or settings.data
+        folder, of = data or settings.data, plant or settings.plant
         manifest = archive.back_up(
             file,
             folder,
-            plant or settings.plant,
+            of,
             keys=with_keys,
             history=history,
             key_file=key_file,
@@ -168,6 +168,7 @@ def backup(
         )
         access.audit.run(lambda _connection: (None, [entry]))
     typer.echo(f"{file}: {len(manifest.files)} files, verified. {_said(manifest)}")
+    typer.echo(f"Its plant is {of}.")
     if key_file is None:
         typer.echo(
             f"Signed with {folder / archive.BACKUP_KEY}: to restore on another machine, keep a copy of it elsewhere."

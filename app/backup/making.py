@@ -33,6 +33,7 @@ from app.backup.sealing import BACKUP_KEY, Opening, encrypt, sign, signing_key
 from app.clock import SystemClock, to_datetime
 from app.db import open_to_read
 from app.errors import ConfigurationError
+from app.plant.loader import PLANT_FILE
 
 LARGEST_PLANT = 256 * 2**20
 """Of all files of a plant folder [bytes]: it holds text, not archives."""
@@ -55,7 +56,7 @@ def back_up(
     encrypted to the public keys `encrypt_to` of age.
 
     Raises:
-        ConfigurationError: there is nothing to back up, the file exists, no room for it, or what was written does not verify.
+        ConfigurationError: there is nothing to back up, no plant, the file exists, no room for it, or what was written does not verify.
     """
     finish_restore(data)
     if not (data / "pogon.db").is_file():
@@ -68,6 +69,9 @@ def back_up(
         raise ConfigurationError(f"{archive.parent} is no folder: a backup makes none, expected one that is there")
     if os.path.lexists(archive):
         raise ConfigurationError(f"{archive} exists already: a backup replaces no file")
+    described = plant / PLANT_FILE
+    if not described.is_file() or described.is_symlink():  # nobody would miss it before he restores
+        raise ConfigurationError(f"{described} is not there, or no ordinary file: expected the plant folder (--plant)")
     key = signing_key(key_file or data / BACKUP_KEY, make=True)
     try:
         with work_folder(archive.parent) as work:

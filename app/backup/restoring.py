@@ -36,9 +36,13 @@ def restore(
     Killed at any moment it leaves the old state, or a journal with which the next start completes the new one.
 
     Raises:
-        ConfigurationError: a server runs on `data`, the archive does not verify, there is no room, or `plant` has files already.
+        ConfigurationError: a server runs on `data`, the archive does not verify, there is no room, a folder cannot be made, or `plant`
+            has files already.
     """
-    data.mkdir(parents=True, exist_ok=True, mode=0o700)
+    try:
+        data.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise ConfigurationError(f"POGON_DATA={data} cannot be used: {error.strerror}") from error
     data = data.resolve()
     held = lock(data)
     try:
@@ -49,7 +53,10 @@ def restore(
             place = data / f"{PLANT}-{stamp}"
         if place.exists() and (not place.is_dir() or any(place.iterdir())):
             raise ConfigurationError(f"{place} has files already: give an empty or a new folder with --plant")
-        place.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(f"{place}: {error.strerror}, expected a new folder with --plant") from error
         staging, old, near = (
             data / f".restore-{stamp}",
             data / f"before-restore-{stamp}",

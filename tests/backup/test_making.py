@@ -72,6 +72,17 @@ def test_a_folder_that_is_not_there_is_not_made(data: Path, plant: Path, tmp_pat
     assert not (tmp_path / "mnt").exists()
 
 
+def test_a_backup_has_a_plant(data: Path, plant: Path, tmp_path: Path) -> None:
+    """Whoever mistypes its folder, or whose disk is not mounted, would find out when he restores."""
+    (tmp_path / "file").touch()
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "plant.toml").symlink_to(plant / "plant.toml")
+    for folder in (tmp_path / "mnt", tmp_path / "file", tmp_path, tmp_path / "linked"):
+        with pytest.raises(ConfigurationError, match=rf"{folder}/plant\.toml is not there, or no ordinary file"):
+            back_up(tmp_path / "b.tar", data, folder)
+    assert not (tmp_path / "b.tar").exists()
+
+
 def test_what_a_killed_backup_left_is_removed_by_the_next(data: Path, plant: Path, tmp_path: Path) -> None:
     stale, used = tmp_path / ".pogon-stale", tmp_path / ".pogon-used"
     for folder in (stale, used):

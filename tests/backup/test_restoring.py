@@ -88,6 +88,18 @@ def test_restore_refuses_beside_a_server(data: Path, plant: Path, tmp_path: Path
     restore(tmp_path / "b.tar", data)
 
 
+def test_a_folder_that_cannot_be_made_is_one_line_that_names_it(data: Path, plant: Path, tmp_path: Path) -> None:
+    back_up(tmp_path / "b.tar", data, plant)
+    file = tmp_path / "file"
+    file.touch()
+    for folder in (file, file / "data"):
+        with pytest.raises(ConfigurationError, match=f"POGON_DATA={folder} cannot be used"):
+            restore(tmp_path / "b.tar", folder)
+    with pytest.raises(ConfigurationError, match=f"{file}/plant: .*expected a new folder with --plant"):
+        restore(tmp_path / "b.tar", tmp_path / "new", file / "plant")
+    assert not (tmp_path / "new" / "pogon.db").exists()
+
+
 @pytest.mark.parametrize(
     "text",
     [
