@@ -96,7 +96,7 @@ def passwd(
     data: Data = None,
 ) -> None:
     """Set a password; all sessions of the person end."""
-    with opened(data) as access:
+    with opened(data, existing=True) as access:
         if initial:
             typer.echo(f"{name} initial password: {access.people.set_password_now(terminal(), name, None)}")
             return
@@ -112,7 +112,7 @@ def role_(
     data: Data = None,
 ) -> None:
     """Give a person another set of roles; it counts from the next request on."""
-    with opened(data) as access:
+    with opened(data, existing=True) as access:
         account = access.people.set_roles_now(terminal(), name, roles)
         typer.echo(f"{account.name}: {', '.join(sorted(account.roles))}")
 
@@ -123,7 +123,7 @@ def factor_reset(
     data: Data = None,
 ) -> None:
     """Take the second factor away from somebody who lost it; all sessions of the person end."""
-    with opened(data) as access:
+    with opened(data, existing=True) as access:
         access.factors.reset_now(terminal(), name)
         typer.echo(f"{name}: the second factor is reset, all sessions have ended")
 
@@ -131,7 +131,7 @@ def factor_reset(
 @user_cli.command("list")
 def list_(data: Data = None) -> None:
     """Print all accounts."""
-    with opened(data) as access:
+    with opened(data, existing=True) as access:
         accounts = access.people.now()
         width = max((len(account.name) for account in accounts), default=4)
         for account in accounts:
@@ -190,6 +190,7 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
     `existing`: the database has to be there. `as_is`: and at the revision of this program; no other is touched.
     """
     from app.access.access import Access, prepare
+    from app.access.former import check_former
     from app.access.restoring import finish_restore
     from app.clock import SystemClock
     from app.db import Database
@@ -205,6 +206,7 @@ def opened(data: Path | None, *, existing: bool = False, as_is: bool = False) ->
         ends.callback(logs.forward(settings.syslog))  # what is done here is a security event, too
         finish_restore(folder)
         if existing and not (folder / "pogon.db").is_file():
+            check_former(folder)
             raise ConfigurationError(f"{folder / 'pogon.db'} is not there: start the server once, or give --data")
         prepare(folder)
         db = Database(folder / "pogon.db", "pogon")

@@ -76,6 +76,21 @@ def test_a_person_is_added_and_listed(pogon: Pogon) -> None:
     assert made.stderr.startswith("pogon: nobody is an administrator"), "the engineer cannot make one"
 
 
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["passwd", "ana", "--initial"], ["role", "ana", "admin"], ["factor-reset", "ana"]]
+)
+def test_a_data_folder_that_is_mistyped_is_named_and_not_made(
+    pogon: Pogon, tmp_path: Path, arguments: list[str]
+) -> None:
+    refused = pogon("user", *arguments, "--data", str(tmp_path / "dta"))
+    assert refused.exit_code == 2
+    assert (
+        refused.stderr
+        == f"pogon: {tmp_path / 'dta' / 'pogon.db'} is not there: start the server once, or give --data\n"
+    )
+    assert not (tmp_path / "dta").exists()
+
+
 def test_a_second_factor_is_listed_and_reset(pogon: Pogon, tmp_path: Path) -> None:
     pogon("user", "add", "ana")
     assert pogon("user", "factor-reset", "ana").stderr == "pogon: There is no second factor.\n"
