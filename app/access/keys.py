@@ -42,6 +42,10 @@ def check_files(data: Path) -> None:
         )
     for path in (data / name for name in PRIVATE):
         if path.exists() and stat.S_IMODE(path.stat().st_mode) & 0o077:
+            if path.is_dir():
+                raise ConfigurationError(
+                    f"{path} is a folder that others may use, expected an ordinary file: move it away"
+                )
             raise ConfigurationError(
                 f"{path} may be read or written by others (mode {stat.S_IMODE(path.stat().st_mode):04o}): chmod 0600 {path}"
             )

@@ -42,6 +42,15 @@ def test_a_file_that_others_may_read_is_refused_by_name(tmp_path: Path, name: st
         check_files(tmp_path / "data")
 
 
+@pytest.mark.parametrize("name", PRIVATE)
+def test_a_folder_in_place_of_a_file_is_no_matter_of_its_mode(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    (tmp_path / name).chmod(0o755)
+    with pytest.raises(ConfigurationError, match=f"{name} is a folder .*: move it away") as refused:
+        check_files(tmp_path)
+    assert "chmod" not in str(refused.value)
+
+
 def test_a_folder_that_everybody_may_write_is_refused(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data").chmod(0o777)
