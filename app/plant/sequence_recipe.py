@@ -22,7 +22,7 @@ from app.plant.actions import Action
 from app.plant.definitions import Argument, Command, Condition, Equipment, Point, Texts
 from app.plant.said import said
 from app.plant.sequence_definition import PREFIX, RecipeValue, SequenceDefinition
-from app.plant.tables import Table, one_of, span
+from app.plant.tables import Table, is_number, one_of, span
 from app.plant.type_files.names import KEY, KEY_EXPECTED
 
 ReadLabel = Callable[[Table, str], Texts]
@@ -47,12 +47,15 @@ def read_recipe(root: Table, label: ReadLabel) -> tuple[RecipeValue, ...]:
         elif key in expression.RESERVED or key in TAKEN:
             row.note("key", key, said("mistake.run_key_taken", taken=", ".join(TAKEN)))
         low, high = float(row.number("minimum")), float(row.number("maximum"))
+        usable = all(is_number(row.data.get(name)) for name in ("minimum", "maximum"))  # else it is told already
         if low >= high:
-            row.note("maximum", row.data.get("maximum"), said("mistake.more_than", low=f"{low:g}"))
+            if usable:
+                row.note("maximum", row.data["maximum"], said("mistake.more_than", low=f"{low:g}"))
             high = low + 1
         default = float(row.number("default"))
         if not low <= default <= high:
-            row.note("default", row.data.get("default"), span("number", low, high))
+            if usable and is_number(row.data.get("default")):
+                row.note("default", row.data["default"], span("number", low, high))
             default = low
         text = label(row, "label")
         found.append(RecipeValue(key, text, low, high, default, row.text("unit", ""), row.whole("decimals", 1, 0, 6)))

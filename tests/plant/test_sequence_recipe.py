@@ -80,6 +80,21 @@ def test_what_cannot_be_is_named(tmp_path: Path, more: str, told: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "instead"),
+    [
+        ("maximum = 20\n", ""),
+        ("maximum = 20\n", 'maximum = "x"\n'),
+        ("default = 5\n", ""),
+        ("default = 5\n", "default = true\n"),
+    ],
+)
+def test_what_is_missing_or_no_number_is_one_mistake(tmp_path: Path, line: str, instead: str) -> None:
+    _, problems = read(tmp_path / "hall", VALUE.replace(line, instead))
+    (told,) = problems
+    assert told.endswith(": a number") and "None" not in told
+
+
+@pytest.mark.parametrize(
     ("times", "told"),
     [
         ('minimum = "recipe.hold"\nmaximum = 60', ""),

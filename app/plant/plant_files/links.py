@@ -24,7 +24,7 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
         tcp_port = 502
         port = table.text("port", *([] if serial else [""]), expected="a serial device such as /dev/ttyUSB0")
     baud = table.raw("baud", 9600)
-    if isinstance(baud, bool) or baud not in BAUD:
+    if not isinstance(baud, int) or baud not in BAUD:
         table.note("baud", baud, "one of " + ", ".join(map(str, BAUD)))
         baud = 9600
     parity = table.text("parity", "even", choices=PARITY)

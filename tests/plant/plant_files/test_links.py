@@ -13,6 +13,7 @@ MISTAKES = [
     ('"rtu"', '"tcp"', "links.press_shop.port", '"/dev/ttyUSB0"', "a whole number from 1 to 65535"),
     ("9600", "9601", "links.press_shop.baud", "9601", "9600"),
     ("9600", '"9600"', "links.press_shop.baud", '"9600"', "9600"),
+    ("9600", "9600.0", "links.press_shop.baud", "9600.0", "9600"),
     ("9600", "true", "links.press_shop.baud", "True", "9600"),
     ('"even"', '"evil"', "links.press_shop.parity", '"evil"', "none, even, odd"),
     ('"even"', '["even"]', "links.press_shop.parity", "['even']", "none, even, odd"),
