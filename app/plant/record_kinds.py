@@ -189,7 +189,7 @@ class _KindReader:
             return None
         found = set()
         for index, one in enumerate(table.items(key, REQUIRED if required else [], "a list of events")):
-            if one in self.codes:
+            if isinstance(one, str) and one in self.codes:
                 found.add(self.codes[one])
             else:
                 table.note(f"{key}.{index}", one, "an event of events.toml: " + one_of(list(self.codes), one))

@@ -38,7 +38,11 @@ MISSING, NONE = said("mistake.missing"), said("mistake.none")
 
 
 class Enough(Exception):
-    """A file has so many mistakes that its reading was stopped."""
+    """A file has so many mistakes, `problems`, that its reading was stopped."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__()
+        self.problems = problems
 
 
 class Source:
@@ -90,7 +94,7 @@ class Source:
             Problem(self.name, key, printable(shown, LONGEST_SHOWN), printable(expected, LONGEST_EXPECTED), place)
         )
         if len(self.problems) >= STOP_AT:
-            raise Enough
+            raise Enough(self.problems)
 
     def line(self, path: Sequence[str]) -> int | None:
         """The line (from 1) on which the key `path` stands, or the nearest table around it."""

@@ -8,7 +8,10 @@ import pytest
 
 from app.plant import types
 from app.plant.definitions import Kind, Point, Type
+from app.plant.loader import read_plant
 from app.plant.plant_files.languages import LANGUAGES
+from app.plant.tables import MOST_PROBLEMS, STOP_AT
+from tests.plant.line import FILES, PLANT, load, write_type
 
 
 @pytest.mark.parametrize("name", types.names())
@@ -78,3 +81,35 @@ def test_no_dead_band_makes_a_ramp_of_a_step(name: str) -> None:
         assert not band or band < step or band >= 3 * step, (key, band, step)
         if band >= step and isinstance(point.scale_low, int | float) and isinstance(point.scale_high, int | float):
             assert band <= DRAWN * (point.scale_high - point.scale_low), (key, band, point.scale_low, point.scale_high)
+
+
+GUARD = '[permissives.a]\nlabel = "type"\nexpression = "state == 1"\n'
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "key"),
+    [
+        ("interlocks", GUARD + 'commands = [["start"]]\n', "permissives.a.commands.0"),
+        ("interlocks", GUARD + "commands = [{ a = 1 }]\n", "permissives.a.commands.0"),
+        ("interlocks", GUARD + "values = 5\n", "permissives.a.values"),
+        ("commands", "[go]\nrefused = 5\n", "go.refused"),
+        ("commands", '[go]\nrefused = "all"\n', "go.refused"),
+        ("device", FILES["device.toml"].replace("[device]", "[device]\ngroup_read = 5"), "device.group_read"),
+        ("records", '[r]\nkey = "k"\nbegin = [["x"]]\n', "r.begin.0"),
+    ],
+)
+def test_a_list_or_a_number_in_place_of_something_else_is_told_at_its_place(
+    tmp_path: Path, file: str, text: str, key: str
+) -> None:
+    kinds = write_type(tmp_path)
+    (kinds / "line" / f"{file}.toml").write_text(text, "utf-8")
+    (tmp_path / "plant.toml").write_text(PLANT, "utf-8")
+    plant, problems = read_plant(tmp_path, type_folder=kinds)
+    assert plant is None
+    assert (f"line/{file}.toml", key) in [(one.file, one.key) for one in problems], problems
+
+
+def test_a_file_of_a_type_with_very_many_mistakes_is_told(tmp_path: Path) -> None:
+    plant, problems = load(tmp_path, commands="".join(f"[c{number}]\nx = 1\n" for number in range(STOP_AT)))
+    assert plant is None
+    assert problems[0].file == "line/commands.toml" and len(problems) == MOST_PROBLEMS + 1

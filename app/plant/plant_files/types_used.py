@@ -9,7 +9,7 @@ from app.plant.derive import order_problem
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.problems import Problem
 from app.plant.said import Plain
-from app.plant.tables import Table
+from app.plant.tables import Enough, Table
 from app.plant.type_files.data import TypeData
 
 
@@ -54,9 +54,13 @@ class TypesUsed:
         return self._variants[key]
 
     def _of(self, name: str, given: Mapping[str, float]) -> tuple[TypeData, list[Problem]]:
-        data, problems = types.read_type(
-            name, self._languages.known, self._folder, spoken=self._languages.spoken, given=given
-        )
+        try:
+            data, problems = types.read_type(
+                name, self._languages.known, self._folder, spoken=self._languages.spoken, given=given
+            )
+        except Enough as enough:
+            self.problems += enough.problems
+            raise
         circle = "" if problems else order_problem(data.type.points)
         if circle:
             expected = "derived points that do not depend on each other"

@@ -65,7 +65,7 @@ class CommandReader:
 
     def _refused(self, table: Table) -> Iterator[tuple[int, str]]:
         given = table.table("refused")
-        for code in table.raw("refused", {}):
+        for code in given.data:
             text = given.text(code)
             if not code.isdecimal() or len(code) > 3 or not 1 <= int(code) <= 255:
                 given.note(code, text, "a Modbus exception as key: 1 to 255")

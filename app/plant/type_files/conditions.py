@@ -1,9 +1,10 @@
 """interlocks.toml, checks.toml and ratings.toml: what must be true to start, what stops at any time, what must hold between setpoints, what
 a device says of itself."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 from app.plant.definitions import Condition
+from app.plant.said import said
 from app.plant.tables import Table
 from app.plant.type_files.sentences import Sentences, names_in, read_values
 
@@ -43,12 +44,20 @@ def check_commands(
                 file.note(f"{group}.{condition.key}.commands", command, f"a command of {owner}")
 
 
+def _commands(table: Table) -> Iterator[str]:
+    for index, command in enumerate(table.items("commands", [])):
+        if isinstance(command, str):
+            yield command
+        else:
+            table.note(f"commands.{index}", command, said("mistake.text"))
+
+
 def _condition(group: str, key: str, table: Table, sentences: Sentences) -> Condition:
     condition = Condition(
         key=key,
         label=table.text("label", f"{group}.{key}"),
         expression=table.text("expression"),
-        commands=tuple(table.items("commands", [])),
+        commands=tuple(_commands(table)),
         missing="" if group == "check" else table.text("missing", f"missing.{group}.{key}"),
         values=read_values(table, sentences),
         situational=table.flag("situational"),

@@ -12,10 +12,11 @@ from app.plant.type_files.options import read_span
 
 def read_device(table: Table) -> Device:
     """`[device]`: how much one telegram carries, which functions it knows, how long it takes [s]."""
+    groups = table.table("group_read")
     device = Device(
         max_read=table.whole("max_read", 125, 1, 125),
         fallback_read=table.whole("fallback_read", 0, 0, 125),
-        group_read={key: table.table("group_read").whole(key, low=1, high=125) for key in table.raw("group_read", {})},
+        group_read={key: groups.whole(key, low=1, high=125) for key in groups.data},
         max_write=table.whole("max_write", 1, 1, 123),
         read_functions=tuple(table.items("read_functions", (3,))),
         write_functions=tuple(table.items("write_functions", (6,))),

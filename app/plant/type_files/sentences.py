@@ -41,7 +41,7 @@ def check_expression(
 def read_values(table: Table, sentences: Sentences) -> dict[str, str]:
     """`values` of a row: the numbers that its text names, each an expression over points."""
     given = table.table("values")
-    values = {name: given.text(name) for name in table.raw("values", {})}
+    values = {name: given.text(name) for name in given.data}
     for name, text in values.items():
         sentences.add(given, name, text)
     given.done()
