@@ -157,7 +157,7 @@ def _codes(row: Table, key: str, events: Mapping[int, str]) -> frozenset[int]:
     codes = {name: code for code, name in events.items()}
     found = set()
     for index, one in enumerate(row.items(key, [], "a list of events")):
-        if one in codes:
+        if isinstance(one, str) and one in codes:
             found.add(codes[one])
         else:
             row.note(f"{key}.{index}", one, "an event of this file: " + one_of(list(codes), one))

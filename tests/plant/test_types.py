@@ -96,6 +96,7 @@ GUARD = '[permissives.a]\nlabel = "type"\nexpression = "state == 1"\n'
         ("commands", '[go]\nrefused = "all"\n', "go.refused"),
         ("device", FILES["device.toml"].replace("[device]", "[device]\ngroup_read = 5"), "device.group_read"),
         ("records", '[r]\nkey = "k"\nbegin = [["x"]]\n', "r.begin.0"),
+        ("events", FILES["events.toml"].replace("word = 2", "word = 2\nevents = [[1]]"), "snapshot.second.events.0"),
     ],
 )
 def test_a_list_or_a_number_in_place_of_something_else_is_told_at_its_place(
