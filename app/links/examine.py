@@ -11,6 +11,7 @@ from app.links.bus_access import BusAccess
 from app.links.contract import Block
 from app.links.scan_block import ScanBlock
 from app.links.station import Finding, Station, spans_of
+from app.registers.pdu import MAX_READ
 
 log = logging.getLogger(__name__)
 
@@ -49,6 +50,7 @@ class Examiner:
         station.learned.limit = station.device.fallback_read
         self._tell_limit(station, error)
         self._bus.replan(station)
+        self.start_recheck(station)
 
     async def examine(self, station: Station, block: ScanBlock) -> None:
         """Cut a refused block in halves until it is known which registers, or what size, the device refuses."""
@@ -79,7 +81,7 @@ class Examiner:
         learned.gaps.update((function, first, last) for first, last in finding.gaps)
         learned.bad.update((function, first, last) for first, last in finding.bad)
         learned.known.update((function, first, last) for first, last in known.intersection(finding.bad))
-        if finding.bad:
+        if finding.bad or finding.limit is not None:
             station.look_pause = FIRST_LOOK
         for first, last in finding.bad:
             log.warning(
@@ -120,27 +122,31 @@ class Examiner:
         return False
 
     def start_recheck(self, station: Station) -> None:
-        """Look now and then whether what it refuses is there after all."""
-        if station.learned.bad and station.recheck is None:
+        """Look now and then whether it takes after all what it refuses."""
+        if _refused(station)[0] and station.recheck is None:
             station.recheck = self._bus.attend(station, self._recheck(station))
 
     async def _recheck(self, station: Station) -> None:
-        """Look now and then at a refused register; when it is there after all, everything is tried again."""
+        """Look now and then at what is refused; when it is taken after all, everything is tried again."""
         learned, turn = station.learned, 0
-        while learned.bad:
+        while _refused(station)[0]:
             pause = min(station.look_pause, LAST_LOOK)
             station.look_pause = 2 * pause
-            await asyncio.sleep(min(pause, KNOWN_LOOK) if learned.known & learned.bad else pause)
-            wanted = sorted(learned.known & learned.bad or learned.bad)
-            function, first, last = wanted[turn % len(wanted)]
+            await asyncio.sleep(min(pause, KNOWN_LOOK) if _refused(station)[1] else pause)
+            wanted, known = _refused(station)
+            if not wanted:
+                break
+            block = wanted[turn % len(wanted)]
             turn += 1
             try:
-                await self._bus.read(station, Block(first, last - first + 1, function))
+                await self._bus.read(station, block)
             except LinkError:
                 continue
             learned.bad.clear()
             learned.gaps.clear()
             learned.known.clear()
+            if known and learned.limit < station.proven:
+                learned.limit = MAX_READ
             self._bus.replan(station)
         station.recheck = None
 
@@ -152,6 +158,20 @@ class Examiner:
             station.learned.limit,
             error,
         )
+
+
+def _refused(station: Station) -> tuple[list[Block], bool]:
+    """Reads that the unit refuses and had answered before, or else all that it refuses; whether it had answered them.
+
+    A spell of exceptions looks as if it took fewer registers at once, and then values of several registers could not be read for ever.
+    """
+    learned = station.learned
+    known = [Block(first, last - first + 1, function) for function, first, last in sorted(learned.known & learned.bad)]
+    if station.largest is not None and station.proven > learned.limit:
+        known.append(station.largest)
+    if known:
+        return known, True
+    return [Block(first, last - first + 1, function) for function, first, last in sorted(learned.bad)], False
 
 
 def _now() -> float:

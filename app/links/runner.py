@@ -290,7 +290,7 @@ class LinkRunner(Outages):
         ended = self._now()
         self.statistics.busy += ended - started
         self._answered(station, started, True, self._wire(block.block))
-        station.proven = max(station.proven, block.block.count)
+        station.prove(block.block)
         block.attempts = block.failures = 0
         if block.scan is Scan.FAST:
             if block.scanned:

@@ -38,8 +38,8 @@ class Station:
     """Whether its program stands still while it answers."""
     blocks: list[ScanBlock] = field(default_factory=list)
     learned: Learned = field(default_factory=Learned)
-    proven: int = 0
-    """Most registers that it ever answered in one read."""
+    largest: Block | None = None
+    """The read with most registers that it ever answered."""
     tasks: set[asyncio.Task[None]] = field(default_factory=set)
     """What is being done to get it going: identify, probe, find out what it refuses."""
     recheck: asyncio.Task[None] | None = None
@@ -90,6 +90,16 @@ class Station:
     def may_write(self) -> bool:
         """Whether anything may be written to it."""
         return self.link.may_write
+
+    @property
+    def proven(self) -> int:
+        """Most registers that it ever answered in one read."""
+        return 0 if self.largest is None else self.largest.count
+
+    def prove(self, block: Block) -> None:
+        """It has answered `block`."""
+        if block.count > self.proven:
+            self.largest = block
 
     def service(self, kind: type[S]) -> S | None:
         """Its service of one kind; None when it has none."""

@@ -1,19 +1,21 @@
 """After a fault is over the values are good again within two seconds, on every road, however long it lasted."""
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from app.errors import DeviceException
-from app.plant.definitions import Device, Link
+from app.plant.definitions import Device, Equipment, Link
+from app.registers.register import Type
 from app.sim.bus import Bus, LineFaultMode
 from app.sim.server import TcpServer
 from app.sim.training import LineFault
 from app.tags.quality import is_bad, is_good
-from tests.links.devices import Line, RegisterDevice, on_bus, row, running, until
+from tests.links.devices import QUICK, Line, RegisterDevice, machine, on_bus, point, row, running, until
 from tests.links.plc_devices import SmallPlc, plant
 from tests.virtual import loop_clock
 from tests.wires import serve_line
@@ -26,7 +28,7 @@ LENGTHS = (1.0, 4.0, 12.0)
 
 
 @asynccontextmanager
-async def line(kind: str, bus: Bus, *units: int) -> AsyncIterator[Line]:
+async def line(kind: str, bus: Bus, *units: int, equipment: Sequence[Equipment] | None = None) -> AsyncIterator[Line]:
     server, tty = TcpServer(bus), None
     link = Link("hall", "memory")
     if kind == "tcp":
@@ -35,7 +37,7 @@ async def line(kind: str, bus: Bus, *units: int) -> AsyncIterator[Line]:
     elif kind == "rtu":
         tty = await serve_line(bus, 38400)
         link = Link("hall", "rtu", port=tty.path, baud=38400, parity="none", stop_bits=2)
-    machines = [row(f"m{unit}", unit, 25, DRIVE) for unit in units]
+    machines = equipment or [row(f"m{unit}", unit, 25, DRIVE) for unit in units]
     try:
         async with running(machines, exchange=on_bus(bus) if kind == "memory" else None, link=link) as made:
             yield made
@@ -99,6 +101,46 @@ async def back_after_refusals(
         return (code, part, seconds), await until(
             lambda: all(is_good(made.quality(name)) and made.value(name) == 9 for name in names)
         )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("code", [2, 3])
+async def test_a_device_that_refused_at_random_for_a_while_is_read_in_large_pieces_again(kind: str, code: int) -> None:
+    """It looks as if it took fewer registers at once; values of two registers could then not be read for ever."""
+    took = await asyncio.gather(*(back_after_a_spell(kind, Random(seed), code) for seed in range(6)))
+    assert max(took) <= BACK, took
+
+
+async def back_after_a_spell(kind: str, random: Random, code: int) -> float:
+    """From the end of ten seconds of refusals until every value is good and new [s]."""
+    device = Moody({n: 0 for n in range(40)}, random, code)
+    points = [point("m1", f"v{n}", 2 * n, words=2, type=Type.U32) for n in range(12)] + [point("m1", "w", 30)]
+    async with line(kind, Bus({1: device}), 1, equipment=[machine("m1", 1, points, QUICK)]) as made:
+        names = [item.name for item in points]
+        await until(lambda: all(is_good(made.quality(name)) for name in names))
+        usual = max(count for _, count in device.reads)
+        device.part = 0.4
+        await asyncio.sleep(10)
+        device.words, device.part = {n: 9 for n in range(40)}, 0.0
+        took = await until(lambda: all(is_good(made.quality(name)) and made.value(name) for name in names))
+        await asyncio.sleep(1)
+        assert usual in {count for _, count in device.reads[-8:]}, "in large pieces again"
+        return took
+
+
+class Moody(RegisterDevice):
+    """A device that refuses a part of all reads at random."""
+
+    part = 0.0
+
+    def __init__(self, words: Mapping[int, int], random: Random, code: int) -> None:
+        super().__init__(words)
+        self.random, self.code = random, code
+
+    def read(self, function: int, address: int, count: int) -> list[int]:
+        if self.random.random() < self.part:
+            raise DeviceException(self.code)
+        return super().read(function, address, count)
 
 
 class Refusing(RegisterDevice):

@@ -133,6 +133,8 @@ async def story(folder: Path, geometry: Geometry, transport: str, seconds: float
         while loop.time() < end:
             await asyncio.sleep(0.5)
             check(device)
+        entered = follow.entered
+        await here.until(lambda: follow.entered > entered, 300)
         here.order(ConveyorCommand.STOP, 0x7001)
         await here.until(lambda: not device.moving and not device.stopping, 20)
         await asyncio.sleep(2.5)
