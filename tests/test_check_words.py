@@ -48,6 +48,10 @@ def test_texts_of_all_kinds_are_looked_at() -> None:
         ("why.no_such_command", "cs", "Takový stroj nebo příkaz neexistuje"),
         ("communication.trouble", "hr", "Pogreške"),
         ("epos.command.jog_plus", "hr", "Koračno +"),
+        ("editor.mistakes", "hr", "pogrešaka"),
+        ("crane.point.hoist_upper_slow", "de", "Hubwerk: oberer Endschalter Langsamfahrt"),
+        ("selftest.port.free", "hr", "mrežna vrata {address} su slobodna"),
+        ("conveyor.event.power_up", "cs", "PLC zapnut"),
     ],
 )
 def test_a_planted_second_word_is_found(place: str, language: str, text: str) -> None:
