@@ -72,7 +72,7 @@ def test_a_merge_is_closed_by_hand_and_its_lane_waits(sit: Sit) -> None:
     page.locator(".c-gates > summary").click()
     closed, automatic = (page.locator(f"[data-part='c5.merge_{way}_2']") for way in ("close", "automatic"))
     closed.click()
-    expect(page.locator("#message")).to_contain_text(re.compile("Merge 2 closed: Accepted .* Done"), timeout=30_000)
+    expect(page.locator("#message")).to_contain_text(re.compile("Close merge 2: Accepted .* Done"), timeout=30_000)
     drawn = page.locator(".c-merge").last
     expect(drawn).to_have_class(re.compile(r"\b(waits|blocked)\b"), timeout=60_000)
     automatic.click()
