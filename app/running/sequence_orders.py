@@ -271,14 +271,19 @@ class SequenceDesk:
         item = self._plant.equipment[one.order.machine]
         if one.stage is Stage.SENT and item.id in self._paused:
             self._paused.discard(item.id)
-            if self._true(item, one.action.done) is not True:
+            if _true(self._tags, item, one.action.done) is not True:
                 await self._confirmed(item, ActionCommand(one.action.resume), one.order)
         else:
             *first, last = one.action.commands
             for command in first:
                 await self._confirmed(item, command, one.order)
             one.stage = Stage.SENT
-            await self._confirmed(item, last, one.order)
+            try:
+                asked = await self._given(item, last, one.order)
+            except Refused:
+                one.stage = Stage.WAITING  # nothing left: what the machine does is not of this run
+                raise
+            _check(asked)
         if one.action.done:
             await self._ended_well(item, one.action)
 
@@ -288,29 +293,8 @@ class SequenceDesk:
         Raises:
             Refused: it ended otherwise.
         """
-        if await self._first_true(item, action.done, action.failed) != action.done:
+        if await _first_true(self._tags, item, action.done, action.failed) != action.done:
             raise Refused("why.order_ended", 409, machine=item.id)
-
-    async def _first_true(self, item: Equipment, *sentences: str, within: float = inf) -> str:
-        """Wait until one of `sentences` is true by what was read from now on; which one, empty = none was `within` so many seconds."""
-        loop = asyncio.get_running_loop()
-        since = loop.time()
-        wanted = [text for text in sentences if text]
-        names = {f"{item.id}.{name}" for text in wanted for name in parse(text).names}
-        while (passed := loop.time() - since) <= within:
-            if self._fresh(names, passed):
-                for text in wanted:
-                    if self._true(item, text) is True:
-                        return text
-            await asyncio.sleep(LOOK)
-        return ""
-
-    def _fresh(self, names: Iterable[str], age: float) -> bool:
-        tags = self._tags
-        return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
-
-    def _true(self, item: Equipment, sentence: str) -> bool | None:
-        return parse(sentence).true(lambda name: _seen(self._tags, f"{item.id}.{name}"))
 
     async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
         """Ask for one command and wait until it is confirmed.
@@ -318,11 +302,17 @@ class SequenceDesk:
         Raises:
             Refused: the gate said no, or nothing confirmed it.
         """
+        _check(await self._given(item, command, order))
+
+    async def _given(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> Progress:
+        """Ask for one command and wait until it is over.
+
+        Raises:
+            Refused: the gate said no, and nothing was sent.
+        """
         if not self._writers[item.link].simulated:
             raise Refused(LIVE, 409, machine=item.id)
-        progress = await self._ask_in_time(item, command, order.values if order else {})
-        if progress.state is not ProgressState.CONFIRMED:
-            raise Refused(progress.reason or progress.text, 409, **progress.params)
+        return await self._ask_in_time(item, command, order.values if order else {})
 
     async def _ask_in_time(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
         """As `_ask`; a pulse that was given a moment ago waits until its pause is over, once."""
@@ -371,7 +361,7 @@ class SequenceDesk:
         if action is not None and (machine in self._paused or await self._done(machine, action.suspend)):
             self._paused.add(machine)
             item = self._plant.equipment[machine]
-            if not action.stands or await self._first_true(item, action.stands, within=STANDING):
+            if not action.stands or await _first_true(self._tags, item, action.stands, within=STANDING):
                 return
             self._paused.discard(machine)
             log.warning("suspended machine does not stand sequence=%s machine=%s", self.person.name, machine)
@@ -408,6 +398,39 @@ class SequenceDesk:
             log.warning(
                 "stop by a sequence refused sequence=%s machine=%s reason=%s", self.person.name, machine, refusal.reason
             )
+
+
+def _check(asked: Progress) -> None:
+    """Whether what was asked is confirmed.
+
+    Raises:
+        Refused: it is not.
+    """
+    if asked.state is not ProgressState.CONFIRMED:
+        raise Refused(asked.reason or asked.text, 409, **asked.params)
+
+
+async def _first_true(tags: TagDatabase | None, item: Equipment, *sentences: str, within: float = inf) -> str:
+    """Wait until one of `sentences` is true by what was read from now on; which one, empty = none was `within` so many seconds."""
+    loop = asyncio.get_running_loop()
+    since = loop.time()
+    wanted = [text for text in sentences if text]
+    names = {f"{item.id}.{name}" for text in wanted for name in parse(text).names}
+    while (passed := loop.time() - since) <= within:
+        if _fresh(tags, names, passed):
+            for text in wanted:
+                if _true(tags, item, text) is True:
+                    return text
+        await asyncio.sleep(LOOK)
+    return ""
+
+
+def _fresh(tags: TagDatabase | None, names: Iterable[str], age: float) -> bool:
+    return tags is not None and all(name in tags and tags.age(tags.handles[name]) < age for name in names)
+
+
+def _true(tags: TagDatabase | None, item: Equipment, sentence: str) -> bool | None:
+    return parse(sentence).true(lambda name: _seen(tags, f"{item.id}.{name}"))
 
 
 def _seen(tags: TagDatabase | None, name: str) -> Reading:

@@ -251,3 +251,35 @@ async def test_the_plant_starts_it_suspends_it_and_lets_it_go_on(tmp_path: Path)
         await plant.until(lambda: plant.state is SequenceState.RUNNING, 20)
         await plant.until(lambda: plant.state is SequenceState.DONE)
         assert not is_sequence(ANA)
+
+
+async def by_ana(plant: Hall, machine: str, command: str, **asked: Any) -> None:
+    """Ana gives a command, and takes control first where she needs it."""
+    gate = plant.runtime.gate
+    assert gate
+    gate._state.rights = gate._state.checks._rights = gate.control._rights = lambda person: person
+    if command != "stop":
+        gate.control.take(ANA, machine)
+    nonce = gate.nonces.issue(ANA.session)
+    await gate.ask(ANA, machine, command, nonce=nonce, confirmed=True, **asked)
+    await plant.until(lambda: (last := gate.progress(machine)) and last.over)
+    last = gate.progress(machine)
+    assert last and last.state == "confirmed", last
+
+
+async def test_a_machine_that_a_person_runs_goes_on_when_a_sequence_does_not_get_it(tmp_path: Path) -> None:
+    work = '[sequence]\nlabel = "Work"\n' + "".join(
+        f'[[steps]]\nkey = "run_{n}"\nlabel = "Run"\nminimum = 0.5\nmaximum = 60\n'
+        f'[[steps.orders]]\nmachine = "{machine}"\naction = "{action}"\n'
+        for n, (machine, action) in enumerate((("c1", "start"), ("c1", "stop")), 1)
+    )
+    async with hall(tmp_path, work) as plant:
+        await asyncio.sleep(1)
+        await by_ana(plant, "c1", "select_automatic")
+        await by_ana(plant, "c1", "start_automatic")
+        await plant.started()
+        await plant.until(lambda: plant.state is SequenceState.ABORTED, 5.0)
+        await asyncio.sleep(5)
+        assert plant.failure and plant.failure[:2] == (1, "why.held")
+        assert plant.value("c1.automatic") == 1 and plant.value("c1.moving") == 1
+        assert [who for *_, who in plant.outcomes("c1")] == ["Ana Kos", "Ana Kos"]
