@@ -35,6 +35,7 @@ SESSION = "sequence-"
 OPERATOR = frozenset({"operator"})
 LIVE = "why.sequence_live"
 TOO_SOON = "why.too_soon"
+NEWER = "why.superseded"
 LOOK = 0.1
 """Between two looks at whether an action has ended [s]."""
 STANDING = 60.0
@@ -285,16 +286,7 @@ class SequenceDesk:
                 raise
             _check(asked)
         if one.action.done:
-            await self._ended_well(item, one.action)
-
-    async def _ended_well(self, item: Equipment, action: Action) -> None:
-        """Wait for the end of an action, by what was read since it was confirmed.
-
-        Raises:
-            Refused: it ended otherwise.
-        """
-        if await _first_true(self._tags, item, action.done, action.failed) != action.done:
-            raise Refused("why.order_ended", 409, machine=item.id)
+            await _ended_well(self._tags, item, one.action)
 
     async def _confirmed(self, item: Equipment, command: ActionCommand, order: SequenceOrder | None = None) -> None:
         """Ask for one command and wait until it is confirmed.
@@ -326,11 +318,14 @@ class SequenceDesk:
         return await self._ask(item, command, values)
 
     async def _ask(self, item: Equipment, command: ActionCommand, values: Mapping[str, float]) -> Progress:
+        stop = item.type.commands[command.command].stop
+        if not stop and (other := self._other_stop(item.id)) is not None:
+            raise Refused(NEWER, 409, **_newer(other))
         self._number += 1
         id = f"{self._prefix}-{self._number}"
         ended = self._waits[id] = asyncio.get_running_loop().create_future()
         try:
-            if not item.type.commands[command.command].stop:
+            if not stop:
                 self.gate.control.take(self.person, item.id)
             nonce = self.gate.nonces.issue(self.person.session)
             asked = await self.gate.ask(
@@ -352,6 +347,27 @@ class SequenceDesk:
         waiting = self._waits.get(progress.id)
         if waiting is not None and not waiting.done():
             waiting.set_result(progress)
+        if progress.equipment in self._carried and self._is_other_stop(progress):
+            self._lose(progress)
+
+    def _other_stop(self, machine: str) -> Progress | None:
+        """A Stop of somebody else that is at work."""
+        at_work = self.gate.progress(machine)
+        return at_work if at_work and not at_work.over and self._is_other_stop(at_work) else None
+
+    def _is_other_stop(self, progress: Progress) -> bool:
+        return not progress.id.startswith(f"{self._prefix}-") and _is_stop(self._plant, progress)
+
+    def _lose(self, stop: Progress) -> None:
+        """Somebody else stopped a machine of this run: it gets nothing more, and the run is over."""
+        machine, last = stop.equipment, self._carried[stop.equipment][-1]
+        self._fail(last.given, last.number, NEWER, _newer(stop))
+        if (task := self._tasks.pop(machine, None)) is not None:
+            task.cancel()
+        if stop.state is ProgressState.CONFIRMED:  # it stands; else the run stops it as well
+            del self._carried[machine]
+            self._paused.discard(machine)
+            self._free(machine)
 
     # ---- standing still and ending --------------------------------------------------------------------
 
@@ -390,7 +406,7 @@ class SequenceDesk:
     async def _stop(self, machine: str) -> None:
         item = self._plant.equipment[machine]
         stop = next((key for key, command in item.type.commands.items() if command.stop), "")
-        if not stop:
+        if not stop or self._other_stop(machine) is not None:  # which the gate repeats until it is read back
             return
         try:
             await self._confirmed(item, ActionCommand(stop))
@@ -398,6 +414,17 @@ class SequenceDesk:
             log.warning(
                 "stop by a sequence refused sequence=%s machine=%s reason=%s", self.person.name, machine, refusal.reason
             )
+
+
+def _is_stop(plant: Plant, progress: Progress) -> bool:
+    item = plant.equipment.get(progress.equipment)
+    command = item.type.commands.get(progress.command) if item else None
+    return command is not None and command.stop
+
+
+def _newer(progress: Progress) -> dict[str, object]:
+    """What `NEWER` tells of it."""
+    return {"label": progress.label, "display": progress.person}
 
 
 def _check(asked: Progress) -> None:
@@ -408,6 +435,16 @@ def _check(asked: Progress) -> None:
     """
     if asked.state is not ProgressState.CONFIRMED:
         raise Refused(asked.reason or asked.text, 409, **asked.params)
+
+
+async def _ended_well(tags: TagDatabase | None, item: Equipment, action: Action) -> None:
+    """Wait for the end of an action, by what was read since it was confirmed.
+
+    Raises:
+        Refused: it ended otherwise.
+    """
+    if await _first_true(tags, item, action.done, action.failed) != action.done:
+        raise Refused("why.order_ended", 409, machine=item.id)
 
 
 async def _first_true(tags: TagDatabase | None, item: Equipment, *sentences: str, within: float = inf) -> str:

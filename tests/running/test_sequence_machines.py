@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.blocks.sequence import Cause, SequenceState
+from app.sim.epos.training import REG_INTERLOCK
 from app.sim.sequence.program import VirtualSequence
 from tests.running.test_sequence_orders import Hall, hall
 
@@ -180,12 +181,9 @@ async def test_an_axis_that_loses_its_enable_ends_the_order_and_the_sequence_say
     async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
         await plant.started()
         await plant.until(lambda: (plant.value("a1.position") or 0) > 450)
-        gate = plant.runtime.gate
-        assert gate
-        desk = plant.runtime.desks.of("seq1")
-        assert desk
         await plant.until(lambda: ("move_absolute", "confirmed") in commands(plant, "a1"))
-        await gate.ask(desk.person, "a1", "stop")
+        assert plant.runtime.sim
+        plant.runtime.sim.devices["a1"].write(16, REG_INTERLOCK, [1])
         await plant.until(lambda: plant.state is SequenceState.ABORTED)
         assert plant.failure and plant.failure[:2] == (1, "why.order_ended")
 

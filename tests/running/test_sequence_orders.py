@@ -7,6 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import pytest
+
 from app.access.roles import Person, permissions_of
 from app.blocks.sequence import Cause, SequenceState
 from app.registers import plc_map
@@ -283,3 +285,48 @@ async def test_a_machine_that_a_person_runs_goes_on_when_a_sequence_does_not_get
         assert plant.failure and plant.failure[:2] == (1, "why.held")
         assert plant.value("c1.automatic") == 1 and plant.value("c1.moving") == 1
         assert [who for *_, who in plant.outcomes("c1")] == ["Ana Kos", "Ana Kos"]
+
+
+@pytest.mark.parametrize("seconds", [10.0, 19.8, 25.0])
+async def test_a_machine_that_a_person_stops_is_not_started_again_and_the_run_is_over(
+    tmp_path: Path, seconds: float
+) -> None:
+    """Long before the next order to it, while it still slows down when that comes, and in a step that has nothing to do with it."""
+    steps = (("m1", "run_forward", 20), ("c1", "select_automatic", 20), ("m1", "run_reverse", 20))
+    work = '[sequence]\nlabel = "Work"\n' + "".join(
+        f'[[steps]]\nkey = "{machine}_{action}"\nlabel = "{action}"\nminimum = {minimum}\nmaximum = 60\n'
+        f'[[steps.orders]]\nmachine = "{machine}"\naction = "{action}"\n'
+        + ("values = { frequency = 30 }\n" if machine == "m1" else "")
+        for machine, action, minimum in (steps if seconds > 20 else (steps[0], steps[2]))
+    )
+    async with hall(tmp_path, work) as plant:
+        await plant.started()
+        await asyncio.sleep(seconds)
+        assert plant.value("m1.frequency") == 30 and plant.state is SequenceState.RUNNING
+        await by_ana(plant, "m1", "stop")
+        await asyncio.sleep(45)
+        assert plant.value("m1.frequency") == 0 and plant.state is SequenceState.ABORTED
+        assert plant.outcomes("m1")[:3] == [
+            ("set_frequency", "confirmed", "Work"), ("forward", "confirmed", "Work"), ("stop", "confirmed", "Ana Kos")
+        ]  # fmt: skip
+        assert not any(command == "reverse" for command, *_ in plant.outcomes("m1"))
+        failure = plant.runtime.desks.failure("seq1")
+        assert failure and failure.reason == "why.superseded" and failure.params["display"] == "Ana Kos"
+        out = plant.device.block.first_out
+        assert out and out.cause is Cause.COMMAND and plant.runtime.gate
+        assert plant.runtime.gate.control.holder("m1") is None
+
+
+async def test_a_machine_that_a_person_stops_while_the_run_is_suspended_does_not_start_with_the_resume(
+    tmp_path: Path,
+) -> None:
+    async with hall(tmp_path, FEED.replace("minimum = 0.5", "minimum = 30")) as plant:
+        await plant.started()
+        await plant.until(lambda: (plant.value("m1.frequency") or 0) > 29)
+        plant.ask(2)
+        await plant.until(lambda: plant.value("m1.frequency") == 0 and plant.value("c1.moving") == 0)
+        await by_ana(plant, "m1", "stop")
+        plant.ask(3)
+        await asyncio.sleep(10)
+        assert plant.state is SequenceState.ABORTED
+        assert plant.value("m1.frequency") == 0 and plant.value("c1.moving") == 0

@@ -71,6 +71,8 @@ class StepOrders:
         self.desk: Callable[[], Desk | None] = lambda: None
         self._given: dict[int, Given] = {}
         """Active step → its commands."""
+        self._former: dict[int, Given] = {}
+        """Step that was left → the commands of its last passage: a machine may lose them yet."""
         self._again: Given | None = None
         """What goes on after a suspension, of earlier steps."""
         self._at: dict[int, int] = {}
@@ -88,7 +90,8 @@ class StepOrders:
     def refused(self) -> dict[int, int]:
         """Step → number of its first command that was refused or not confirmed."""
         found = {step: given.refused for step, given in self._given.items() if given.refused}
-        if self._again is not None and self._again.refused and self._at:
+        others = (*self._former.values(), *((self._again,) if self._again is not None else ()))
+        if self._at and any(given.refused for given in others):
             step = min(self._at)
             found.setdefault(step, len(self._orders[step - 1]) + 1)
         return found
@@ -101,7 +104,7 @@ class StepOrders:
             self._end(run.state)
             return
         if run.safe and not self._safe:
-            self._safe, self._off, self._given, self._again = True, False, {}, None
+            self._safe, self._off, self._given, self._former, self._again = True, False, {}, {}, None
             if self._at and (desk := self.desk()):
                 desk.stop()
         if not run.output(run.step):
@@ -110,6 +113,7 @@ class StepOrders:
         if self._off:
             self._off, desk = False, self.desk()
             self._again = desk.resume() if desk else None
+        self._former |= {step: given for step, given in self._given.items() if step not in run.active}
         self._given = {step: given for step, given in self._given.items() if step in run.active}
         entered = [step for step in run.active if self._at.get(step) != run.passage(step)]
         self._at = {step: run.passage(step) for step in run.active}
@@ -140,4 +144,4 @@ class StepOrders:
             if state is not SequenceState.DONE:
                 desk.stop()
             desk.leave()
-        self._at, self._off, self._safe, self._given, self._again = {}, False, False, {}, None
+        self._at, self._off, self._safe, self._given, self._former, self._again = {}, False, False, {}, {}, None
