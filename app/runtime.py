@@ -335,8 +335,8 @@ class Runtime:
     def _exchange_plant(self, new: NextPlant, person: Person | None) -> None:
         """Everything that knows the plant knows the other one now; no await, so no batch falls between two revisions."""
         self.tags.wake()  # whoever is told of a standstill later would know handles of two revisions
-        if new.sim is not None and new.taken is not None:
-            new.sim.take(*new.taken)
+        if (sim := new.sim or self.sim) is not None:  # with no link in memory left its devices stand still
+            sim.take(*(new.taken or ({}, {}, {})))
         gone = set(self.links) - set(new.links)
         self.plant, self.problems, self.texts, self.sim = new.plant, [], new.texts, new.sim
         self.access.passwords.plant_name = " ".join(new.plant.name.values())

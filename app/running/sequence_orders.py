@@ -144,7 +144,8 @@ class SequenceDesk:
 
     def renew(self, item: Equipment, gate: Gate, plant: Plant) -> None:
         """Go on in the plant as it was read again."""
-        self.person, self._plant = _person(item, plant), plant
+        former, self.person, self._plant = self.person, _person(item, plant), plant
+        _hand_over(gate, self._carried, former, self.person)
         if gate is not self.gate:
             self._close()
             self.gate, self._close = gate, gate.subscribe_ends(self._ended)
@@ -347,16 +348,13 @@ class SequenceDesk:
         waiting = self._waits.get(progress.id)
         if waiting is not None and not waiting.done():
             waiting.set_result(progress)
-        if progress.equipment in self._carried and self._is_other_stop(progress):
+        if progress.equipment in self._carried and _is_stop(self._plant, progress, self._prefix):
             self._lose(progress)
 
     def _other_stop(self, machine: str) -> Progress | None:
         """A Stop of somebody else that is at work."""
         at_work = self.gate.progress(machine)
-        return at_work if at_work and not at_work.over and self._is_other_stop(at_work) else None
-
-    def _is_other_stop(self, progress: Progress) -> bool:
-        return not progress.id.startswith(f"{self._prefix}-") and _is_stop(self._plant, progress)
+        return at_work if at_work and not at_work.over and _is_stop(self._plant, at_work, self._prefix) else None
 
     def _lose(self, stop: Progress) -> None:
         """Somebody else stopped a machine of this run: it gets nothing more, and the run is over."""
@@ -416,7 +414,19 @@ class SequenceDesk:
             )
 
 
-def _is_stop(plant: Plant, progress: Progress) -> bool:
+def _hand_over(gate: Gate, machines: Iterable[str], former: Person, person: Person) -> None:
+    """A sequence that is called otherwise now keeps the control of its machines, unless somebody waits for it."""
+    for machine in machines if former.session != person.session else ():
+        if gate.control.holds(former, machine):
+            gate.control.release(former, machine)
+            if gate.control.holder(machine) is None:
+                gate.control.take(person, machine)
+
+
+def _is_stop(plant: Plant, progress: Progress, own: str) -> bool:
+    """Whether it is a Stop of somebody else than whoever's ids begin with `own`."""
+    if progress.id.startswith(f"{own}-"):
+        return False
     item = plant.equipment.get(progress.equipment)
     command = item.type.commands.get(progress.command) if item else None
     return command is not None and command.stop
@@ -501,6 +511,7 @@ class SequenceDesks:
         self._gate, self._plant, self._writers = gate, plant, writers
         self._tags: TagDatabase | None = None
         self._desks: dict[str, tuple[Plant, SequenceDesk]] = {}
+        """By what stays when a sequence is renamed."""
 
     def serve(self, sim: SimPlant, tags: TagDatabase) -> SimPlant:
         """`sim`, whose sequences see the plant by its tags and command it by the gate from now on."""
@@ -512,17 +523,20 @@ class SequenceDesks:
         gate, plant = self._gate(), self._plant()
         if gate is None or plant is None or sequence not in plant.equipment:
             return None
-        read, desk = self._desks.get(sequence, (None, None))
+        item = plant.equipment[sequence]
+        read, desk = self._desks.get(item.lasting, (None, None))
         if desk is None:
-            desk = SequenceDesk(plant.equipment[sequence], gate, plant, self._writers, self._tags)
+            desk = SequenceDesk(item, gate, plant, self._writers, self._tags)
         elif read is not plant or desk.gate is not gate:
-            desk.renew(plant.equipment[sequence], gate, plant)
-        self._desks[sequence] = plant, desk
+            desk.renew(item, gate, plant)
+        self._desks[item.lasting] = plant, desk
         return desk
 
     def known(self, sequence: str) -> SequenceDesk | None:
         """The desk of a sequence that commanded something since the server was started; None = it did not."""
-        found = self._desks.get(sequence)
+        plant = self._plant()
+        item = plant.equipment.get(sequence) if plant else None
+        found = self._desks.get(item.lasting) if item else None
         return found[1] if found else None
 
     def failure(self, sequence: str) -> GivenOrders | None:
