@@ -88,8 +88,10 @@ class Axis:
 
     def _turn(self, torque: float, friction: float, blocked: bool, dt: float, *, coasting: bool = False) -> None:
         before = self.speed
+        if not before and abs(torque) <= abs(friction):
+            return  # friction stops, it never drives
         self.speed += _units((torque - friction - DAMPING * _radians(self.speed)) / INERTIA) * dt
-        if coasting and before * self.speed <= 0:
+        if before * self.speed <= 0 and (coasting or (before and abs(torque) <= abs(friction))):
             self.speed = 0.0
         self.position += self.speed * dt
         low, high = -OVERTRAVEL, self.travel + OVERTRAVEL

@@ -139,6 +139,26 @@ def test_a_slide_that_leaves_its_travel_while_the_limits_count_trips_and_jogs_ba
     assert it.axis.speed < 0 and not it.faults
 
 
+@pytest.mark.parametrize("speed", [12_000, 0])
+def test_more_friction_than_torque_stops_the_slide_and_never_drives_it(speed: int) -> None:
+    """300 % and more are beyond the motor: before it begins to move, and while it moves."""
+    it = enabled()
+    send(it, STW1=0x43F, POS_STW1=0x8100, MDI_TARPOS=700_000, MDI_VELOCITY=12_000)
+    if speed:
+        send(it, STW1=0x47F, POS_STW1=0x8100, MDI_TARPOS=700_000, MDI_VELOCITY=speed)
+        step(it, 0.5)
+    it.write(16, own.REG_LOAD, [400])
+    at = it.axis.position
+    send(it, STW1=0x47F, POS_STW1=0x8100, MDI_TARPOS=700_000, MDI_VELOCITY=12_000)
+    way = [(step(it, it.dt), it.axis.position)[1] for _ in range(1000)]
+    assert min(way) >= at and max(way) - at < 10_000, (at, min(way), max(way))
+    assert it.axis.speed == 0 and messages.FOLLOWING in it.faults
+    it.write(16, own.REG_LOAD, [0])
+    for word in (0x43E, 0x4BE, 0x43E, 0x43F):
+        send(it, STW1=word)
+    assert it.state is State.OPERATION
+
+
 def test_a_silent_control_stops_it() -> None:
     it = enabled(start="")
     send(it, STW1=0x43F, POS_STW1=0)
