@@ -348,7 +348,8 @@ class SequenceDesk:
         waiting = self._waits.get(progress.id)
         if waiting is not None and not waiting.done():
             waiting.set_result(progress)
-        if progress.equipment in self._carried and _is_stop(self._plant, progress, self._prefix):
+        held = self._carried.get(progress.equipment, ())
+        if held and (_is_stop(self._plant, progress, self._prefix) or _is_anew(held, progress, self._prefix)):
             self._lose(progress)
 
     def _other_stop(self, machine: str) -> Progress | None:
@@ -357,12 +358,12 @@ class SequenceDesk:
         return at_work if at_work and not at_work.over and _is_stop(self._plant, at_work, self._prefix) else None
 
     def _lose(self, stop: Progress) -> None:
-        """Somebody else stopped a machine of this run: it gets nothing more, and the run is over."""
+        """Somebody else stopped a machine of this run, or gave it another order: it gets nothing more, and the run is over."""
         machine, last = stop.equipment, self._carried[stop.equipment][-1]
         self._fail(last.given, last.number, NEWER, _newer(stop))
         if (task := self._tasks.pop(machine, None)) is not None:
             task.cancel()
-        if stop.state is ProgressState.CONFIRMED:  # it stands; else the run stops it as well
+        if stop.state is ProgressState.CONFIRMED:  # it does what was asked; else the run stops it as well
             del self._carried[machine]
             self._paused.discard(machine)
             self._free(machine)
@@ -430,6 +431,18 @@ def _is_stop(plant: Plant, progress: Progress, own: str) -> bool:
     item = plant.equipment.get(progress.equipment)
     command = item.type.commands.get(progress.command) if item else None
     return command is not None and command.stop
+
+
+def _is_anew(held: Iterable[_Carried], progress: Progress, own: str) -> bool:
+    """Whether somebody else gave the order anew whose end a run waits for: that end would not be its own."""
+    return (
+        progress.state is ProgressState.CONFIRMED
+        and not progress.id.startswith(f"{own}-")
+        and any(
+            one.stage is Stage.SENT and one.action.done and one.action.commands[-1].command == progress.command
+            for one in held
+        )
+    )
 
 
 def _newer(progress: Progress) -> dict[str, object]:

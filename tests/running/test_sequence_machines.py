@@ -9,7 +9,7 @@ import pytest
 from app.blocks.sequence import Cause, SequenceState
 from app.sim.epos.training import REG_INTERLOCK
 from app.sim.sequence.program import VirtualSequence
-from tests.running.test_sequence_orders import Hall, hall
+from tests.running.test_sequence_orders import ANA, Hall, by_ana, hall
 
 LINKS = '[plant]\nname = "Yard"\ntimezone = "UTC"\n[links.all]\ntransport = "memory"\n'
 SEQUENCE = '[equipment.seq1]\ntype = "sequence"\nlink = "all"\nunit = 21\ndefinition = "work"\n'
@@ -186,6 +186,26 @@ async def test_an_axis_that_loses_its_enable_ends_the_order_and_the_sequence_say
         plant.runtime.sim.devices["a1"].write(16, REG_INTERLOCK, [1])
         await plant.until(lambda: plant.state is SequenceState.ABORTED)
         assert plant.failure and plant.failure[:2] == (1, "why.order_ended")
+
+
+async def test_an_axis_that_a_person_sends_elsewhere_meanwhile_is_not_where_the_run_wanted_it(tmp_path: Path) -> None:
+    work = file(step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 600)"))
+    async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: ("move_absolute", "confirmed") in commands(plant, "a1"))
+        gate = plant.runtime.gate
+        assert gate
+        gate.control._rights = lambda person: person
+        gate.control.request(ANA, "a1")
+        await asyncio.sleep(11)
+        await by_ana(plant, "a1", "set_target", argument=550.0)
+        await by_ana(plant, "a1", "set_velocity", argument=6000.0)
+        await by_ana(plant, "a1", "move_absolute")
+        await asyncio.sleep(10)
+        assert plant.state is SequenceState.ABORTED
+        assert plant.failure and plant.failure[1] == "why.superseded" and plant.failure[2]["display"] == "Ana Kos"
+        assert plant.value("a1.position") == pytest.approx(550, abs=0.5)
+        assert plant.value("a1.zsw1_operation_enabled") == 1, "it is hers, and nobody stopped it"
 
 
 async def test_a_crane_carries_a_ladle_and_stands_while_the_sequence_does(tmp_path: Path) -> None:
