@@ -125,6 +125,11 @@
   }, true);
   addEventListener("DOMContentLoaded", () => { for (const menu of menus()) menu.dispatchEvent(new ToggleEvent("toggle", { newState: "open" })); }); // opened before htmx began
 
+  // ---- who signs in or out in another window of this browser does so here, too --------------------------------------
+  const WHO = "pogon.who", who = document.querySelector("[data-who]")?.dataset.who;
+  if (who !== undefined) localStorage.setItem(WHO, who);
+  addEventListener("storage", ({ key, newValue }) => { if (key === WHO && newValue !== null && newValue !== who) location.reload(); });
+
   // ---- tabs: where one is stands in view, however narrow the screen ------------------------------------------------
   [...document.querySelectorAll(".tabs [aria-current]")].pop()?.scrollIntoView({ block: "nearest", inline: "center" });
 
@@ -160,12 +165,9 @@
   // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
   const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
   const zone = body.dataset.zone;
-  const form = new Intl.DateTimeFormat("en-GB", {
-    timeZone: zone, hourCycle: "h23", hour: "2-digit", minute: "2-digit", second: "2-digit",
-  });
+  const form = new Intl.DateTimeFormat("en-GB", { timeZone: zone, hourCycle: "h23", hour: "2-digit", minute: "2-digit", second: "2-digit" });
   const date = new Intl.DateTimeFormat("en-GB", { timeZone: zone, day: "2-digit", month: "2-digit", year: "numeric" });
-  const lang = document.documentElement.lang;
-  const name = new Intl.DateTimeFormat(lang, { timeZone: zone, weekday: "short" });
+  const name = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: zone, weekday: "short" });
   let ahead = Number(face.dataset.now) / 1000 - Date.now(), last = "";
 
   function tick() {

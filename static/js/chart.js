@@ -126,7 +126,7 @@ export class Chart {
   /** Where the line of the pen, as it is drawn, is at a time; null in a gap. */
   at(pen, at) {
     const [xs, ys] = pen.line ?? [[], []], when = at / 1e6, i = xs.findLastIndex((x) => x <= when), value = ys[i], after = ys[i + 1];
-    if (after === undefined) return xs[i] === when ? value : null;
+    if (i < 0 || after === undefined) return xs[i] === when ? value : null;
     return value === null || after === null ? value ?? null : value + ((after - value) * (when - xs[i])) / (xs[i + 1] - xs[i] || 1);
   }
 
@@ -198,9 +198,11 @@ export class Chart {
     return measuring.measureText(text).width;
   }
 
+  /** `text` without its middle, as far as it is wider than `most`: names of a machine differ at their ends. */
   fitted(text, most, size, strong) {
     let out = text;
-    while (out.length > 3 && this.measured(out, size, strong) > most) out = out.slice(0, -2).trimEnd() + "…";
+    for (let left = text.length - 1; left > 1 && this.measured(out, size, strong) > most; left--)
+      out = `${text.slice(0, Math.ceil(left / 2)).trimEnd()}…${text.slice(-Math.floor(left / 2)).trimStart()}`;
     return out;
   }
 
@@ -383,11 +385,14 @@ export class Chart {
 
   gapLabels(plot) {
     const pen = this.pen(this.selected), { ctx, bbox } = plot, ratio = uPlot.pxRatio, y = bbox.top + bbox.height - 26 * ratio;
-    for (const [a, b] of pen?.on ? this.gaps(pen) : []) {
+    const written = []; // where two have no room that of the longer gap is: the hatch says the other one, too
+    for (const [a, b] of pen?.on ? this.gaps(pen).sort(([a, b], [c, d]) => d - c - b + a) : []) {
       const [x, end] = [a, b].map((at) => plot.valToPos(at / 1e6, "x", true));
       if (end - x < 14 * ratio) continue;
       const text = `${this.texts.no_data} ${format.duration((b - a) / 1e6, this.lang)}`, wide = (this.measured(text, 12) + 14) * ratio;
       const middle = Math.min(Math.max((x + end) / 2, bbox.left + wide / 2), bbox.left + bbox.width - wide / 2);
+      if (written.some(([at, other]) => Math.abs(at - middle) < (other + wide) / 2 + 4 * ratio)) continue;
+      written.push([middle, wide]);
       ctx.fillStyle = this.colour("--inset");
       ctx.fillRect(middle - wide / 2, y - 10 * ratio, wide, 20 * ratio);
       const [l, t, r, d] = [middle - wide / 2, y - 10 * ratio, middle + wide / 2, y + 10 * ratio];

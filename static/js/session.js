@@ -6,16 +6,12 @@
   const TOUCH = 30000, WARNING = 60000;
   let until = performance.now() + menu.dataset.idleIn * 1000, told = 0, warned = false;
 
-  function token() {
-    return document.querySelector('.user-drop form [name="csrf"]').value;
-  }
-
   async function active() {
     const now = performance.now();
     if (now - told < TOUCH && !warned) return;
     told = now;
     try {
-      const answer = await fetch("/session/active", { method: "POST", headers: { "X-CSRF-Token": token() }, signal: AbortSignal.timeout(5000) });
+      const answer = await fetch("/session/active", { method: "POST", headers: { "X-CSRF-Token": menu.querySelector('[name="csrf"]').value }, signal: AbortSignal.timeout(5000) });
       if (!answer.ok || answer.headers.get("X-Idle") === "1") return location.reload();
       until = performance.now() + Number(await answer.text()) * 1000;
       if (warned) window.pogon.say("", "info");

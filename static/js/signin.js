@@ -18,9 +18,6 @@
   document.addEventListener("submit", (event) => {
     const left = event.submitter?.dataset.without;
     if (left) for (const field of event.target.querySelectorAll(`[name="${left}"]`)) field.disabled = true;
-    for (const button of event.target.querySelectorAll("[data-reveal]")) {
-      const field = document.getElementById(button.dataset.reveal);
-      field.type = "password";
-    }
+    for (const { dataset } of event.target.querySelectorAll("[data-reveal]")) document.getElementById(dataset.reveal).type = "password";
   });
 })();

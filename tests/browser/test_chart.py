@@ -1,5 +1,7 @@
 """A chart tells nothing that cannot be: no scale below zero for what has no sign, and dots lie on their lines, at stored values."""
 
+from itertools import pairwise
+
 from playwright.sync_api import Page, expect
 
 from tests.conftest import PogonServer
@@ -28,6 +30,29 @@ WIDE = """() => { const { chart } = document.querySelector("[data-panel]"), pen 
   for (let i = 0; i + 1 < xs.length; i++) told.push([chart.at(pen, (xs[i] + xs[i + 1]) / 2 * 1e6), (ys[i] + ys[i + 1]) / 2]);
   return told; }"""
 
+BEFORE = """() => { const { chart } = document.querySelector("[data-panel]"), pen = chart.pens[0];
+  pen.fresh = [];
+  pen.items = [{ at: (chart.from + chart.to) / 2, first: 1, low: 1, high: 1, last: 1, level: 0, count: 1 }];
+  chart.draw();
+  return chart.at(pen, chart.from + 1e6); }"""
+GAPS = """() => { const { chart } = document.querySelector("[data-panel]"), pen = chart.pens[0], written = [];
+  chart.mini = false;
+  const at = (part) => chart.from + part * (chart.to - chart.from);
+  chart.gaps = () => [[0, 0.3], [0.32, 0.7], [0.72, 1]].map((ends) => ends.map(at));
+  chart.text = (plot, text, x) => {
+    if (text.startsWith(chart.texts.no_data)) written.push([x, chart.measured(text, 12) * uPlot.pxRatio]);
+    return 0;
+  };
+  chart.selected = pen.tag;
+  pen.on = true;
+  chart.texts.no_data ??= "no data";
+  chart.gapLabels(chart.plot);
+  return written; }"""
+NAMES = """() => { const { chart } = document.querySelector("[data-panel]"), most = chart.measured("Conveyor 1 · Actual sp", 13, true);
+  const names = [1, 2, 3].map((n) => `Conveyor 1 · Actual speed, section ${n}`);
+  const short = names.map((name) => chart.fitted(name, most, 13, true));
+  return [short, short.every((name) => chart.measured(name, 13, true) <= most)]; }"""
+
 
 def seen(page: Page, server: PogonServer, machine: str) -> None:
     page.goto(f"{server.url}/equipment/{machine}")
@@ -48,3 +73,26 @@ def test_a_dot_lies_on_the_line_and_at_a_column_on_its_last_value(page: Page, de
     assert len(told) > 12
     for shown, expected in told:
         assert abs(shown - expected) < 1e-6, (shown, expected)
+
+
+def test_before_its_first_value_a_pen_is_nowhere(page: Page, demo: PogonServer) -> None:
+    """No marker stands in the corner of the chart, and a ruler has no number there."""
+    seen(page, demo, "m1")
+    assert page.evaluate(BEFORE) is None
+
+
+def test_no_gap_is_written_over_another(page: Page, demo: PogonServer) -> None:
+    """Where two have no room the longer one is; all of them are hatched."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    seen(page, demo, "m1")
+    written = sorted(page.evaluate(GAPS))
+    assert len(written) >= 1
+    for (left, wide), (right, other) in pairwise(written):
+        assert right - left > (wide + other) / 2, written
+
+
+def test_names_without_room_stay_apart(page: Page, demo: PogonServer) -> None:
+    """Points of one machine differ at the ends of their names."""
+    seen(page, demo, "m1")
+    short, fits = page.evaluate(NAMES)
+    assert len(set(short)) == 3 and all("…" in one for one in short) and fits, short

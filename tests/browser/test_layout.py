@@ -35,12 +35,20 @@ PAGES = {
     ),
 }
 """What it is about → its pages."""
-BETWEEN = {"a panel of ten inches": (1024, 768), "twice as large": (640, 400)}
-"""Sizes that none of the others is near: a common industrial panel, and 1280x800 in a browser that was told to show 200 %."""
+BETWEEN = {
+    "a panel of ten inches": (1024, 768),
+    "twice as large": (640, 400),
+    "a tablet upright": (768, 1024),
+    "a phone on its side": (844, 390),
+    "four times as large": (320, 640),
+}
+"""Sizes that none of the others is near: a common industrial panel, 1280x800 in a browser that was told to
+show 200 or 400 %, what is held in a hand."""
 THERE = (
     *("/", "/alarms", "/alarms?tab=journal", "/events", "/records/passage?equipment=c1", "/trends", "/communication"),
     *(f"/equipment/{machine}" for machine in ("m1", "c1", "cc1", "cr1", "seq1", "a1")),
     *("/equipment/cr1/page/hoist", "/equipment/cr1/page/drives", "/equipment/c1/events"),
+    *("/instructor/c1", "/equipment/seq1/definition"),
 )
 """What is looked at there."""
 LIGHT = {"/": 150_000, "/alarms": 150_000, "/equipment/m1": 190_000}

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, StorageState, expect
 
 from tests.browser.station import Sit, let_go, serving, small, take
 from tests.conftest import PogonServer
@@ -90,3 +90,16 @@ def test_it_holds_for_this_browser_until_it_is_ended_and_others_load_none_of_it(
     page.goto(f"{server.url}/equipment/m1")
     expect(page.locator("body")).to_have_attribute("data-live", "live")
     assert not [url for url in asked if "keypad" in url]
+
+
+def test_who_signs_out_in_one_window_is_signed_out_in_all(sit: Sit, sessions: dict[str, StorageState]) -> None:
+    sessions.clear()
+    page = sit()
+    other = page.context.new_page()
+    other.goto(page.url)
+    expect(other.locator(".head .who")).to_contain_text("ivana")
+    other.click(".user-drop summary")
+    other.click("form[action='/signout'] button")
+    expect(other.locator(".head .who")).to_contain_text("Sign in")
+    expect(page.locator(".head .who")).to_contain_text("Sign in")
+    sessions.clear()
