@@ -163,8 +163,7 @@
   });
 
   // ---- clock: the server's time in the plant's zone, corrected by what the live script hears ----------------------
-  const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]");
-  const zone = body.dataset.zone;
+  const face = document.querySelector("[data-clock]"), day = document.querySelector("[data-date]"), { zone } = body.dataset;
   const form = new Intl.DateTimeFormat("en-GB", { timeZone: zone, hourCycle: "h23", hour: "2-digit", minute: "2-digit", second: "2-digit" });
   const date = new Intl.DateTimeFormat("en-GB", { timeZone: zone, day: "2-digit", month: "2-digit", year: "numeric" });
   const name = new Intl.DateTimeFormat(document.documentElement.lang, { timeZone: zone, weekday: "short" });

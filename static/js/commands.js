@@ -283,9 +283,10 @@ function current(element, answer, asks) {
 async function token(button) {
   if (pressing.has("token")) return;
   pressing.add("token");
+  button.ariaBusy = "true";
   const got = await post(button.dataset.url, {});
-  if (got) take(got, null);
-  else told(textsOf(button).no_answer, "error");
+  got ? take(got, null) : told(textsOf(button).no_answer, "error");
+  button.ariaBusy = null;
   pressing.delete("token");
 }
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.browser.station import AXE, SIZES, serving, small
 from tests.conftest import PogonServer
@@ -100,6 +101,40 @@ def test_a_server_that_does_not_answer_is_said_too(visitor: Page, server: PogonS
     visitor.click("#ask")
     expect(visitor.locator("#message")).to_contain_text("No answer from the server")
     expect(visitor.locator("#place")).to_have_text("before")
+
+
+def test_a_slow_answer_is_waited_for_in_words(page: Page, server: PogonServer) -> None:
+    """Whatever was pressed; what the page fetches by itself is not told."""
+    held: list[Route] = []
+    page.route("**/slow", lambda route: held.append(route))
+    page.goto(server.url)
+    page.evaluate(ASK, "/slow")
+    expect(page.locator(".waits")).to_be_hidden()
+    page.locator("#ask").dispatch_event("click")
+    expect(page.locator(".waits")).to_be_visible()
+    held.pop().fulfill(body="after", content_type="text/html")
+    expect(page.locator("#place")).to_have_text("after")
+    expect(page.locator(".waits")).to_be_hidden()
+    page.locator("#ask").evaluate("button => { button.dataset.renewed = 'part'; button.click(); }")
+    expect(page.locator("#ask")).to_have_class("htmx-request")
+    expect(page.locator(".waits")).to_be_hidden()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_drawing_is_read_in_the_colours_of_the_reader(
+    browser: Browser, server: PogonServer, scheme: Literal["light", "dark"]
+) -> None:
+    """Colours that the system forces have the ground of the system, whatever theme was chosen here."""
+    context = browser.new_context(forced_colors="active", color_scheme=scheme)
+    context.add_cookies([{"name": "pogon_theme", "value": "light" if scheme == "dark" else "dark", "url": server.url}])
+    page = context.new_page()
+    page.goto(f"{server.url}/equipment/m1")
+    fills = page.evaluate(
+        "[...document.querySelectorAll('main svg text')].filter((e) => e.checkVisibility()).map((e) => getComputedStyle(e).fill)"
+    )
+    text = page.evaluate("getComputedStyle(document.querySelector('main h2')).color")
+    assert fills and set(fills) <= {text}, (fills, text)
+    context.close()
 
 
 def test_the_language_changes_in_place_and_keeps_what_was_typed(page: Page, server: PogonServer) -> None:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, StorageState, expect
+from playwright.sync_api import Page, Route, StorageState, expect
 
 from tests.browser.station import Sit, let_go, serving, small, take
 from tests.conftest import PogonServer
@@ -103,3 +103,14 @@ def test_who_signs_out_in_one_window_is_signed_out_in_all(sit: Sit, sessions: di
     expect(other.locator(".head .who")).to_contain_text("Sign in")
     expect(page.locator(".head .who")).to_contain_text("Sign in")
     sessions.clear()
+
+
+def test_who_takes_control_on_a_slow_line_is_told_to_wait(sit: Sit) -> None:
+    page = sit(path="/equipment/m1")
+    held: list[Route] = []
+    page.route("**/token/take", lambda route: held.append(route))
+    page.locator("[data-token=take]").click()
+    expect(page.locator(".waits")).to_be_visible()
+    held.pop().continue_()
+    expect(page.locator(".token").first).to_have_attribute("data-holding", "mine")
+    expect(page.locator(".waits")).to_be_hidden()
