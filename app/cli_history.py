@@ -161,12 +161,16 @@ def backup(
         )
     except ConfigurationError as error:
         fail(str(error))
-    with opened(folder, existing=True) as access:
-        sealed = bool(encrypt_to)
-        entry = access.audit.entry(
-            "backup.made", terminal(), file.name, keys=with_keys, history=history, encrypted=sealed
-        )
-        access.audit.run(lambda _connection: (None, [entry]))
+    try:
+        with opened(folder, existing=True) as access:
+            sealed = bool(encrypt_to)
+            entry = access.audit.entry(
+                "backup.made", terminal(), file.name, keys=with_keys, history=history, encrypted=sealed
+            )
+            access.audit.run(lambda _connection: (None, [entry]))
+    except typer.Exit:  # told; a disk that is full here does not make what lies elsewhere worse
+        typer.echo(f"pogon: {file} is written and verified all the same; the audit has no line of it", err=True)
+        raise
     typer.echo(f"{file}: {len(manifest.files)} files, verified. {_said(manifest)}")
     typer.echo(f"Its plant is {of}.")
     if key_file is None:

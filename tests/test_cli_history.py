@@ -175,6 +175,20 @@ def test_what_takes_no_line_is_moved_aside_as_it_is(tmp_path: Path, state: str) 
     assert lines_of(data / "pogon.db")[-1] == ("backup.restored", "b.tar", "ok")
 
 
+def test_a_backup_of_which_the_audit_takes_no_line_is_told_to_be_there(tmp_path: Path) -> None:
+    data, archive = tmp_path / "data", tmp_path / "b.tar"
+    assert pogon(data, "user", "add", "ana").returncode == 0
+    with closing(sqlite3.connect(data / "pogon.db")) as database:
+        database.execute("UPDATE alembic_version SET version_num = '9999'")
+        database.commit()
+    done = pogon(data, "backup", str(archive))
+    assert done.returncode == 2 and archive.exists()
+    assert (
+        done.stderr.splitlines()[-1]
+        == f"pogon: {archive} is written and verified all the same; the audit has no line of it"
+    )
+
+
 def test_without_history_there_is_one_clear_line(tmp_path: Path) -> None:
     done = pogon(tmp_path / "data", "export", "--tags", "m1.speed")
     assert done.returncode == 2

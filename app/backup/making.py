@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from app import __version__
+from app.access.former import check_former
 from app.access.restoring import finish_restore, sync_folder
 from app.backup.archive import (
     DATABASES,
@@ -56,7 +57,8 @@ def back_up(
     encrypted to the public keys `encrypt_to` of age.
 
     Raises:
-        ConfigurationError: there is nothing to back up, no plant, the file exists, no room for it, or what was written does not verify.
+        ConfigurationError: there is nothing to back up, no plant, the file exists, no room for it, a database is lost or
+            damaged, or what was written does not verify.
     """
     finish_restore(data)
     if not (data / "pogon.db").is_file():
@@ -72,6 +74,7 @@ def back_up(
     described = plant / PLANT_FILE
     if not described.is_file() or described.is_symlink():  # nobody would miss it before he restores
         raise ConfigurationError(f"{described} is not there, or no ordinary file: expected the plant folder (--plant)")
+    check_former(data)
     key = signing_key(key_file or data / BACKUP_KEY, make=True)
     try:
         with work_folder(archive.parent) as work:
@@ -96,7 +99,7 @@ def back_up(
                 to_datetime(SystemClock().micros()).isoformat(timespec="seconds"),
                 keys,
                 {name: ((copies / name).stat().st_size, digest(copies / name)) for name in names},
-                {name: table_counts(copies / name) for name in names if name in DATABASES},
+                {name: _counted(copies / name, data / name) for name in names if name in DATABASES},
             )
             said = asdict(manifest)
             del said["signed"]
@@ -131,13 +134,23 @@ def _pack(folder: Path, names: Sequence[str], archive: Path, *, compress: bool) 
 
 
 def _copy_database(source: Path, target: Path) -> None:
-    with closing(open_to_read(source)) as old, closing(sqlite3.connect(target)) as new:
-        old.backup(new)
-        new.execute("PRAGMA journal_mode = DELETE")
-        new.execute("PRAGMA secure_delete = ON")
-        if new.execute("SELECT 1 FROM sqlite_master WHERE name = 'session'").fetchone():
-            new.execute("DELETE FROM session")
-            new.commit()
+    try:
+        with closing(open_to_read(source)) as old, closing(sqlite3.connect(target)) as new:
+            old.backup(new)
+            new.execute("PRAGMA journal_mode = DELETE")
+            new.execute("PRAGMA secure_delete = ON")
+            if new.execute("SELECT 1 FROM sqlite_master WHERE name = 'session'").fetchone():
+                new.execute("DELETE FROM session")
+                new.commit()
+    except sqlite3.Error as error:
+        raise ConfigurationError(f"{source} cannot be copied: {error}") from error
+
+
+def _counted(copy: Path, source: Path) -> dict[str, int]:
+    try:
+        return table_counts(copy)
+    except sqlite3.Error as error:
+        raise ConfigurationError(f"{source} is damaged: {error}") from error
 
 
 def _copied(source: Path, target: Path) -> bool:

@@ -83,6 +83,32 @@ def test_a_backup_has_a_plant(data: Path, plant: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "b.tar").exists()
 
 
+@pytest.mark.parametrize("name", ["pogon.db", "history.db"])
+@pytest.mark.parametrize("damage", ["rubbish", "cut", "page"])
+def test_a_database_that_cannot_be_copied_is_one_line_and_no_archive(
+    data: Path, plant: Path, tmp_path: Path, name: str, damage: str
+) -> None:
+    path = data / name
+    whole = path.read_bytes()
+    page = b"\xa5" * 4096 * 4
+    damaged = {
+        "rubbish": page,
+        "cut": whole[: len(whole) // 2],
+        "page": whole[:4096] + page + whole[4096 + len(page) :],
+    }
+    path.write_bytes(damaged[damage])
+    with pytest.raises(ConfigurationError, match=name):
+        back_up(tmp_path / "b.tar", data, plant)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["data", "plant"]
+
+
+def test_a_plant_that_lost_its_database_has_no_backup(data: Path, plant: Path, tmp_path: Path) -> None:
+    (data / "pogon.db").write_bytes(b"")
+    with pytest.raises(ConfigurationError, match="is empty, but this folder is of a plant that had accounts"):
+        back_up(tmp_path / "b.tar", data, plant)
+    assert not (tmp_path / "b.tar").exists()
+
+
 def test_what_a_killed_backup_left_is_removed_by_the_next(data: Path, plant: Path, tmp_path: Path) -> None:
     stale, used = tmp_path / ".pogon-stale", tmp_path / ".pogon-used"
     for folder in (stale, used):
