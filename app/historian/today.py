@@ -5,6 +5,7 @@ counter of a device goes on while nobody looks, so only what it did before it wa
 still meanwhile.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,9 +20,13 @@ from app.historian.store import GAP_AFTER, MARK, MINUTE
 from app.historian.tables import minute, run
 from app.plant.definitions import Equipment
 from app.plant.today import Figure, How
+from app.registers.register import Register, Type
 
 TOLERATED = 60_000_000
 """So much of a day in all may be missing from a figure that is called whole [µs]: it is read in minutes, and a restart takes seconds."""
+NEARLY = 0.75
+"""Of what its register holds: a counter that falls from above this may have run over, not been set back."""
+BITS = {Type.U16: 16, Type.I16: 15, Type.U32: 32, Type.I32: 31, Type.U64: 64}
 Span = tuple[int, int]
 """Begin and end [µs UTC]."""
 Step = tuple[float, float, float]
@@ -94,7 +99,7 @@ def _amount(
     if number is None:
         return Amount(None, False)
     if figure.how is How.COUNT:
-        return counted(connection, number, begin, end, goes_on=point.derived is None)
+        return counted(connection, number, begin, end, goes_on=point.derived is None, room=_room(point.register))
     found = seen(number)
     if found.mean is None:
         return Amount(None, False)
@@ -102,23 +107,40 @@ def _amount(
     return Amount(area if figure.how is How.TIME else area / 3600, end - begin - found.good <= TOLERATED)
 
 
-def counted(connection: Connection, number: int, begin: int, end: int, *, goes_on: bool) -> Amount:
-    """By how much a counter went up; `goes_on`: it counts on in its device also while it is not seen."""
+def counted(
+    connection: Connection, number: int, begin: int, end: int, *, goes_on: bool, room: float = math.inf
+) -> Amount:
+    """By how much a counter went up; `goes_on`: it counts on in its device also while it is not seen; its register has `room` for so much.
+
+    Where it began again at nought, what it counted since is the least: whole when it was seen all the time, and its register was not
+    nearly full, which is where it may have run over.
+    """
     before = _held(connection, number, begin)
     whole, last, total = before is not None, before, 0.0
+    fell, ran_over = False, False
     for first, high, latest in _steps(connection, number, begin, end):
         for value in (first, latest) if latest >= first else (first, high, latest):
-            if last is not None:
-                total += value - last if value >= last else value
+            if last is not None and value < last:
+                fell, ran_over, total = True, ran_over or last >= NEARLY * room, total + value
+            elif last is not None:
+                total += value - last
             last = value
     if last is None:
         return Amount(None, False)
     if not whole:  # it may have been seen from the first minute on
         found = query.page(connection, number, begin - 1, begin + TOLERATED, 1)
         whole = bool(found) and found[0][1] is not None
-    if not goes_on:
+    if fell or not goes_on:
         whole = whole and end - begin - aggregate(connection, number, begin, end).good <= TOLERATED
-    return Amount(total, whole and _held(connection, number, end) is not None)
+    return Amount(total, whole and not ran_over and _held(connection, number, end) is not None)
+
+
+def _room(register: Register | None) -> float:
+    """What a counter in this register counts to before it runs over; without end where that is not known."""
+    if register is None or register.type not in BITS:
+        return math.inf
+    raw = (1 << BITS[register.type]) - 1
+    return (raw if register.mask is None else min(raw, register.mask)) * abs(register.scale)
 
 
 def _held(connection: Connection, number: int, time: int) -> float | None:

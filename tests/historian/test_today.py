@@ -13,6 +13,7 @@ from app.historian.store import GAP_AFTER, HOUR, MINUTE, Row, begin_run
 from app.historian.today import Amount, counted, read_day
 from app.plant.definitions import Derived, Device, Equipment, EquipmentType, Kind, Point
 from app.plant.today import Figure, How
+from app.registers.register import Register, Type
 from app.tags.quality import COMM_FAILURE, GOOD
 from tests.historian.conftest import fill
 from tests.historian.test_store import fresh, roll_up_all
@@ -150,6 +151,42 @@ def test_a_counter_that_begins_again_takes_nothing_away(rolled: bool) -> None:
         if rolled:
             roll_up_all(connection, at + 5 * MINUTE)
         assert counted(connection, 2, BEGIN, at + 5 * MINUTE, goes_on=True) == Amount(8, whole=True)
+
+
+@pytest.mark.parametrize("rolled", [False, True])
+@pytest.mark.parametrize(
+    ("register", "before", "whole"),
+    [
+        (Register(0), 65_530.0, False),
+        (Register(0, scale=10.0), 655_300.0, False),
+        (Register(0, scale=10.0), 65_530.0, True),
+        (Register(0, mask=0xFF), 255.0, False),
+        (Register(0, Type.U32, words=2), 65_530.0, True),
+        (Register(0, Type.F32, words=2), 1e9, True),
+        (None, 65_530.0, True),
+    ],
+)
+def test_a_counter_that_may_have_run_over_is_the_least_that_it_can_be(
+    register: Register | None, before: float, whole: bool, rolled: bool
+) -> None:
+    at, now = BEGIN + HOUR, BEGIN + 2 * HOUR
+    rows = every(2, BEGIN - MINUTE, at, before) + every(2, at, now, 4)
+    item = machine()
+    item = replace(item, points={**item.points, "made": replace(item.points["made"], register=register)})
+    with fresh() as connection:
+        stored(connection, rows, now)
+        if rolled:
+            roll_up_all(connection, now)
+        assert read_day(connection, [item], BEGIN, now).amounts["m1"]["made"] == Amount(4, whole=whole)
+
+
+def test_a_counter_that_began_again_while_nobody_looked_is_the_least_that_it_can_be() -> None:
+    off, on, now = BEGIN + 2 * HOUR, BEGIN + 3 * HOUR, BEGIN + 4 * HOUR
+    with fresh() as connection:
+        stored(connection, every(2, BEGIN - MINUTE, off, 50), off)
+        begin_run(connection, on)
+        stored(connection, every(2, on, now, 3), now)
+        assert counted(connection, 2, BEGIN, now, goes_on=True) == Amount(3, whole=False)
 
 
 def test_what_was_yesterday_is_not_counted_and_a_value_of_yesterday_holds_no_longer_than_it_may() -> None:
