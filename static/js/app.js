@@ -127,7 +127,7 @@
 
   // ---- who signs in or out in another window of this browser does so here, too --------------------------------------
   const WHO = "pogon.who", who = document.querySelector("[data-who]")?.dataset.who;
-  if (who !== undefined) localStorage.setItem(WHO, who);
+  try { if (who !== undefined) localStorage.setItem(WHO, who); } catch { /* private window: this one alone */ }
   addEventListener("storage", ({ key, newValue }) => { if (key === WHO && newValue !== null && newValue !== who) location.reload(); });
 
   // ---- tabs: where one is stands in view, however narrow the screen ------------------------------------------------
