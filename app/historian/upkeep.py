@@ -49,7 +49,8 @@ class Upkeep:
         """What is older is packed [µs UTC]."""
         self._aged = clock.monotonic()
         """When it was last looked how old the history is [s]."""
-        self._leapt = False
+        self.clock_leapt = False
+        """Whether the clock leapt ahead and is not believed yet (historian/age.py)."""
 
     @property
     def fill(self) -> float:
@@ -139,12 +140,12 @@ class Upkeep:
         if takes:
             await self._database.write(lambda connection: age.note(connection, found))
             self._aged = at
-        if found.leapt and not self._leapt:
+        if found.leapt and not self.clock_leapt:
             days = (now - found.time) / DAY
             log.error(
                 "history not cut by this clock: it leapt days=%.0f; it is believed when it runs so for a day", days
             )
-        self._leapt = found.leapt > 0
+        self.clock_leapt = found.leapt > 0
         return found
 
     async def _cut(self, aged: Age) -> None:

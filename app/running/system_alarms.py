@@ -50,6 +50,7 @@ def tell_of_server(alarms: AlarmEngine, sim: SimPlant | None, audit: Audit, reco
     tell("history_full", active=recorder.full or events.failed)
     tell("history_quota", active=recorder.upkeep.fill >= WARN_AT, params={"percent": str(round(100 * WARN_AT))})
     tell("disk_low", active=recorder.upkeep.disk_low)
+    tell("clock_leapt", active=recorder.upkeep.clock_leapt)
 
 
 def tell_of_task(alarms: AlarmEngine, task: SupervisedTask) -> None:

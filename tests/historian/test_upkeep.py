@@ -108,9 +108,11 @@ async def test_a_clock_that_leaps_by_years_and_is_set_right_costs_no_history(
     assert [record.message for record in caplog.records] == [
         "history not cut by this clock: it leapt days=365; it is believed when it runs so for a day"
     ]
+    assert made.upkeep.clock_leapt
     source.clock.step_wall(-YEAR)
     await minutes(source, made, 3)
     assert set(before) <= set(rows_of(history))
+    assert not made.upkeep.clock_leapt
 
 
 async def test_a_leap_is_no_truer_after_a_restart_nor_takes_the_quota_more_than_it_needs(history: Database) -> None:

@@ -52,7 +52,7 @@ def test_events_only_here_and_a_halted_program_are_told_of_their_machine(only_he
 def server(**changed: Any) -> set[str]:
     state: dict[str, Any] = {
         "lag": 0.0, "speed": 1, "achieved": 1.0, "healthy": True, "intact": True, "full": False, "failed": False, "fill": 0.1,
-        "disk_low": False,
+        "disk_low": False, "clock_leapt": False,
     } | changed  # fmt: skip
     it: Any = SimpleNamespace(**state)
     it.upkeep = it
@@ -76,6 +76,7 @@ def server(**changed: Any) -> set[str]:
         ({"failed": True}, {"history_full"}),
         ({"fill": WARN_AT}, {"history_quota"}),
         ({"disk_low": True}, {"disk_low"}),
+        ({"clock_leapt": True}, {"clock_leapt"}),
     ],
 )
 def test_each_fault_of_the_server_has_its_alarm(changed: dict[str, Any], told: set[str]) -> None:
