@@ -13,8 +13,8 @@ from sqlalchemy import BigInteger, Connection, Integer, Select, Table, bindparam
 from app.historian import sealed
 from app.historian.dialect import Statement, in_order
 from app.historian.packing import NUMBER, Packed
-from app.historian.store import GAP_AFTER, HOUR, MARK, MINUTE, RAMP
-from app.historian.tables import hour, minute, point, run, sample
+from app.historian.store import GAP_AFTER, HOUR, LAST_RUN, MARK, MINUTE, RAMP
+from app.historian.tables import hour, mark, minute, point, run, sample
 from app.plant.definitions import Kind
 
 MAX_WIDTH = 4000
@@ -115,6 +115,10 @@ def alive(connection: Connection) -> int:
 
 
 ALIVE = Statement(select(func.coalesce(func.max(run.c.alive), 0)))
+LATEST = Statement(
+    select(run.c.start, run.c.alive).join_from(run, mark, mark.c.t == run.c.start).where(mark.c.name == LAST_RUN)
+)
+"""From when to when the run was seen that was alive last: after a clock that was ahead, earlier runs end later."""
 
 
 def columns(connection: Connection, number: int, begin: int, end: int, width: int) -> Columns:
@@ -134,7 +138,9 @@ def columns(connection: Connection, number: int, begin: int, end: int, width: in
     before, known_to = _before(connection, number, begin), min(end, alive(connection))
     ramp = _ramp(connection, number)
     after = _after(connection, number, end, ramp)
-    return _drawn(before, cells, after, begin, known_to, ramp, Columns(source=table, step=step))
+    latest = LATEST(connection).first()
+    lived = (0, 0) if latest is None else (latest[0], latest[1])
+    return _drawn(before, cells, after, begin, known_to, lived, ramp, Columns(source=table, step=step))
 
 
 def raw(
@@ -365,10 +371,18 @@ def _drawn(
     after: tuple[int, float | None] | None,
     begin: int,
     known_to: int,
+    lived: tuple[int, int],
     ramp: int,
     out: Columns,
 ) -> Columns:
-    """Columns in order, with what holds at the edges and a break wherever nothing was recorded or a sample was bad."""
+    """Columns in order, with what holds at the edges and a break wherever nothing was recorded or a sample was bad.
+
+    `lived`: what is from this time holds no longer than its end: the recorder runs now, whatever a clock that was ahead had it write.
+    """
+
+    def until(since: int) -> int:
+        held_to = since + GAP_AFTER
+        return min(held_to, lived[1]) if lived[0] <= since <= lived[1] else held_to
 
     held_time, held, level = before if before is not None else (begin - GAP_AFTER - 1, None, 2)
     if held is not None:
@@ -376,14 +390,14 @@ def _drawn(
         out.hold(begin, _on_line(begin, held_time, held, following, ramp), level)
     for cell in cells:
         if held is not None:
-            _end_of_hold(out, held_time, held, level, cell.first_time, cell.first)
+            _end_of_hold(out, until(held_time), held, level, cell.first_time, cell.first)
         if out.time and cell.first_time <= out.time[-1]:
             out.drop()
         out.add(cell.first_time, cell.first, cell.low, cell.high, cell.last, cell.worst, cell.count)
         held_time, held, level = cell.last_time, cell.last, cell.last_level
     if held is not None and known_to > held_time:
-        _end_of_hold(out, held_time, held, level, known_to, held)
-        if known_to - held_time <= GAP_AFTER:
+        _end_of_hold(out, until(held_time), held, level, known_to, held)
+        if known_to <= until(held_time):
             out.hold(known_to, _on_line(known_to, held_time, held, after, ramp), level)
     return out
 
@@ -395,10 +409,10 @@ def _on_line(moment: int, since: int, value: float, then: tuple[int, float | Non
     return value + (then[1] - value) * (moment - since) / (then[0] - since)
 
 
-def _end_of_hold(out: Columns, since: int, held: float, level: int, time: int, value: float | None) -> None:
-    """Draw `held` (a sample of the time `since`) up to where it ends before `time`, where the point is `value`."""
-    if time - since > GAP_AFTER:
-        out.hold(since + GAP_AFTER, held, level)
-        out.hold(since + GAP_AFTER + 1, None, 2)
+def _end_of_hold(out: Columns, until: int, held: float, level: int, time: int, value: float | None) -> None:
+    """Draw `held` (a sample that holds `until` then at most) up to where it ends before `time`, where the point is `value`."""
+    if time > until:
+        out.hold(until, held, level)
+        out.hold(until + 1, None, 2)
     elif value is None:
         out.hold(time - 1, held, level)

@@ -41,7 +41,9 @@ def statistics(
 ) -> list[Numbers]:
     """The numbers of each of `names` from `begin` to `end`, and what held at `moments` [µs UTC]."""
     alive = query.alive(connection)
-    known = min(end, alive)
+    known = min(
+        end, alive if begin > now else min(alive, now)
+    )  # of a clock that was ahead there is more, and it is still to come
     seen = known if now - alive < RECORDER_SILENT else min(end, now)
     length = max(0, seen - begin)
     return [_numbers(connection, name, (begin, known), length, alive, moments) for name in names]
@@ -77,6 +79,6 @@ def _numbers(
 
 def _held(connection: Connection, number: int, time: int, alive: int) -> Held | None:
     found = query.line_at(connection, number, time)
-    if found is None or time - found[0] > GAP_AFTER or time > alive + GAP_AFTER:
+    if found is None or time - found[0] > GAP_AFTER or time > alive + RECORDER_SILENT:
         return None
     return found[1], found[2] & 3

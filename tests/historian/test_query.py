@@ -189,6 +189,20 @@ def test_a_pause_of_the_recorder_is_a_gap() -> None:
         ]
 
 
+@pytest.mark.parametrize("end", [20 * MINUTE, 4 * HOUR])
+def test_after_a_clock_that_was_ahead_a_value_is_drawn_up_to_now_and_no_further(end: int) -> None:
+    """Also where what was written under the clock that was ahead follows."""
+    ahead, now = BEGIN + 3 * HOUR, BEGIN + 20_000_000
+    with fresh() as connection:
+        fill(connection, as_rows([(ahead, 7.0, GOOD)]), alive=ahead + 20_000_000)
+        store.begin_run(connection, BEGIN)
+        store.append(connection, as_rows([(BEGIN + 1_000_000, 1.0, GOOD)]), BEGIN, now)
+        got = query.columns(connection, 1, BEGIN, BEGIN + end, 1000)
+    line = [(time, value) for time, value in zip(got.time, got.last, strict=True) if time < ahead]
+    assert line == [(BEGIN + 1_000_000, 1.0), (now, 1.0), (now + 1, None)]
+    assert (7.0 in got.last) is (end > 3 * HOUR)
+
+
 def test_silence_longer_than_the_heartbeat_is_a_gap() -> None:
     rows: list[RawRow] = [(BEGIN, 1.0, GOOD), (BEGIN + HOUR, 2.0, GOOD)]
     got = asked(rows, BEGIN, BEGIN + HOUR + MINUTE, 3600)

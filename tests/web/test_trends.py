@@ -254,6 +254,19 @@ def test_when_the_recorder_has_stopped_what_came_after_is_lacking(
     assert row.good == pytest.approx(0.45) and row.lacking == 660_000_000
 
 
+def test_a_ruler_behind_the_end_of_the_curve_has_no_value(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.historian.statistics.query.alive", lambda _connection: END)
+    assert numbers(staff, "m1.speed", BEGIN, END, END + 10_000_000, END + 60_000_000).held == ((1200.0, 0), None)
+
+
+def test_what_a_clock_that_was_ahead_had_written_makes_no_time_past(
+    staff: Staff, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = runtime_of(staff.client).clock.micros()
+    monkeypatch.setattr("app.historian.statistics.query.alive", lambda _connection: now + 7_200_000_000)
+    assert numbers(staff, "m1.speed", now - 10_000_000, now + 3_600_000_000).lacking < 20_000_000
+
+
 def test_a_ruler_in_a_gap_has_no_value(staff: Staff) -> None:
     assert numbers(staff, "m1.speed", BEGIN, END, BEGIN + 330_000_000).held == ((None, 2),)
 
