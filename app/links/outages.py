@@ -75,7 +75,8 @@ class Outages(Line):
     def __init__(self, link: Link, stations: Mapping[int, Station], tags: TagDatabase, clock: Clock) -> None:
         super().__init__(link, stations, tags, clock)
         self._examiner = Examiner(self)
-        self._probe_free = 0.0
+        self._probe_free = {True: 0.0, False: 0.0}
+        """Of units that did answer, and of those that never did: before it none is asked while others live [s]."""
         self._reopened = 0.0
         self._reopen: set[int] = set()
 
@@ -184,7 +185,7 @@ class Outages(Line):
         patience = max(SHORTEST_PATIENCE, PATIENCES * self.statistics.units[station.number].turnaround)
         while True:
             wait = min(pause, KNOWN_PROBE if known else LAST_PROBE) * chance.uniform(0.9, 1.1)
-            wait = min(wait, FIRST_PROBE) if self._all_silent else max(wait, self._probe_free - self._now())
+            wait = min(wait, FIRST_PROBE) if self._all_silent else max(wait, self._probe_free[known] - self._now())
             station.probe_now.clear()
             try:
                 async with asyncio.timeout(wait):
@@ -207,17 +208,22 @@ class Outages(Line):
                     break
             except LinkError:
                 pass
-            rest = (self._now() - started) / PROBE_SHARE
-            self._probe_free = max(self._probe_free, started) + (min(rest, KNOWN_PROBE) if known else rest)
+            if not self._all_silent:  # nobody had to wait for it, so nobody has to be spared afterwards
+                self._spare(started, known=known)
             pause = min(2 * pause, LAST_PROBE)
             self._reopen_when_all_silent()
-        if self._all_silent:  # what kept them all silent may be over for all
-            for other in self.stations.values():
-                if other is not station:
-                    other.probe_now.set()
+        for other in self.stations.values():  # what kept them silent may be over for all
+            if other is not station and (self._all_silent or other.proven):
+                other.probe_now.set()
         if self._several:
             log.info("unit answers link=%s unit=%d", self.link.name, station.number)
         await self._bring_up(station)
+
+    def _spare(self, started: float, *, known: bool) -> None:
+        """After a probe of `started` [s] the line is for others; a unit that did answer waits for none that never did."""
+        rest = (self._now() - started) / PROBE_SHARE
+        for of in {known, False}:
+            self._probe_free[of] = max(self._probe_free[of], started) + (min(rest, KNOWN_PROBE) if known else rest)
 
     def _reopen_when_all_silent(self) -> None:
         """A socket can be open and dead; some devices need a new one (pymodbus #2619)."""

@@ -244,3 +244,33 @@ async def test_a_gateway_that_closes_after_each_answer_is_not_called_without_end
         monkeypatch.setattr(Closing, "answers", -1)
         assert await until(lambda: is_good(made.quality("m1.v0"))) <= BACK
     server.close()
+
+
+@pytest.mark.parametrize("kind", ["memory", "rtu"])
+async def test_a_unit_that_is_back_later_than_others_after_a_long_silence_of_all_is_good_within_two_seconds(
+    kind: str,
+) -> None:
+    """Power comes back, and drives start one after the other."""
+    devices = {unit: RegisterDevice({n: 0 for n in range(25)}) for unit in (1, 2)}
+    async with line(kind, Bus(devices), 1, 2, 3) as made:
+        await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices))
+        for device in devices.values():
+            device.line_fault = replace(LineFault(), mode=LineFaultMode.SILENT)
+        await asyncio.sleep(20.0)
+        devices[1].line_fault = LineFault()
+        await until(lambda: is_good(made.quality("m1.v0")))
+        await asyncio.sleep(3.0)
+        devices[2].line_fault = LineFault()
+        assert await until(lambda: is_good(made.quality("m2.v0"))) < BACK
+
+
+async def test_a_unit_does_not_wait_for_one_that_was_never_there() -> None:
+    devices = {unit: RegisterDevice({n: 0 for n in range(25)}) for unit in (1, 2)}
+    async with line("memory", Bus(devices), 1, 2, 3) as made:
+        await until(lambda: all(is_good(made.quality(f"m{unit}.v0")) for unit in devices))
+        for moment in range(12):
+            devices[1].line_fault = replace(LineFault(), mode=LineFaultMode.SILENT)
+            await until(lambda: is_bad(made.quality("m1.v0")))
+            await asyncio.sleep(0.1 * moment)
+            devices[1].line_fault = LineFault()
+            assert await until(lambda: is_good(made.quality("m1.v0"))) < BACK
