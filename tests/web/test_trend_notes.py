@@ -139,9 +139,9 @@ def test_a_viewer_reads_notes_and_writes_none_and_a_guest_does_neither(staff: St
 @pytest.mark.parametrize(
     ("text", "time", "machine", "words"),
     [
-        ("  ", "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
-        ("x" * 301, "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
-        ("a\u202eb", "2026-03-08T07:10", "m1", "needs 1 to 300 letters"),
+        ("  ", "2026-03-08T07:10", "m1", "needs 1 to 300 characters"),
+        ("x" * 301, "2026-03-08T07:10", "m1", "needs 1 to 300 characters"),
+        ("a\u202eb", "2026-03-08T07:10", "m1", "needs 1 to 300 characters"),
         ("soon", "2999-03-09T07:10", "m1", "must not be in the future"),
         ("when", "breakfast", "m1", "The time “breakfast” cannot be read"),
         ("where", "2026-03-08T07:10", "m9", "The machine “m9” is not in the plant"),

@@ -255,8 +255,9 @@ def test_when_the_recorder_has_stopped_what_came_after_is_lacking(
 
 
 def test_a_ruler_behind_the_end_of_the_curve_has_no_value(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.historian.statistics.query.alive", lambda _connection: END)
-    assert numbers(staff, "m1.speed", BEGIN, END, END + 10_000_000, END + 60_000_000).held == ((1200.0, 0), None)
+    alive = BEGIN + 500_000_000
+    monkeypatch.setattr("app.historian.statistics.query.alive", lambda _connection: alive)
+    assert numbers(staff, "m1.speed", BEGIN, END, alive + 10_000_000, alive + 60_000_000).held == ((1200.0, 0), None)
 
 
 def test_what_a_clock_that_was_ahead_had_written_makes_no_time_past(
