@@ -13,8 +13,8 @@ from sqlalchemy import BigInteger, Connection, Integer, Select, Table, bindparam
 from app.historian import sealed
 from app.historian.dialect import Statement, in_order
 from app.historian.packing import NUMBER, Packed
-from app.historian.store import GAP_AFTER, HOUR, LAST_RUN, MARK, MINUTE, RAMP
-from app.historian.tables import hour, mark, minute, point, run, sample
+from app.historian.store import GAP_AFTER, HOUR, LATEST, MARK, MINUTE, RAMP
+from app.historian.tables import hour, minute, point, run, sample
 from app.plant.definitions import Kind
 
 MAX_WIDTH = 4000
@@ -115,10 +115,6 @@ def alive(connection: Connection) -> int:
 
 
 ALIVE = Statement(select(func.coalesce(func.max(run.c.alive), 0)))
-LATEST = Statement(
-    select(run.c.start, run.c.alive).join_from(run, mark, mark.c.t == run.c.start).where(mark.c.name == LAST_RUN)
-)
-"""From when to when the run was seen that was alive last: after a clock that was ahead, earlier runs end later."""
 
 
 def columns(connection: Connection, number: int, begin: int, end: int, width: int) -> Columns:
@@ -139,7 +135,7 @@ def columns(connection: Connection, number: int, begin: int, end: int, width: in
     ramp = _ramp(connection, number)
     after = _after(connection, number, end, ramp)
     latest = LATEST(connection).first()
-    lived = (0, 0) if latest is None else (latest[0], latest[1])
+    lived = (0, 0) if latest is None else (latest.start, latest.alive)
     return _drawn(before, cells, after, begin, known_to, lived, ramp, Columns(source=table, step=step))
 
 

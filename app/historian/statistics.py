@@ -41,9 +41,8 @@ def statistics(
 ) -> list[Numbers]:
     """The numbers of each of `names` from `begin` to `end`, and what held at `moments` [µs UTC]."""
     alive = query.alive(connection)
-    known = min(
-        end, alive if begin > now else min(alive, now)
-    )  # of a clock that was ahead there is more, and it is still to come
+    # a clock that was ahead had more written, which is still to come
+    known = min(end, alive if begin > now else min(alive, now))
     seen = known if now - alive < RECORDER_SILENT else min(end, now)
     length = max(0, seen - begin)
     return [_numbers(connection, name, (begin, known), length, alive, moments) for name in names]

@@ -97,7 +97,8 @@ def begin_run(connection: Connection, start: int) -> int:
     lies behind it, and where the last run ended. Returns the number of these.
     """
     before, alive = ALIVE(connection, until=start).scalar() or 0, ALIVE(connection, until=FOREVER).scalar() or 0
-    ended = ENDED(connection).scalar() or 0
+    latest = LATEST(connection).first()
+    ended = latest.alive if latest is not None else 0
     rows: list[Row] = [
         (number, max(before, time) + 1, None, None, NO_DATA) for number, time in LEFT_OPEN(connection, until=start)
     ]
@@ -126,8 +127,10 @@ ALIVE = Statement(select(func.max(run.c.alive)).where(run.c.alive < bindparam("u
 """The last sign of life before a time."""
 LAST_RUN = "run"
 """The mark that says since when the run runs that was alive last: after a clock that was set back it is not the latest one."""
-ENDED = Statement(select(run.c.alive).join_from(run, mark, mark.c.t == run.c.start).where(mark.c.name == LAST_RUN))
-"""The last sign of life of the run that was alive last."""
+LATEST = Statement(
+    select(run.c.start, run.c.alive).join_from(run, mark, mark.c.t == run.c.start).where(mark.c.name == LAST_RUN)
+)
+"""From when to when the run was seen that was alive last: after a clock that was ahead, earlier runs end later."""
 LEFT_OPEN = Statement(
     select(point.c.id, sample.c.t)
     .select_from(in_order(point, sample, sample.c.point == point.c.id, sample.c.t == _newest))

@@ -243,7 +243,7 @@ class LinkRunner(Outages):
             fail(job, error)
             if isinstance(error, NotConnected):
                 raise
-            if isinstance(error, NoAnswer):
+            if isinstance(error, NoAnswer) and not isinstance(error, LateAnswerDue):  # that one was not sent
                 self._hearing.missed(lane, job.unit, started)
             return
         self._hearing.heard(lane, job.unit, self._now())
