@@ -89,7 +89,9 @@ function patch(inside) {
   for (const fresh of inside.querySelectorAll("[data-part]")) {
     if (fresh.dataset.part.endsWith(".message")) { story(fresh); continue; }
     for (const old of document.querySelectorAll(`[data-part="${CSS.escape(fresh.dataset.part)}"]`)) {
-      if (old.dataset.dirty !== undefined || old.dataset.held !== undefined) { alongside(old, fresh); continue; }
+      if (old.own && !["requested", "accepted"].includes(fresh.dataset.state))
+        [old.own, old.elements.expected.value] = [false, fresh.querySelector("[name=expected]").value];
+      if (old.dataset.dirty !== undefined || old.dataset.held !== undefined) { old.fresh = fresh; continue; } // who types or holds comes first
       drawn = renew(old, fresh) || drawn;
     }
   }
@@ -124,11 +126,6 @@ function renew(old, fresh) {
     if (all && again?.matches("input") && again.type === "text") again.setSelectionRange(...all);
   }
   return true;
-}
-
-/** While somebody types into `old`, only the value that is compared with stays as it was seen; the rest waits. */
-function alongside(old, fresh) {
-  old.fresh = fresh;
 }
 
 let silent = 0;
@@ -239,9 +236,9 @@ const pressing = new Set();
 
 /** One press is one command: a second one while the first is on its way, or within half a second, is the same press. */
 async function press(button, answer = {}) {
-  const name = named(button), stop = button.classList.contains("stop");
-  if (pressing.has(name)) return;
-  pressing.add(name);
+  const name = named(button), one = `${name} ${button.value}`, stop = button.classList.contains("stop");
+  if (pressing.has(one)) return;
+  pressing.add(one);
   const began = performance.now(), url = button.getAttribute("formaction"), line = button.querySelector("small");
   const texts = textsOf(button);
   const same = document.querySelectorAll(`[data-command="${CSS.escape(name)}"]`);
@@ -269,7 +266,7 @@ async function press(button, answer = {}) {
     if (line) line.textContent = text;
     told(`${button.querySelector(".cmd-t").firstChild.textContent}: ${text}`, "error");
   }
-  setTimeout(() => pressing.delete(name), Math.max(0, (got ? pause : 0) - (performance.now() - began)));
+  setTimeout(() => pressing.delete(one), Math.max(0, (got ? pause : 0) - (performance.now() - began)));
 }
 
 /** An answer may be older than what was heard since: what became of the command is asked once more. */
@@ -347,37 +344,39 @@ document.addEventListener("submit", (event) => {
 });
 
 async function submit(form) {
-  const name = named(form), button = form.querySelector("[data-set]");
-  if (button.getAttribute("aria-disabled") === "true") return told(form.querySelector("[data-hint]").textContent || textsOf(form).no_answer, "error");
-  if (pressing.has(name)) return;
-  pressing.add(name);
-  const { argument, expected } = form.elements;
-  hint(form, textsOf(form).sending);
-  review(form)?.replaceChildren();
-  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: argument.value, expected: expected.value });
-  await settle(form, got);
-  setTimeout(() => pressing.delete(name), got?.ok ? LOCK : 0);
+  const { value } = form.elements.argument, one = `${named(form)} ${value}`;
+  if (form.querySelector("[data-set]").ariaDisabled === "true") return told(form.querySelector("[data-hint]").textContent || textsOf(form).no_answer, "error");
+  if (pressing.has(one)) return; // the same press; another value is another one, and goes when the one before was answered
+  pressing.add(one);
+  form.underway = send(form, value, form.underway);
+  const got = await form.underway;
+  setTimeout(() => pressing.delete(one), got?.ok ? LOCK : 0);
 }
 
-/** The answer to a value: accepted, asked back, or why not; then what was typed stays for another try. */
-async function settle(form, got) {
-  if (!got) {
-    hint(form, textsOf(form).no_answer);
-    return told(textsOf(form).no_answer, "error");
-  }
-  if (got.ok) {
-    hint(form, "");
-    delete form.dataset.dirty;
-    clearTimeout(timers.get(form));
-    delete form.fresh;
-    current(form, got, take(got, null));
-    return;
-  }
-  hint(form, "");
+async function send(form, value, before) {
+  await before;
+  hint(form, textsOf(form).sending);
+  review(form)?.replaceChildren();
+  const got = await post(form.getAttribute("action"), { id: identity(), nonce: await nonce(), argument: value, expected: form.own ? "" : form.elements.expected.value });
+  settle(form, got, value);
+  return got;
+}
+
+/** The answer to `value`: accepted, asked back, or why not; then what was typed stays for another try, as what was typed since does. */
+function settle(form, got, value) {
+  hint(form, got ? "" : textsOf(form).no_answer);
+  if (!got) return told(textsOf(form).no_answer, "error");
   const typed = form.elements.argument.value;
-  const asked = take(got, form);
-  const fresh = form.fresh ?? form;
-  if (!asked) form.elements.expected.value = fresh.querySelector("[name=expected]").value;
+  if (got.ok) {
+    if (typed === value) {
+      delete form.dataset.dirty;
+      clearTimeout(timers.get(form));
+      delete form.fresh;
+    }
+    form.own = true; // until it is seen what became of it, a change of what the machine has is one's own
+    return current(form, got, take(got, null));
+  }
+  if (!take(got, form)) form.elements.expected.value = (form.fresh ?? form).querySelector("[name=expected]").value;
   form.elements.argument.value = typed;
 }
 
@@ -421,12 +420,12 @@ async function confirm(form, submitter) {
   const asked = form.closest("[data-ask]");
   const fields = Object.fromEntries(new FormData(form, submitter));
   delete fields.csrf;
-  const { field } = asked;
+  const { field } = asked, asTyped = field?.elements.argument.value;
   if (asked.dataset.keep !== undefined) return typed(asked, form, fields);
   asked.cancel();
   fields.nonce = await nonce();
   const got = await post(form.getAttribute("action"), fields);
-  if (field) return settle(field, got);
+  if (field) return settle(field, got, asTyped);
   if (got) current(asked, got, take(got, null));
   else told(textsOf(asked).no_answer, "error");
 }

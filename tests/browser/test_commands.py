@@ -4,6 +4,7 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
+from urllib.parse import parse_qs
 
 import pytest
 from playwright.sync_api import Page, Route, expect
@@ -165,6 +166,27 @@ def test_an_answer_that_comes_late_does_not_hide_what_became_of_a_setpoint(sit: 
     page.fill("#set-m1\\.set_frequency", "40")
     page.keyboard.press("Enter")
     expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 40.Hz: Accepted .* Done"))
+
+
+def test_another_value_right_after_one_is_another_press(sit: Sit) -> None:
+    """Typed while the first is on its way, or right after its answer: it goes, and is no change by somebody else."""
+    page = sit("ana")
+    take(page)
+    sent: list[str] = []
+    page.on("request", lambda one: sent.append(one.post_data or "") if one.url.endswith("/set_frequency") else None)
+    page.route("**/command/set_frequency", lambda route: (page.wait_for_timeout(600), route.continue_()), times=1)
+    for value in ("41", "42", "42"):  # the last one is the same press
+        page.fill("#set-m1\\.set_frequency", value)
+        page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 42.Hz: Accepted .* Done"))
+    expect(page.locator("#set-m1\\.set_frequency")).to_have_value("42.00")
+    with page.expect_response("**/command/set_frequency"):
+        page.fill("#set-m1\\.set_frequency", "43")
+        page.keyboard.press("Enter")
+    page.fill("#set-m1\\.set_frequency", "40")  # before it is seen what became of 43
+    page.keyboard.press("Enter")
+    expect(page.locator("#message")).to_contain_text(re.compile("Set frequency = 40.Hz: Accepted .* Done"))
+    assert [value for one in sent for value in parse_qs(one)["argument"]] == ["41", "42", "43", "40"]
 
 
 def test_a_setpoint_outside_the_normal_band_is_reviewed_first(sit: Sit) -> None:
