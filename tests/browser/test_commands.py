@@ -53,6 +53,15 @@ def audit(server: PogonServer, page: Page, command: str) -> int:
     return page.locator("main").inner_text().count(command)
 
 
+def settled(server: PogonServer, page: Page, command: str, least: int) -> int:
+    """Lines of the audit about `command` a second after there are `least`."""
+    end = time.monotonic() + 30
+    while audit(server, page, command) < least and time.monotonic() < end:
+        page.wait_for_timeout(100)
+    page.wait_for_timeout(1000)
+    return audit(server, page, command)
+
+
 # ---- start, reverse, stop -------------------------------------------------------------------------------------
 
 
@@ -110,16 +119,15 @@ def test_a_double_click_is_one_command(server: PogonServer, sit: Sit) -> None:
     take(page)
     page.dblclick("[data-command='m1.coast']")
     expect(page.locator("#message")).to_contain_text(re.compile("Coast stop: Accepted .* Done"), timeout=30_000)
-    page.wait_for_timeout(1500)
     # a command has two lines: as sent, and with its outcome
-    assert audit(server, clerk, "m1.coast") - before == 2
+    assert settled(server, clerk, "m1.coast", before + 2) == before + 2
     expect(page.locator("[data-command='m1.coast']")).to_be_focused()
     expect(page.locator("[data-command='m1.coast']")).not_to_have_attribute("aria-disabled", "true")
     for _ in range(11):
         page.keyboard.down("Enter")
     page.keyboard.up("Enter")
-    page.wait_for_timeout(1500)
-    assert audit(server, clerk, "m1.coast") - before == 4, "the key held down is one more press, not ten"
+    found = settled(server, clerk, "m1.coast", before + 4)
+    assert found == before + 4, "the key held down is one more press, not ten"
     page.click("[data-command='m1.forward']")
     wait_speed(page, lambda now: now > 900)
 

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -171,10 +172,12 @@ def test_a_jam_stops_the_line_says_why_and_is_overcome(sit: Sit) -> None:
     expect(page.locator(".c-op .op-list > [data-command='c1.start_automatic']")).to_have_attribute(
         "aria-disabled", "true"
     )
-    page.wait_for_timeout(2000)  # the other belts run out along their ramps
-    before = drawn(page)
-    page.wait_for_timeout(1000)
-    assert [one["left"] for one in drawn(page)] == [one["left"] for one in before], "nothing moves"
+    before: list[float] | None = None
+    end = time.monotonic() + 15
+    while (now := [one["left"] for one in drawn(page)]) != before:  # the other belts run out along their ramps
+        assert time.monotonic() < end, f"something still moves: {before}, {now}"
+        before = now
+        page.wait_for_timeout(1000)
     fault(page, "c1", 0)
     reset(page)
     expect(page.locator(".c-first p")).to_have_count(0)
