@@ -13,11 +13,11 @@ from pathlib import Path
 from app import chance
 from app.access.audit.buffer import Buffer
 from app.access.audit.chain import signed
-from app.access.audit.verification import read_marks
+from app.access.audit.verification import LARGEST, read_marks
 from app.access.keys import Mark, read_mark, write_mark
 from app.clock import Clock
-from app.errors import ConfigurationError
-from app.files import append_line
+from app.errors import ConfigurationError, MissingFile
+from app.files import append_line, read_text
 from app.logs import security
 
 log = logging.getLogger(__name__)
@@ -43,6 +43,31 @@ class Anchoring:
         self._anchored, self._last_sign = self._last_anchor()
         self._anchored_at = clock.monotonic()
         self._newest: tuple[int, str] = (0, "")
+
+    def begin(self) -> None:
+        """Of the one server on this folder: take away the piece of an anchor that a power cut left.
+
+        It stays, and the chain counts as broken, where the mark, written after each anchor, knows of one after the last whole.
+        """
+        path = self._data / "audit.anchors"
+        try:
+            whole, end, torn = read_text(path, LARGEST).rpartition("\n")
+            begun, last = torn.split(" ")[0] if " " in torn else "", whole.rpartition("\n")[2].split(" ")[0]
+            known = self._mark.seq if self._mark else 0
+            if not torn:
+                return
+            if _number(last) >= known or _number(begun) > known:
+                os.truncate(path, len((whole + end).encode()))
+                self._anchored, self._last_sign = self._last_anchor()
+                log.warning("torn audit anchor taken back file=%s", path)
+            else:
+                append_line(
+                    path, ""
+                )  # whole, but for the end of its line; or broken, and the next one stands by itself
+        except MissingFile:
+            pass
+        except (OSError, ConfigurationError) as error:
+            log.error("audit anchors not read reason=%s", error)
 
     @property
     def install(self) -> str:
@@ -118,3 +143,7 @@ class Anchoring:
         """Number and signature of the newest anchor; 0 without one that can be read."""
         anchors = read_marks(self._data).anchors
         return (anchors[-1].seq, anchors[-1].sign) if anchors else (0, "")
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() else 0

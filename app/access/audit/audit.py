@@ -194,6 +194,7 @@ class Audit:
 
     async def begin(self) -> None:
         """Take over what a killed server left in the buffer, put aside what others put there, and allocate the file."""
+        await asyncio.get_running_loop().run_in_executor(self._disk, self._anchoring.begin)
         foreign = self._waiting.take_over()
         await self.replay()
         if foreign:

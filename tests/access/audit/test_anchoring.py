@@ -12,7 +12,7 @@ from app.access.audit.chain import signed
 from app.clock import ManualClock
 from app.db import Database
 from tests.access.audit.filled import LINES, MARKS, filled, older, tamper
-from tests.access.conftest import boss
+from tests.access.conftest import OpenAccess, boss
 from tests.virtual import inline
 
 
@@ -100,6 +100,56 @@ async def test_an_anchor_that_a_full_disk_takes_in_part_is_taken_back_and_writte
     await access.audit.record("command", boss())
     assert len(path.read_text().splitlines()) == 3
     assert access.audit.check_now().ok
+
+
+TORN = [b"\0\0\0", b"{seq} 17000", b"{seq} 1700000000000000 " + b"a" * 64 + b" - abc", b"{seq}", b"{whole}"]
+
+
+@pytest.mark.parametrize("before", [0, 1, 2])
+@pytest.mark.parametrize("torn", TORN)
+async def test_the_piece_of_an_anchor_that_a_power_cut_left_is_taken_away_at_the_next_start(
+    open_access: OpenAccess, data: Path, clock: ManualClock, torn: bytes, before: int
+) -> None:
+    first = open_access()
+    await first.start()
+    for _ in range(before):
+        clock.advance(3601)
+        await first.audit.record("command", boss())
+    key, path = (data / "audit.key").read_bytes(), data / "audit.anchors"
+    clock.advance(3601)
+    await first.audit.record("command", boss())
+    first.close()
+    whole = path.read_bytes().splitlines(keepends=True)[:before]
+    last = path.read_bytes().splitlines()[before]
+    # the power goes while it is written: the mark behind the key, which comes after it, still is the one before
+    path.write_bytes(b"".join(whole) + torn.replace(b"{seq}", last.split()[0]).replace(b"{whole}", last))
+    (data / "audit.key").write_bytes(key)
+    again = open_access()
+    await again.start()
+    clock.advance(3601)
+    await again.audit.record("command", boss())
+    number_is_there = b" " in torn or b"{whole}" in torn
+    if before or number_is_there:
+        assert again.audit.check_now().ok
+        assert path.read_bytes().startswith(b"".join(whole))
+
+
+async def test_an_anchor_that_was_whole_once_is_missed(open_access: OpenAccess, data: Path, clock: ManualClock) -> None:
+    first = open_access()
+    await first.start()
+    for _ in range(3):
+        clock.advance(3601)
+        await first.audit.record("command", boss())
+    first.close()
+    path = data / "audit.anchors"
+    for cut, ok in ((-1, True), (-30, False), (-100, False)):
+        path.write_bytes(path.read_bytes()[:cut])
+        again = open_access()
+        await again.start()
+        clock.advance(3601)
+        await again.audit.record("command", boss())
+        assert again.audit.check_now().ok is ok, cut
+        again.close()
 
 
 async def test_anchors_of_the_first_versions_are_understood(access: Access, data: Path) -> None:
