@@ -102,6 +102,12 @@ class Texts:
             for own in (kind.texts if kind else {}, self._product)
         )
 
+    def key_of(self, english: str, under: str) -> str:
+        """The key, which begins with `under`, of the product's text that is `english` in English; empty when there is none."""
+        return next(
+            (key for key, text in self._product[FALLBACK].items() if text == english and key.startswith(under)), ""
+        )
+
     def _find(self, lang: str, key: str, params: Mapping[str, object], *catalogues: Catalogue) -> str:
         for language in dict.fromkeys((lang, self.default, FALLBACK)):
             for catalogue in catalogues:

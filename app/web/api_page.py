@@ -1,6 +1,7 @@
 """The page that describes the interface for other programs: every address, what it asks for, an example for the shell.
 
-All of it is read from the routes themselves (api/description.py) and from the running plant, so it cannot go stale.
+All of it is read from the routes themselves (api/description.py) and from the running plant, so it cannot go stale; what is told in English
+there is said in the reader's language by the texts `api.told`.
 """
 
 import asyncio
@@ -8,6 +9,7 @@ import json
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 from urllib.parse import quote
 
@@ -73,8 +75,21 @@ async def docs(request: Request) -> Response:
         name = subject.__name__.rpartition(".")[2]
         routes = [(route.path, method) for route in subject.router.routes for method in sorted(route.methods or ())]
         sections.append((name, [found[path + method] for path, method in routes if path + method in found]))
-    title = view_of(request).text(request, "api.title")
-    return view_of(request).page(request, "pages/api.html", title=title, sections=sections, base=base, up="/tokens")
+    view = view_of(request)
+
+    def told(english: str) -> str:
+        key = view.runtime(request).texts.key_of(english, "api.told.")
+        return view.text(request, key) if key else english
+
+    return view.page(
+        request,
+        "pages/api.html",
+        title=view.text(request, "api.title"),
+        sections=sections,
+        base=base,
+        up="/tokens",
+        told=cache(told),
+    )
 
 
 def _operations(schema: Mapping[str, Any], asked: Mapping[str, str], plant: Plant, base: str) -> Iterator[Operation]:

@@ -9,10 +9,15 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import orjson
 import pytest
 
 from app.clock import to_datetime
+from app.plant.plant_files.languages import LOCALE
+from app.plant.texts import read_product
 from app.settings import Settings
+from app.web.api.description import ERRORS, described
+from app.web.api_page import _body, _parameters
 from app.web.guard import permissions
 from tests.virtual import house, until
 from tests.web.people import AGENT, Staff
@@ -187,7 +192,23 @@ def test_the_page_names_every_operation_with_its_permission_in_every_language(st
     for (method, path), block in blocks.items():
         assert f"<code>{asked[f'{method} {path}']}</code>" in block, path
     assert not re.findall(r">\s*\[[a-z_.]+\]", page)
+    assert ("The plant and its machines." in page) == (language == "en")
     staff.client.cookies.delete("pogon_lang")
+
+
+def test_what_the_interface_tells_is_said_in_every_language() -> None:
+    """Every sentence of the description has its text, and no text is of a sentence that is told no more."""
+    schema = orjson.loads(described())
+    operations = [told for methods in schema["paths"].values() for told in methods.values()]
+    fields = [one for told in operations for one in (*_parameters(told), *_body(schema, told))]
+    sentences = {" ".join(part.split()) for told in operations for part in told["description"].split("\n\n")}
+    sentences |= {one.what for one in fields} | set(ERRORS.values())
+    sentences.discard("")
+    texts = read_product(LOCALE)
+    keys = {key: text for key, text in texts["en"].items() if key.startswith("api.told.")}
+    assert set(keys.values()) == sentences
+    for language in ("hr", "de", "cs"):
+        assert not [key for key, text in keys.items() if texts[language][key] == text], language
 
 
 def test_every_example_that_only_reads_is_answered(staff: Staff) -> None:
