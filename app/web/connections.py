@@ -18,7 +18,7 @@ import re
 import resource
 import ssl
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any
 
@@ -265,20 +265,38 @@ class Greeter(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         place = enter(self._doors, transport, self._loop)
-        if place is not None:
-            transport.pause_reading()
-            task = self._loop.create_task(self._shake_hands(transport, place))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
-
-    async def _shake_hands(self, transport: asyncio.Transport, place: Place) -> None:
+        if place is None:
+            return
         spoken = Connection(*self._given, doors=self._doors, place=place)
+        handshake = self._loop.start_tls(
+            transport, spoken, self._context, server_side=True, ssl_handshake_timeout=HEAD_TIME
+        )
+        # Begun before this returns, not in a task's first step: uvloop reads from then on, paused or not, and a greeting that had come
+        # by then, as on a busy machine, was given to this class, where nobody answers it.
+        shaken = handshake.send(None)
+        shaken._asyncio_future_blocking = False  # as a task leaves the future that it waits for
+        task = self._loop.create_task(self._shake_hands(transport, place, spoken, handshake, shaken))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _shake_hands(
+        self,
+        transport: asyncio.Transport,
+        place: Place,
+        spoken: "Connection",
+        handshake: Coroutine[Any, Any, asyncio.Transport | None],
+        shaken: asyncio.Future[None],
+    ) -> None:
+        secure = None
         try:
-            secure = await self._loop.start_tls(
-                transport, spoken, self._context, server_side=True, ssl_handshake_timeout=HEAD_TIME
-            )
+            await shaken
+            handshake.send(None)
+        except StopIteration as ended:
+            secure = ended.value
         except (OSError, TimeoutError):  # ssl.SSLError is one
-            secure = None
+            pass
+        finally:
+            handshake.close()
         if secure is None:
             place.leave()
             transport.abort()
@@ -328,7 +346,8 @@ class Connection(HttpToolsProtocol):
             self._stalled.cancel()
         if self._place is not None:
             self._place.leave()
-        super().connection_lost(exc)
+        if self.transport is not None:  # else it was lost while hands were shaken
+            super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         if self._refusal or self.transport.is_closing():
