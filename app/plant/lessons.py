@@ -29,6 +29,7 @@ Of a type in its folder, `equipment/<type>/lessons/<name>.toml`, for every plant
 import re
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
+from functools import reduce
 from pathlib import Path
 
 from app.errors import ConfigurationError
@@ -36,8 +37,8 @@ from app.plant import expression
 from app.plant.definitions import EquipmentType
 from app.plant.lesson_definition import MOMENTS, NO_FAULT, Choice, Deed, Lesson, LessonStep, Texts
 from app.plant.problems import Problem
-from app.plant.said import Plain
-from app.plant.tables import MISSING, NONE, Source, Table
+from app.plant.said import Plain, said
+from app.plant.tables import MISSING, NONE, Source, Table, perhaps
 
 FOLDER = "lessons"
 NAME = r"[a-z][a-z0-9_]{0,31}"
@@ -86,17 +87,18 @@ class LessonFiles:
             if not own and name in self.found:  # another type has one that is called so
                 name = f"{next(iter(kinds))}_{name}"
             if not _named(path.stem):
-                root.note("", Plain(path.name), "a name of small letters, digits and _ with .toml")
+                root.note("", Plain(path.name), said("mistake.file_name"))
             elif name in self.found:
-                root.note("", Plain(path.stem), "a name that no other lesson of the plant has")
+                root.note("", Plain(path.stem), said("mistake.lesson_name"))
             lesson = self._lesson(name, root, kinds, own=own)
             if not source.problems:
                 self.found[name] = lesson
         if len(paths) > MOST_LESSONS:
-            self._sources[-1].note((), Plain(f"{len(paths)} files"), f"at most {MOST_LESSONS} lessons in one folder")
+            found, most = said("mistake.files", number=len(paths)), said("mistake.lessons_in_folder", most=MOST_LESSONS)
+            self._sources[-1].note((), found, most)
 
     def _lesson(self, name: str, root: Table, kinds: Mapping[str, EquipmentType], *, own: bool) -> Lesson:
-        head = root.table("lesson", required=True, expected="[lesson] with title and about")
+        head = root.table("lesson", required=True, expected=said("mistake.lesson_head", table="[lesson]"))
         kind_name = head.text("type", choices=sorted(kinds)) if own else next(iter(kinds))
         kind = kinds.get(kind_name)
         title, about = self._label(head, "title", True), self._label(head, "about", True)
@@ -104,16 +106,17 @@ class LessonFiles:
         head.done()
         steps = [self._step(row, kind) for row in root.rows("steps")]
         if not steps:
-            root.note("steps", NONE, "at least one [[steps]]")
+            root.note("steps", NONE, said("mistake.at_least_one", what="[[steps]]"))
         elif len(steps) > MOST_STEPS:
-            root.note("steps", Plain(f"{len(steps)} steps"), f"at most {MOST_STEPS}")
+            root.note("steps", said("mistake.steps", number=len(steps)), said("mistake.at_most", most=MOST_STEPS))
         root.done()
         return Lesson(name, kind_name, title, about, minutes, tuple(steps))
 
     def _step(self, row: Table, kind: EquipmentType | None) -> LessonStep:
         given = [way for way in WAYS if row.has(way)]
         if len(given) != 1:
-            row.note("", Plain(" and ".join(given)) if given else NONE, f"exactly one of {', '.join(WAYS)}")
+            found = reduce(lambda one, other: said("mistake.and", first=one, second=other), given) if given else NONE
+            row.note("", found, said("mistake.exactly_one", names=", ".join(WAYS)))
         step = LessonStep(
             title=self._label(row, "title", True),
             text=self._label(row, "text", True),
@@ -130,9 +133,9 @@ class LessonFiles:
         if step.until and kind:
             _check_sentence(row, step.until, kind)
         if row.has("hold") and not row.has("until"):
-            row.note("hold", row.data["hold"], "only beside until")
+            row.note("hold", row.data["hold"], said("mistake.only_beside", key="until"))
         if row.has("moment") and not row.has("alarm"):
-            row.note("moment", row.data["moment"], "only beside alarm")
+            row.note("moment", row.data["moment"], said("mistake.only_beside", key="alarm"))
         row.done()
         return step
 
@@ -146,21 +149,26 @@ class LessonFiles:
         if row.has("choices"):
             right = sum(choice.right for _, choice in found)
             if not 2 <= len(found) <= MOST_CHOICES:
-                row.note("choices", Plain(f"{len(found)} answers"), f"from 2 to {MOST_CHOICES} answers")
+                row.note(
+                    "choices",
+                    said("mistake.answers", number=len(found)),
+                    said("mistake.answers_between", low=2, high=MOST_CHOICES),
+                )
             if right != 1:
-                row.note("choices", Plain(f"{right} right answers"), "exactly one with right = true")
+                row.note("choices", said("mistake.right_answers", number=right), said("mistake.one_right"))
         yield from (choice for _, choice in found)
 
 
 def _solution(row: Table, kind: EquipmentType | None) -> Iterator[Deed]:
     for table in row.rows("solution"):
         if table.has("command") == table.has("acknowledge"):
-            table.note("", Plain("both") if table.has("command") else MISSING, "either command or acknowledge")
+            found = said("mistake.both") if table.has("command") else MISSING
+            table.note("", found, said("mistake.either", first="command", second="acknowledge"))
         command = table.text("command", "", choices=list(kind.commands) if kind else None)
         value = table.number("value", None)
         if kind and command and (value is not None) != bool(kind.commands[command].argument):
-            expected = "no value" if value is not None else "a value"
-            table.note("value", Plain(f"{value:g}") if value is not None else MISSING, f"{expected} with {command}")
+            expected = said(f"mistake.{'no_value' if value is not None else 'value'}_with", command=command)
+            table.note("value", Plain(f"{value:g}") if value is not None else MISSING, expected)
         alarms = [alarm.key for alarm in kind.alarms] if kind else None
         yield Deed(command, value, table.text("acknowledge", "", choices=alarms))
         table.done()
@@ -170,13 +178,13 @@ def _check_sentence(row: Table, text: str, kind: EquipmentType) -> None:
     try:
         sentence = expression.parse(text)
     except ConfigurationError as error:
-        row.note("until", text, str(error))
+        row.note("until", text, error.args[0])
         return
     for name in sorted(sentence.names - kind.points.keys()):
         near = get_close_matches(name, list(kind.points), n=1)
-        row.note("until", name, f"a point of {kind.name}" + (f" (perhaps {near[0]})" if near else ""))
+        row.note("until", name, said("mistake.point_of_type", owner=kind.name, near=perhaps(near[0] if near else "")))
     if sentence.needs_argument:
-        row.note("until", expression.ARGUMENT, "points of the machine: a lesson has no argument")
+        row.note("until", expression.ARGUMENT, said("mistake.lesson_argument"))
 
 
 def _named(name: str) -> bool:

@@ -18,7 +18,7 @@ from app.plant.plant_files.names import check_id
 from app.plant.plant_files.shifts import USUAL, read_shifts
 from app.plant.plant_files.types_used import TypesUsed
 from app.plant.problems import MoreProblems, Problem
-from app.plant.said import Plain
+from app.plant.said import said
 from app.plant.sequence_recipe import texts_of
 from app.plant.sequences import SequenceFiles
 from app.plant.tables import MOST_PROBLEMS, NONE, STOP_AT, Enough, Source, Table
@@ -46,7 +46,7 @@ def read_plant(
         except Enough:
             plant = None
     except (OSError, RecursionError) as error:
-        return None, [Problem(PLANT_FILE, "(file)", str(folder), f"a plant folder ({error})")]
+        return None, [Problem(PLANT_FILE, "(file)", str(folder), said("mistake.plant_folder", why=error))]
     problems = reader.problems
     return (None if problems else plant), shortened(problems)
 
@@ -84,16 +84,16 @@ class _PlantReader:
         areas = {key: self._area(key, table) for key, table in root.tables("areas")}
         links = {key: read_link(key, table, self._transports, self._languages) for key, table in root.tables("links")}
         if not links:
-            root.note("links", NONE, "at least one [links.<name>]")
+            root.note("links", NONE, said("mistake.at_least_one", what="[links.<name>]"))
         machines = self._machines
         for key, table in root.tables("equipment"):
             machines.read(key, table, links, areas)
             if machines.too_many:
-                found = f"more than {MOST_MACHINES} machines or {MOST_POINTS} points"
-                root.note("equipment", Plain(found), "no more in one plant")
+                found = said("mistake.too_many_machines", machines=MOST_MACHINES, points=MOST_POINTS)
+                root.note("equipment", found, said("mistake.no_more_in_plant"))
                 return None
         if not root.data.get("equipment"):
-            root.note("equipment", NONE, "at least one [equipment.<id>]")
+            root.note("equipment", NONE, said("mistake.at_least_one", what="[equipment.<id>]"))
         couple(machines, self._sequences, links, root.data.get("equipment", {}))
         texts: dict[str, dict[str, str]] = {}
         for row in root.rows("alarms"):
@@ -119,7 +119,7 @@ class _PlantReader:
 
     def _head(self, root: Table) -> tuple[dict[str, str], str, tuple[int, ...]]:
         """`[plant]`: name, time zone and shifts; its languages are known from then on."""
-        head = root.table("plant", required=True, expected="[plant] with name, timezone, languages")
+        head = root.table("plant", required=True, expected=said("mistake.plant_head", table="[plant]"))
         if not root.has("plant"):
             return {}, "UTC", USUAL
         self._languages.read(head)

@@ -7,6 +7,7 @@ timeout = 5             longest time for an answer [s]
 """
 
 from app.plant.definitions import Device, MailboxMap
+from app.plant.said import said
 from app.plant.tables import Table
 from app.profidrive.parameter_access.mailbox import WORDS
 
@@ -28,7 +29,7 @@ def read_mailbox(head: Table, device: Device) -> MailboxMap | None:
         table.note(
             "",
             "max_read / max_write / write_functions",
-            f"a device that takes {WORDS} registers at once, written with function 16: requests and answers are that",
+            said("mistake.at_once", words=WORDS),
         )
     table.done()
     return found

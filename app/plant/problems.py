@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from app.plant.said import said
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -22,7 +24,9 @@ class MoreProblems(Problem):
     """In place of those that are not told one by one."""
 
     def __init__(self, number: int, *, stopped: bool) -> None:
-        super().__init__("", "", f"{number} more", "none; the file was not read further" if stopped else "none")
+        super().__init__(
+            "", "", said("mistake.more", number=number), said(f"mistake.none{'_further' if stopped else ''}")
+        )
 
     def __str__(self) -> str:
         return f"and {self.value}" + (", and the rest of the file was not read" if "further" in self.expected else "")

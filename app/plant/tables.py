@@ -310,11 +310,16 @@ def is_number(value: object) -> TypeGuard[float]:
 
 def one_of(choices: Sequence[str], value: object = "") -> Said:
     """`one of a, b`, with the choice that was perhaps meant; of very many the first."""
-    meant = str(value)[:LONGEST_SHOWN] if isinstance(value, str) else ""
-    near = difflib.get_close_matches(meant, choices[:COMPARED], n=1) if meant else []
     shown = ", ".join(choices[:MOST_CHOICES]) or NONE
     more = said("mistake.and_more", number=len(choices) - MOST_CHOICES) if len(choices) > MOST_CHOICES else ""
-    return said("mistake.one_of", choices=shown, more=more, near=perhaps(near[0] if near else ""))
+    return said("mistake.one_of", choices=shown, more=more, near=near_to(choices, value))
+
+
+def near_to(choices: Sequence[str], value: object) -> str:
+    """The choice that was perhaps meant, as `perhaps` says it."""
+    meant = str(value)[:LONGEST_SHOWN] if isinstance(value, str) else ""
+    near = difflib.get_close_matches(meant, choices[:COMPARED], n=1) if meant else []
+    return perhaps(near[0] if near else "")
 
 
 def perhaps(near: str) -> str:

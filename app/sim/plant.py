@@ -21,6 +21,7 @@ from app.errors import BadAnswer, ConfigurationError, DeviceException
 from app.plant.definitions import Equipment, Plant
 from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.problems import Problem
+from app.plant.said import said
 from app.plant.sequences import program
 from app.registers.codec import decode
 from app.sim.bus import Bus, damaged
@@ -61,9 +62,9 @@ def read_simulated(
             try:
                 _try_out(item, plant, VIRTUAL_DEVICES if factories is None else factories)
             except ConfigurationError as error:
-                said = str(error).removeprefix(f"{item.id}: ")
+                found = str(error).removeprefix(f"{item.id}: ")
                 problems.append(
-                    Problem(PLANT_FILE, f"equipment.{item.id}.simulation", said, "what its virtual device takes")
+                    Problem(PLANT_FILE, f"equipment.{item.id}.simulation", found, said("mistake.virtual_device"))
                 )
     return (None if problems else plant), shortened(problems)
 

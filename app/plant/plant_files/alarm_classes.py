@@ -3,6 +3,7 @@
 from collections.abc import Collection
 
 from app.plant.alarm_class import CLASSES, HOUR, AlarmClass, usual
+from app.plant.said import said
 from app.plant.tables import Table
 
 SHORTEST, MOST = 1, 24 * 60
@@ -15,14 +16,14 @@ def read_alarm_classes(root: Table, used: Collection[str]) -> dict[str, AlarmCla
     found: dict[str, AlarmClass] = {}
     for name, table in root.tables("alarm_classes"):
         if name not in known:
-            table.note("", name, f"a class of alarms: {', '.join(known)}")
+            table.note("", name, said("mistake.alarm_class", known=", ".join(known)))
         before = usual(name)
         shelving = table.flag("shelving", before.longest > 0)
         minutes = table.number("longest", before.longest / 60 or 12 * 60, low=SHORTEST, high=MOST)
         if shelving and not before.longest:
-            table.note("shelving", True, f"false: alarms of class {name} are never shelved")
+            table.note("shelving", True, said("mistake.never_shelved", name=name))
         if not shelving and table.has("longest"):
-            table.note("longest", table.raw("longest"), "no longest time where shelving = false")
+            table.note("longest", table.raw("longest"), said("mistake.no_longest"))
         out, reason = table.flag("out_of_service", before.out_of_service), table.flag("reason", before.reason)
         table.done()
         found[name] = AlarmClass(minutes * HOUR / 60 if shelving else 0.0, out, reason)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.machines import Machines
+from app.plant.said import said
 from app.plant.tables import Table
 from app.plant.type_files.alarms import read_alarm, sentences_of
 from app.plant.type_files.names import KEY, KEY_EXPECTED
@@ -37,7 +38,7 @@ def read_plant_alarm(
     if item is None:
         return
     if any(other.key == key for other in item.alarms):
-        row.note("key", key, f"a key that no other alarm of {name} has")
+        row.note("key", key, said("mistake.alarm_key", name=name))
     for field, text in sentences_of(alarm):
         check_expression(row, field, text, item.points, name)
     machines.found[name] = replace(item, alarms=(*item.alarms, alarm))

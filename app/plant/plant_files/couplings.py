@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from app.plant.definitions import Equipment, Link
 from app.plant.plant_files.machines import Machines, NamedMachine
+from app.plant.said import said
 from app.plant.sequences import FOLDER, SequenceFiles
 from app.plant.tables import MISSING, Table, one_of
 
@@ -30,7 +31,7 @@ def _couple(
         return
     if machine is not None:
         if machine.type.sequence:
-            named.table.note("machine", named.name, "a machine; this is itself a sequence")
+            named.table.note("machine", named.name, said("mistake.no_sequence"))
             return
         _note_unfit(item, machine, named, links)
         machines.found[id] = replace(item, machine=machine.id)
@@ -51,23 +52,23 @@ def _machine(id: str, named: NamedMachine, found: Mapping[str, Equipment]) -> Eq
 def _note_unknown(id: str, named: NamedMachine, found: Mapping[str, Equipment], rows: Mapping[str, object]) -> None:
     if named.name not in rows:  # else its own mistakes are told
         known = sorted(key for key, other in found.items() if not other.type.sequence)
-        named.table.note("machine", named.name, "an equipment: " + one_of(known, named.name))
+        named.table.note("machine", named.name, said("mistake.equipment_known", known=one_of(known, named.name)))
     elif any(key.startswith(f"{named.name}_") for key in found):
-        expected = f"one machine: {named.name} is repeated, and has none with the number of {id}"
+        expected = said("mistake.repeated_machine", machine=named.name, id=id)
         named.table.note("machine", named.name, expected)
 
 
 def _note_unfit(item: Equipment, machine: Equipment, named: NamedMachine, links: Mapping[str, Link]) -> None:
     steps = item.sequence.steps if item.sequence else ()
     if not machine.type.actions and any(step.actions for step in steps):
-        expected = f"a machine that takes actions; {machine.type.name} takes none"
+        expected = said("mistake.takes_actions", type=machine.type.name)
         named.table.note("machine", named.name, expected)
     if {item.link, machine.link} <= set(links) and links[item.link].simulated != links[machine.link].simulated:
-        named.table.note("machine", named.name, "a machine that is simulated like its sequence, or real like it")
+        named.table.note("machine", named.name, said("mistake.simulated_like"))
 
 
 def _note_forgotten(table: Table, unread: Sequence[str]) -> None:
     """A simulated sequence without a machine asks for what only a machine could answer, at the keys `unread`."""
-    more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-    expected = f"the id of an equipment: only its machine gives {unread[0]}{more} a meaning on a simulated link"
-    table.note("machine", MISSING, f"{expected}; else take them out of {FOLDER}/{table.data['definition']}.toml")
+    more = said("mistake.and_more", number=len(unread) - 1) if len(unread) > 1 else ""
+    file = f"{FOLDER}/{table.data['definition']}.toml"
+    table.note("machine", MISSING, said("mistake.forgotten", key=unread[0], more=more, file=file))

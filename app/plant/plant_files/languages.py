@@ -6,7 +6,8 @@ from functools import cache
 from pathlib import Path
 from zoneinfo import ZoneInfo, available_timezones
 
-from app.plant.tables import Table, one_of, read_label
+from app.plant.said import said
+from app.plant.tables import Table, near_to, one_of, read_label
 
 LOCALE = Path(__file__).resolve().parents[2] / "locale"
 LANGUAGES = ("hr", "en", "de", "cs")
@@ -31,14 +32,14 @@ class PlantLanguages:
 
     def read(self, head: Table) -> None:
         """`languages` of `[plant]`."""
-        given = head.items("languages", list(self.known), "a list of languages")
+        given = head.items("languages", list(self.known), said("mistake.list_of_languages"))
         for index, language in enumerate(given):
             if language not in self.known:
                 head.note(f"languages.{index}", language, one_of(self.known, language))
             elif language in given[:index]:
-                head.note(f"languages.{index}", language, "each language once")
+                head.note(f"languages.{index}", language, said("mistake.language_once"))
         if not given:
-            head.note("languages", given, "at least one language")
+            head.note("languages", given, said("mistake.a_language"))
         self.named = [language for language in given if language in self.known] or self.known
         self.spoken = self.named if head.has("languages") else LANGUAGES
 
@@ -58,8 +59,7 @@ def read_timezone(head: Table) -> str:
             raise ValueError(name)
         ZoneInfo(name)
     except (ValueError, OSError):
-        near = one_of(sorted(zones), name).partition("(perhaps ")[2].rstrip(")")
-        head.note("timezone", name, "a time zone such as Europe/Zagreb" + (f" (perhaps {near})" if near else ""))
+        head.note("timezone", name, said("mistake.time_zone", near=near_to(sorted(zones), name)))
         return "UTC"
     return name
 

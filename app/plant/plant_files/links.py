@@ -6,7 +6,8 @@ from app.addresses import names_host
 from app.plant.definitions import Link
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import check_id
-from app.plant.tables import Table
+from app.plant.said import said
+from app.plant.tables import Table, one_of
 
 BAUD = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 PARITY = ("none", "even", "odd")
@@ -22,10 +23,10 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
         tcp_port = table.whole("port", 502, 1, 65535)
     else:
         tcp_port = 502
-        port = table.text("port", *([] if serial else [""]), expected="a serial device such as /dev/ttyUSB0")
+        port = table.text("port", *([] if serial else [""]), expected=said("mistake.serial_device"))
     baud = table.raw("baud", 9600)
     if not isinstance(baud, int) or baud not in BAUD:
-        table.note("baud", baud, "one of " + ", ".join(map(str, BAUD)))
+        table.note("baud", baud, one_of([str(one) for one in BAUD]))
         baud = 9600
     parity = table.text("parity", "even", choices=PARITY)
     writes = table.flag("writes")
@@ -51,7 +52,7 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
 
 def _read_host(table: Table, *, needed: bool) -> str:
     """What a look-up of addresses may be asked; a port, brackets or http:// do not belong to it."""
-    expected = "a host name or an address, such as 192.168.0.1, without http:// or port"
+    expected = said("mistake.host_name")
     host = table.text("host", *([] if needed else [""]), expected=expected)
     if host and not names_host(host):
         table.note("host", host, expected)

@@ -11,6 +11,7 @@ from app.plant.plant_files.languages import PlantLanguages
 from app.plant.plant_files.names import ID, check_id
 from app.plant.plant_files.options import read_options, read_overrides
 from app.plant.plant_files.types_used import TypesUsed
+from app.plant.said import said
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequence_recipe import with_recipe
 from app.plant.sequences import SequenceFiles
@@ -71,8 +72,8 @@ class Machines:
         label = self._languages.label(table, "label", default=key)
         area = table.text("area", (data.type.area if data else "") or kind_name)
         if table.has("area") and area not in areas:
-            table.note("area", area, "an area of this file: " + one_of(sorted(areas), area))
-        was = table.text("was", "", pattern=ID, expected="the former id of the equipment")
+            table.note("area", area, said("mistake.area_of_file", known=one_of(sorted(areas), area)))
+        was = table.text("was", "", pattern=ID, expected=said("mistake.former_id"))
         if data is None:
             self.unread.add(key)
             return  # its other keys cannot be judged before its type is known
@@ -107,9 +108,9 @@ class Machines:
     def _sequence(self, table: Table) -> tuple[SequenceDefinition | None, str]:
         """Its definition, None when there is none to be had; and the name of its machine, empty = none."""
         known = self._sequences.names()
-        expected = "a file of sequences/: " + one_of(known, table.data.get("definition", ""))
+        expected = said("mistake.file_of", folder="sequences/", known=one_of(known, table.data.get("definition", "")))
         name = table.text("definition", choices=known, expected=expected)
-        expected = "the id of an equipment, or no `machine` for a sequence on its own"
+        expected = said("mistake.equipment_or_none")
         machine = table.text("machine", "", expected=expected)
         return (self._sequences.read(name) if name and table.data.get("definition") == name else None), machine
 
@@ -118,17 +119,17 @@ class Machines:
         """`count`, as far as there are units for it."""
         most = LARGEST_UNIT - unit + 1
         if count > most:
-            expected = f"at most {most}: units count up from {unit} and end at {LARGEST_UNIT}"
+            expected = said("mistake.units_end", most=most, first=unit, last=LARGEST_UNIT)
             table.note("repeat", count, expected)
         return min(count, most)
 
     def _add(self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]) -> None:
         """`item`, which lacks only its points."""
         if item.id in self.found:
-            table.note("repeat", item.id, "ids that no other equipment has")
+            table.note("repeat", item.id, said("mistake.ids_taken"))
             return
         if item.link and (other := self._units.setdefault((item.link, item.unit), item.id)) != item.id:
-            table.note("unit", item.unit, f"a unit that no other equipment on {item.link} has; {other} has it")
+            table.note("unit", item.unit, said("mistake.unit_taken", link=item.link, other=other))
         points = {point.key: point for point in self._own_points(table, data, item, overrides)}
         for key, slots in item.tables.items():
             for cell in _cells(data.columns[key], data.type.tables[key], slots, item.options):
@@ -148,18 +149,17 @@ class Machines:
             name, lasting = f"{item.id}.{key}", given.get("was") or f"{item.was or item.id}.{point.point.id}"
             owner = self._ids.setdefault(lasting, name)
             if owner != name and given.get("was"):
-                table.note(f"points.{key}.was", lasting, f"an id that no other point has; {owner} has it")
+                table.note(f"points.{key}.was", lasting, said("mistake.point_id_taken", owner=owner))
             elif owner != name and not shared:
                 shared = True  # one mistake, not one for every point
-                expected = f"an id that no other equipment has or had; {owner} is of it"
+                expected = said("mistake.id_taken", owner=owner)
                 table.note("was" if item.was else "", item.was or item.id, expected)
             fields = {field: value for field, value in given.items() if field != "was"}
             found = replace(_bounded(point, item.options), name=name, id=lasting, equipment=item.id, **fields)
             blamed = next((field for field in ("high", "low") if field in given), "")
             if blamed and found.low is not None and found.high is not None and found.low >= found.high:
-                table.note(
-                    f"points.{key}.{blamed}", given[blamed], f"low < high; they are {found.low:g} and {found.high:g}"
-                )
+                ends = said("mistake.less_than", order="low < high", low=f"{found.low:g}", high=f"{found.high:g}")
+                table.note(f"points.{key}.{blamed}", given[blamed], ends)
             yield found
 
 

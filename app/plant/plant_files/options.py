@@ -4,13 +4,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from app.plant.plant_files.names import ID
-from app.plant.said import Plain
+from app.plant.said import Plain, said
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequences import options as definition_options
 from app.plant.tables import NONE, Table, is_number, one_of
 from app.plant.type_files.data import TypeData
 from app.plant.type_files.names import KEY
-from app.plant.type_files.options import BY_DEFINITION
+from app.plant.type_files.options import BY_DEFINITION, SPAN_EXPECTED
 
 
 def read_options(
@@ -28,7 +28,7 @@ def read_options(
             low, high = data.type.ranges[name]
             options[name] = value = float(table.number(name, default, low, high))
             if name in counts and not value.is_integer():
-                table.note(name, value, "a whole number")
+                table.note(name, value, said("mistake.whole"))
         elif table.has(name):
             options[name] = _option_table(table.table(name), name, data)
     numbers = {name: value for name, value in options.items() if isinstance(value, float)}
@@ -44,7 +44,7 @@ def read_overrides(table: Table, data: TypeData, *, repeated: bool) -> dict[str,
     found: dict[str, dict[str, Any]] = {}
     for key, row in table.tables("points"):
         if key not in data.points:
-            row.note("", key, f"a point of {data.type.name}: " + one_of(sorted(data.points), key))
+            row.note("", key, said("mistake.point_of", owner=data.type.name, known=one_of(sorted(data.points), key)))
             continue
         found[key] = dict(_override(key, row, data, repeated=repeated))
         row.done()
@@ -54,9 +54,9 @@ def read_overrides(table: Table, data: TypeData, *, repeated: bool) -> dict[str,
 def _override(key: str, row: Table, data: TypeData, *, repeated: bool) -> Iterator[tuple[str, Any]]:
     if row.has("was"):
         pattern = rf"{ID}\.{KEY}"
-        yield "was", row.text("was", pattern=pattern, expected="the former name of the point, such as m1.speed")
+        yield "was", row.text("was", pattern=pattern, expected=said("mistake.former_name"))
         if repeated:
-            row.note("was", row.raw("was"), "no former name of one point where `repeat` makes many")
+            row.note("was", row.raw("was"), said("mistake.no_former"))
     yield from _scale(key, row, data)
     yield from _limits(key, row, data)
     if row.has("dead_band"):
@@ -66,11 +66,11 @@ def _override(key: str, row: Table, data: TypeData, *, repeated: bool) -> Iterat
     if row.has("history"):
         yield "history", row.flag("history")
     if row.has("normal"):
-        match row.items("normal", expected="[low, high]"):
+        match row.items("normal", expected=said("mistake.as_is", what="[low, high]")):
             case [low, high] if is_number(low) and is_number(high) and low <= high:
                 yield "normal", (float(low), float(high))
             case band:
-                row.note("normal", band, "[low, high] with low <= high, two finite numbers")
+                row.note("normal", band, SPAN_EXPECTED)
     for name in (
         "was",
         "scale_low",
@@ -92,12 +92,12 @@ def _limits(key: str, row: Table, data: TypeData) -> Iterator[tuple[str, Any]]:
     given = {name: float(row.number(name)) for name in ("low", "high") if row.has(name)}
     if not given:
         if row.has("reason"):
-            row.note("reason", row.raw("reason"), "no reason where neither `low` nor `high` is given")
+            row.note("reason", row.raw("reason"), said("mistake.no_reason"))
         return
     blamed = next(iter(given))
     if key in data.type.setpoints:
-        row.note(blamed, given[blamed], "no limits of a setpoint: they are those of its device")
-    expected = f"why `{blamed}` differs here: a sentence"
+        row.note(blamed, given[blamed], said("mistake.no_limits"))
+    expected = said("mistake.why_differs", key=blamed)
     reason = row.text("reason", "", expected=expected)
     if not row.has("reason"):
         row.note("reason", NONE, expected)
@@ -113,7 +113,8 @@ def _scale(key: str, row: Table, data: TypeData) -> Iterator[tuple[str, float]]:
     high = given.get("scale_high", data.points[key].point.scale_high)
     blamed = next(reversed(given), "")
     if blamed and low is not None and high is not None and low >= high:
-        row.note(blamed, row.raw(blamed), f"scale_low < scale_high; they are {low:g} and {high:g}")
+        ends = said("mistake.less_than", order="scale_low < scale_high", low=f"{low:g}", high=f"{high:g}")
+        row.note(blamed, row.raw(blamed), ends)
     yield from given.items()
 
 

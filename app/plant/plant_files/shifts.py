@@ -2,12 +2,13 @@
 
 import re
 
+from app.plant.said import said
 from app.plant.tables import Table
 
 USUAL = (6 * 60, 14 * 60, 22 * 60)
 """Three shifts, as minutes of the day."""
 MOST = 12
-EXPECTED = 'times of the day such as ["06:00", "14:00", "22:00"]'
+EXPECTED = said("mistake.times", example='["06:00", "14:00", "22:00"]')
 
 
 def read_shifts(head: Table) -> tuple[int, ...]:
@@ -18,11 +19,11 @@ def read_shifts(head: Table) -> tuple[int, ...]:
         match = re.fullmatch(r"([01]\d|2[0-3]):([0-5]\d)", text) if isinstance(text, str) else None
         minute = int(match[1]) * 60 + int(match[2]) if match else -1
         if match is None:
-            head.note(f"shifts.{index}", text, 'a time of the day such as "06:00"')
+            head.note(f"shifts.{index}", text, said("mistake.time", example='"06:00"'))
         elif minute in found:
-            head.note(f"shifts.{index}", text, "each time once")
+            head.note(f"shifts.{index}", text, said("mistake.time_once"))
         else:
             found.append(minute)
     if not 1 <= len(given) <= MOST:
-        head.note("shifts", len(given), f"1 to {MOST} times of the day")
+        head.note("shifts", len(given), said("mistake.times_between", low=1, high=MOST))
     return tuple(found) or USUAL

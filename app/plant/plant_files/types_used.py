@@ -8,7 +8,7 @@ from app.plant.definitions import EquipmentType
 from app.plant.derive import order_problem
 from app.plant.plant_files.languages import PlantLanguages
 from app.plant.problems import Problem
-from app.plant.said import Plain
+from app.plant.said import said
 from app.plant.tables import Enough, Table
 from app.plant.type_files.data import TypeData
 
@@ -63,7 +63,7 @@ class TypesUsed:
             raise
         circle = "" if problems else order_problem(data.type.points)
         if circle:
-            expected = "derived points that do not depend on each other"
+            expected = said("mistake.no_circle")
             problems = [Problem(f"{name}/points.toml", "derived", circle, expected)]
         return data, problems
 
@@ -71,8 +71,8 @@ class TypesUsed:
         """Kinds of records that another type has named so: one list, one address and one table of texts cannot be of both."""
         for other in self.usable.values():
             for record in sorted(kind.records.keys() & other.records.keys()):
-                found = Plain(f"a kind of records of {other.name}, too")
-                yield Problem(f"{name}/records.toml", record, found, "a name that no other type of the plant has")
+                found, expected = said("mistake.kind_taken", type=other.name), said("mistake.kind_name")
+                yield Problem(f"{name}/records.toml", record, found, expected)
 
     @property
     def usable(self) -> Mapping[str, EquipmentType]:

@@ -6,12 +6,14 @@ from dataclasses import dataclass, field
 
 from app.errors import ConfigurationError
 from app.plant import expression
+from app.plant.said import said
 from app.plant.tables import Table, is_number
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 
 STEPS = "steps"
 """Option of a type whose equipment runs a sequence: its number of steps."""
 MOST_STEPS = 200
+SPAN_EXPECTED = said("mistake.two_numbers", pair="[low, high]", order="low <= high")
 BY_DEFINITION: Mapping[str, tuple[float, float, float]] = {
     STEPS: (8.0, 1.0, float(MOST_STEPS)),
     "program": (0.0, 0.0, float(2**32 - 1)),
@@ -112,7 +114,7 @@ def read_span(name: str, table: Table) -> tuple[float, float]:
         case [low, high] if is_number(low) and is_number(high) and low <= high:
             return float(low), float(high)
         case other:
-            table.note(name, other, "[low, high] with low <= high, two finite numbers")
+            table.note(name, other, SPAN_EXPECTED)
             return 0.0, 0.0
 
 
