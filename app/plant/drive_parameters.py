@@ -13,6 +13,7 @@ not copied to another one. Texts are `parameter.<code>`, `parameter.group.<group
 import re
 from collections.abc import Iterator, Mapping
 
+from app.plant.said import said
 from app.plant.tables import Table
 from app.profidrive.parameter_access.formats import INTEGERS, LARGEST_FLOAT, LAYOUTS, Format
 from app.profidrive.parameter_access.parameter import DriveParameter, Kind, When
@@ -40,7 +41,7 @@ def read_parameters(file: Table) -> dict[str, DriveParameter]:
         row.done()
         other = next((one for one in found.values() if one.number == parameter.number), None)
         if other is not None:
-            file.note(code, code, f"a number that {other.code} does not have")
+            file.note(code, code, said("mistake.parameter_number", code=other.code))
         found[code] = parameter
     return found
 
@@ -56,7 +57,7 @@ def text_keys(parameters: Mapping[str, DriveParameter]) -> Iterator[str]:
 def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
     number = int(code[1:]) if re.fullmatch(CODE, code) else 0
     if not 1 <= number <= 0xFFFF or (len(code) > 5 and code[1] == "0"):
-        file.note(code, code, "p or r and a number of 4 or 5 digits, 1 to 65535")
+        file.note(code, code, said("mistake.parameter_code"))
     writable = code.startswith("p")
     format = TYPES.get(row.text("type", choices=TYPES), Format.UNSIGNED16)
     layout = LAYOUTS[format].code
@@ -66,18 +67,20 @@ def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
     default = row.number("default", low=low, high=max(low, high)) if writable else 0.0
     allowed = row.items("allowed", ()) if row.has("allowed") else []
     if any(not isinstance(value, int | float) or not low <= value <= high for value in allowed):
-        row.note("allowed", allowed, "values within low and high")
+        row.note("allowed", allowed, said("mistake.values_within"))
         allowed = []
     objects = row.items("objects", (2,))
     if not objects or any(not isinstance(one, int) or not 0 <= one <= 255 for one in objects):
-        row.note("objects", objects, "drive objects, 0 to 255")
+        row.note("objects", objects, said("mistake.drive_objects"))
         objects = [2]
-    certainty = row.text("certainty", pattern=f"[{CERTAINTIES}]+", expected=f"letters of {CERTAINTIES}")
+    certainty = row.text(
+        "certainty", pattern=f"[{CERTAINTIES}]+", expected=said("mistake.letters_of", letters=CERTAINTIES)
+    )
     return DriveParameter(
         number=number,
         writable=writable,
         format=format,
-        group=row.text("group", pattern=KEY, expected="a key of small letters, digits and _"),
+        group=row.text("group", pattern=KEY, expected=said("mistake.key")),
         objects=tuple(objects),
         count=row.whole("count", 0, high=MOST_ELEMENTS),
         unit=row.text("unit", ""),
@@ -97,6 +100,6 @@ def _parameter(file: Table, code: str, row: Table) -> DriveParameter:
 def _options(row: Table, code: str, low: float, high: float) -> dict[int, str]:
     values = row.items("options", ()) if row.has("options") else []
     if any(not isinstance(value, int) or not low <= value <= high for value in values):
-        row.note("options", values, "whole numbers within low and high")
+        row.note("options", values, said("mistake.whole_within"))
         return {}
     return {value: f"parameter.option.{code}_{value}" for value in values}

@@ -37,7 +37,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from app.plant.definitions import Device, Image, PlcMap, Register, Scan, TableMap
-from app.plant.said import Plain
+from app.plant.said import Plain, said
 from app.plant.tables import MISSING, Table, one_of
 from app.records.event import WORDS
 from app.records.snapshot import TYPES, Field, Layout, words_of
@@ -67,15 +67,13 @@ def read_plc(head: Table, device: Device) -> PlcMap | None:
     settings = _image(table.table("settings")) if table.has("settings") else None
     staging = table.whole("staging", low=1) if settings or table.has("staging") else 0
     if settings is None and table.has("staging"):
-        table.note(
-            "settings", MISSING, "the image of the setpoints in effect, { address, words }, that `staging` is for"
-        )
+        table.note("settings", MISSING, said("mistake.staging", form="{ address, words }"))
     plc = PlcMap(
         type_code=table.whole("type_code", low=1),
         images=images,
         settings=settings,
         staging=staging,
-        status=table.text("status", "", pattern=KEY, expected="a point of the type"),
+        status=table.text("status", "", pattern=KEY, expected=said("mistake.status_point")),
         events=table.flag("events"),
     )
     whole = [*images, *([settings] if settings else [])]
@@ -85,12 +83,10 @@ def read_plc(head: Table, device: Device) -> PlcMap | None:
                 table.note(
                     "images",
                     f"0x{image.address:04X}",
-                    f"registers that the image at 0x{other.address:04X} does not use",
+                    said("mistake.image_free", address=f"0x{other.address:04X}"),
                 )
     if device.max_write < 16 or WRITE_SEVERAL not in device.write_functions:
-        table.note(
-            "", "max_write / write_functions", "a device that takes 16 registers with function 16: commands are that"
-        )
+        table.note("", "max_write / write_functions", said("mistake.takes_16"))
     table.done()
     return plc
 
@@ -100,7 +96,7 @@ def _image(table: Table) -> Image:
         table.whole("address"), table.whole("words", low=3, high=MOST_WORDS), table.whole("since", 0, low=0, high=MINOR)
     )
     if image.address + image.words > 0x10000:
-        table.note("words", image.words, "an image that ends at 0xFFFF")
+        table.note("words", image.words, said("mistake.image_end"))
     table.done()
     return image
 
@@ -110,11 +106,11 @@ def read_names(file: Table, key: str) -> dict[int, str]:
     table = file.table(key)
     found: dict[int, str] = {}
     for code in table.data:
-        name = table.text(code, pattern=KEY, expected="a key of small letters, digits and _")
+        name = table.text(code, pattern=KEY, expected=said("mistake.key"))
         if not re.fullmatch(r"[1-9]\d{0,4}", code) or int(code) > LARGEST_CODE:
-            table.note(code, name, f"a code from 1 to {LARGEST_CODE} = key")
+            table.note(code, name, said("mistake.code_key", most=LARGEST_CODE))
         elif name in found.values():
-            table.note(code, name, "a key that no other code has")
+            table.note(code, name, said("mistake.code_key_once"))
         else:
             found[int(code)] = name
     return found
@@ -132,20 +128,20 @@ def read_snapshot(file: Table, events: Mapping[int, str]) -> Layout:
             none=row.whole("none", low=-(2**31), high=2**32 - 1) if row.has("none") else None,
             only=_codes(row, "events", events),
             but=_codes(row, "but", events),
-            all=row.text("all", "", pattern=KEY, expected="a key of small letters, digits and _"),
+            all=row.text("all", "", pattern=KEY, expected=said("mistake.key")),
         )
         row.done()
         if not re.fullmatch(KEY, name) or name in OF_EVENT:
-            table.note(name, name, f"a key of small letters, digits and _, and none of {', '.join(OF_EVENT)}")
+            table.note(name, name, said("mistake.key_none_of", taken=", ".join(OF_EVENT)))
         if field.all and (field.all in table.data or field.all in OF_EVENT):
-            row.note("all", field.all, "a name that nothing else has")
+            row.note("all", field.all, said("mistake.free_name"))
         for word in range(field.word, field.word + words_of(field.type) if field.type in TYPES else 0):
             if word >= WORDS:
-                row.note("word", field.word, f"words within the {WORDS} of a snapshot: {field.type} takes two")
+                row.note("word", field.word, said("mistake.snapshot_words", words=WORDS, type=field.type))
                 continue
             others = [other for other in taken.setdefault(word, []) if _together(found[other], field, events)]
             if others:
-                row.note("word", field.word, f"words that {others[0]} does not use")
+                row.note("word", field.word, said("mistake.words_unused", other=others[0]))
                 break
             taken[word].append(name)
         found[name] = field
@@ -156,11 +152,11 @@ def _codes(row: Table, key: str, events: Mapping[int, str]) -> frozenset[int]:
     """Codes of the events that stand at `key`."""
     codes = {name: code for code, name in events.items()}
     found = set()
-    for index, one in enumerate(row.items(key, [], "a list of events")):
+    for index, one in enumerate(row.items(key, [], said("mistake.list_of_events"))):
         if isinstance(one, str) and one in codes:
             found.add(codes[one])
         else:
-            row.note(f"{key}.{index}", one, "an event of this file: " + one_of(list(codes), one))
+            row.note(f"{key}.{index}", one, said("mistake.event_of_file", known=one_of(list(codes), one)))
     return frozenset(found)
 
 
@@ -181,13 +177,13 @@ def read_table(
         low, high = ranges[capacity]
         most = int(high)
         if not (low >= 1 and high <= MOST_SLOTS and low.is_integer() and high.is_integer()):
-            table.note("capacity", capacity, f"an option with whole limits from 1 to {MOST_SLOTS}")
+            table.note("capacity", capacity, said("mistake.option_limits", most=MOST_SLOTS))
     else:
         numbers = sorted(name for name, value in options.items() if isinstance(value, float))
-        table.note("capacity", capacity, "a number, or an option that is one: " + one_of(numbers, capacity))
+        table.note("capacity", capacity, said("mistake.capacity", known=one_of(numbers, capacity)))
     if address + TABLE_HEAD + most * row > 0x10000:
-        table.note("address", f"0x{address:04X}", f"room for {most} rows of {row} words up to 0xFFFF")
-    columns = table.table("columns", required=True, expected="[<table>.columns.<name>] for each column")
+        table.note("address", f"0x{address:04X}", said("mistake.room", most=most, row=row))
+    columns = table.table("columns", required=True, expected=said("mistake.columns", table="[<table>.columns.<name>]"))
     scan = Scan(table.text("scan", Scan.FAST.value, choices=[Scan.FAST.value, Scan.SLOW.value]))
     since = table.whole("since", 0, low=0, high=MINOR)
     return TableMap(key, address, row, str(capacity), tuple(columns.data), scan, since)
@@ -204,7 +200,9 @@ def check_columns(table: Table, map: TableMap, columns: Mapping[str, Register]) 
     first = columns.get("id")
     if first is None or (first.address, first.words) != (map.address + TABLE_HEAD, 2):
         table.note(
-            "columns.id", MISSING if first is None else "other", 'offset = 0 and type = "u32": a row begins with it'
+            "columns.id",
+            MISSING if first is None else said("mistake.other"),
+            said("mistake.first_column", type='"u32"'),
         )
     taken: dict[int, tuple[str, bool]] = {}
     for name, register in columns.items():
@@ -212,11 +210,11 @@ def check_columns(table: Table, map: TableMap, columns: Mapping[str, Register]) 
         for address in range(register.address, register.address + register.words):
             word = address - map.address - TABLE_HEAD
             if word in (2, map.row - 1) or word >= map.row:
-                table.note(f"columns.{name}.offset", word, f"words of the row but 2 and {map.row - 1}, its generation")
+                table.note(f"columns.{name}.offset", word, said("mistake.row_words", last=map.row - 1))
                 break
             other, split = taken.setdefault(word, (name, part))
             if other != name and not (part and split):
-                table.note(f"columns.{name}.offset", word, f"words that {other} does not use")
+                table.note(f"columns.{name}.offset", word, said("mistake.words_unused", other=other))
                 break
 
 
@@ -224,9 +222,9 @@ def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None]
     """Points against the images; the state must be one, the ring needs names."""
     table = head.table("plc")
     if plc.status and plc.status not in points:
-        table.note("status", plc.status, "a point of the type: " + one_of(sorted(points), plc.status))
+        table.note("status", plc.status, said("mistake.status_known", known=one_of(sorted(points), plc.status)))
     if plc.events and not events:
-        table.note("events", Plain("true"), "[events] in events.toml: the keys of its codes")
+        table.note("events", Plain("true"), said("mistake.event_keys", table="[events]"))
     images = [*plc.images, *([plc.settings] if plc.settings else [])]
     for key, register in points.items():
         for image in images if register else ():
@@ -236,7 +234,7 @@ def check_points(head: Table, plc: PlcMap, points: Mapping[str, Register | None]
                 for address in range(register.address, register.address + register.words)
             ]
             if any(inside) and not all(inside):
-                table.note("images", f"0x{image.address:04X}", f"an image that {key} lies in or outside, not both")
+                table.note("images", f"0x{image.address:04X}", said("mistake.image_whole", point=key))
 
 
 def inside(image: Image | None, register: Register | None) -> bool:

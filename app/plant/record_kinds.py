@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+from app.plant.said import said
 from app.plant.tables import MISSING, REQUIRED, Table, one_of
 from app.plant.toml import parse
 from app.records.kind import (
@@ -118,7 +119,7 @@ class _KindReader:
     def read(self) -> RecordKind:
         table = self.table
         if not codes_named(self.name):
-            table.note("", self.name, "a name of small letters, digits and _")
+            table.note("", self.name, said("mistake.name"))
         also = table.table("also")
         ends = tuple(self._ends())
         fields = {key: self._field(key, row) for key, row in table.tables("fields")}
@@ -141,11 +142,11 @@ class _KindReader:
             ends=ends,
             oldest=self._events(table, "oldest") or frozenset(),
             restart=self._events(table, "restart") or frozenset(),
-            displaced=table.text("displaced", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
+            displaced=table.text("displaced", UNKNOWN, pattern=KEY, expected=said("mistake.key")),
             reopen={key: self._events(reopen, key) or frozenset() for key in reopen.data},
             order=self._order(),
             lasts=lasts,
-            expired=table.text("expired", UNKNOWN, pattern=KEY, expected="a key of small letters, digits and _"),
+            expired=table.text("expired", UNKNOWN, pattern=KEY, expected=said("mistake.key")),
             parts=self._parts(),
             pause=Pause(*pair) if (pair := self._pair("pause")) else None,
             alarms=table.flag("alarms"),
@@ -175,7 +176,7 @@ class _KindReader:
                 table.note(f"end.{index}.after", outcome, one_of(kind.outcomes, outcome))
         for key, one in kind.filters.items():
             if one.how == "choice" and one.of != kind.key:
-                table.note(f"filters.{key}.of", one.of, "the field that is the `key` of the kind, where one chooses")
+                table.note(f"filters.{key}.of", one.of, said("mistake.key_field"))
         for outcome in set(kind.reopen) - set(kind.outcomes):
             table.note(f"reopen.{outcome}", outcome, one_of(kind.outcomes, outcome))
         table.done()
@@ -188,13 +189,13 @@ class _KindReader:
         if table.raw(key) == ALL and not required:
             return None
         found = set()
-        for index, one in enumerate(table.items(key, REQUIRED if required else [], "a list of events")):
+        for index, one in enumerate(table.items(key, REQUIRED if required else [], said("mistake.list_of_events"))):
             if isinstance(one, str) and one in self.codes:
                 found.add(self.codes[one])
             else:
-                table.note(f"{key}.{index}", one, "an event of events.toml: " + one_of(list(self.codes), one))
+                table.note(f"{key}.{index}", one, said("mistake.event_of_events", known=one_of(list(self.codes), one)))
         if required and not found:
-            table.note(key, table.raw(key, MISSING), "at least one event")
+            table.note(key, table.raw(key, MISSING), said("mistake.an_event"))
         return frozenset(found)
 
     def _when(self, table: Table) -> When:
@@ -208,7 +209,7 @@ class _KindReader:
     def _word(self, table: Table, key: str) -> str:
         word = table.text(key, "")
         if word and word not in self.words:
-            table.note(key, word, "a word of the snapshot in events.toml: " + one_of(self.words, word))
+            table.note(key, word, said("mistake.word_of_snapshot", known=one_of(self.words, word)))
         return word
 
     def _of(self, table: Table, key: str, of: str) -> None:
@@ -219,7 +220,7 @@ class _KindReader:
         table = self.table.table("parts")
         if not self.table.has("parts"):
             return None
-        named = table.text("named", "", pattern=KEY, expected="the key of an enumeration")
+        named = table.text("named", "", pattern=KEY, expected=said("mistake.enumeration"))
         begin, end = (self._events(table, name, required=True) or frozenset() for name in ("begin", "end"))
         together = table.flag("together")
         table.done()
@@ -247,27 +248,27 @@ class _KindReader:
         found = []
         for row in self.table.rows("end"):
             end = End(
-                row.text("outcome", pattern=KEY, expected="a key of small letters, digits and _"),
+                row.text("outcome", pattern=KEY, expected=said("mistake.key")),
                 self._when(row),
-                frozenset(map(str, row.items("after", [OPEN], "a list of outcomes"))),
+                frozenset(map(str, row.items("after", [OPEN], said("mistake.list_of_outcomes")))),
                 row.text("seconds", SECONDS[0], choices=SECONDS),
                 row.text("part", ""),
             )
             row.done()
             found.append(end)
         if not found:
-            self.table.note("end", MISSING, "[[end]]: what ends a record of this kind")
+            self.table.note("end", MISSING, said("mistake.ends", table="[[end]]"))
         return found
 
     def _field(self, key: str, table: Table) -> Field:
         kind = Type(table.text("type", Type.NUMBER.value, choices=[one.value for one in Type]))
         if not codes_named(key) or key in SOURCES or key in LISTED:
-            table.note("", key, f"a name of small letters, digits and _ that is none of {', '.join(LISTED)}")
+            table.note("", key, said("mistake.name_none_of", taken=", ".join(LISTED)))
         people = None
         if table.has("events"):
             people = When(self._events(table, "events", required=True) or frozenset())
             if kind is not Type.PERSON:
-                table.note("events", table.raw("events"), "`rules`; events of its own has a field of the type person")
+                table.note("events", table.raw("events"), said("mistake.rules"))
         field = Field(
             name=key,
             type=kind,
@@ -281,7 +282,7 @@ class _KindReader:
             badge=table.text("badge", ""),
         )
         if field.words and kind is not Type.WORD:
-            table.note("words", list(field.words), "no words: the type of the field is not word")
+            table.note("words", list(field.words), said("mistake.no_words"))
         table.done()
         return field
 
@@ -302,14 +303,14 @@ class _KindReader:
             for index, one in enumerate(str(one) for one in table.items("fields", ())):
                 found.add(one)
                 if one not in fields:
-                    table.note(f"fields.{index}", one, "a field: " + one_of(list(fields), one))
+                    table.note(f"fields.{index}", one, said("mistake.field_known", known=one_of(list(fields), one)))
             table.done()
         return frozenset(found)
 
     def _field_name(self, key: str, fields: Mapping[str, Field]) -> str:
         name = self.table.text(key, "")
         if name and name not in fields:
-            self.table.note(key, name, "a field: " + one_of(list(fields), name))
+            self.table.note(key, name, said("mistake.field_known", known=one_of(list(fields), name)))
         return name
 
     # ---- how it is shown --------------------------------------------------------------------------------
@@ -352,7 +353,7 @@ class _KindReader:
         columns = table.table("columns")
         for name in columns.data:
             if "{n}" not in name:
-                columns.note(name, name, "a name with {n}")
+                columns.note(name, name, said("mistake.name_with", part="{n}"))
         found = Repeat(
             tuple(Column(name, columns.text(name, choices=REPEATED)) for name in columns.data),
             self._events(table, "events") or frozenset(),

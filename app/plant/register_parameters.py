@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from app.plant.definitions import Device, ParameterMap, Point, Setpoint
+from app.plant.said import said
 from app.plant.tables import Table
 from app.profidrive.parameter_access.formats import Format
 from app.profidrive.parameter_access.parameter import DriveParameter, When
@@ -43,7 +44,7 @@ def read_parameter_map(head: Table, device: Device) -> ParameterMap | None:
     ranges = [pair for pair in table.items("ranges") if _is_range(table, pair)]
     individual = table.items("individual", ())
     if any(not isinstance(code, str) or address_of(code) is None for code in individual):
-        table.note("individual", individual, 'codes: ["F900"]')
+        table.note("individual", individual, said("mistake.codes", example='["F900"]'))
         individual = []
     table.done()
     pairs = tuple((first, last) for first, last in ranges)
@@ -62,7 +63,7 @@ def read_known(
     }
     for code, row in file.tables():
         if address_of(code) is None or code in found:
-            file.note(code, code, "a code like F431 that no setpoint has")
+            file.note(code, code, said("mistake.setpoint_code", example="F431"))
             continue
         found[code] = _of_row(code, row)
         row.done()
@@ -113,7 +114,7 @@ def _is_range(table: Table, pair: object) -> bool:
         first, last = (address_of(one) for one in pair)  # type: ignore[attr-defined]
         good = first is not None and last is not None and first <= last and first >> 8 == last >> 8
     if not good:
-        table.note("ranges", pair, 'first and last code of a group: ["F100", "F160"]')
+        table.note("ranges", pair, said("mistake.code_range", example='["F100", "F160"]'))
     return good
 
 
@@ -153,7 +154,7 @@ def _of_row(code: str, row: Table) -> DriveParameter:
     low, high = row.number("low", 0.0, 0.0), row.number("high", WORD * scale, 0.0, WORD * scale)
     options = row.items("options", ()) if row.has("options") else []
     if any(not isinstance(value, int) or not low <= value <= high for value in options):
-        row.note("options", options, "whole numbers within low and high")
+        row.note("options", options, said("mistake.whole_within"))
         options = []
     return DriveParameter(
         number=address_of(code) or 0,
@@ -168,7 +169,7 @@ def _of_row(code: str, row: Table) -> DriveParameter:
         has_default=default is not None,
         options={value: f"parameter.option.{code}_{value}" for value in options},
         when=When.STOPPED,
-        certainty=row.text("certainty", pattern="[MTCXG]+", expected="letters of MTCXG"),
+        certainty=row.text("certainty", pattern="[MTCXG]+", expected=said("mistake.letters_of", letters="MTCXG")),
         name=code,
         scale=scale,
         decimals=row.whole("decimals", 0, high=4),

@@ -22,6 +22,7 @@ The registers are those of the virtual device
 from collections.abc import Iterator, Mapping, Sequence
 
 from app.plant.definitions import Training, TrainingWord
+from app.plant.said import said
 from app.plant.tables import Table, one_of
 
 FIRST, LAST = 0xE020, 0xE03F
@@ -34,7 +35,7 @@ def read_training(file: Table, points: Sequence[str]) -> Training:
     codes = {name: faults.whole(name, low=1) for name in faults.data}
     for name, code in codes.items():
         if list(codes.values()).count(code) > 1:
-            faults.note(name, code, "each code once")
+            faults.note(name, code, said("mistake.code_once"))
     live = file.items("live", [])
     for index, name in enumerate(live):
         if name not in points:
@@ -72,6 +73,10 @@ def _words(file: Table, group: str) -> dict[str, TrainingWord]:
             case [int() as low, int() as high] if 0 <= low <= high <= 0xFFFF:
                 found[key] = TrainingWord(register, low, high, table.text("unit", ""))
             case other:
-                table.note("limits", other, "[lowest, highest] with 0 <= lowest <= highest <= 65535")
+                table.note(
+                    "limits",
+                    other,
+                    said("mistake.pair", pair="[lowest, highest]", order="0 <= lowest <= highest <= 65535"),
+                )
         table.done()
     return found

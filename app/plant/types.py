@@ -39,6 +39,7 @@ from app.errors import ConfigurationError
 from app.plant import drive_parameters, plc, record_kinds, register_parameters
 from app.plant.definitions import EquipmentType
 from app.plant.problems import Problem
+from app.plant.said import said
 from app.plant.services import read_services
 from app.plant.tables import Source, Table
 from app.plant.training import read_training
@@ -111,7 +112,7 @@ class _Files:
             try:
                 self.repeats = read_repeats(source.data, self.given)
             except ConfigurationError as error:
-                source.note(("repeats",), "given", str(error))
+                source.note(("repeats",), said("mistake.given"), error.args[0])
         if self.repeats:
             # of texts all that any machine may need: they are looked up by the name of the type, too
             numbers = self.repeats.most if name.startswith("texts.") else self.repeats.numbers
@@ -138,7 +139,8 @@ def _kin(head: Table, files: _Files, languages: Sequence[str]) -> _Kin:
         return _Kin("", {}, {language: {} for language in languages})
     folder = files.folder.parent / name
     if name == files.name or not (folder / "device.toml").is_file():
-        head.note("kin", name, f"another type: {', '.join(one for one in names(folder.parent) if one != files.name)}")
+        known = ", ".join(one for one in names(folder.parent) if one != files.name)
+        head.note("kin", name, said("mistake.another_type", known=known))
         return _Kin("", {}, {language: {} for language in languages})
     other = _Files(folder, name)
     texts = {language: dict(flatten(other.open(f"texts.{language}.toml").data)) for language in languages}
@@ -151,7 +153,7 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     head.raw("repeats")
     device = read_device(head.table("device"))
     label, area = head.text("label", "type"), head.text("area", "")
-    symbol = head.text("symbol", "e-machine", pattern=SYMBOL, expected="a symbol of static/symbols.svg: e-…")
+    symbol = head.text("symbol", "e-machine", pattern=SYMBOL, expected=said("mistake.symbol"))
     sequence = head.flag("sequence")
     options = read_options(head, name, sequence=sequence)
     actions, simulation_presets = read_actions(head, sequence=sequence), read_simulation_presets(head)
@@ -172,9 +174,9 @@ def _read(files: _Files, languages: Sequence[str], spoken: Sequence[str]) -> Typ
     table_file = files.open("tables.toml")
     tables, columns = read_tables(table_file, options, points, has_map=device.plc is not None)
     for counting in {map.capacity for map in tables.values()} & set(options.ranges):
-        options.check_whole(head, counting)
+        options.check_whole(head, counting, said("mistake.capacity_whole"))
     for option in sorted(options.whole):
-        options.check_whole(head, option, "a whole number: `whole` is true")
+        options.check_whole(head, option, said("mistake.option_whole"))
     setpoints = dict(read_setpoints(files.open("setpoints.toml"), points, sentences, device.plc))
     commands = CommandReader(name, points.found, options, sentences, device.plc).read(files.open("commands.toml"))
     orders = read_orders(head.table("actions").table("orders"), commands, sentences)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from app.plant.definitions import Alarm
+from app.plant.said import said
 from app.plant.tables import MISSING, Table, one_of
 from app.plant.type_files.sentences import Sentences
 
@@ -35,19 +36,19 @@ def read_alarm(key: str, table: Table, prefix: str, events: Mapping[int, str]) -
     source = table.whole("source") if table.has("source") else None
     for name in ("event_clear", "source"):
         if table.has(name) and not table.has("event"):
-            table.note(name, table.raw(name), "an `event` that it belongs to")
+            table.note(name, table.raw(name), said("mistake.of_event"))
     limit = table.number("limit", None)
     kind = table.text("kind", "expression", choices=ALARM_KINDS)
     if kind not in ("expression", "bad_quality") and limit is None:
-        table.note("limit", MISSING, f"a number: an alarm of the kind {kind} compares with it")
+        table.note("limit", MISSING, said("mistake.alarm_limit", kind=kind))
     if kind != "expression" and not table.has("value"):
-        table.note("value", MISSING, f"the point that an alarm of the kind {kind} watches")
+        table.note("value", MISSING, said("mistake.alarm_point", kind=kind))
     if kind != "expression" and event:
-        table.note("event", table.raw("event"), f"no event for an alarm of the kind {kind}")
+        table.note("event", table.raw("event"), said("mistake.alarm_no_event", kind=kind))
     if event and event == event_clear:
-        table.note("event_clear", table.raw("event_clear"), "another event than the one that raises it")
+        table.note("event_clear", table.raw("event_clear"), said("mistake.another_event"))
     if event and table.has("clear") and not table.has("expression"):
-        table.note("clear", table.raw("clear"), "an `expression`, whose end it is; an event ends with `event_clear`")
+        table.note("clear", table.raw("clear"), said("mistake.clear_of"))
     return Alarm(
         key=key,
         label=table.text("label", f"{prefix}label"),
@@ -83,8 +84,12 @@ def _event(table: Table, key: str, events: Mapping[int, str]) -> int:
     name, codes = table.raw(key), {name: code for code, name in events.items()}
     if not isinstance(name, str) or name not in codes:
         numbered = isinstance(name, int) and not isinstance(name, bool) and name in events
-        meant = f'the key of the event, "{events[name]}", not its number' if numbered else ""
-        known = f"the key of an event in events.toml: {one_of(sorted(codes), str(name))}"
-        table.note(key, name, (meant or known) if codes else "a machine with an event ring (plc.events)")
+        if not codes:
+            expected = said("mistake.event_ring")
+        elif numbered:
+            expected = said("mistake.event_key", key=f'"{events[name]}"')
+        else:
+            expected = said("mistake.event_known", known=one_of(sorted(codes), str(name)))
+        table.note(key, name, expected)
         return 0
     return codes[name]

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from app.plant import expression
 from app.plant.definitions import Argument, Command, Effect, PlcMap, Type, Write
+from app.plant.said import said
 from app.plant.tables import MISSING, Table, is_number
 from app.plant.type_files.data import PointData
-from app.plant.type_files.names import KEY, NAME_EXPECTED, ROLES
+from app.plant.type_files.names import KEY, NAME_EXPECTED, NUMBER_EXPECTED, ROLES
 from app.plant.type_files.options import Options
 from app.plant.type_files.sentences import Sentences, read_values
 
@@ -68,7 +69,7 @@ class CommandReader:
         for code in given.data:
             text = given.text(code)
             if not code.isdecimal() or len(code) > 3 or not 1 <= int(code) <= 255:
-                given.note(code, text, "a Modbus exception as key: 1 to 255")
+                given.note(code, text, said("mistake.exception"))
             else:
                 yield int(code), f"reason.{text}"
         given.done()
@@ -87,7 +88,7 @@ class CommandReader:
         if isinstance(timeout, str):
             self.sentences.add(table, "timeout", timeout, argument=True)
         elif not is_number(timeout) or not timeout > 0:
-            table.note("timeout", timeout, "seconds above 0, or an expression over points")
+            table.note("timeout", timeout, said("mistake.seconds"))
         return str(timeout)
 
     def _level_when(self, table: Table) -> tuple[str, str] | None:
@@ -107,46 +108,50 @@ class CommandReader:
         if ordered:
             self._check_order(table, command)
         elif not command.writes:
-            table.note("writes", MISSING, "a list of { point, value }" + " or a `code`" * (self.map is not None))
+            pair = "{ point, value }"
+            writes = (
+                said("mistake.writes_or", pair=pair, key="`code`") if self.map else said("mistake.writes", pair=pair)
+            )
+            table.note("writes", MISSING, writes)
         if not ordered and command.hold != bool(command.release):
-            expected = "what is written when the button is released, for a hold-to-run only"
-            table.note("release", command.release, expected)
+            table.note("release", command.release, said("mistake.release"))
         if command.released:
             self.sentences.add(table, "released", command.released)
             if not command.hold:
-                table.note("released", command.released, "nothing: only a hold-to-run is released")
+                table.note("released", command.released, said("mistake.released"))
         if command.arguments and not command.code:
-            table.note("arguments", [argument.name for argument in command.arguments], "a `code` that they go with")
+            table.note(
+                "arguments", [argument.name for argument in command.arguments], said("mistake.with_code", key="`code`")
+            )
         if command.needs_reason and (command.hold or command.stop):
-            table.note("needs_reason", "true", "no reason for what stops or is held: nobody has the time")
+            table.note("needs_reason", "true", said("mistake.no_why"))
         if command.argument and command.argument not in self.points:
-            table.note("argument", command.argument, f"a point of {self.owner}")
+            table.note("argument", command.argument, said("mistake.point_of_type", owner=self.owner, near=""))
 
     def _check_order(self, table: Table, command: Command) -> None:
         """A command that is sent as a code or as request bits."""
         name = "code" if command.code else "hold_bits"
         if self.map is None:
-            table.note(name, getattr(command, name), "[plc] in device.toml: only a Pogon PLC takes it")
+            table.note(name, getattr(command, name), said("mistake.plc_takes", table="[plc]", file="device.toml"))
         if command.code and command.hold_bits:
-            table.note("hold_bits", command.hold_bits, "either `code` or `hold_bits`")
+            table.note("hold_bits", command.hold_bits, said("mistake.either", first="`code`", second="`hold_bits`"))
         if bool(command.hold_bits) != command.hold:
-            expected = "hold = true with `hold_bits`, and only with them on such a machine"
-            table.note("hold", str(command.hold).lower(), expected)
+            table.note("hold", str(command.hold).lower(), said("mistake.hold_with", key="`hold_bits`"))
         for given in ("writes", "release", "argument"):
             if getattr(command, given):
-                instead = "`arguments`" if given == "argument" else "nothing"
-                table.note(given, "given", f"{instead} where there is `{name}`: that is what is sent")
+                instead = "`arguments`" if given == "argument" else said("mistake.nothing")
+                table.note(given, said("mistake.given"), said("mistake.sent_instead", what=instead, key=f"`{name}`"))
         if command.stop and command.arguments:
-            table.note("arguments", [argument.name for argument in command.arguments], "none for a Stop")
+            table.note("arguments", [argument.name for argument in command.arguments], said("mistake.none_for_stop"))
 
     def _arguments(self, table: Table) -> Iterator[Argument]:
         seen: set[str] = set()
         for index, row in enumerate(table.rows("arguments")):
             name = row.text("name", pattern=KEY, expected=NAME_EXPECTED)
             if index == MOST_ARGUMENTS:
-                row.note("name", name, f"at most {MOST_ARGUMENTS} arguments")
+                row.note("name", name, said("mistake.arguments", most=MOST_ARGUMENTS))
             if name in seen or name in expression.RESERVED:
-                row.note("name", name, "a name that no other argument has and that is no word of the grammar")
+                row.note("name", name, said("mistake.argument_name"))
             seen.add(name)
             yield self._argument(name, row)
 
@@ -155,7 +160,7 @@ class CommandReader:
         low, high = (self._limit(row, bound) for bound in ("low", "high"))
         decimals = row.whole("decimals", 0, 0, 6)
         if decimals and kind is not Type.F32:
-            row.note("decimals", decimals, f"0 for {kind}")
+            row.note("decimals", decimals, said("mistake.for_type", what=0, type=kind))
         argument = Argument(
             name, kind, low, high, row.text("unit", ""), decimals, row.text("label", f"argument.{name}")
         )
@@ -167,7 +172,7 @@ class CommandReader:
         if isinstance(value, str):
             self.sentences.add(row, bound, value)
         elif value is not None and not is_number(value):
-            row.note(bound, value, "a number or an expression over points")
+            row.note(bound, value, NUMBER_EXPECTED)
         return "" if value is None else str(value)
 
     def _writes(self, table: Table, key: str, *, steps: bool = False) -> Iterator[Write]:
@@ -180,12 +185,14 @@ class CommandReader:
             within = float(row.number("within", 2.0, 0.1, 60)) if after else 2.0
             point, value = row.text("point"), row.raw("value")
             if point and not self._is_writable(point):
-                row.note("point", point, f"a point of {self.owner} with a writable register")
+                row.note("point", point, said("mistake.writable_point", owner=self.owner))
             option = value.removeprefix("option:") if isinstance(value, str) and value.startswith("option:") else None
             if option is not None and option not in self.options.values:
-                row.note("value", value, f"an option of {self.owner}")
+                row.note("value", value, said("mistake.option_of", owner=self.owner))
             elif option is None and value not in SPECIAL_VALUES and not is_number(value):
-                row.note("value", value, "a number, argument, option:<name> or previous")
+                row.note(
+                    "value", value, said("mistake.written_value", words="argument, option:<name>", last="previous")
+                )
             row.done()
             yield Write(point, str(value), when, after, within)
 

@@ -23,9 +23,9 @@ def read_checks(file: Table, sentences: Sentences, setpoints: Collection[str]) -
     for check in checks:
         points = names_in(check.expression)
         if points is not None and points.isdisjoint(setpoints):
-            file.note(f"{check.key}.expression", check.expression, "a sentence over at least one setpoint")
+            file.note(f"{check.key}.expression", check.expression, said("mistake.over_setpoint"))
         if check.commands:
-            file.note(f"{check.key}.commands", ", ".join(check.commands), "no commands: a check is about values")
+            file.note(f"{check.key}.commands", ", ".join(check.commands), said("mistake.no_commands"))
     return checks
 
 
@@ -41,7 +41,7 @@ def check_commands(
     for condition in conditions:
         for command in condition.commands:
             if command not in commands:
-                file.note(f"{group}.{condition.key}.commands", command, f"a command of {owner}")
+                file.note(f"{group}.{condition.key}.commands", command, said("mistake.command_of_type", owner=owner))
 
 
 def _commands(table: Table) -> Iterator[str]:

@@ -5,6 +5,7 @@ from collections.abc import Container, Iterator, Sequence
 
 from app.plant.definitions import Device
 from app.plant.picture import PictureData
+from app.plant.said import said
 from app.plant.tables import Table
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 from app.plant.type_files.options import read_span
@@ -44,12 +45,12 @@ def read_actions(head: Table, *, sequence: bool) -> tuple[str, ...]:
         if not isinstance(name, str) or not re.fullmatch(KEY, name):
             table.note(f"names.{index}", name, NAME_EXPECTED)
         elif name in actions:
-            table.note(f"names.{index}", name, "each action once")
+            table.note(f"names.{index}", name, said("mistake.action_once"))
         else:
             actions.append(name)
     table.done()
     if sequence and table.has("names"):
-        head.note("actions", "given", "no actions where `sequence` is true: a sequence asks, it is not asked")
+        head.note("actions", said("mistake.given"), said("mistake.no_actions"))
     return tuple(actions)
 
 
@@ -66,16 +67,16 @@ def read_tile(head: Table, names: Sequence[object], points: Container[str]) -> f
     """`tile`: points that the tile on the overview draws, by key; the cells of tables are on the page of their machine only."""
     for index, name in enumerate(names):
         if not isinstance(name, str) or name not in points:
-            head.note(f"tile.{index}", name, "the key of a point of points.toml")
+            head.note(f"tile.{index}", name, said("mistake.point_key"))
     return frozenset(str(name) for name in names)
 
 
 def read_picture(table: Table, tile: Sequence[object]) -> PictureData:
     """`picture`: what the picture of the plant shows; each point is one of `tile`, so that the overview is told of it."""
     names = [str(name) for name in tile]
-    expected = "a point of `tile`"
+    expected = said("mistake.point_of_tile")
     points = {key: table.text(key, choices=names, expected=expected) for key in ("state", "moving", "figure")}
-    when = table.text("when", "1", pattern=r"\d+(,\d+)*", expected="values at which it moves, such as 1 or 1,2")
+    when = table.text("when", "1", pattern=r"\d+(,\d+)*", expected=said("mistake.moving"))
     table.done()
     return PictureData(when=when, **points)
 
@@ -86,4 +87,8 @@ def _ranges(table: Table, key: str) -> Iterator[tuple[int, int]]:
             case [int() as first, int() as last] if 0 <= first <= last <= 0xFFFF:
                 yield first, last
             case _:
-                table.note(f"{key}.{index}", item, "[first, last] with 0 <= first <= last <= 65535")
+                table.note(
+                    f"{key}.{index}",
+                    item,
+                    said("mistake.pair", pair="[first, last]", order="0 <= first <= last <= 65535"),
+                )

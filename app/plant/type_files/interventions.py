@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import fields
 
 from app.plant.definitions import Command, Interventions, TableMap
+from app.plant.said import said
 from app.plant.tables import Table, one_of
 
 
@@ -23,7 +24,7 @@ def read_interventions(table: Table, map: TableMap) -> Interventions | None:
     row = table.table("interventions")
     found = Interventions(**{field.name: row.text(field.name) for field in fields(Interventions)})
     for key in ("remaining", "owner"):
-        _check(row, key, getattr(found, key), map.columns, f"a column of {map.key}")
+        _check(row, key, getattr(found, key), map.columns, "column_of", table=map.key)
     row.done()
     return found
 
@@ -41,18 +42,16 @@ def check_interventions(
         if (of := map.interventions) is None:
             continue
         row = file.table(key).table("interventions")
-        _check(row, "count", of.count, points, "a point")
-        _check(row, "record", of.record, records, "a kind of record")
+        _check(row, "count", of.count, points, "point_known")
+        _check(row, "record", of.record, records, "kind_known")
         for name in ("release", "release_all"):
-            _check(row, name, getattr(of, name), commands, "a command")
+            _check(row, name, getattr(of, name), commands, "command_known")
         release = commands.get(of.release)
         for argument in release.arguments if release else ():
             if argument.name not in map.columns:
-                row.note(
-                    "release", of.release, f"a command whose arguments are columns of {key}; {argument.name} is none"
-                )
+                row.note("release", of.release, said("mistake.release_command", table=key, argument=argument.name))
 
 
-def _check(row: Table, key: str, name: str, known: Collection[str], what: str) -> None:
+def _check(row: Table, key: str, name: str, known: Collection[str], text: str, **of: str) -> None:
     if name and name not in known:
-        row.note(key, name, f"{what}: {one_of(sorted(known), name)}")
+        row.note(key, name, said(f"mistake.{text}", known=one_of(sorted(known), name), **of))

@@ -5,5 +5,6 @@ from app.plant.said import said
 KEY = r"[a-z][a-z0-9_]*"
 KEY_EXPECTED = said("mistake.key")
 NAME_EXPECTED = said("mistake.name")
+NUMBER_EXPECTED = said("mistake.number_or_expression")
 ROLES = ("viewer", "operator", "engineer", "admin")
 """Who may be asked for."""

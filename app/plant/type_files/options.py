@@ -64,18 +64,18 @@ class Options:
         try:
             unknown = expression.parse(text).names - set(self.defaults)
         except ConfigurationError as error:
-            table.note(key, text, str(error))
+            table.note(key, text, error.args[0])
         else:
             for name in sorted(unknown):
-                table.note(key, text, f"options of {self.owner} only; {name} is none")
+                table.note(key, text, said("mistake.options_only", owner=self.owner, name=name))
 
-    def check_whole(self, head: Table, option: str, why: str = "a whole number: it is the capacity of a table") -> None:
+    def check_whole(self, head: Table, option: str, expected: str) -> None:
         """An option that counts slots, or whose register has no fraction, has whole numbers only."""
         given = {f"options.{option}.default": self.values[option]}
         given |= {f"presets.{name}.{option}": one[option] for name, one in self.presets.items() if option in one}
         for key, value in given.items():
             if isinstance(value, float) and not value.is_integer():
-                head.note(key, value, why)
+                head.note(key, value, expected)
 
 
 def read_options(head: Table, owner: str, *, sequence: bool) -> Options:
@@ -99,11 +99,11 @@ def read_checks(head: Table, options: Options, *, usual: bool = True) -> Iterato
         try:
             check.expected.format(**defaults)
         except (LookupError, ValueError) as error:
-            row.note("expected", check.expected, f"options in braces only ({error})")
+            row.note("expected", check.expected, said("mistake.options_in_braces", why=error))
             continue
         for name, given in ({"default": {}, **options.presets} if usual else {}).items():
             if not row.source.problems and not check.holds({**defaults, **given}):
-                row.note("expression", check.expression, f"a sentence that holds for the options of {name}")
+                row.note("expression", check.expression, said("mistake.check_holds", name=name))
         row.done()
         yield check
 
@@ -153,7 +153,6 @@ def _add_definition(head: Table, options: Options) -> None:
     """The options that no plant file sets: a sequence has as many steps as its definition."""
     for key, (default, low, high) in BY_DEFINITION.items():
         if key in options.values:
-            expected = "no option of this name where `sequence` is true: the definition gives it"
-            head.note(f"options.{key}", "given", expected)
+            head.note(f"options.{key}", said("mistake.given"), said("mistake.no_option"))
         options.values[key] = default
         options.ranges[key] = (low, high)

@@ -25,9 +25,11 @@ def _action(name: str, row: Table, known: Mapping[str, Command], sentences: Sent
     plain = [key for key, command in known.items() if _may(command) and not (command.argument or command.arguments)]
     ways = [row.text(key, "", choices=plain) if row.has(key) else "" for key in ("suspend", "resume", "stop")]
     if failed and not done:
-        row.note("done", MISSING, "a sentence that says when it has ended well: failed says when not")
+        row.note("done", MISSING, said("mistake.done"))
     if bool(ways[0]) != bool(ways[1]):
-        row.note("resume" if ways[0] else "suspend", MISSING, "both suspend and resume, or none")
+        row.note(
+            "resume" if ways[0] else "suspend", MISSING, said("mistake.both_or_none", first="suspend", second="resume")
+        )
     row.done()
     return Action(name, commands, done, failed, suspend=ways[0], resume=ways[1], stands=stands, stop=ways[2])
 
@@ -36,13 +38,13 @@ def _commands(name: str, row: Table, known: Mapping[str, Command]) -> Iterator[A
     if not re.fullmatch(KEY, name):
         row.note("", name, NAME_EXPECTED)
     if not row.data.get("commands"):
-        row.note("commands", MISSING, "at least one { command = … }")
+        row.note("commands", MISSING, said("mistake.at_least_one", what="{ command = … }"))
     may = [key for key, command in known.items() if _may(command)]
     for each in row.rows("commands"):
         key, value = each.text("command", choices=may), each.text("value", "", pattern=KEY, expected=NAME_EXPECTED)
         argument = known[key].argument if key in known else ""
         if key in known and bool(argument) != bool(value):
-            expected = f"a name for what {key} is given" if argument else f"no value: {key} takes none"
+            expected = said(f"mistake.{'name_for' if argument else 'no_value'}", command=key)
             each.note("value", value or MISSING, expected)
         each.done()
         yield ActionCommand(key, value, tuple(one.name for one in known[key].arguments) if key in known else ())

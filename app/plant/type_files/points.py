@@ -7,9 +7,10 @@ from typing import Any
 from app.plant import expression
 from app.plant.definitions import Derived, Kind, Point, Register, Scan, TableMap, Type
 from app.plant.derive import KINDS
+from app.plant.said import said
 from app.plant.tables import NONE, Table, is_number
 from app.plant.type_files.data import PointData
-from app.plant.type_files.names import KEY, KEY_EXPECTED
+from app.plant.type_files.names import KEY
 from app.plant.type_files.options import Options
 from app.plant.type_files.registers import read_register
 from app.plant.type_files.sentences import Sentences
@@ -35,13 +36,13 @@ class Points:
         """The point that `table` describes, `given` in place of the usual defaults; the caller is `done` with the table."""
         data = self._build(key, table, **given)
         if key in self.found:
-            table.note("", key, "a key that no other point of the type has")
+            table.note("", key, said("mistake.point_twice"))
         self.found[key] = data
 
     def add_head(self, table: Table, key: str, label: str, address: int) -> None:
         """A word in the head of a table."""
         if key in self.found:
-            table.note("", key, "a table whose points no point of points.toml has")
+            table.note("", key, said("mistake.table_taken"))
             return
         point = Point("", key, "", key, label, Kind.STEP, register=Register(address), history=False)
         self.found[key] = PointData(point)
@@ -59,17 +60,17 @@ class Points:
         """The band `normal = [low, high]`; what of it is an expression goes to `bounds`."""
         if not table.has("normal"):
             return None
-        band = table.items("normal", expected="[low, high]")
+        band = table.items("normal", expected=said("mistake.as_is", what="[low, high]"))
         values: list[float] = []
         for index, item in enumerate(band):
             if isinstance(item, str):
                 self._options.check_expression(table, f"normal.{index}", item)
                 bounds[f"normal.{index}"] = item
             elif not is_number(item):
-                table.note(f"normal.{index}", item, "a number or an expression over options")
+                table.note(f"normal.{index}", item, said("mistake.number_or_options"))
             values.append(float(item) if isinstance(item, int | float) else 0.0)
         if len(values) != 2 or (not bounds and values[0] > values[1]):
-            table.note("normal", band, "[low, high] with low <= high")
+            table.note("normal", band, said("mistake.pair", pair="[low, high]", order="low <= high"))
             return None
         return values[0], values[1]
 
@@ -82,7 +83,7 @@ class Points:
         bounds: dict[str, str] = {}
         point = Point(
             name="",
-            id=table.text("was", key, pattern=KEY, expected="the former key of the point"),
+            id=table.text("was", key, pattern=KEY, expected=said("mistake.former_key")),
             equipment="",
             key=key,
             label=table.text("label", f"point.{key}"),
@@ -105,9 +106,9 @@ class Points:
         )
         name = key.rpartition(".")[2]
         if not re.fullmatch(KEY, name) or key in expression.RESERVED:  # a column may be called age: its cells are not
-            table.note("", name, f"{KEY_EXPECTED}, not a word of the grammar")
+            table.note("", name, said("mistake.key_no_word"))
         if register is None and derived is None:
-            table.note("", NONE, "a point with `address`, `part_of` or `derived`")
+            table.note("", NONE, said("mistake.point_lies", first="`address`", second="`part_of`", third="`derived`"))
         return PointData(point, bounds, part=table.has("part_of"))
 
     def _part(self, table: Table) -> Register | None:
@@ -115,9 +116,9 @@ class Points:
         of = table.text("part_of")
         whole = self.found[of].point.register if of in self.found else None
         if table.has("address"):
-            table.note("address", table.raw("address"), "no address where there is `part_of`: it lies where that does")
+            table.note("address", table.raw("address"), said("mistake.no_address"))
         if whole is None or whole.mask is not None or whole.type is not Type.U16 or not whole.readable:
-            table.note("part_of", of, "a point above with a whole u16 register that is read")
+            table.note("part_of", of, said("mistake.part_of"))
             return None
         return Register(
             whole.address,
@@ -131,12 +132,20 @@ class Points:
         derived = Derived(kind, table.text("of", ""), table.text("when", ""))
         needs_of, needs_when = KINDS.get(kind, (False, False))
         if needs_of != bool(derived.of):
-            table.note("of", derived.of, f"{'a point' if needs_of else 'nothing'} for {kind}")
+            table.note(
+                "of",
+                derived.of,
+                _needed("point", needs_of, kind),
+            )
         if needs_when != bool(derived.when):
-            table.note("when", derived.when, f"{'a condition' if needs_when else 'nothing'} for {kind}")
+            table.note(
+                "when",
+                derived.when,
+                _needed("a_condition", needs_when, kind),
+            )
         if derived.of and kind == "option":
             if derived.of not in self._options.defaults:
-                table.note("of", derived.of, f"an option of {self._owner} that is a number")
+                table.note("of", derived.of, said("mistake.number_option", owner=self._owner))
         elif derived.of:
             self._sentences.add(table, "of", derived.of)
         if derived.when:
@@ -154,6 +163,10 @@ class Points:
         return None if given is None else float(given)
 
 
+def _needed(what: str, needed: bool, kind: str) -> str:
+    return said("mistake.for_type", what=said(f"mistake.{what if needed else 'nothing'}"), type=kind)
+
+
 def read_choices(table: Table, key: str, name: str) -> dict[int, str]:
     """`name = [0, 1]` or `name = { 0 = "text.key" }`: a value → the key of its text."""
     given = table.raw(name)
@@ -165,5 +178,5 @@ def read_choices(table: Table, key: str, name: str) -> dict[int, str]:
         re.fullmatch(r"\d+", item) and isinstance(text, str) for item, text in given.items()
     ):
         return {int(item): text for item, text in given.items()}
-    table.note(name, given, "a list of values, or a table value = text key")
+    table.note(name, given, said("mistake.value_texts"))
     return {}

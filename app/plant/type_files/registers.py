@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from app.plant.definitions import Order, Register, Type
+from app.plant.said import said
 from app.plant.tables import Source, Table
 from app.plant.type_files.data import PointData
 
@@ -22,11 +23,11 @@ def read_register(table: Table, *, writable: bool, address: int | None = None) -
     kind = Type(table.text("type", "u16", choices=[kind.value for kind in Type]))
     length = table.whole("words", WORDS[kind], 1, 125)
     if kind is not Type.STRING and length != WORDS[kind]:
-        table.note("words", length, f"{WORDS[kind]} for {kind}")
+        table.note("words", length, said("mistake.for_type", what=WORDS[kind], type=kind))
     mask, none = table.raw("mask"), table.raw("none")
     scale = float(table.number("scale", 1.0))
     if scale == 0:
-        table.note("scale", 0, "a number other than 0")
+        table.note("scale", 0, said("mistake.not_zero"))
     return Register(
         address=table.whole("address", low=0, high=0xFFFF) if address is None else address,
         type=kind,
@@ -53,7 +54,7 @@ def check_registers(points: Iterable[PointData], sources: Sequence[Source]) -> N
             other = taken.setdefault((register.table if register else "", address), data)
             if other is not data and register and not _splits(other.point.register, register):
                 file = next((source for source in sources if data.point.key in source.data), sources[0]).table()
-                expected = f"words that {other.point.key} does not use, or a mask that leaves its bits alone"
+                expected = said("mistake.words_free", other=other.point.key)
                 file.note(f"{data.point.key}.address", f"0x{register.address:04X}", expected)
                 break
 

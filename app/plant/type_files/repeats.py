@@ -27,6 +27,7 @@ from typing import Any
 
 from app.errors import ConfigurationError
 from app.plant import expression
+from app.plant.said import said
 
 _PLACE = re.compile(r"\{([a-z]\w*)(?:([+-])(\d+))?\}")
 _GROUP = re.compile(r"\b(every|any)\((\w+): ")
@@ -78,10 +79,10 @@ def read_repeats(data: Mapping[str, Any], given: Mapping[str, float]) -> Repeats
     most: dict[str, range] = {}
     used: set[str] = set()
     if not isinstance(data.get("repeats", {}), Mapping):
-        raise ConfigurationError(f"repeats is {data['repeats']!r}, expected a table of names")
+        raise ConfigurationError(said("mistake.repeats_table", found=repr(data["repeats"])))
     for name, row in data.get("repeats", {}).items():
         if not isinstance(row, Mapping) or not all(isinstance(row.get(key, "1"), str) for key in ("from", "to")):
-            raise ConfigurationError(f"repeats.{name} is {row!r}, expected expressions over options, `from` and `to`")
+            raise ConfigurationError(said("mistake.repeats_row", name=name, found=repr(row)))
         first, last = str(row.get("from", "1")), str(row.get("to", "0"))
         used |= expression.parse(first).names | expression.parse(last).names
         numbers[name] = range(_limit(name, first, usual, 1), _limit(name, last, usual, 0) + 1)
@@ -94,9 +95,9 @@ def read_repeats(data: Mapping[str, Any], given: Mapping[str, float]) -> Repeats
 def _limit(name: str, text: str, values: Mapping[str, float], least: int) -> int:
     value = expression.number(text, values)
     if value is None:
-        raise ConfigurationError(f"repeats.{name} counts with {text}, expected an expression over options")
+        raise ConfigurationError(said("mistake.repeats_with", name=name, text=text))
     if not value <= MOST:
-        raise ConfigurationError(f"repeats.{name} counts to {value:g}, expected at most {MOST}")
+        raise ConfigurationError(said("mistake.repeats_to", name=name, number=f"{value:g}", most=MOST))
     return max(least, int(value))
 
 
@@ -174,7 +175,7 @@ class _Writer:
     def _named(self, value: object, path: tuple[str, ...]) -> bool:
         if isinstance(value, str) and value in self._numbers:
             return True
-        self._wrong(path, value, f"one of [repeats]: {', '.join(self._numbers)}")
+        self._wrong(path, value, said("mistake.repeat_known", known=", ".join(self._numbers)))
         return False
 
     def _count(self, of: object, path: tuple[str, ...]) -> int:
@@ -193,7 +194,7 @@ class _Writer:
                     begun = None
                     break
         if begun is None:
-            self._wrong(path, rows, f"{form} of numbers, the first from {number} or less")
+            self._wrong(path, rows, said("mistake.repeat_row", form=form, number=number))
         return begun or (0, 0, 0)
 
     def _items(self, item: Any, scope: Scope, path: tuple[str, ...]) -> Iterator[Scope]:
@@ -204,7 +205,7 @@ class _Writer:
         scopes = [scope]
         each = item.get("each", []) if isinstance(item, dict) else []
         if not isinstance(each, list):
-            self._wrong((*path, "each"), each, f"a list of names of [repeats]: {', '.join(self._numbers)}")
+            self._wrong((*path, "each"), each, said("mistake.repeat_list", known=", ".join(self._numbers)))
             return
         for at, name in enumerate(each):
             known = self._named(name, (*path, "each", str(at)))
@@ -235,9 +236,9 @@ class _Writer:
                 end += 1
             inside = text[begin : end - 1]
             parts = [_filled(inside, {**scope, name: number}) for number in self._numbers.get(name, range(0))]
-            said = _JOINS[word].join(parts) or _NONE[word]
+            joined = _JOINS[word].join(parts) or _NONE[word]
             whole = group.start() == 0 and end == len(text)
-            text = text[: group.start()] + (said if whole else f"({said})") + text[end:]
+            text = text[: group.start()] + (joined if whole else f"({joined})") + text[end:]
         return text
 
 

@@ -4,6 +4,7 @@ from collections.abc import Collection
 
 from app.errors import ConfigurationError
 from app.plant import expression
+from app.plant.said import said
 from app.plant.tables import Table
 
 
@@ -30,12 +31,12 @@ def check_expression(
     try:
         parsed = expression.parse(text)
     except ConfigurationError as error:
-        table.note(key, text, str(error))
+        table.note(key, text, error.args[0])
         return
     for name in sorted(parsed.names - set(points)):
-        table.note(key, text, f"names of points of {owner}; it has no {name}")
+        table.note(key, text, said("mistake.points_of_type", owner=owner, point=name))
     if parsed.needs_argument and not argument:
-        table.note(key, text, "no `argument` here: nobody enters one")
+        table.note(key, text, said("mistake.no_argument"))
 
 
 def read_values(table: Table, sentences: Sentences) -> dict[str, str]:

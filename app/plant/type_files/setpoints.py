@@ -5,8 +5,9 @@ from dataclasses import replace
 
 from app.plant import plc
 from app.plant.definitions import PlcMap, Setpoint
+from app.plant.said import said
 from app.plant.tables import MISSING, Table, is_number
-from app.plant.type_files.names import ROLES
+from app.plant.type_files.names import NUMBER_EXPECTED, ROLES
 from app.plant.type_files.points import Points, read_choices
 from app.plant.type_files.sentences import Sentences
 
@@ -22,7 +23,7 @@ def read_setpoints(
             if isinstance(bound, str):
                 sentences.add(row, name, bound)
             elif not is_number(bound):
-                row.note(name, bound, "a number or an expression over points")
+                row.note(name, bound, NUMBER_EXPECTED)
         setpoint = Setpoint(
             key=key,
             low=str(low),
@@ -52,7 +53,7 @@ def read_setpoints(
                 data = points.found[key]
                 data.point = replace(data.point, texts=options)
         elif key not in points.found:
-            row.note("address", MISSING, "an address, or a key of points.toml")
+            row.note("address", MISSING, said("mistake.address_or_key"))
         elif map and plc.inside(map.settings, points.found[key].point.register):
             data = points.found[key]
             assert data.point.register

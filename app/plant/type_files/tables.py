@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from app.plant import plc
 from app.plant.definitions import TableMap
+from app.plant.said import said
 from app.plant.tables import Table
 from app.plant.type_files.data import PointData
 from app.plant.type_files.interventions import read_interventions
@@ -20,7 +21,7 @@ def read_tables(
     tables: dict[str, TableMap] = {}
     columns: dict[str, dict[str, PointData]] = {}
     if file.data and not has_map:
-        file.note("", ", ".join(file.data), "[plc] in device.toml: only a Pogon PLC has tables")
+        file.note("", ", ".join(file.data), said("mistake.plc_tables", table="[plc]", file="device.toml"))
     for key, table in file.tables():
         if not re.fullmatch(KEY, key):
             table.note("", key, KEY_EXPECTED)
@@ -38,5 +39,5 @@ def read_tables(
         table.done()
     for key in points.found:
         if plc.is_cell(key, tables):
-            file.note(key, "points.toml", "no point whose key is that of a cell")
+            file.note(key, "points.toml", said("mistake.no_cell"))
     return tables, columns

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from app.plant.definitions import Kind, Point
+from app.plant.said import said
 from app.plant.tables import Table, one_of
 from app.plant.today import Figure, How
 from app.records.kind import RecordKind
@@ -10,9 +11,9 @@ from app.records.kind import RecordKind
 ONCE = (How.TIME, How.ENERGY, How.MEAN)
 """Of these a machine has one at most; counters may be several."""
 FITS: Mapping[How, str] = {
-    How.TIME: "a recorded point of kind bool",
-    How.COUNT: "a recorded point of kind step that counts",
-    How.ENERGY: "a recorded point in kW",
+    How.TIME: said("mistake.figure_time"),
+    How.COUNT: said("mistake.figure_count"),
+    How.ENERGY: said("mistake.figure_energy"),
 }
 
 
@@ -22,7 +23,7 @@ def read_today(file: Table, points: Mapping[str, Point], records: Mapping[str, R
     for name, table in file.tables():
         figure = _figure(name, table, points, records)
         if figure.how in ONCE and any(one.how is figure.how for one in found.values()):
-            table.note("how", str(figure.how), f"one figure of this kind; `{name}` is the second")
+            table.note("how", str(figure.how), said("mistake.one_figure", name=name))
         found[name] = figure
         table.done()
     file.done()
@@ -36,7 +37,7 @@ def _figure(name: str, table: Table, points: Mapping[str, Point], records: Mappi
         return Figure(name, how, of=table.text("of", choices=fitting, expected=FITS[how]))
     kind = table.text("record", choices=list(records))
     outcomes = records[kind].outcomes if kind in records else ()
-    expected = f"an outcome of {kind}: {one_of(outcomes, table.raw('outcome', ''))}"
+    expected = said("mistake.outcome_of", kind=kind, known=one_of(outcomes, table.raw("outcome", "")))
     return Figure(name, how, record=kind, outcome=table.text("outcome", choices=outcomes, expected=expected))
 
 
