@@ -138,7 +138,8 @@ def collect() -> Texts:
         for file, prefix in files:
             for key, text in _flat(tomllib.loads(file.read_text("utf-8")), prefix):
                 texts.setdefault(key, {})[language] = text
-    for file in sorted([*ROOT.glob("app/equipment/*/lessons/*.toml"), *ROOT.glob("plants/**/*.toml")]):
+    of_plants = ("app/equipment/*/device.toml", "app/equipment/*/lessons/*.toml", "plants/**/*.toml")
+    for file in sorted(path for one in of_plants for path in ROOT.glob(one)):
         for key, labels in _labels(tomllib.loads(file.read_text("utf-8")), ""):
             texts[f"{file.relative_to(ROOT)} {key}"] = labels
     return texts

@@ -1,6 +1,7 @@
 """What is said of a mistake in a plant file: in English as a terminal prints it, with its key and its values for a page in other languages.
 
-The texts are `mistake.<key>` of the product (`app/locale/<lang>/mistake.toml`); a value may be such a text itself.
+The texts are `mistake.<key>` of the product (`app/locale/<lang>/mistake.toml`), or an equipment type brings them along; a value may be
+such a text itself.
 """
 
 import tomllib
@@ -22,6 +23,8 @@ class Said(Plain):
 
     key: str
     params: Mapping[str, object]
+    own: Mapping[str, str]
+    """Language → text of an equipment type, in place of the product's `key`; else empty."""
 
 
 def said(key: str, /, **params: object) -> Said:
@@ -30,15 +33,25 @@ def said(key: str, /, **params: object) -> Said:
     Raises:
         KeyError: there is no such text.
     """
-    return _made(_english()[key].format(**params), key, params)
+    return _made(_english()[key].format(**params), key, params, {})
 
 
-def in_words(text: Callable[..., str], message: str) -> str:
-    """`message` as `text` (of the reader's language: key, values) says it; what is none of ours stays as it is."""
+def said_by(texts: Mapping[str, str], /, **params: object) -> Said:
+    """A text that an equipment type has in these languages, English or the first of them for a terminal, with its values."""
+    return _made(texts[_first(texts)].format(**params), "", params, texts)
+
+
+def in_words(text: Callable[..., str], message: str, language: str = "en") -> str:
+    """`message` as `text` (of the reader's `language`: key, values) says it; what is none of ours stays as it is."""
     if not isinstance(message, Said):
         return message
+    if message.own:
+        first = language if language in message.own else _first(message.own)
+        told = message.own[first].format(**message.params)
+        return printable(told if first == language else f"[{first}] {told}", LONGEST)
     values = {
-        name: in_words(text, value) if isinstance(value, str) else value for name, value in message.params.items()
+        name: in_words(text, value, language) if isinstance(value, str) else value
+        for name, value in message.params.items()
     }
     return printable(text(message.key, **values), LONGEST)
 
@@ -47,13 +60,17 @@ def printable(text: str, longest: int) -> str:
     """`text` on one line of a terminal, cut; a text of ours stays one."""
     cut = text if len(text) <= longest else text[: longest - 3] + "…"
     shown = "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in cut)
-    return _made(shown, text.key, text.params) if isinstance(text, Said) else shown
+    return _made(shown, text.key, text.params, text.own) if isinstance(text, Said) else shown
 
 
-def _made(english: str, key: str, params: Mapping[str, object]) -> Said:
+def _made(english: str, key: str, params: Mapping[str, object], own: Mapping[str, str]) -> Said:
     made = Said(english)
-    made.key, made.params = key, params
+    made.key, made.params, made.own = key, params, own
     return made
+
+
+def _first(texts: Mapping[str, str]) -> str:
+    return "en" if "en" in texts else next(iter(texts))
 
 
 @lru_cache(maxsize=1)

@@ -10,7 +10,8 @@ from reprlib import Repr
 from typing import Any, TypeGuard
 
 from app.errors import MissingFile, UnusableFile
-from app.files import ORDINARY, read_text
+from app.files import read_text
+from app.plant.file_words import file_words
 from app.plant.problems import Problem
 from app.plant.said import LONGEST as LONGEST_EXPECTED
 from app.plant.said import Plain, Said, printable, said
@@ -64,11 +65,10 @@ class Source:
             text = read_text(path, LARGEST_FILE, inside=inside) if draft is None else draft
         except MissingFile as error:
             if not optional:
-                self.note((), error.found, said("mistake.toml_file"))
+                self.note((), file_words(error.found), said("mistake.toml_file"))
             return
         except UnusableFile as error:
-            expected = said("mistake.toml_file") if error.expected == ORDINARY else error.expected
-            self.note((), error.found, expected, line=error.line)
+            self.note((), file_words(error.found), file_words(error.expected), line=error.line)
             return
         self._lines = text.splitlines()
         if not text.strip():

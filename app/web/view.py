@@ -267,7 +267,7 @@ class View:
             "asset": self.assets.url,
             "screen_assets": self.assets.of_screen,
             "label": partial(texts.label, lang),
-            "in_words": partial(in_words, partial(texts.text, lang)),
+            "in_words": partial(in_words, partial(texts.text, lang), language=lang),
             "type_text": lambda kind, name, **params: texts.of_type(lang, kind, name, **params),
             "fmt": fmt,
             "typed_time": lambda typed: typed_time.shown(typed, lang),

@@ -10,14 +10,19 @@ import pytest
 
 from app.plant import said as module
 from app.plant.plant_files.languages import LANGUAGES
-from app.plant.said import LONGEST, Said, in_words, printable, said
+from app.plant.said import LONGEST, Said, in_words, printable, said, said_by
 from app.plant.texts import Texts
 from app.plant.toml import PARSER, TomlRefused, parse
 from tests.conftest import ROOT
 
 TEXTS = Texts.read()
-IN_PAGES = ("sequence*.py", "tables.py", "toml.py", "expression.py", "type_files/names.py")
-"""Whose mistakes an engineer reads while he types."""
+READERS = [*sorted((ROOT / "app" / "plant").rglob("*.py")), ROOT / "app" / "sim" / "plant.py"]
+"""Whose mistakes the page of the plant files tells."""
+
+
+PLACES = {"note": 2, "_refused": 2, "_error": 2, "TomlRefused": 1, "_wrong": 1, "items": 2, "Problem": 3}
+"""What tells a mistake → where among its arguments that begins which is said of what was expected."""
+NAMES = ("expected", "EXPECTED", "ID_EXPECTED", "KEY_EXPECTED", "NAME_EXPECTED", "SPAN_EXPECTED")
 
 
 def keys() -> list[str]:
@@ -51,22 +56,29 @@ def literals(path: Path) -> Iterator[str]:
     def plain(node: ast.expr) -> bool:
         if isinstance(node, ast.BinOp):
             return plain(node.left) or plain(node.right)
+        if isinstance(node, ast.IfExp):
+            return plain(node.body) or plain(node.orelse)
         parts = node.values if isinstance(node, ast.JoinedStr) else [node]
         texts = [part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)]
         return any(re.search("[A-Za-z] ?", text) for text in texts)
 
     for call in ast.walk(ast.parse(path.read_bytes())):
+        if (
+            isinstance(call, ast.Assign)
+            and any(ast.unparse(one) in NAMES for one in call.targets)
+            and plain(call.value)
+        ):
+            yield f"{path.name}:{call.lineno}: {ast.unparse(call.value)}"
         if not isinstance(call, ast.Call):
             continue
         name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
         told = [each.value for each in call.keywords if each.arg == "expected"]
-        if name in ("note", "TomlRefused", "_refused", "_wrong", "_error"):
-            told += call.args[2:] if name in ("note", "_refused", "_error") else call.args[1:2]
+        told += call.args[PLACES[name] :] if name in PLACES else []
         yield from (f"{path.name}:{one.lineno}: {ast.unparse(one)}" for one in told if plain(one))
 
 
 def test_nothing_of_it_is_english_alone() -> None:
-    found = [one for pattern in IN_PAGES for path in (ROOT / "app" / "plant").glob(pattern) for one in literals(path)]
+    found = [one for path in READERS for one in literals(path)]
     assert found == []
 
 
@@ -98,3 +110,14 @@ def test_what_is_cut_for_a_line_stays_a_text_of_ours() -> None:
     long = printable(said("mistake.step_of_file", keys="k\n" * LONGEST), LONGEST)
     assert len(long) <= LONGEST + 900 and "\n" not in long and "\n" not in spoken("cs", long)
     assert in_words(lambda key: "?", "a saying of somebody else") == "a saying of somebody else"
+
+
+def test_a_type_brings_texts_of_its_own() -> None:
+    texts = {"en": "more than {low} mm", "de": "mehr als {low} mm"}
+    message = printable(said_by(texts, low="5"), LONGEST)
+    assert message == "more than 5 mm"
+    for language, told in (("en", message), ("de", "mehr als 5 mm"), ("hr", "[en] more than 5 mm")):
+        assert in_words(partial(TEXTS.text, language), message, language) == told
+        inner = said("mistake.needs", what="go", values=message)
+        assert told in in_words(partial(TEXTS.text, language), inner, language)
+    assert said_by({"de": "ja", "hr": "da"}) == "ja"

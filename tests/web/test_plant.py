@@ -3,6 +3,7 @@
 import re
 import shutil
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,46 @@ def test_mistakes_are_listed_and_change_nothing(staff: Staff, folder: Path) -> N
     answer = staff.post("/plant", {"digest": "x", "read": "1"})
     assert answer.status_code == 409 and "the files have mistakes" in answer.text
     assert staff.client.get("/equipment/m2").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("language", "told"),
+    [
+        (
+            "hr",
+            (
+                "adresa koju na vezi",
+                "200 do 240 V ili 380 do 440 V: serija nema drugu klasu",
+                "vremenska zona, na primjer Europe/Zagreb (možda Europe/Zagreb)",
+            ),
+        ),
+        (
+            "de",
+            (
+                "eine Adresse, die kein anderes Gerät an",
+                "200 bis 240 V oder 380 bis 440 V: Die Baureihe hat keine andere Klasse",
+                "eine Zeitzone, etwa Europe/Zagreb (vielleicht Europe/Zagreb)",
+            ),
+        ),
+        (
+            "cs",
+            (
+                "adresa, kterou nemá žádné jiné zařízení na spojení",
+                "200 až 240 V nebo 380 až 440 V: řada jinou třídu nemá",
+                "časové pásmo, například Europe/Zagreb (možná Europe/Zagreb)",
+            ),
+        ),
+    ],
+)
+def test_mistakes_are_told_in_the_language_of_who_reads(
+    staff: Staff, folder: Path, language: str, told: tuple[str, ...]
+) -> None:
+    wrong = DEMO.replace("unit = 2", "unit = 1\nrated_voltage = 300").replace("Europe/Zagreb", "Europe/Zagrep")
+    (folder / "plant.toml").write_text(wrong, "utf-8")
+    staff.client.cookies.set("pogon_lang", language)
+    page = unescape(staff.client.get("/plant").text)
+    assert [one for one in told if one not in page] == []
+    assert "expected" not in page and 'lang="en"' not in page[page.index("problems") :]
 
 
 def test_only_an_engineer_reads_and_takes_plant_files(staff: Staff, folder: Path) -> None:

@@ -35,7 +35,7 @@ def read_options(
     for check in data.checks:
         if not check.holds(numbers):
             shown = {name: f"{value:g}" for name, value in numbers.items()}
-            table.note(check.option, Plain(shown[check.option]), check.expected.format(**shown))
+            table.note(check.option, Plain(shown[check.option]), check.told(shown))
     return options
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 from app.errors import ConfigurationError
 from app.plant import expression
-from app.plant.said import said
-from app.plant.tables import Table, is_number
+from app.plant.plant_files.languages import languages
+from app.plant.said import said, said_by
+from app.plant.tables import Table, is_number, read_label
 from app.plant.type_files.names import KEY, NAME_EXPECTED
 
 STEPS = "steps"
@@ -31,12 +32,24 @@ class OptionCheck:
     """A sentence over options that are numbers."""
     option: str
     """The one that is blamed."""
-    expected: str
-    """What was expected of it; `{name}` is an option's value."""
+    expected: str | Mapping[str, str]
+    """What was expected of it, or language → that; `{name}` is an option's value."""
 
     def holds(self, options: Mapping[str, float]) -> bool:
         """Whether `options` meet it."""
         return expression.parse(self.expression).true(options) is True
+
+    def told(self, options: Mapping[str, object]) -> str:
+        """What was expected, with the values of `options`.
+
+        Raises:
+            LookupError, ValueError: it names what is no option.
+        """
+        if isinstance(self.expected, str):
+            return self.expected.format(**options)
+        for text in self.expected.values():
+            text.format(**options)
+        return said_by(self.expected, **options)
 
 
 @dataclass(slots=True)
@@ -92,14 +105,17 @@ def read_options(head: Table, owner: str, *, sequence: bool) -> Options:
 def read_checks(head: Table, options: Options, *, usual: bool = True) -> Iterator[OptionCheck]:
     """`[[checks]]`: what must hold between options; the defaults, and every preset, must meet them unless the type is not as it is
     `usual`ly, with other numbers of repeated rows, whose options a plant file must tell."""
-    defaults = options.defaults
+    defaults, known = options.defaults, languages()
     for row in head.rows("checks"):
-        check = OptionCheck(row.text("expression"), row.text("option", choices=list(defaults)), row.text("expected"))
+        sentence, option = row.text("expression"), row.text("option", choices=list(defaults))
+        many = isinstance(row.data.get("expected"), dict)
+        told = (read_label(row, "expected", known, known) or "") if many else row.text("expected")
+        check = OptionCheck(sentence, option, told)
         options.check_expression(row, "expression", check.expression)
         try:
-            check.expected.format(**defaults)
+            check.told(defaults)
         except (LookupError, ValueError) as error:
-            row.note("expected", check.expected, said("mistake.options_in_braces", why=error))
+            row.note("expected", row.data["expected"], said("mistake.options_in_braces", why=error))
             continue
         for name, given in ({"default": {}, **options.presets} if usual else {}).items():
             if not row.source.problems and not check.holds({**defaults, **given}):
