@@ -61,6 +61,15 @@ _QUALITY: Mapping[str, Callable[[Value, int], bool]] = {
     "good": lambda value, quality: is_good(quality) and value is not None,
     "bad": lambda value, quality: is_bad(quality) or value is None,
 }
+PARSER = {
+    r"invalid syntax": "syntax",
+    r"invalid syntax\. Perhaps you forgot a comma\?": "comma",
+    r"(?P<sign>'.') was never closed": "never_closed",
+    r"unmatched (?P<sign>'.')": "unmatched",
+    r"invalid decimal literal": "decimal",
+    r"leading zeros in decimal integer literals .*": "leading_zeros",
+}
+"""What Python's parser says, a pattern → the text of ours with the value that it names."""
 RESERVED = frozenset({ARGUMENT, "age", *_CALLS, *_QUALITY})
 """Words that no point can be called."""
 
@@ -129,10 +138,13 @@ def parse(text: str, *, machines: bool = False) -> Expression:
     except SyntaxError as error:
         # an offset of 0 is the parser's word for the end
         raise _error(
-            sentence, error.offset or len(sentence), said("mistake.a_mistake", parser=str(error.msg)), EXPECTED
+            sentence,
+            error.offset or len(sentence),
+            said("mistake.a_mistake", parser=_parser_words(error.msg)),
+            EXPECTED,
         ) from error
     except (ValueError, RecursionError, MemoryError) as error:
-        raise _error(sentence, 1, said("mistake.a_mistake", parser=str(error)), EXPECTED) from error
+        raise _error(sentence, 1, said("mistake.a_mistake", parser=_parser_words(str(error))), EXPECTED) from error
     compiler = _Compiler(sentence, machines=machines)
     step = compiler.build(tree.body, 0)
     return Expression(text, frozenset(compiler.names), compiler.argument, frozenset(compiler.ages), step)
@@ -333,6 +345,14 @@ def _chain(comparisons: list[Callable[[float, float], bool]], terms: list[_Step]
         return None if unknown else True
 
     return step
+
+
+def _parser_words(told: str) -> str:
+    """What Python's parser said, as a text of ours where it is one of its common ones."""
+    for pattern, key in PARSER.items():
+        if match := re.fullmatch(pattern, told):
+            return said(f"mistake.{key}", **match.groupdict())
+    return told
 
 
 def _error(text: str, position: int, found: str, expected: str) -> ConfigurationError:

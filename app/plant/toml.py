@@ -48,6 +48,12 @@ PARSER = {
     "Cannot declare": "parser_twice",
     "Duplicate inline table key": "parser_twice",
     "Invalid date or datetime": "parser_value",
+    "Cannot mutate immutable namespace": "parser_twice",
+    "Cannot redefine namespace": "parser_twice",
+    "Expected ']]'": "parser_brackets",
+    "Unescaped": "parser_escape",
+    "Invalid hex value": "parser_hex",
+    "Escaped character is not": "parser_scalar",
 }
 """How what `tomllib` says begins → the text of ours."""
 

@@ -8,7 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from app.errors import ConfigurationError, UnusableFile
+from app.files import read_text
+from app.plant import expression
 from app.plant import said as module
+from app.plant.expression import PARSER as SENTENCES
+from app.plant.file_words import WORDS, file_words
 from app.plant.plant_files.languages import LANGUAGES
 from app.plant.said import LONGEST, Said, in_words, printable, said, said_by
 from app.plant.texts import Texts
@@ -90,6 +95,9 @@ def test_nothing_of_it_is_english_alone() -> None:
         ("a = [1", "TOML (eckige Klammer nicht geschlossen (am Ende der Datei))"),
         ('a = "x', "TOML (Text ohne schließendes Anführungszeichen (am Ende der Datei))"),
         ("a = 1\na = 2", "TOML (derselbe Schlüssel oder dieselbe Tabelle zweimal (am Ende der Datei))"),
+        ("[[a]", "TOML (es fehlt ']]' (Zeile 1, Spalte))"),
+        ("a = {b = 1}\n[a.c]", "TOML (derselbe Schlüssel oder dieselbe Tabelle zweimal (Zeile 2, Spalte))"),
+        ('a = "\\q"', "TOML (ungültiges Zeichen nach '\\' im Text (Zeile 1, Spalte))"),
         ("[a]\n[a]\n", "TOML (derselbe Schlüssel oder dieselbe Tabelle zweimal (Zeile 2, Spalte 3))"),
     ],
 )
@@ -100,8 +108,44 @@ def test_what_is_no_toml_is_told_in_the_language_too(text: str, german: str) -> 
     assert re.sub(r"Spalte \d+", "Spalte", told) == re.sub(r"Spalte \d+", "Spalte", german)
 
 
-def test_each_word_of_the_parser_has_a_text() -> None:
-    assert {f"mistake.{key}" for key in PARSER.values()} <= set(keys())
+def test_each_word_of_the_parsers_and_of_files_has_a_text() -> None:
+    assert {f"mistake.{key}" for key in (*PARSER.values(), *SENTENCES.values(), *WORDS.values())} <= set(keys())
+
+
+@pytest.mark.parametrize(
+    ("sentence", "german"),
+    [
+        ("speed >", "ein Schreibfehler (ungültige Schreibweise)"),
+        ("max(a b)", "ein Schreibfehler (ungültige Schreibweise; vielleicht fehlt ein Komma)"),
+        ("(speed", "ein Schreibfehler ('(' wurde nie geschlossen)"),
+        ("speed)", "ein Schreibfehler (')' ohne Gegenstück)"),
+        ("1a > 2", "ein Schreibfehler (ungültig geschriebene Zahl)"),
+        ("007 > 2", "ein Schreibfehler (eine Zahl darf nicht mit Nullen beginnen)"),
+    ],
+)
+def test_what_is_no_sentence_is_told_in_the_language_too(sentence: str, german: str) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        expression.parse(sentence)
+    assert german in spoken("de", refused.value.args[0])
+
+
+def test_what_is_said_of_a_file_is_told_in_the_language_too(tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(b"x" * 10)
+    (tmp_path / "odd").write_bytes(b"\xff")
+    (tmp_path / "out").symlink_to("/etc/hostname")
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    for name, found, expected in (
+        ("large", "10 Byte", "höchstens 9 Byte"),
+        ("odd", "Byte 0xff", "Text in UTF-8"),
+        ("out", "ein Link, der aus seinem Ordner hinausführt", f"eine gewöhnliche Datei in {tmp_path}"),
+        ("round", "zu viele Ebenen symbolischer Links", "eine TOML-Datei"),
+        (".", "ein Ordner", "eine TOML-Datei"),
+    ):
+        with pytest.raises(UnusableFile) as refused:
+            read_text(tmp_path / name, 9, inside=tmp_path)
+        told = [spoken("de", file_words(text)) for text in (refused.value.found, refused.value.expected)]
+        assert told == [found, expected]
+    assert file_words("anything else") == "anything else"
 
 
 def test_what_is_cut_for_a_line_stays_a_text_of_ours() -> None:
