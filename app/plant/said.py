@@ -5,7 +5,7 @@ such a text itself.
 """
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -34,6 +34,16 @@ def said(key: str, /, **params: object) -> Said:
         KeyError: there is no such text.
     """
     return _made(_english()[key].format(**params), key, params, {})
+
+
+def not_as(found: str, expected: str, key: str = "found_expected") -> Said:
+    """`found: expected …` in one text."""
+    return said(f"mistake.{key}", found=found, expected=expected)
+
+
+def any_of(choices: Iterable[str]) -> Said:
+    """`one of a, b`."""
+    return said("mistake.one_of", choices=", ".join(choices), more="", near="")
 
 
 def said_by(texts: Mapping[str, str], /, **params: object) -> Said:

@@ -8,7 +8,8 @@ machine shows a slower plant, never a jumping one.
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from math import isfinite, nan
 from pathlib import Path
@@ -21,7 +22,7 @@ from app.errors import BadAnswer, ConfigurationError, DeviceException
 from app.plant.definitions import Equipment, Plant
 from app.plant.loader import PLANT_FILE, read_plant, shortened
 from app.plant.problems import Problem
-from app.plant.said import said
+from app.plant.said import not_as, said
 from app.plant.sequences import program
 from app.registers.codec import decode
 from app.sim.bus import Bus, damaged
@@ -62,10 +63,8 @@ def read_simulated(
             try:
                 _try_out(item, plant, VIRTUAL_DEVICES if factories is None else factories)
             except ConfigurationError as error:
-                found = str(error).removeprefix(f"{item.id}: ")
-                problems.append(
-                    Problem(PLANT_FILE, f"equipment.{item.id}.simulation", found, said("mistake.virtual_device"))
-                )
+                key, expected = f"equipment.{item.id}.simulation", said("mistake.virtual_device")
+                problems.append(Problem(PLANT_FILE, key, error.args[0], expected))
     return (None if problems else plant), shortened(problems)
 
 
@@ -166,7 +165,8 @@ class SimPlant:
             if before is not None and devices.get(item.machine) is not self.devices.get(before.machine):
                 devices[id] = self._built(item)
         for item, device, machine in _coupled(equipment, devices):
-            _fit(item, device, machine)
+            with _named(item):
+                _fit(item, device, machine)
         buses = {name: self.buses.get(name) or Bus({}, turnaround=self._turnaround) for name in wanted}
         return equipment, devices, buses
 
@@ -228,7 +228,9 @@ class SimPlant:
         return {place: device for place, device in found.items() if isinstance(device, Permanent)}
 
     def _built(self, item: Equipment) -> VirtualDevice:
-        device, place = _build(item, self._seed, self._factories), place_of(item)
+        with _named(item):
+            device = _build(item, self._seed, self._factories)
+        place = place_of(item)
         memory = self._memories.get(place)
         if memory and isinstance(device, Permanent) and not device.remember(memory):
             log.warning(
@@ -358,15 +360,22 @@ def units(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevic
     return {unit: devices[items[0].id] for unit, items in owners.items()}
 
 
+@contextmanager
+def _named(item: Equipment) -> Iterator[None]:
+    """What cannot be of `item` is told with its id."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(said("mistake.of_machine", machine=item.id, what=error.args[0])) from error
+
+
 def _build(item: Equipment, seed: int, factories: Mapping[str, Factory]) -> VirtualDevice:
     factory = factories.get(item.type.name)
     if factory is None:
-        known = ", ".join(sorted(factories)) or "none yet"
-        raise ConfigurationError(f"{item.id}: type {item.type.name} has no virtual device, expected one of: {known}")
-    try:
-        return factory(item, crc32(f"{seed} {item.id}".encode()))
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{item.id}: {error}") from error
+        none = said("mistake.no_virtual", type=item.type.name)
+        known = said("mistake.one_of_known", known=", ".join(sorted(factories)) or said("mistake.none_yet"))
+        raise ConfigurationError(not_as(none, known, "but_expected"))
+    return factory(item, crc32(f"{seed} {item.id}".encode()))
 
 
 def _is_like(before: Equipment, item: Equipment) -> bool:
@@ -389,20 +398,19 @@ def _coupled(
 def _fit(item: Equipment, device: VirtualSequence, machine: VirtualDevice | None) -> None:
     if machine is None:
         if item.machine:
-            raise ConfigurationError(f"{item.id}: machine {item.machine} is not simulated, expected both or none")
+            none = said("mistake.not_simulated", machine=item.machine)
+            raise ConfigurationError(not_as(none, said("mistake.both_or_no"), "but_expected"))
         return
     if not isinstance(machine, Machine):
-        raise ConfigurationError(f"{item.id}: machine {item.machine} is a {machine.type}, which no sequence can drive")
-    try:
-        device.fits(machine)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{item.id}: {error}") from error
+        raise ConfigurationError(said("mistake.cannot_drive", machine=item.machine, type=machine.type))
+    device.fits(machine)
 
 
 def _couple(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevice]) -> None:
     """Give every sequence its machine."""
     for item, device, machine in _coupled(equipment, devices):
-        _fit(item, device, machine)
+        with _named(item):
+            _fit(item, device, machine)
         device.attach(machine if isinstance(machine, Machine) else None)
 
 
@@ -411,8 +419,10 @@ def _try_out(item: Equipment, plant: Plant, factories: Mapping[str, Factory]) ->
     devices = {item.id: _build(item, 1, factories)}
     machine = plant.equipment.get(item.machine)
     if machine and plant.links[machine.link].simulated and item.machine != item.id:
-        devices[machine.id] = _build(machine, 1, factories)
-    _couple({item.id: item}, devices)
+        with _named(machine):
+            devices[machine.id] = _build(machine, 1, factories)
+    for one, device, coupled in _coupled({item.id: item}, devices):
+        _fit(one, device, coupled)
 
 
 async def exchange(bus: Bus, unit: int, pdu: bytes) -> bytes | None:

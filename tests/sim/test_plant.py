@@ -3,6 +3,7 @@
 import asyncio
 import os
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from app.clock import ManualClock
 from app.errors import ConfigurationError
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Plant
+from app.plant.said import in_words
+from app.plant.texts import Texts
 from app.registers import plc_map
 from app.registers.pdu import read_request
 from app.sim.machines import VIRTUAL_DEVICES
@@ -67,6 +70,9 @@ def test_what_a_virtual_device_does_not_take_is_a_problem_of_the_plant_file(tmp_
     assert broken is None
     assert (problem.file, problem.key) == ("plant.toml", "equipment.m1.simulation")
     assert problem.value == "parameter F113 takes 0 to 650 Hz, not 4000.0"
+    german = partial(Texts.read().text, "de")
+    assert in_words(german, problem.value) == "Parameter F113: zulässig ist 0 bis 650 Hz, nicht 4000.0"
+    assert in_words(german, problem.expected) == "was sein virtuelles Gerät annimmt"
     real = demo.replace("F113 = 40.0", "F113 = 4000").replace('"memory"', '"tcp"\nhost = "192.0.2.1"')
     (tmp_path / "plant.toml").write_text(real, "utf-8")
     assert read_simulated(tmp_path)[1] == []

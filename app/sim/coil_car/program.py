@@ -18,6 +18,7 @@ The parts of the program: `commands`, `movements`, `interlock`, `edges`, `recoil
 
 from collections.abc import Callable, Mapping, Sequence
 
+from app.plant.said import not_as, said
 from app.registers.plc_map import Request
 from app.sim import training
 from app.sim.coil_car import presets, signals
@@ -87,10 +88,12 @@ class VirtualCoilCar(InterlockedCar):
         """
         self.geometry = geometry or Geometry()
         if start not in STARTS:
-            raise ValueError(f"start = {start}: expected {', '.join(STARTS)}")
+            raise ValueError(not_as(f"start = {start}", ", ".join(STARTS)))
         for name, value, low, high in (("growth", growth, 0.1, 6000.0), ("crane", crane, 0.0, 6000.0)):
             if not low <= value <= high:
-                raise ValueError(f"{name} = {value:g}: expected {low:g} to {high:g}")
+                raise ValueError(
+                    not_as(f"{name} = {value:g}", said("mistake.from_to", low=f"{low:g}", high=f"{high:g}"))
+                )
         given = checked_settings(dict(settings or {}))
         self._start_in, self._coil_there = STARTS[start], coil
         self._growth, self._crane = growth, crane

@@ -56,6 +56,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from types import MappingProxyType
 
+from app.plant.said import any_of, not_as, said
 from app.sim.coil_car.machine import MEASURES
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
 
@@ -348,7 +349,15 @@ def checked_settings(given: Mapping[str, float]) -> Mapping[str, float]:
     limits = {setting.name: setting for setting in SETTINGS}
     for name, value in given.items():
         if name not in limits:
-            raise ValueError(f"setting {name}: expected one of {', '.join(limits)}")
+            raise ValueError(not_as(said("mistake.setting", name=name), any_of(limits)))
         if not limits[name].low <= value <= limits[name].high:
-            raise ValueError(f"{name} takes {limits[name].low:g} to {limits[name].high:g}, not {value:g}")
+            raise ValueError(
+                said(
+                    "mistake.takes",
+                    what=name,
+                    low=f"{limits[name].low:g}",
+                    high=f"{limits[name].high:g}",
+                    value=f"{value:g}",
+                )
+            )
     return given

@@ -2,6 +2,7 @@
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
+from app.plant.said import not_as, said
 from app.sim.conveyor.blades import GatePlan
 from app.sim.conveyor.lanes import MergePlan
 from app.sim.conveyor.machine import FAULTS, Geometry
@@ -18,7 +19,9 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     simulation = table(item, "simulation")
     start = str(simulation.pop("start", "stopped"))
     if start not in ("automatic", "stopped"):
-        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or stopped")
+        raise ConfigurationError(
+            not_as(f"simulation.start = {start!r}", said("mistake.or", first="automatic", second="stopped"))
+        )
     given = {key: number(f"simulation.{key}", value) for key, value in simulation.items()}
     world = {
         key: given.pop(key) for key in ("interval", "shortest", "longest", "not_read", "lane_interval") if key in given
@@ -71,4 +74,4 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
             **world,
         )
     except ValueError as error:
-        raise ConfigurationError(str(error)) from error
+        raise ConfigurationError(error.args[0]) from error

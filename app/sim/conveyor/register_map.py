@@ -8,6 +8,7 @@ from enum import IntEnum
 from struct import Struct
 from types import MappingProxyType
 
+from app.plant.said import any_of, not_as, said
 from app.registers.plc_map import long_words, real
 from app.sim.conveyor.machine import FEW_BELTS, FEW_SENSORS
 from app.sim.plc import HEADER_PLACES, REASON_UNKNOWN, REASON_WRONG_STATE, RegisterPlace, Setting
@@ -359,9 +360,17 @@ def require_settings(given: Mapping[str, float]) -> None:
     limits = {setting.name: setting for setting in SETTINGS}
     for name, value in given.items():
         if name not in limits:
-            raise ValueError(f"setting {name}: expected one of {', '.join(limits)}")
+            raise ValueError(not_as(said("mistake.setting", name=name), any_of(limits)))
         if not limits[name].low <= value <= limits[name].high:
-            raise ValueError(f"{name} takes {limits[name].low:g} to {limits[name].high:g}, not {value:g}")
+            raise ValueError(
+                said(
+                    "mistake.takes",
+                    what=name,
+                    low=f"{limits[name].low:g}",
+                    high=f"{limits[name].high:g}",
+                    value=f"{value:g}",
+                )
+            )
 
 
 def words_of(id: int, second: int = 0, value: float = 0.0) -> tuple[int, ...]:

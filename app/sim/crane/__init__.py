@@ -28,4 +28,4 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
             **world,
         )
     except ValueError as error:
-        raise ConfigurationError(str(error)) from error
+        raise ConfigurationError(error.args[0]) from error

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 
+from app.plant.said import any_of, not_as, said
 from app.sim.crane.figures import AXES as FIGURES
 from app.sim.plc import Setting
 
@@ -163,7 +164,15 @@ def checked(given: Mapping[str, float]) -> Mapping[str, float]:
     """
     for name, value in given.items():
         if name not in LIMITS:
-            raise ValueError(f"setting {name}: expected one of {', '.join(LIMITS)}")
+            raise ValueError(not_as(said("mistake.setting", name=name), any_of(LIMITS)))
         if not LIMITS[name].low <= value <= LIMITS[name].high:
-            raise ValueError(f"{name} takes {LIMITS[name].low:g} to {LIMITS[name].high:g}, not {value:g}")
+            raise ValueError(
+                said(
+                    "mistake.takes",
+                    what=name,
+                    low=f"{LIMITS[name].low:g}",
+                    high=f"{LIMITS[name].high:g}",
+                    value=f"{value:g}",
+                )
+            )
     return given

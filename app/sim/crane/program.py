@@ -19,6 +19,7 @@ from app.blocks.arc_positioner.circle import Circle, Point
 from app.blocks.arc_positioner.following import ArcPhase
 from app.blocks.joystick import Joystick, Lever
 from app.blocks.positioner.positioner import MovePhase
+from app.plant.said import not_as, said
 from app.registers import plc_map
 from app.registers.plc_map import Request
 from app.sim import training
@@ -101,19 +102,21 @@ class VirtualCrane(CommandedCrane):
         """
         self.places = places or Places()
         if start not in STARTS:
-            raise ValueError(f"start = {start}: expected {', '.join(STARTS)}")
+            raise ValueError(not_as(f"start = {start}", ", ".join(STARTS)))
         for name, value, low, high in (
             ("pause", pause, 0, 3600),
             ("ladle", ladle, 0, 400),
             ("stand", stand, FIRST_STAND, STANDS),
         ):
             if not low <= value <= high:
-                raise ValueError(f"{name} = {value:g}: expected {low:g} to {high:g}")
+                raise ValueError(
+                    not_as(f"{name} = {value:g}", said("mistake.from_to", low=f"{low:g}", high=f"{high:g}"))
+                )
         given = checked(dict(settings or {}))
         initial = [Setting(s.name, given.get(s.name, s.default), s.low, s.high) for s in SETTINGS]
         if number := faulty({s.name: s.default for s in initial}, self.places):
             raise ValueError(
-                f"{initial[number - 1].name} = {initial[number - 1].default:g} does not go with the others"
+                said("mistake.does_not_go", name=initial[number - 1].name, value=f"{initial[number - 1].default:g}")
             )
         self._start_in, self._ladle, self._stand = STARTS[start], ladle, stand
         self.orders = Orders(self, active=orders, pause=pause)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
+from app.plant.said import not_as, said
 from app.sim.device import VirtualDevice
 from app.sim.epos.drive import VirtualPositioningAxis
 from app.sim.epos.messages import ALARMS
@@ -45,5 +46,7 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
 def _blocks(low: float, high: float) -> Sequence[float]:
     """Traversing blocks over the travel [LU]."""
     if not low < high:
-        raise ConfigurationError(f"travel_low = {low:g}: expected less than travel_high = {high:g}")
+        raise ConfigurationError(
+            not_as(f"travel_low = {low:g}", said("mistake.less_than_key", key="travel_high", value=f"{high:g}"))
+        )
     return [(low + share * (high - low)) * LU_PER_MM for share in (0.125, 0.875, 0.5)]

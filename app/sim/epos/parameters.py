@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from app.errors import ConfigurationError
+from app.plant.said import any_of, not_as, said
 
 DEFAULTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {
@@ -42,13 +43,26 @@ def commissioned(given: Mapping[str, float]) -> dict[str, float]:
     values = {code: default for code, (default, _, _) in DEFAULTS.items()}
     for code, value in given.items():
         if code not in DEFAULTS:
-            raise ConfigurationError(f"parameter {code}: expected one of {', '.join(DEFAULTS)}")
+            raise ConfigurationError(not_as(said("mistake.parameter", code=code), any_of(DEFAULTS)))
         _, low, high = DEFAULTS[code]
         if not low <= value <= high:
-            raise ConfigurationError(f"parameter {code} takes {low:.10g} to {high:.10g}, not {value:.10g}")
+            raise ConfigurationError(
+                said(
+                    "mistake.takes",
+                    what=said("mistake.parameter", code=code),
+                    low=f"{low:.10g}",
+                    high=f"{high:.10g}",
+                    value=f"{value:.10g}",
+                )
+            )
         values[code] = value
     if not values["p2580"] < values["p2581"]:
         raise ConfigurationError(
-            f"parameter p2580 takes less than p2581 = {values['p2581']:.10g}, not {values['p2580']:.10g}"
+            said(
+                "mistake.takes_below",
+                what=said("mistake.parameter", code="p2580"),
+                high=f"p2581 = {values['p2581']:.10g}",
+                value=f"{values['p2580']:.10g}",
+            )
         )
     return values

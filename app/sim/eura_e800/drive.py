@@ -23,6 +23,7 @@ Written from the maker's map (reference/eura-e800.md), never from the equipment 
 from collections.abc import Mapping, Sequence
 
 from app.errors import ConfigurationError, DeviceException
+from app.plant.said import any_of, not_as, said
 from app.sim import training
 from app.sim.device import DT
 from app.sim.eura_e800 import training as own
@@ -356,23 +357,37 @@ def _check(
     inertia_ratio: float,
 ) -> None:
     if motor not in MOTOR_SETS:
-        raise ConfigurationError(f"motor {motor!r}: expected one of {', '.join(MOTOR_SETS)}")
+        raise ConfigurationError(not_as(f"motor {motor!r}", any_of(MOTOR_SETS)))
     if start not in ("", "forward", "reverse"):
-        raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
+        raise ConfigurationError(
+            not_as(f"start {start!r}", said("mistake.nothing_or", first="forward", second="reverse"))
+        )
     limits = PARAMETERS["F803"]
     if not limits.low <= rated_current <= limits.high:
-        raise ConfigurationError(f"rated_current takes {limits.low} to {limits.high} A, not {rated_current}")
+        raise ConfigurationError(
+            said("mistake.takes", what="rated_current", low=limits.low, high=f"{limits.high} A", value=rated_current)
+        )
     limits = PARAMETERS["F802"]
     if not max(1.0, limits.low) <= rated_voltage <= limits.high:
-        raise ConfigurationError(f"rated_voltage takes {limits.low:g} to {limits.high:g} V, not {rated_voltage:g}")
+        raise ConfigurationError(
+            said(
+                "mistake.takes",
+                what="rated_voltage",
+                low=f"{limits.low:g}",
+                high=f"{limits.high:g} V",
+                value=f"{rated_voltage:g}",
+            )
+        )
     if drive_current is not None and not drive_current > 0:
-        raise ConfigurationError(f"drive_current takes more than 0 A, not {drive_current:g}")
+        raise ConfigurationError(
+            said("mistake.takes_above", what="drive_current", low="0 A", value=f"{drive_current:g}")
+        )
     if not inertia_ratio >= 0:
-        raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
+        raise ConfigurationError(said("mistake.takes_from", what="inertia_ratio", low=0, value=inertia_ratio))
 
 
 def _percent(name: str, value: float, address: int) -> int:
     low, high = own.LIMITS[address]
     if not low <= value <= high:
-        raise ConfigurationError(f"{name} takes {low} to {high} %, not {value}")
+        raise ConfigurationError(said("mistake.takes", what=name, low=low, high=f"{high} %", value=value))
     return round(value)

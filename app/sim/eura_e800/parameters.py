@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from app.errors import ConfigurationError
+from app.plant.said import any_of, not_as, said
 from app.sim.induction_motor import MotorData
 
 
@@ -131,6 +132,10 @@ def limits(parameter: Parameter, values: Mapping[str, float]) -> tuple[float, fl
     return low, high
 
 
+def _named(code: str) -> str:
+    return said("mistake.parameter", code=code)
+
+
 def commissioned(
     motor: MotorData, rated_current: float, rated_voltage: float, given: Mapping[str, float]
 ) -> dict[str, float]:
@@ -154,13 +159,16 @@ def commissioned(
     for code, value in given.items():
         parameter = PARAMETERS.get(code)
         if parameter is None:
-            raise ConfigurationError(f"parameter {code}: expected one of {', '.join(PARAMETERS)}")
+            raise ConfigurationError(not_as(_named(code), any_of(PARAMETERS)))
         if isinstance(value, bool) or not isinstance(value, int | float) or not parameter.accepts(value):
-            allowed = parameter.choices or f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
-            raise ConfigurationError(f"parameter {code} takes {allowed}, not {value!r}")
+            highest = f"{parameter.high:g} {parameter.unit}".rstrip()
+            allowed = parameter.choices or said("mistake.from_to", low=f"{parameter.low:g}", high=highest)
+            raise ConfigurationError(said("mistake.takes_only", what=_named(code), allowed=allowed, value=repr(value)))
         values[code] = parameter.decode(parameter.encode(value))
     for code in ("F111", "F112", "F113"):
         low, high = limits(PARAMETERS[code], values)
         if not low <= values[code] <= high:
-            raise ConfigurationError(f"parameter {code} takes {low:g} to {high:g} Hz, not {values[code]:g}")
+            raise ConfigurationError(
+                said("mistake.takes", what=_named(code), low=f"{low:g}", high=f"{high:g} Hz", value=f"{values[code]:g}")
+            )
     return values

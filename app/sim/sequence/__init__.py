@@ -2,6 +2,7 @@
 
 from app.errors import ConfigurationError
 from app.plant.definitions import Equipment
+from app.plant.said import not_as, said
 from app.sim.device import VirtualDevice
 from app.sim.options import table
 from app.sim.sequence.program import FAULTS, VirtualSequence
@@ -14,9 +15,11 @@ def build(item: Equipment, seed: int) -> VirtualDevice:
     simulation = table(item, "simulation")
     start = simulation.pop("start", "idle")
     if start not in ("automatic", "idle"):
-        raise ConfigurationError(f"simulation.start = {start!r}: expected automatic or idle")
+        raise ConfigurationError(
+            not_as(f"simulation.start = {start!r}", said("mistake.or", first="automatic", second="idle"))
+        )
     for key in simulation:
-        raise ConfigurationError(f"simulation.{key}: expected start")
+        raise ConfigurationError(not_as(f"simulation.{key}", "start"))
     if item.sequence is None:
-        raise ConfigurationError("no sequence, expected a definition")
+        raise ConfigurationError(not_as(said("mistake.no_definition"), said("mistake.a_definition"), "but_expected"))
     return VirtualSequence(item.sequence, automatic=start == "automatic")

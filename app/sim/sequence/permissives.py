@@ -6,6 +6,7 @@ from math import isfinite, nan
 from app.blocks.sequence import ALL
 from app.errors import ConfigurationError
 from app.plant.expression import parse
+from app.plant.said import not_as, said
 from app.plant.sequence_definition import SequenceDefinition
 from app.plant.sequence_plant import own
 from app.sim.sequence.machine import Machine
@@ -74,18 +75,29 @@ class Permissives:
         for sentence in self._sentences:
             if strangers := sorted(set(own(sentence.names)) - known):
                 raise ConfigurationError(
-                    f'{name}: "{sentence.text}" names {", ".join(strangers)}, expected signals of {machine.type}'
+                    not_as(
+                        said("mistake.names_strangers", name=name, text=sentence.text, strangers=", ".join(strangers)),
+                        said("mistake.signals_of", machine=machine.type),
+                        "but_expected",
+                    )
                 )
         for number in range(self.steps + 1):
             for one in self._definition.permissives(number):
                 if not one.when or (one.value and "." not in one.value and one.value not in known):
-                    missing = f"value {one.value}" if one.when else "no sentence"
-                    raise ConfigurationError(f"{name}: {one.key} has {missing}, expected signals of {machine.type}")
+                    if one.when:
+                        found = said("mistake.has_value", name=name, key=one.key, value=one.value)
+                    else:
+                        found = said("mistake.has_no_sentence", name=name, key=one.key)
+                    expected = said("mistake.signals_of", machine=machine.type)
+                    raise ConfigurationError(not_as(found, expected, "but_expected"))
         for step in self._definition.steps:
             if strangers := sorted(set(step.actions) - can):
                 raise ConfigurationError(
-                    f"{name}: step {step.key} asks {', '.join(strangers)}, "
-                    f"expected of {machine.type}: {', '.join(machine.actions)}"
+                    not_as(
+                        said("mistake.step_asks", name=name, step=step.key, strangers=", ".join(strangers)),
+                        said("mistake.of_machine_known", machine=machine.type, known=", ".join(machine.actions)),
+                        "but_expected",
+                    )
                 )
 
     def teach(self, number: int, word: int) -> None:

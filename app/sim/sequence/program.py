@@ -59,6 +59,7 @@ from app.blocks.sequence import (
     awaited,
 )
 from app.errors import ConfigurationError
+from app.plant.said import not_as, said
 from app.plant.sequence_definition import SequenceDefinition, SequencePermissive
 from app.plant.sequences import checksum
 from app.registers.plc_map import Request, long_words, real
@@ -88,7 +89,13 @@ def settings_of(definition: SequenceDefinition) -> SequenceSettings:
         ConfigurationError: it has no step, too many, or times that cannot be.
     """
     if not 1 <= len(definition.steps) <= MOST_STEPS:
-        raise ConfigurationError(f"{definition.name}: {len(definition.steps)} steps, expected 1 to {MOST_STEPS}")
+        raise ConfigurationError(
+            not_as(
+                said("mistake.steps_of", name=definition.name, number=len(definition.steps)),
+                said("mistake.from_to", low=1, high=MOST_STEPS),
+                "but_expected",
+            )
+        )
     try:
         return SequenceSettings(
             tuple(

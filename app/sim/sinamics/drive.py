@@ -28,6 +28,7 @@ confirms:
 from collections.abc import Mapping, Sequence
 
 from app.errors import ConfigurationError
+from app.plant.said import not_as, said
 from app.profidrive.parameter_access.parameter import DriveParameter
 from app.profidrive.scaling import Scaling
 from app.profidrive.state_machine import Inputs, State, StateMachine
@@ -357,15 +358,19 @@ class VirtualSinamics(PermanentParameters, DriveState):
 
 def _check(start: str, rated_current: float, setpoint: float, process_words: int, inertia_ratio: float) -> None:
     if start not in ("", "forward", "reverse"):
-        raise ConfigurationError(f"start {start!r}: expected nothing, forward or reverse")
+        raise ConfigurationError(
+            not_as(f"start {start!r}", said("mistake.nothing_or", first="forward", second="reverse"))
+        )
     if not 1 <= rated_current <= 400:
-        raise ConfigurationError(f"rated_current takes 1 to 400 A, not {rated_current}")
+        raise ConfigurationError(said("mistake.takes", what="rated_current", low=1, high="400 A", value=rated_current))
     if not 0 <= setpoint <= 199.9:
-        raise ConfigurationError(f"setpoint takes 0 to 199.9 %, not {setpoint}")
+        raise ConfigurationError(said("mistake.takes", what="setpoint", low=0, high="199.9 %", value=setpoint))
     if process_words not in (2, 10):
-        raise ConfigurationError(f"process_words is 2 or 10, not {process_words}")
+        raise ConfigurationError(
+            said("mistake.is_either", what="process_words", first=2, second=10, value=process_words)
+        )
     if not inertia_ratio >= 0:
-        raise ConfigurationError(f"inertia_ratio takes 0 or more, not {inertia_ratio}")
+        raise ConfigurationError(said("mistake.takes_from", what="inertia_ratio", low=0, value=inertia_ratio))
 
 
 def _world(load: float, quadratic: float, disturbance: float) -> dict[int, int]:
@@ -374,5 +379,5 @@ def _world(load: float, quadratic: float, disturbance: float) -> dict[int, int]:
     for address, value in world.items():
         low, high = own.LIMITS[address]
         if not low <= value <= high:
-            raise ConfigurationError(f"load takes {low} to {high} %, not {value}")
+            raise ConfigurationError(said("mistake.takes", what="load", low=low, high=f"{high} %", value=value))
     return {address: round(value) for address, value in world.items()}

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from app.errors import ConfigurationError
+from app.plant.said import any_of, not_as, said
 from app.sim.sinamics.registers import REGISTERS
 
 DEFAULTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
@@ -39,10 +40,18 @@ def commissioned(rated_current: float, given: Mapping[str, float]) -> dict[str, 
     limits = {code: limit[1:] for code, limit in DEFAULTS.items()} | {"p0640": (current.low, current.high)}
     for code, value in given.items():
         if code not in limits:
-            raise ConfigurationError(f"parameter {code}: expected one of {', '.join(limits)}")
+            raise ConfigurationError(not_as(said("mistake.parameter", code=code), any_of(limits)))
         low, high = limits[code]
         if not low <= value <= high:
-            raise ConfigurationError(f"parameter {code} takes {low:.10g} to {high:.10g}, not {value:.10g}")
+            raise ConfigurationError(
+                said(
+                    "mistake.takes",
+                    what=said("mistake.parameter", code=code),
+                    low=f"{low:.10g}",
+                    high=f"{high:.10g}",
+                    value=f"{value:.10g}",
+                )
+            )
         values[code] = value
     if "p1082" not in given:
         values["p1082"] = values["p2000"]
