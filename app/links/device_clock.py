@@ -42,6 +42,10 @@ class DeviceClock:
             self._offset = (low + high) // 2
         return restarted
 
+    def forget_former(self) -> None:
+        """Nothing will be asked any more that happened in the start before this one: its times may come again."""
+        self._before = None
+
     def utc(self, time: int) -> int:
         """Device time `time` [µs] as µs UTC."""
         if self._before and self._is_before(time):

@@ -196,6 +196,7 @@ class EventReader:
         self._ring = Ring(self._ring.reader, self._ring.number + 1, self._clock.boots or 0, head.newest)
         self.position, self._last = 0, None
         self._taken = TakenEvents()
+        self._clock.forget_former()
 
     async def _new_rows(self, head: Head) -> list[DeviceEvent] | None:
         """The rows behind `position`, up to the first that is not what the head says; None when it is another ring.

@@ -311,6 +311,26 @@ async def test_a_ring_that_begins_anew_is_read_from_its_beginning(more: int) -> 
         assert sum(taker.lost) == 0
 
 
+async def test_a_ring_that_begins_anew_is_dated_by_its_own_start_also_when_its_time_is_that_of_the_former_end() -> None:
+    device, taker, clock = SmallPlc(), Taker(), loop_clock()
+    async with followed(device, taker) as (line, _):
+        await until(lambda: line.value("p.state") == 1)
+        device.event(1)
+        await until(lambda: taker.codes == [1])
+        await asyncio.sleep(3)
+        device._forget_all()
+        device._start_up()
+        told: list[int] = []
+        for _ in range(450):
+            device.event(100)
+            told.append(clock.micros())
+            await asyncio.sleep(0.01)
+        await until(lambda: len(taker.events) == 1 + len(told))
+        apart = [abs(event.time - time) for event, time in zip(taker.events[1:], told, strict=True)]
+        assert max(apart) < 100_000
+        assert sum(taker.lost) == 0
+
+
 async def test_a_row_that_the_head_counts_and_that_is_not_there_yet_is_waited_for() -> None:
     class Slow(SmallPlc):
         behind = 0
