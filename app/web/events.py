@@ -61,6 +61,7 @@ async def of_equipment(request: Request, id: str) -> Response:
 
 async def _page(request: Request, typed: dict[str, str]) -> Response:
     view, runtime = view_of(request), view_of(request).runtime(request)
+    tools = _tools(request, typed)  # counted before the list is read: what comes meanwhile is asked for again
     try:
         found = await _list(request, typed, wanted_of(request, typed))
     except Refused as refusal:
@@ -77,7 +78,7 @@ async def _page(request: Request, typed: dict[str, str]) -> Response:
         area=item.area if item else "",
         up=f"/equipment/{item.id}" if item else "/",
         chip=item.id if item else "",
-        **(_tools(request, typed) | found),
+        **(tools | found),
     )
 
 

@@ -67,6 +67,7 @@ async def page(request: Request, kind: str) -> Response:
     typed = _typed(request, of)
     view, runtime = view_of(request), view_of(request).runtime(request)
     draw = RecordWords(request, of)
+    tools = await _tools(request, of, typed)  # counted before the list is read: what comes meanwhile is asked for again
     try:
         found = await _main(request, of, typed, wanted_of(request, of, typed))
     except Refused as refusal:
@@ -83,7 +84,7 @@ async def page(request: Request, kind: str) -> Response:
         area=item.area if item else "",
         up=f"/equipment/{item.id}" if item else "/",
         chip=item.id if item else "",
-        **(await _tools(request, of, typed) | found),
+        **(tools | found),
     )
 
 

@@ -158,6 +158,26 @@ def test_a_guest_reads_that_it_was_somebody_and_nothing_that_they_wrote(staff: S
     assert count(get(staff, "/events", **MARCH, q="jam").text) == 1
 
 
+@pytest.mark.parametrize("path", ["/events?equipment=c1", "/records/passage?equipment=c1"])
+def test_what_happens_while_a_list_is_read_is_asked_for_again(
+    staff: Staff, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    runtime = runtime_of(staff.client)
+    reads = runtime.history.read
+
+    async def read(work: Any) -> Any:
+        found = await reads(work)
+        runtime.events.changed("c1")
+        return found
+
+    monkeypatch.setattr(runtime.history, "read", read)
+    staff.have()
+    page = get(staff, path).text
+    monkeypatch.undo()
+    counted = re.search(r'data-tag="sys.events.c1" data-signal="(\d+)"', page)
+    assert counted and int(counted[1]) < runtime.tags.value(runtime.tags.handle("sys.events.c1"))
+
+
 def test_a_history_that_cannot_be_read_says_so(staff: Staff, monkeypatch: pytest.MonkeyPatch) -> None:
     staff.enter("ana", "viewer")
 
