@@ -128,6 +128,8 @@ class SequenceDesk:
         self.failed: GivenOrders | None = None
         """What was refused, not confirmed or not done last; its reason stays for the page."""
         self.gate = gate
+        self.plant_now: Callable[[], Plant | None] = lambda: plant
+        """The plant as it is at any time: in it a sequence that is gone stops what it ran."""
         self._plant, self._writers, self._tags = plant, writers, tags
         self._waits: dict[str, asyncio.Future[Progress]] = {}
         self._number, self._prefix = 0, chance.token_hex(8)
@@ -303,7 +305,8 @@ class SequenceDesk:
         Raises:
             Refused: the gate said no, and nothing was sent.
         """
-        if not self._writers[item.link].simulated:
+        moves = not item.type.commands[command.command].stop
+        if moves and not self._writers[item.link].simulated:
             raise Refused(LIVE, 409, machine=item.id)
         return await self._ask_in_time(item, command, order.values if order else {})
 
@@ -393,7 +396,8 @@ class SequenceDesk:
     async def _done(self, machine: str, command: str) -> bool:
         """Whether the machine did `command`."""
         try:
-            await self._confirmed(self._plant.equipment[machine], ActionCommand(command))
+            item = _as_it_is(self._plant.equipment[machine], self.plant_now())
+            await self._confirmed(item, ActionCommand(command))
         except Refused as refusal:
             log.warning(
                 "%s by a sequence refused sequence=%s machine=%s reason=%s",
@@ -403,16 +407,16 @@ class SequenceDesk:
         return True
 
     async def _stop(self, machine: str) -> None:
-        item = self._plant.equipment[machine]
+        item = _as_it_is(self._plant.equipment[machine], self.plant_now())
         stop = next((key for key, command in item.type.commands.items() if command.stop), "")
-        if not stop or self._other_stop(machine) is not None:  # which the gate repeats until it is read back
-            return
-        try:
-            await self._confirmed(item, ActionCommand(stop))
-        except Refused as refusal:  # the audit has it, and the gate alarms a Stop that nobody confirms
-            log.warning(
-                "stop by a sequence refused sequence=%s machine=%s reason=%s", self.person.name, machine, refusal.reason
-            )
+        if stop and self._other_stop(item.id) is None:  # which the gate repeats until it is read back
+            await self._done(machine, stop)  # the audit has it, and the gate alarms a Stop that nobody confirms
+
+
+def _as_it_is(known: Equipment, plant: Plant | None) -> Equipment:
+    """A machine of a former plant in `plant`, where it may be called otherwise."""
+    same = (item for item in plant.equipment.values() if item.lasting == known.lasting) if plant else iter(())
+    return next(same, known)
 
 
 def _hand_over(gate: Gate, machines: Iterable[str], former: Person, person: Person) -> None:
@@ -540,6 +544,7 @@ class SequenceDesks:
         read, desk = self._desks.get(item.lasting, (None, None))
         if desk is None:
             desk = SequenceDesk(item, gate, plant, self._writers, self._tags)
+            desk.plant_now = self._plant
         elif read is not plant or desk.gate is not gate:
             desk.renew(item, gate, plant)
         self._desks[item.lasting] = plant, desk

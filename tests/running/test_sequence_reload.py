@@ -77,3 +77,13 @@ async def test_a_sequence_that_is_renamed_still_stops_what_it_ran(tmp_path: Path
         await plant.until(lambda: plant.value("m1.frequency") == 0)
         await asyncio.sleep(1)
         assert not holder(plant)
+
+
+async def test_a_machine_that_is_renamed_with_its_sequence_is_stopped_by_its_new_name(tmp_path: Path) -> None:
+    """The run is broken off, as its steps name another machine; its link has not heard yet that this one is simulated."""
+    async with running(tmp_path) as (plant, rest):
+        (tmp_path / "plant" / "sequences" / "work.toml").write_text(WORK.replace('"m1"', '"m9"'), "utf-8")
+        fan = rest.replace("[equipment.m1]\n", '[equipment.m9]\nwas = "m1"\n')
+        await take(plant, tmp_path, fan + OWN + SEQUENCE.format(id="seq1", was=""))
+        await plant.until(lambda: plant.value("m9.frequency") == 0)
+        await plant.until(lambda: ("stop", "confirmed", "Work") in plant.outcomes("m9"))
