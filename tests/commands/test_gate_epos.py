@@ -195,3 +195,65 @@ async def test_a_jog_that_is_let_go_is_over_when_the_axis_stands_and_the_drive_s
             assert (progress.state, progress.reason) == (ProgressState.CONFIRMED, "hold.cause.released"), progress
             assert way * (it.drive.actual - began) > 1000 and not it.drive.positioner.speed
             assert it.drive.state is State.OPERATION and it.value("zsw1_operation_enabled") == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "way"),
+    [("move_absolute", -1), ("move_relative", -1), ("jog_minus", -1), ("jog_plus", 1), ("enable", 0)],
+)
+@pytest.mark.parametrize("paused", [True, False], ids=["paused", "on its way"])
+async def test_what_is_asked_anew_has_nothing_left_of_the_task_before(command: str, way: int, paused: bool) -> None:
+    """An intermediate stop keeps its task: with the bit back the axis went on to the former target, under a hand that held it back."""
+    async with pump("memory", Axis, p2585=-6000, p2586=6000) as it:
+        await it.done("enable")
+        await it.moved("move_absolute", "300")
+        await it.done("set_target", argument="700", language="en", confirmed=True)
+        await it.done("move_absolute", confirmed=True)
+        await it.until(lambda: it.drive.actual > 400_000)
+        if paused:
+            await it.done("intermediate_stop")
+        if command.startswith("move"):
+            target = "100" if command == "move_absolute" else "-50"
+            await it.done("set_target", argument=target, language="en", confirmed=True)
+        began, seen = it.drive.actual, [it.drive.actual]
+        if command.startswith("jog"):
+            await jogged(it, command, 1.5, seen)
+        else:
+            await it.done(command, confirmed=True)
+            await watched(it, 2, seen)
+        if paused:  # on its way it brakes first
+            assert (way <= 0) == (max(seen) - began < 100) and (way >= 0) == (began - min(seen) < 100), (began, seen)
+        if command.startswith("jog"):
+            assert way * (seen[-1] - began) > 5_000, "it went where it was held"
+            await it.until(lambda: over(it))
+            let_go = it.drive.actual
+            await asyncio.sleep(3)
+            assert it.drive.actual == pytest.approx(let_go, abs=40) and it.drive.positioner.task is Task.NONE
+        elif command == "enable":
+            assert it.drive.positioner.task is Task.MDI and (it.drive.actual > began + 5_000) == (not paused)
+
+
+async def test_an_axis_that_has_arrived_jogs() -> None:
+    async with pump("memory", Axis, p2585=-6000, p2586=6000) as it:
+        await it.done("enable")
+        await it.moved("move_absolute", "300")
+        seen = [it.drive.actual]
+        await jogged(it, "jog_minus", 1.0, seen)
+        assert it.drive.actual < 295_000
+        await it.until(lambda: over(it))
+
+
+async def jogged(it: Axis, command: str, seconds: float, seen: list[float]) -> None:
+    """A button held for so long; where the axis was meanwhile [LU]."""
+    lease = await it.gate.hold.arm(ANA, "a1", command, nonce=it.gate.nonces.issue(ANA.session))
+    for counter in range(1, round(10 * seconds) + 1):
+        it.gate.hold.keep_alive(lease, counter, ANA.session)
+        await watched(it, 0.1, seen)
+    it.gate.hold.release(lease, ANA.session)
+
+
+async def watched(it: Axis, seconds: float, seen: list[float]) -> None:
+    """Where the axis is for so long [LU]."""
+    for _ in range(round(100 * seconds)):
+        await asyncio.sleep(0.01)
+        seen.append(it.drive.actual)
