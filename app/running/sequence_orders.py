@@ -36,6 +36,7 @@ OPERATOR = frozenset({"operator"})
 LIVE = "why.sequence_live"
 TOO_SOON = "why.too_soon"
 NEWER = "why.superseded"
+ENDED = "why.order_ended"
 LOOK = 0.1
 """Between two looks at whether an action has ended [s]."""
 STANDING = 60.0
@@ -253,6 +254,8 @@ class SequenceDesk:
                 await self._carry_out(one)
             except Refused as refusal:
                 self._fail(one.given, one.number, refusal.reason, refusal.params)
+                if refusal.reason == ENDED and _held_by_other(self.gate, self.person, machine):
+                    self._carried.pop(machine, None)  # who has ended it keeps it as it goes
                 return
             except Exception:
                 log.exception("order of a sequence failed sequence=%s order=%s", self.person.name, one.order)
@@ -449,6 +452,12 @@ def _is_anew(held: Iterable[_Carried], progress: Progress, own: str) -> bool:
     )
 
 
+def _held_by_other(gate: Gate, person: Person, machine: str) -> bool:
+    """Whether somebody else than `person` has the control of a machine."""
+    holder = gate.control.holder(machine)
+    return holder is not None and holder.session != person.session
+
+
 def _newer(progress: Progress) -> dict[str, object]:
     """What `NEWER` tells of it."""
     return {"label": progress.label, "display": progress.person}
@@ -471,7 +480,7 @@ async def _ended_well(tags: TagDatabase | None, item: Equipment, action: Action)
         Refused: it ended otherwise.
     """
     if await _first_true(tags, item, action.done, action.failed) != action.done:
-        raise Refused("why.order_ended", 409, machine=item.id)
+        raise Refused(ENDED, 409, machine=item.id)
 
 
 async def _first_true(tags: TagDatabase | None, item: Equipment, *sentences: str, within: float = inf) -> str:

@@ -208,6 +208,28 @@ async def test_an_axis_that_a_person_sends_elsewhere_meanwhile_is_not_where_the_
         assert plant.value("a1.zsw1_operation_enabled") == 1, "it is hers, and nobody stopped it"
 
 
+@pytest.mark.parametrize("command", ["move_relative", "run_blocks", "reject_task"])
+async def test_an_axis_that_a_person_gives_another_task_has_not_done_that_of_the_run(
+    tmp_path: Path, command: str
+) -> None:
+    work = file(
+        step("power", "a1.enable"), step("there", "a1.move_to(target = 790, velocity = 600)"), step("next", "a1.enable")
+    )
+    async with hall(tmp_path, work, LINKS + AXIS + SEQUENCE) as plant:
+        await plant.started()
+        await plant.until(lambda: ("move_absolute", "confirmed") in commands(plant, "a1"))
+        gate = plant.runtime.gate
+        assert gate
+        gate.control._rights = lambda person: person
+        gate.control.request(ANA, "a1")
+        await asyncio.sleep(11)
+        await by_ana(plant, "a1", "set_target", argument=-5.0)
+        await by_ana(plant, "a1", command)
+        await asyncio.sleep(10)
+        assert plant.state is SequenceState.ABORTED and plant.failure and plant.failure[1] == "why.order_ended"
+        assert commands(plant, "a1")[-1] == (command, "confirmed"), "it is hers, and nobody stopped it"
+
+
 async def test_a_crane_carries_a_ladle_and_stands_while_the_sequence_does(tmp_path: Path) -> None:
     work = file(
         step("ready", "cr1.select_automatic"),
