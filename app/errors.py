@@ -86,6 +86,8 @@ EXCEPTION_NAMES: Mapping[int, str] = {
     11: "gateway target failed to respond",
 }
 """Modbus exception codes by name (reference/modbus.md section 2)."""
+GATEWAY = (10, 11)
+"""Codes of a gateway that speaks in the place of a unit which it does not reach, or which did not answer it."""
 
 
 class DeviceException(LinkError):

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from app import chance
-from app.errors import BadAnswer, DeviceException, NoAnswer, NotConnected
+from app.errors import GATEWAY, BadAnswer, DeviceException, NoAnswer, NotConnected
 from app.links.contract import Transport
 from app.links.station import Station
 from app.links.statistics import LinkState
@@ -61,10 +61,18 @@ class Hearing:
         """Unit → when it answered last, on whichever connection [s]."""
 
     def heard(self, lane: Lane, unit: int, now: float) -> None:
-        """An answer has come on this connection."""
+        """An answer of the unit has come on this connection."""
         lane.answers += 1
         lane.missed.clear()
         self._heard_at[unit] = now
+
+    def refused(self, lane: Lane, unit: int, error: DeviceException, now: float) -> None:
+        """So has a refusal: the unit's own, or that of a gateway which does not reach it."""
+        if error.code not in GATEWAY:
+            self.heard(lane, unit, now)
+        else:
+            lane.answers += 1
+            lane.missed.clear()
 
     def missed(self, lane: Lane, unit: int, started: float) -> None:
         """A request of `started` [s] was not answered.

@@ -182,10 +182,10 @@ class Line:
             statistics.state = LinkState.CONFIGURATION
         elif states and all(state is LinkState.DOWN for state in states):
             statistics.state = LinkState.DOWN
-        elif LinkState.DOWN in states:
-            statistics.state = LinkState.SOME_SILENT
+        elif states and LinkState.UP not in states:
+            statistics.state = LinkState.CONNECTING
         else:
-            statistics.state = LinkState.CONNECTING if states and LinkState.UP not in states else LinkState.UP
+            statistics.state = LinkState.SOME_SILENT if LinkState.DOWN in states else LinkState.UP
         statistics.simulated = self.link.simulated or (
             bool(states) and all(station.simulated for station in self.stations.values())
         )

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from app import chance
 from app.clock import Clock
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
+from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected
 from app.links.contract import Block, LateAnswerDue
 from app.links.examine import NO_REGISTER, Examiner
 from app.links.line import Line
@@ -59,7 +59,8 @@ TRAINING_MAGIC = 0x5047
 TRAINING_SIMULATED = 0x0001
 TRAINING_VERSION = 1
 """Head of the training registers (reference/register-map.md): magic, flags, version, type."""
-GATEWAY = (10, 11)
+UNTOLD = (5, 6, *GATEWAY)
+"""Refusals that say nothing of the registers that were asked for: the device has no time, or a gateway speaks in its place."""
 PERMANENT_CODES = (1, 7)
 KINDS: Mapping[type[UnitService], Callable[..., Service]] = {
     PlcMap: PlcUnit,
@@ -217,7 +218,7 @@ class Outages(Line):
                 other.probe_now.set()
         if self._several:
             log.info("unit answers link=%s unit=%d", self.link.name, station.number)
-        await self._bring_up(station)
+        await self._bring_up(station, heard=True)
 
     def _spare(self, started: float, *, known: bool) -> None:
         """After a probe of `started` [s] the line is for others; a unit that did answer waits for none that never did."""
@@ -233,11 +234,11 @@ class Outages(Line):
             self._reopen = set(self._open)
             self._wake()
 
-    async def _bring_up(self, station: Station) -> None:
-        """Find out what the unit is, then scan it."""
+    async def _bring_up(self, station: Station, *, heard: bool = False) -> None:
+        """Find out what the unit is, then scan it; `heard`: it has just answered."""
         while True:
             try:
-                if await self._identify(station) and await self._identified(station):
+                if await self._identify(station, heard) and await self._identified(station):
                     break
             except NotConnected:
                 if not self._open:
@@ -249,6 +250,7 @@ class Outages(Line):
                 return
             self._to_configuration(station)
             await asyncio.sleep(RECHECK)
+            heard = False
         station.state = LinkState.UP
         for service in station.services:
             service.begin()
@@ -267,19 +269,26 @@ class Outages(Line):
                 return False
         return True
 
-    async def _identify(self, station: Station) -> bool:
-        """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one."""
+    async def _identify(self, station: Station, heard: bool) -> bool:
+        """Whether the device is one to talk to. Only a virtual device has training registers, and they say that it is one.
+
+        Raises:
+            NoAnswer: nobody is there.
+        """
         if self.link.simulated:
             station.marked = True
             return True
         station.marked = False
         if any(first <= station.device.training <= last for first, last in station.device.holes):
-            return True
+            return heard or await self._is_there(station)
         for _ in range(1 + RETRIES):
             try:
                 magic, flags, version, _ = await self._read_training_head(station)
-            except DeviceException:
-                return True
+            except DeviceException as error:
+                if error.code not in UNTOLD:
+                    return True
+                await asyncio.sleep(BUSY_PAUSE)
+                continue
             except (NoAnswer, BadAnswer):
                 continue
             if magic != TRAINING_MAGIC:
@@ -296,6 +305,21 @@ class Outages(Line):
                 return False
             station.marked = True
             return True
+        return heard or await self._is_there(station)
+
+    async def _is_there(self, station: Station) -> bool:
+        """True: it answers for a register that it has. Where it has none it may be silent, and a gateway then refuses in its place.
+
+        Raises:
+            NoAnswer: nobody is there.
+        """
+        try:
+            await self.read(station, replace(station.probe(), again=True))
+        except DeviceException as error:
+            if error.code in GATEWAY:
+                raise NoAnswer(str(error)) from error
+        except BadAnswer:
+            pass
         return True
 
     async def _read_training_head(self, station: Station) -> list[int]:

@@ -11,11 +11,11 @@ from contextlib import nullcontext
 from math import inf
 
 from app.clock import Clock
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
+from app.errors import GATEWAY, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, Withdrawn
 from app.links.contract import LateAnswerDue, Transport
 from app.links.lane import Deaf, Hearing, Lane, Reopening
 from app.links.line import check_permit, fail, finish
-from app.links.outages import GATEWAY, SETTLE, Outages
+from app.links.outages import SETTLE, Outages
 from app.links.plc import TORN_TRIES
 from app.links.scan_block import ScanBlock
 from app.links.schedule import Job
@@ -236,7 +236,7 @@ class LinkRunner(Outages):
                 fail(job, NotConnected(f"link {self.link.name}: ended while unit {job.unit} was asked"))
                 raise
             if isinstance(error, DeviceException):
-                self._hearing.heard(lane, job.unit, self._now())
+                self._hearing.refused(lane, job.unit, error, self._now())
                 self._answered(station, started, job.liveness and error.code not in GATEWAY)
             if not isinstance(error, LateAnswerDue) and not (job.quiet and isinstance(error, DeviceException)):
                 self.statistics.failed(job.unit, error)
@@ -280,7 +280,7 @@ class LinkRunner(Outages):
             self.statistics.busy += self._now() - started
             self.statistics.failed(block.unit, error)
             if isinstance(error, DeviceException):
-                self._hearing.heard(lane, block.unit, self._now())
+                self._hearing.refused(lane, block.unit, error, self._now())
             if ticket == block.ticket:  # else it has been given another place, or none, while it was away
                 self._scan_failed(station, block, error, started)
             if isinstance(error, NoAnswer):

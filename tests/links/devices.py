@@ -9,7 +9,8 @@ from app.errors import DeviceException
 from app.links.contract import Exchange
 from app.links.register_link import RegisterLink, statistic_names
 from app.plant.definitions import Device, Equipment, EquipmentType, Link, Point, Register, Scan
-from app.registers.pdu import Request
+from app.registers.pdu import Request, exception_answer
+from app.sim.bus import Answer as LineAnswer
 from app.sim.bus import Bus
 from app.sim.plant import exchange
 from app.sim.server import TcpServer
@@ -60,6 +61,22 @@ class RegisterDevice:
     @property
     def writes(self) -> list[tuple[int, tuple[int, ...]]]:
         return [(r.write_address, r.words) for r in self.requests if r.words]
+
+
+class Gateway(Bus):
+    """A gateway that refuses with `code` in the place of units that it does not reach."""
+
+    def __init__(self, devices: Mapping[int, RegisterDevice], code: int) -> None:
+        super().__init__(devices)
+        self.code = code
+        self.unreached: set[int] = set()
+        self.answered: Callable[[], bool] = lambda: True
+        """Whether it says so this time."""
+
+    def answer(self, unit: int, pdu: bytes) -> LineAnswer:
+        if unit not in self.unreached:
+            return super().answer(unit, pdu)
+        return LineAnswer(unit, exception_answer(pdu[0], self.code) if self.answered() else None, 0.005)
 
 
 def point(equipment: str, key: str, address: int, scan: Scan = Scan.FAST, **register: object) -> Point:

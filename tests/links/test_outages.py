@@ -9,13 +9,29 @@ from random import Random
 import pytest
 
 from app.errors import DeviceException
+from app.links.outages import TRAINING_MAGIC
+from app.links.statistics import LinkState
 from app.plant.definitions import Device, Equipment, Link
 from app.registers.register import Type
 from app.sim.bus import Bus, LineFaultMode
 from app.sim.server import TcpServer
 from app.sim.training import LineFault
 from app.tags.quality import is_bad, is_good
-from tests.links.devices import QUICK, Line, RegisterDevice, machine, on_bus, point, row, running, until
+from tests.links.devices import (
+    QUICK,
+    SIMULATED,
+    Gateway,
+    Line,
+    RegisterDevice,
+    machine,
+    on_bus,
+    point,
+    row,
+    running,
+    serving,
+    tcp_link,
+    until,
+)
 from tests.links.plc_devices import SmallPlc, plant
 from tests.virtual import loop_clock
 from tests.wires import serve_line
@@ -274,3 +290,53 @@ async def test_a_unit_does_not_wait_for_one_that_was_never_there() -> None:
             await asyncio.sleep(0.1 * moment)
             devices[1].line_fault = LineFault()
             assert await until(lambda: is_good(made.quality("m1.v0"))) < BACK
+
+
+@pytest.mark.parametrize("code", [0, 10, 11])
+async def test_a_silent_unit_is_not_up_for_a_moment_whenever_its_connection_is_opened_again(code: int) -> None:
+    """It was, every 5 s for a time-out or two, and with it the link: nobody had answered, and the alarm began anew."""
+    gateway = Gateway({unit: RegisterDevice({n: n for n in range(5)}) for unit in (1, 2)}, code)
+    gateway.unreached, gateway.answered = {1, 2}, lambda: bool(code)
+    server = await serving(gateway)
+    seen: set[LinkState] = set()
+    async with running([row("m1", 1, 5, DRIVE), row("m2", 2, 5, DRIVE)], link=tcp_link(server)) as made:
+
+        def note(_: object) -> None:
+            seen.update((made.link.statistics.state, *(unit.state for unit in made.link.stations.values())))
+
+        made.tags.subscribe(note)
+        await asyncio.sleep(20)
+        assert seen == {LinkState.CONNECTING, LinkState.DOWN}
+        gateway.unreached = {2}
+        assert await until(lambda: is_good(made.quality("m1.v0"))) <= BACK
+        assert made.link.statistics.state is LinkState.SOME_SILENT
+    await server.close()
+
+
+@pytest.mark.parametrize("code", [5, 6, 10, 11])
+async def test_a_simulated_device_whose_first_look_is_refused_for_a_moment_is_not_taken_for_a_real_one(
+    code: int,
+) -> None:
+    head = dict(enumerate((TRAINING_MAGIC, 1, 1, 1), DRIVE.training))
+    gateway = Gateway({1: RegisterDevice({0: 7, **head})}, code)
+    gateway.unreached = {1}
+    server = await serving(gateway)
+    async with running([row("m", 1, 1, DRIVE)], link=tcp_link(server)) as made:
+        await asyncio.sleep(0.02)
+        gateway.unreached = set()
+        await until(lambda: is_good(made.quality("m.v0")))
+        assert made.quality("m.v0") & SIMULATED
+    await server.close()
+
+
+async def test_a_device_that_is_silent_where_it_has_no_registers_is_read_behind_a_gateway() -> None:
+    class Terse(RegisterDevice):
+        def read(self, function: int, address: int, count: int) -> list[int]:
+            if address not in self.words:
+                raise DeviceException(11)
+            return super().read(function, address, count)
+
+    server = await serving(Bus({1: Terse({0: 7})}))
+    async with running([row("m", 1, 1, DRIVE)], link=tcp_link(server)) as made:
+        await until(lambda: is_good(made.quality("m.v0")), BACK)
+    await server.close()
