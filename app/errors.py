@@ -88,6 +88,8 @@ EXCEPTION_NAMES: Mapping[int, str] = {
 """Modbus exception codes by name (reference/modbus.md section 2)."""
 GATEWAY = (10, 11)
 """Codes of a gateway that speaks in the place of a unit which it does not reach, or which did not answer it."""
+MAY_HAVE_ACTED = (5, 11)
+"""Refusals of a write that do not say that nothing happened: "accepted, it will take a while", and a gateway that lost the answer."""
 
 
 class DeviceException(LinkError):

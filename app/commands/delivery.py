@@ -19,6 +19,7 @@ from app.commands.machine import Machine
 from app.commands.orders import MapWriter, Order, Writer
 from app.commands.readings import Readings
 from app.errors import (
+    MAY_HAVE_ACTED,
     BadAnswer,
     DeviceException,
     LinkError,
@@ -36,8 +37,6 @@ from app.registers.plc_map import Answer, AnswerState
 
 log = logging.getLogger(__name__)
 
-MAY_HAVE_ACTED = (5, 11)
-"""Refusals of a write that do not say that nothing happened: "accepted, it will take a while", and a gateway that lost the answer."""
 TAKEN = (AnswerState.ACCEPTED, AnswerState.RUNNING, AnswerState.DONE)
 REFUSED = (AnswerState.REJECTED, AnswerState.FAILED, AnswerState.EXPIRED)
 LARGEST_COUNTER = 0xFFFF

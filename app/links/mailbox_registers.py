@@ -3,7 +3,7 @@
 import asyncio
 from contextlib import suppress
 
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, TelegramError
+from app.errors import MAY_HAVE_ACTED, BadAnswer, DeviceException, LinkError, NoAnswer, NotConnected, TelegramError
 from app.links.bus_access import BusAccess
 from app.links.contract import Block, LateAnswerDue
 from app.links.schedule import Priority
@@ -57,7 +57,8 @@ class MailboxRegisters:
                     await asyncio.sleep(due.wait)
                 continue
             except DeviceException as error:
-                raise await self._explained(error) from error
+                if error.code not in MAY_HAVE_ACTED:
+                    raise await self._explained(error) from error
             except (NoAnswer, BadAnswer):
                 if not job.sent:
                     raise

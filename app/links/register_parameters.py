@@ -12,7 +12,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from app.errors import BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused
+from app.errors import GATEWAY, MAY_HAVE_ACTED, BadAnswer, DeviceException, LinkError, NoAnswer, Overtaken, Refused
 from app.links.bus_access import BusAccess
 from app.links.contract import Block, LateAnswerDue
 from app.links.mailbox import Missed, Outcome, Progress
@@ -156,6 +156,8 @@ class RegisterParameters:
         try:
             words = await self._read(first, count)
         except DeviceException as error:
+            if error.code in GATEWAY:
+                raise
             if count == 1:
                 return {first: Failed(EXCEPTION + error.code)}
             half = count // 2
@@ -214,6 +216,8 @@ class RegisterParameters:
                 await asyncio.sleep(due.wait)
                 continue
             except DeviceException as error:
+                if error.code in (*GATEWAY, *MAY_HAVE_ACTED):
+                    return Missed(error, sent=error.code in MAY_HAVE_ACTED)
                 return Failed(EXCEPTION + error.code)
             except LinkError as error:
                 return Missed(error, sent=job.sent)

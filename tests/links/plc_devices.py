@@ -19,6 +19,7 @@ from app.plant.definitions import (
     Type,
 )
 from app.registers import plc_map
+from app.registers.pdu import exception_answer
 from app.registers.plc_map import AnswerState, Request, real_of
 from app.sim import plc
 from app.sim.bus import Answer, Bus
@@ -151,7 +152,7 @@ Fault = Callable[[bytes], str]
 
 
 class FaultyBus(Bus):
-    """Spoils the telegrams that `fault` names: `request` is lost, or `answer`, or comes `late`."""
+    """Spoils the telegrams that `fault` names: `request` is lost, or `answer`, comes `late`, or a `gateway` says that it did not come."""
 
     def __init__(self, device: SmallPlc) -> None:
         super().__init__({1: device})
@@ -170,6 +171,8 @@ class FaultyBus(Bus):
         said = super().answer(unit, pdu)
         if kind == "answer":
             return Answer(unit, None)
+        if kind == "gateway":
+            return Answer(unit, exception_answer(pdu[0], 11))
         return Answer(unit, said.pdu, self.late)
 
 

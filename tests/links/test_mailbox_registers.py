@@ -16,7 +16,7 @@ from tests.links.test_mailbox import CHANGES, FIVE, GOT_FIVE, is_look, is_reques
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("what", ["request", "answer", "late"])
+@pytest.mark.parametrize("what", ["request", "answer", "late", "gateway"])
 @pytest.mark.parametrize("which", [is_request, is_look])
 async def test_a_lost_or_late_telegram_changes_no_answer(kind: str, what: str, which: object) -> None:
     device = MailboxDrive()

@@ -144,6 +144,23 @@ async def test_a_change_without_an_answer_is_never_sent_again(kind: str, lost: s
         bus.fault = lambda pdu: ""
 
 
+async def test_a_change_whose_answer_a_gateway_lost_was_not_refused() -> None:
+    device = Drive()
+    async with parameters(device) as (box, _, bus):
+        bus.fault = lambda pdu: "gateway" if is_write(pdu, 0x101) else ""
+        told = await box.change(0, changes((0x100, 7), (0x101, 8), (0x102, 9)))
+        assert told[0] == Written() and missed(told[1:2], DeviceException, sent=True)
+        assert missed(told[2:], DeviceException, sent=False)
+        assert device.words[0x101] == 8, "the drive has it"
+
+
+async def test_what_a_gateway_could_not_ask_a_drive_was_not_refused_by_it() -> None:
+    device = Drive()
+    async with parameters(device) as (box, _, bus):
+        bus.fault = lambda pdu: "gateway" if pdu[0] == 3 and pdu[1] else ""
+        assert missed(await box.read(0, addresses(0x100, 0x101)), DeviceException, sent=False)
+
+
 async def test_a_read_is_asked_again_once_and_then_the_rest_is_missed() -> None:
     device = Drive()
     async with parameters(device) as (box, _, bus):
