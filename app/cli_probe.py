@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from app.addresses import host_and_port
-from app.errors import ConfigurationError, DeviceException, LinkError, NotConnected
+from app.errors import ConfigurationError, LinkError, NotConnected
 from app.plant.definitions import Link
 from app.registers.line_faults import LINE_FAULTS, SLOW_DELAY
 
@@ -120,6 +120,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
     from app.links.serial_port import NotSupported
 
     found: list[Found] = []
+    gateway = ""
     impossible: list[NotSupported] = []
     for number, one in enumerate(tries, 1):
 
@@ -127,7 +128,9 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
             _progress(f"{number}/{len(tries)} {one} unit {unit}")
 
         try:
-            found = await probe(one, tell, patience)
+            answers = await probe(one, tell, patience)
+            found = [answer for answer in answers if answer.there]
+            gateway = next((f"; a gateway is there: {each.answer}" for each in answers if not each.there), "")
         except NotSupported as error:
             impossible.append(error)
             continue
@@ -144,7 +147,7 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
             f"nothing answers ({tried}units {tries[0].units[0]} to {tries[0].units[-1]}). Is it switched on, set to Modbus RTU, "
             "A and B not swapped, the unit another one?"
             if tries[0].link.transport == "rtu"
-            else f"nothing answers at {tries[0]}, units {tries[0].units[0]} to {tries[0].units[-1]}"
+            else f"nothing answers at {tries[0]}, units {tries[0].units[0]} to {tries[0].units[-1]}{gateway}"
         )
     refused = False
     if read:
@@ -155,12 +158,12 @@ async def _probe(tries: "Sequence[Try]", block: "Block", read: bool, patience: f
 
 
 async def _show(found: "Found", block: "Block") -> bool:
-    """Print the words of `block`, hexadecimal and decimal; False when they were refused."""
+    """Print the words of `block`, hexadecimal and decimal; False when they were refused, or did not come."""
     from app.links.probe import read_once
 
     try:
         words = await read_once(found.link, found.unit, block)
-    except DeviceException as error:
+    except LinkError as error:
         typer.echo(f"unit {found.unit} {block.address:#06x}: {error}")
         return False
     for at, word in enumerate(words, block.address):

@@ -14,8 +14,8 @@ from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Link
 from app.sim.bus import Bus
-from app.sim.server import serve_pty, serve_tcp
-from tests.links.devices import RegisterDevice
+from app.sim.server import MBAP, TcpServer, serve_pty, serve_tcp
+from tests.links.devices import Gateway, RegisterDevice
 from tests.links.serial_slaves import rtu
 from tests.sim.test_simulate_process import simulating
 
@@ -92,6 +92,50 @@ async def test_a_refusal_is_an_answer_and_a_refused_read_ends_with_1() -> None:
     code, _, errors = await pogon("probe", "--tcp", where)
     assert code == 2 and "no connection" in errors
     assert device.writes == []
+
+
+async def test_what_a_gateway_says_in_the_place_of_a_unit_is_no_answer_of_the_unit() -> None:
+    """Each of the units asked for was said to answer."""
+    gateway = Gateway({3: RegisterDevice({0x1000: 7})}, 11)
+    gateway.unreached = {1, 2, 4}
+    served = await serve_tcp(gateway, "127.0.0.1", 0)
+    where = f"127.0.0.1:{served.address[1]}"
+    try:
+        assert await pogon("probe", "--tcp", where, "--unit", "1-4") == (
+            0,
+            f"{where} unit 3 answers: 0x1000 = 0x0007\n",
+            "",
+        )
+        code, _, errors = await pogon("probe", "--tcp", where, "--unit", "1-2")
+        assert (code, errors.splitlines()[-1]) == (
+            1,
+            f"pogon: nothing answers at {where}, units 1 to 2; "
+            "a gateway is there: exception 11 gateway target failed to respond",
+        )
+    finally:
+        await served.close()
+
+
+async def test_a_device_that_closes_the_connection_at_another_unit_is_found() -> None:
+    class Strict(TcpServer):
+        async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+            head = await reader.readexactly(MBAP.size)
+            reader._buffer[:0] = head  # type: ignore[attr-defined]
+            return head[-1] == 3 and await super()._serve_one(reader, writer)
+
+    served = Strict(Bus({3: RegisterDevice({0x1000: 7})}))
+    await served.start("127.0.0.1", 0)
+    where = f"127.0.0.1:{served.address[1]}"
+    try:
+        assert await pogon("probe", "--tcp", where, "--unit", "1-4") == (
+            0,
+            f"{where} unit 3 answers: 0x1000 = 0x0007\n",
+            "",
+        )
+        code, _, errors = await pogon("probe", "--tcp", where, "--unit", "1-2")
+        assert code == 2 and "connection lost" in errors
+    finally:
+        await served.close()
 
 
 async def test_a_port_that_a_running_server_holds_is_left_alone() -> None:

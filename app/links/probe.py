@@ -1,13 +1,14 @@
 """Finds a device nobody knows anything about: tries speeds, parities and units until something answers with a good check sum.
 
-Only reads are sent: function 03, one register. An exception is an answer too, even the surest one: nothing but a slave sends it.
+Only reads are sent: function 03, one register. An exception is an answer too, even the surest one: nothing but a slave sends it, or a
+gateway (0A, 0B), which then says that there is none.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
-from app.errors import BadAnswer, DeviceException, NoAnswer
+from app.errors import GATEWAY, BadAnswer, DeviceException, NoAnswer, NotConnected
 from app.links.contract import Block, LateAnswerDue, Transport
 from app.links.rtu import RtuTransport
 from app.links.tcp import TcpTransport
@@ -31,6 +32,8 @@ class Found:
     unit: int
     answer: str
     """What it said, in words."""
+    there: bool = True
+    """False: a gateway answered in its place, and does not reach it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,34 +67,49 @@ def transport_of(link: Link) -> Transport:
 
 
 async def probe(one: Try, tell: Callable[[int], None], patience: float = PATIENCE) -> list[Found]:
-    """The units that answer under the settings `one`; `tell` hears each unit before it is asked.
+    """The units that answer under the settings `one`, and those of which a gateway says that it does not reach them.
+
+    `tell` hears each unit before it is asked. Some devices close the connection when they are asked for another unit: it is opened again.
 
     Raises:
-        NotConnected: the port or the host is not to be had.
+        NotConnected: the port or the host is not to be had, or each unit had the connection closed.
     """
     transport = transport_of(one.link)
     await transport.connect()
-    found = []
+    found: list[Found] = []
+    lost: NotConnected | None = None
+    stayed = 0
     try:
         for unit in one.units:
             tell(unit)
-            answer = await _ask(transport, unit, patience)
-            if answer:
-                found.append(Found(one.link, unit, answer))
+            try:
+                if not transport.connected:
+                    await transport.connect()
+                answer = await _ask(transport, one.link, unit, patience)
+                stayed += 1
+            except NotConnected as error:
+                if one.link.transport != "tcp":
+                    raise
+                lost = error
+                continue
+            if answer is not None:
+                found.append(answer)
     finally:
         await transport.close()
+    if lost is not None and not stayed:
+        raise lost
     return found
 
 
-async def _ask(transport: Transport, unit: int, patience: float) -> str:
-    """What the unit says; empty when it is silent, or when only noise came."""
+async def _ask(transport: Transport, link: Link, unit: int, patience: float) -> Found | None:
+    """What the unit says; None when it is silent, or when only noise came."""
     try:
         words = await transport.read(unit, Block(ADDRESS, 1), patience)
     except DeviceException as error:
-        return str(error)
+        return Found(link, unit, str(error), error.code not in GATEWAY)
     except (NoAnswer, LateAnswerDue, BadAnswer):
-        return ""
-    return f"{ADDRESS:#06x} = {words[0]:#06x}"
+        return None
+    return Found(link, unit, f"{ADDRESS:#06x} = {words[0]:#06x}")
 
 
 async def read_once(link: Link, unit: int, block: Block, patience: float = 1.0) -> list[int]:
