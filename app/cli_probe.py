@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from app.links.probe import Found, Try
     from app.plant.definitions import Equipment, Plant
 
+UNITS, UNITS_OVER_TCP = range(1, 248), range(256)
+"""On a serial line, and over TCP, where a device without units behind it may be 0 or 255."""
 AUTO = "auto"
 
 
@@ -46,7 +48,7 @@ def probe(
             raise ConfigurationError("give --port DEVICE, or --tcp HOST:PORT")
         if function not in (3, 4):
             raise ConfigurationError(f"--function {function}: expected 3 or 4")
-        units = _units(unit)
+        units = _units(unit, UNITS_OVER_TCP if tcp else UNITS)
         address = _address(read, count) if read else -1
         asyncio.run(
             _probe(
@@ -191,12 +193,17 @@ def _tries(port: str, tcp: str, baud: str, parity: str, units: Sequence[int]) ->
     return list(probing.tries(Link("probe", "rtu", port=port), bauds, parities, units))
 
 
-def _units(text: str) -> list[int]:
+def _units(text: str, known: range) -> list[int]:
+    low, high = known[0], known[-1]
     found: list[int] = []
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
-        if not first.isdecimal() or not (last or first).isdecimal() or not 1 <= int(first) <= int(last or first) <= 247:
-            raise ConfigurationError(f"--unit {text}: expected units from 1 to 247, such as 1, 1-10 or 1,5,7-9")
+        if (
+            not first.isdecimal()
+            or not (last or first).isdecimal()
+            or not low <= int(first) <= int(last or first) <= high
+        ):
+            raise ConfigurationError(f"--unit {text}: expected units from {low} to {high}, such as 1, 1-10 or 1,5,7-9")
         found += range(int(first), int(last or first) + 1)
     return list(dict.fromkeys(found))
 

@@ -157,6 +157,7 @@ async def test_a_port_that_a_running_server_holds_is_left_alone() -> None:
         (["--port", "x", "--baud", "fast"], "--baud fast: expected"),
         (["--port", "x", "--parity", "mark"], "--parity mark: expected"),
         (["--port", "x", "--unit", "0"], "--unit 0: expected units from 1 to 247"),
+        (["--tcp", "localhost:502", "--unit", "250-256"], "--unit 250-256: expected units from 0 to 255"),
         (["--port", "x", "--unit", "5-3"], "--unit 5-3: expected"),
         (["--port", "x", "--read", "70000"], "--read 70000: expected"),
         (["--port", "x", "--function", "6"], "--function 6: expected 3 or 4"),

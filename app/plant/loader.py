@@ -12,7 +12,7 @@ from app.plant.plant_files.alarms import read_plant_alarm
 from app.plant.plant_files.couplings import couple
 from app.plant.plant_files.flow import read_flow
 from app.plant.plant_files.languages import PlantLanguages, languages, read_timezone
-from app.plant.plant_files.links import read_link
+from app.plant.plant_files.links import read_links
 from app.plant.plant_files.machines import MOST_MACHINES, MOST_POINTS, Machines
 from app.plant.plant_files.names import check_id
 from app.plant.plant_files.shifts import USUAL, read_shifts
@@ -82,7 +82,7 @@ class _PlantReader:
         root = self._source.table()
         name, timezone, shifts = self._head(root)
         areas = {key: self._area(key, table) for key, table in root.tables("areas")}
-        links = {key: read_link(key, table, self._transports, self._languages) for key, table in root.tables("links")}
+        links = read_links(root, self._transports, self._languages)
         if not links:
             root.note("links", NONE, said("mistake.at_least_one", what="[links.<name>]"))
         machines = self._machines

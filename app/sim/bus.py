@@ -78,13 +78,13 @@ class Bus:
     def answer(self, unit: int, pdu: bytes) -> Answer:
         """What the line answers to `pdu` for `unit`; never raises.
 
-        Unit 0 is a broadcast: writes reach every device, and nobody answers. A unit that is not there is silence, on
-        TCP too: a gateway might say 0B, and a master has to live with both.
+        Unit 0 is a broadcast, unless a device has it, as over TCP it may: writes reach every device, and nobody answers. A unit that
+        is not there is silence, on TCP too: a gateway might say 0B, and a master has to live with both.
         """
         silence = Answer(unit, None)
         if not pdu:
             return silence
-        if unit == BROADCAST:
+        if unit == BROADCAST and unit not in self.devices:
             for each in self.devices.values():
                 self._broadcast(each, pdu)
             return silence

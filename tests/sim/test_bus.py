@@ -100,6 +100,14 @@ def test_a_broadcast_writes_everywhere_and_nobody_answers() -> None:
         assert device.words[0x10E] == 77
 
 
+def test_a_device_that_is_unit_0_is_asked_and_nobody_else() -> None:
+    own, other = FakeDevice(), FakeDevice()
+    bus = Bus({0: own, 1: other})
+    assert bus.answer(0, POLL_PDU).pdu is not None
+    assert bus.answer(0, write_request(0x10D, [5000])).pdu is not None
+    assert (own.telegrams, other.telegrams) == (2, 0)
+
+
 def test_a_broadcast_does_not_pass_a_pulled_cable() -> None:
     bus, device = line(LineFault(LineFaultMode.CABLE_PULLED))
     bus.answer(0, write_request(0x10E, [77]))

@@ -1,5 +1,6 @@
 """`[links.<name>]`: by which line machines are reached."""
 
+import os
 from collections.abc import Sequence
 
 from app.addresses import names_host
@@ -48,6 +49,25 @@ def read_link(key: str, table: Table, transports: Sequence[str], languages: Plan
     )
     table.done()
     return link
+
+
+def read_links(root: Table, transports: Sequence[str], languages: PlantLanguages) -> dict[str, Link]:
+    """Every link; a serial device is of one alone."""
+    links: dict[str, Link] = {}
+    serial: dict[str, str] = {}
+    for key, table in root.tables("links"):
+        link = links[key] = read_link(key, table, transports, languages)
+        if link.transport == "rtu" and link.port and (other := serial.setdefault(line_of(link), key)) != key:
+            table.note("port", link.port, said("mistake.serial_taken", other=other))
+    return links
+
+
+def line_of(link: Link) -> str:
+    """What `link` reaches its units by, as far as its words say: two links with the same reach the same units."""
+    if link.transport == "tcp":
+        host = link.host.lower().rstrip(".")
+        return f"{'127.0.0.1' if host == 'localhost' else host}:{link.tcp_port}"
+    return os.path.normpath(link.port) if link.transport == "rtu" else f"link {link.name}"
 
 
 def _read_host(table: Table, *, needed: bool) -> str:

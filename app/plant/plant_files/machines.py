@@ -8,6 +8,7 @@ from app.errors import ConfigurationError
 from app.plant import expression, plc
 from app.plant.definitions import Equipment, Link, Point, TableMap, Texts
 from app.plant.plant_files.languages import PlantLanguages
+from app.plant.plant_files.links import line_of
 from app.plant.plant_files.names import ID, check_id
 from app.plant.plant_files.options import read_options, read_overrides
 from app.plant.plant_files.types_used import TypesUsed
@@ -19,6 +20,8 @@ from app.plant.tables import Table, one_of
 from app.plant.type_files.data import PointData, TypeData
 
 LARGEST_UNIT = 247
+TCP_UNITS = (0, 255)
+"""Over TCP, of a device that has no units behind it (reference/modbus.md section 2); there 0 is no broadcast."""
 MOST_REPEATS = 1000
 MOST_MACHINES = 2000
 MOST_POINTS = 200_000
@@ -49,7 +52,7 @@ class Machines:
         self._sequences = sequences
         self._languages = languages
         self._points = 0
-        self._units: dict[tuple[str, int], str] = {}
+        self._units: dict[tuple[str, int], Equipment] = {}
         self._ids: dict[str, str] = {}
 
     @property
@@ -67,7 +70,7 @@ class Machines:
         kind_name = table.text("type", choices=self._types.names)
         data = self._types.get(kind_name) if table.data.get("type") == kind_name and kind_name else None
         link = table.text("link", choices=sorted(links))
-        unit = table.whole("unit", low=1, high=LARGEST_UNIT)
+        unit = self._unit(table, links.get(link))
         count = table.whole("repeat", 0, 1, MOST_REPEATS) if table.has("repeat") else 0
         label = self._languages.label(table, "label", default=key)
         area = table.text("area", (data.type.area if data else "") or kind_name)
@@ -101,7 +104,7 @@ class Machines:
         for number, item in _repeated(one, self._within_units(table, unit, count)):
             if self.too_many:
                 return
-            self._add(table, data, item, overrides)
+            self._add(table, data, item, overrides, links)
             if definition:
                 self.named[item.id] = NamedMachine(table, machine, number)
 
@@ -115,21 +118,35 @@ class Machines:
         return (self._sequences.read(name) if name and table.data.get("definition") == name else None), machine
 
     @staticmethod
+    def _unit(table: Table, link: Link | None) -> int:
+        number = table.raw("unit")
+        if link is not None and link.transport == "tcp" and type(number) is int and number in TCP_UNITS:
+            return number
+        return int(table.whole("unit", low=1, high=LARGEST_UNIT))
+
+    @staticmethod
     def _within_units(table: Table, unit: int, count: int) -> int:
         """`count`, as far as there are units for it."""
-        most = LARGEST_UNIT - unit + 1
+        most = 1 if unit in TCP_UNITS else LARGEST_UNIT - unit + 1
         if count > most:
             expected = said("mistake.units_end", most=most, first=unit, last=LARGEST_UNIT)
             table.note("repeat", count, expected)
         return min(count, most)
 
-    def _add(self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]) -> None:
+    def _add(
+        self,
+        table: Table,
+        data: TypeData,
+        item: Equipment,
+        overrides: Mapping[str, Mapping[str, Any]],
+        links: Mapping[str, Link],
+    ) -> None:
         """`item`, which lacks only its points."""
         if item.id in self.found:
             table.note("repeat", item.id, said("mistake.ids_taken"))
             return
-        if item.link and (other := self._units.setdefault((item.link, item.unit), item.id)) != item.id:
-            table.note("unit", item.unit, said("mistake.unit_taken", link=item.link, other=other))
+        if item.link in links:
+            self._check_unit(table, item, line_of(links[item.link]))
         points = {point.key: point for point in self._own_points(table, data, item, overrides)}
         for key, slots in item.tables.items():
             for cell in _cells(data.columns[key], data.type.tables[key], slots, item.options):
@@ -138,6 +155,17 @@ class Machines:
                 points[cell.key] = replace(cell, name=f"{item.id}.{cell.key}", id=lasting, equipment=item.id)
         self._points += len(points)
         self.found[item.id] = with_recipe(replace(item, points=points))
+
+    def _check_unit(self, table: Table, item: Equipment, line: str) -> None:
+        """Two links to one host and port reach the same units: one device would be two machines, each with its own control."""
+        other = self._units.setdefault((line, item.unit), item)
+        if other is item:
+            return
+        if other.link == item.link:
+            expected = said("mistake.unit_taken", link=item.link, other=other.id)
+        else:
+            expected = said("mistake.unit_taken_at", line=line, other=other.id, link=other.link)
+        table.note("unit", item.unit, expected)
 
     def _own_points(
         self, table: Table, data: TypeData, item: Equipment, overrides: Mapping[str, Mapping[str, Any]]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.plant.design import changed, loaded, mistakes
+from tests.plant.design import DESIGN, changed, loaded, mistakes
 
 MISTAKES = [
     ('"rtu"', '"rtv"', "links.press_shop.transport", '"rtv"', "one of memory, tcp, rtu"),
@@ -65,3 +65,13 @@ def test_tcp_port_is_a_number_and_stop_bits_follow_parity(tmp_path: Path) -> Non
     link = loaded(tmp_path, tcp).links["press_shop"]
     assert (link.host, link.tcp_port) == ("10.0.0.7", 1502)
     assert loaded(tmp_path, changed('"even"', '"none"')).links["press_shop"].stop_bits == 2
+
+
+@pytest.mark.parametrize("port", ["/dev/ttyUSB0", "/dev/../dev/ttyUSB0"])
+def test_a_serial_device_is_of_one_link(tmp_path: Path, port: str) -> None:
+    """The one that opened it first had it; the other was down for ever."""
+    second = DESIGN[DESIGN.index("[links") : DESIGN.index("[equipment")].replace("press_shop", "hall")
+    (problem,) = mistakes(tmp_path, DESIGN + second.replace("/dev/ttyUSB0", port))
+    assert (problem.key, problem.value) == ("links.hall.port", f'"{port}"')
+    assert problem.expected == "a serial device that no other link has; press_shop has it"
+    assert len(loaded(tmp_path, DESIGN + second.replace("ttyUSB0", "ttyUSB1")).links) == 2

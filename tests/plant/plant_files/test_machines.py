@@ -79,3 +79,34 @@ def test_repeat_does_not_take_the_id_of_another_machine(tmp_path: Path) -> None:
     second = DESIGN[DESIGN.index("[equipment") :].replace("m2]", "m2_02]").replace("unit = 1", "unit = 9")
     problems = mistakes(tmp_path, changed("unit = 1", "unit = 1\nrepeat = 3") + second)
     assert any(problem.value == '"m2_02"' and "ids that no other" in problem.expected for problem in problems)
+
+
+TCP = DESIGN.replace('transport = "rtu"', 'transport = "tcp"').replace('port = "/dev/ttyUSB0"', 'host = "10.0.0.7"')
+
+
+@pytest.mark.parametrize("unit", [0, 255])
+def test_a_device_without_units_behind_it_has_unit_0_or_255_over_tcp(tmp_path: Path, unit: int) -> None:
+    text = TCP.replace("unit = 1", f"unit = {unit}")
+    assert loaded(tmp_path, text).equipment["m2"].unit == unit
+    (problem,) = mistakes(tmp_path, text.replace(f"unit = {unit}", f"unit = {unit}\nrepeat = 2"))
+    assert (problem.key, problem.value) == ("equipment.m2.repeat", "2") and "at most 1" in problem.expected
+
+
+@pytest.mark.parametrize("unit", ["254", "256", "true", "255.0"])
+def test_other_units_are_as_on_a_serial_line(tmp_path: Path, unit: str) -> None:
+    (problem,) = mistakes(tmp_path, TCP.replace("unit = 1", f"unit = {unit}"))
+    assert problem.key == "equipment.m2.unit"
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [("10.0.0.7", "10.0.0.7"), ("plc.hall", "PLC.hall."), ("localhost", "127.0.0.1")]
+)
+def test_one_device_is_not_two_machines_on_two_links(tmp_path: Path, first: str, second: str) -> None:
+    """Each had its own control, its own interlocks and its own people."""
+    text = TCP.replace("10.0.0.7", first)
+    other = text[text.index("[links") :].replace("press_shop", "other").replace("m2]", "m3]").replace(first, second)
+    (problem,) = mistakes(tmp_path, text + other)
+    assert (problem.key, problem.value) == ("equipment.m3.unit", "1")
+    assert problem.expected.endswith(":502 has; m2 on press_shop has it")
+    assert len(loaded(tmp_path, text + other.replace("unit = 1", "unit = 2")).equipment) == 2
+    assert len(loaded(tmp_path, text + other.replace("writes = false", "port = 503")).equipment) == 2
