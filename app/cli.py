@@ -133,9 +133,14 @@ def check(
     The given/when/then tests of its sequences are run on simulated machines; one that fails makes the exit code 1.
     """
     from app.plant.sequences import unused
+    from app.sim.plant import clashes_of
 
     where = folder or settings_or_exit().plant
     plant = plant_or_exit(where)
+    if clash := clashes_of(plant):
+        typer.echo(f"pogon: {where}: {clash}: POGON_SERVE_MODBUS cannot serve them on one port", err=True)
+        if os.environ.get("POGON_SERVE_MODBUS"):
+            raise typer.Exit(2)
     for name in unused(plant):
         typer.echo(f"pogon: {where}/{name}: no equipment uses it", err=True)
     alarms = sum(len(item.alarms) for item in plant.equipment.values())
@@ -202,7 +207,7 @@ def selftest(
     from app.clock import SystemClock
     from app.plant.texts import Texts, terminal_language
     from app.selftest import run_checks
-    from app.sim.plant import read_simulated
+    from app.sim.plant import clashes_of, read_simulated
 
     settings = settings_or_exit()
     texts = Texts.read()
@@ -212,7 +217,7 @@ def selftest(
         raise typer.Exit(2)
     counts = dict.fromkeys(("ok", "warning", "failed"), 0)
     told = []
-    for finding in run_checks(settings, SystemClock(), read_simulated):
+    for finding in run_checks(settings, SystemClock(), read_simulated, clashes_of):
         counts[finding.state] += 1
         text = texts.text(lang, finding.key, **finding.params)
         told.append({"check": finding.check, "state": finding.state, "outcome": finding.outcome, "text": text})

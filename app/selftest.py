@@ -70,8 +70,10 @@ class Finding:
 ReadPlant = Callable[[Path], tuple[Plant | None, list[Problem]]]
 
 
-def run_checks(settings: Settings, clock: Clock, read_plant: ReadPlant) -> Iterator[Finding]:
-    """Every finding, in the order in which a start would meet it."""
+def run_checks(
+    settings: Settings, clock: Clock, read_plant: ReadPlant, clashes_of: Callable[[Plant], str]
+) -> Iterator[Finding]:
+    """Every finding, in the order in which a start would meet it. `clashes_of`: machines that cannot be served on one port, in words."""
     yield from _settings(settings)
     yield _data(settings.data)
     yield _keys(settings.data)
@@ -88,6 +90,8 @@ def run_checks(settings: Settings, clock: Clock, read_plant: ReadPlant) -> Itera
     yield _tls(settings, clock)
     plant, problems = read_plant(settings.plant)
     yield _plant(settings.plant, plant, problems)
+    if plant and settings.serve_modbus and (clash := clashes_of(plant)):
+        yield Finding("plant", "failed", "clash", {"path": settings.plant, "clash": clash})
     for name, link in sorted(plant.links.items()) if plant else ():
         if link.transport == "rtu":
             yield _serial(name, link.port)

@@ -12,6 +12,7 @@ from app.plant.problems import Problem
 from app.sim import plant as sim_plant
 from tests.demo_plant import plant_folder
 from tests.plant.transport import PLANT, TYPES, write_plant, write_types
+from tests.test_selftest import CLASH
 
 ALONE = PLANT.replace('machine = "p1"\n', "").partition("[equipment.p1]")[0]
 BLINK = """
@@ -141,3 +142,16 @@ def test_the_demo_plant_has_no_problems_and_its_sequence_passes_its_tests() -> N
     lines = done.stdout.splitlines()
     assert lines[0].startswith("plants/demo: no problems.") and lines[-1].endswith(", failed: 0")
     assert len(lines) > 10
+
+
+def test_machines_that_cannot_be_served_on_one_port_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The start said so, and only it."""
+    (tmp_path / "plant.toml").write_text(CLASH)
+    said = (
+        f"pogon: {tmp_path}: unit 1 is m1 on link a and m2 on link b: POGON_SERVE_MODBUS cannot serve them on one port"
+    )
+    done = CliRunner().invoke(cli, ["check", str(tmp_path)])
+    assert (done.exit_code, done.stderr.splitlines()) == (0, [said]), "nobody has to serve them"
+    monkeypatch.setenv("POGON_SERVE_MODBUS", "127.0.0.1:5020")
+    done = CliRunner().invoke(cli, ["check", str(tmp_path)])
+    assert (done.exit_code, done.stderr.splitlines(), done.stdout) == (2, [said], "")

@@ -19,10 +19,28 @@ from app.db import Database
 from app.plant.texts import Texts, terminal_language
 from app.selftest import Finding, run_checks
 from app.settings import Settings
-from app.sim.plant import read_simulated
+from app.sim.plant import clashes_of, read_simulated
 from tests.conftest import find_port
 from tests.test_cli import self_signed
 
+CLASH = """
+[plant]
+name = "Two halls"
+timezone = "Europe/Zagreb"
+languages = ["en"]
+[links.a]
+transport = "memory"
+[links.b]
+transport = "memory"
+[equipment.m1]
+type = "eura_e800"
+link = "a"
+unit = 1
+[equipment.m2]
+type = "eura_e800"
+link = "b"
+unit = 1
+"""
 SERIAL = """
 [plant]
 name = "Hall"
@@ -59,7 +77,7 @@ def findings(data: Path, clock: ManualClock | None = None, **settings: object) -
     given = {"data": data, "port": find_port()} | settings
     clock = clock or ManualClock()
     clock.step_wall(86_400 * 365)  # files of a test are of today
-    found = list(run_checks(Settings(**given), clock, read_simulated))  # type: ignore[arg-type]
+    found = list(run_checks(Settings(**given), clock, read_simulated, clashes_of))  # type: ignore[arg-type]
     by_check = {f"{one.check}.{one.params.get('name', '')}".rstrip("."): one for one in found}
     texts = Texts.read()
     for one in found:
@@ -229,6 +247,14 @@ def test_a_serial_device_that_can_be_opened_is_good(data: Path, tmp_path: Path) 
     assert findings(data, plant=tmp_path)["serial"].state == "ok"
     os.close(main)
     os.close(side)
+
+
+def test_machines_that_cannot_be_served_on_one_port_are_told_before_the_start(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "plant.toml").write_text(CLASH)
+    assert findings(data, plant=tmp_path)["plant"].state == "ok"
+    found = findings(data, plant=tmp_path, serve_modbus=f"127.0.0.1:{find_port()}")["plant"]
+    assert (found.state, found.key) == ("failed", "selftest.plant.clash")
+    assert found.params["clash"] == "unit 1 is m1 on link a and m2 on link b"
 
 
 def test_a_taken_port_is_a_failure_unless_our_server_has_it(data: Path) -> None:

@@ -347,17 +347,22 @@ def units(equipment: Mapping[str, Equipment], devices: Mapping[str, VirtualDevic
     Raises:
         ConfigurationError: two devices have the same unit; all of them are named.
     """
-    owners: dict[int, list[Equipment]] = {}
-    for item in equipment.values():
-        owners.setdefault(item.unit, []).append(item)
-    clashes = [
-        f"unit {unit} is {' and '.join(f'{item.id} on link {item.link}' for item in items)}"
-        for unit, items in sorted(owners.items())
-        if len(items) > 1
-    ]
-    if clashes:
-        raise ConfigurationError(f"{'; '.join(clashes)}: expected different units on one port, or one link of them")
-    return {unit: devices[items[0].id] for unit, items in owners.items()}
+    if found := clashes(equipment.values()):
+        raise ConfigurationError(f"{found}: expected different units on one port, or one link of them")
+    return {item.unit: devices[id] for id, item in equipment.items()}
+
+
+def clashes(equipment: Iterable[Equipment]) -> str:
+    """The machines that would have the same unit on one port, in words; empty: none."""
+    owners: dict[int, list[str]] = {}
+    for item in equipment:
+        owners.setdefault(item.unit, []).append(f"{item.id} on link {item.link}")
+    return "; ".join(f"unit {unit} is {' and '.join(of)}" for unit, of in sorted(owners.items()) if len(of) > 1)
+
+
+def clashes_of(plant: Plant) -> str:
+    """Those of its simulated links, which are served together (POGON_SERVE_MODBUS)."""
+    return clashes(item for item in plant.equipment.values() if plant.links[item.link].simulated)
 
 
 @contextmanager
