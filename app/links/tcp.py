@@ -6,7 +6,9 @@ and `registers.pdu.parse_answer` decides.
 """
 
 import asyncio
+import errno
 import logging
+import socket
 from collections.abc import Sequence
 
 from pymodbus.client import AsyncModbusTcpClient
@@ -26,6 +28,12 @@ LARGEST = 1 << 16
 """Of what came and was not understood yet [bytes]. pymodbus throws all of it away above 264, also the answer, when others came before."""
 NEVER = 1 << 40
 """pymodbus would cut the line after a few silent units; the link decides that."""
+REASONS: dict[int, str] = {
+    errno.ECONNREFUSED: "refused; is its Modbus server on, and the port right?",
+    errno.EHOSTUNREACH: "nobody at this address; is it switched on, and the cable in?",
+    errno.ENETUNREACH: "no way to this address; is this computer in its network?",
+}
+"""What helps, by error number of the system."""
 
 # Silence and refusals are counted, shown and told once by the link; pymodbus would tell every one of them as an error.
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
@@ -63,6 +71,18 @@ class TcpTransport:
         client.set_max_no_responses(NEVER)
         client.ctx.framer = _PlainFramer(DecodePDU(False))
         client.ctx.max_buffer_size = LARGEST
+        create, why = client.ctx.call_create, f"no answer in {CONNECT_LIMIT:g} s"
+
+        async def call() -> object:
+            """pymodbus keeps to itself why it could not connect."""
+            nonlocal why
+            try:
+                return await create()
+            except OSError as error:
+                why = _reason_of(error)
+                raise
+
+        client.ctx.call_create = call
         try:
             opened = await client.connect()
         except BaseException:
@@ -71,7 +91,7 @@ class TcpTransport:
         if not opened:
             client.close()
             _raise_if_cancelled()
-            raise NotConnected(f"{self._where}: no connection")
+            raise NotConnected(f"{self._where}: no connection, {why}")
         if not _is_open(client):  # closed before pymodbus could hear of it, and it will not hear of it again
             client.close()
             raise NotConnected(f"{self._where}: closed by the other end")
@@ -142,6 +162,15 @@ class TcpTransport:
         waiting: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
         if not waiting.done():
             waiting.set_exception(ConnectionException(f"{self._where}: closed by the other end"))
+
+
+def _reason_of(error: OSError) -> str:
+    """What is wrong and what helps, as of a serial port."""
+    if isinstance(error, socket.gaierror):
+        return f"nobody knows this name ({error.strerror})"
+    if error.errno is None:
+        return str(error)
+    return f"{REASONS.get(error.errno) or error.strerror} ({errno.errorcode.get(error.errno, error.errno)})"
 
 
 def _is_open(client: AsyncModbusTcpClient) -> bool:

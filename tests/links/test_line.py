@@ -34,7 +34,8 @@ async def test_no_server_at_all_is_told_once(caplog: pytest.LogCaptureFixture, f
         assert line.link.statistics.state is LinkState.DOWN
         assert not line.link.simulated
     assert [m for m in caplog.messages if m.startswith("link ")] == [
-        f"link down link=hall reason=127.0.0.1:{free_port}: no connection"
+        f"link down link=hall reason=127.0.0.1:{free_port}: no connection, "
+        "refused; is its Modbus server on, and the port right? (ECONNREFUSED)"
     ]
 
 

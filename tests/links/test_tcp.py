@@ -1,6 +1,7 @@
 """The TCP transport beside its contract."""
 
 import asyncio
+import errno
 import socket
 import struct
 import threading
@@ -166,3 +167,31 @@ def test_a_link_whose_connections_were_all_closed_while_they_were_opened_comes_b
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(story())
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused"), "refused; is its Modbus server on"),
+        (OSError(errno.EHOSTUNREACH, "No route to host"), "nobody at this address; is it switched on"),
+        (OSError(errno.ENETUNREACH, "Network is unreachable"), "no way to this address"),
+        (socket.gaierror(socket.EAI_NONAME, "Name or service not known"), "nobody knows this name"),
+        (OSError("Multiple exceptions: one, two"), "Multiple exceptions: one, two"),
+        (None, "no answer in 1.2 s"),
+    ],
+)
+async def test_a_connection_that_is_not_to_be_had_says_why(
+    monkeypatch: pytest.MonkeyPatch, error: OSError | None, told: str
+) -> None:
+    """A switched-off device, a wrong port, a wrong name and a cable that is out all said `no connection`."""
+
+    async def refuse(*_: object, **__: object) -> None:
+        await asyncio.sleep(0.0 if error else 60.0)
+        assert error is not None
+        raise error
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "create_connection", refuse)
+    with pytest.raises(NotConnected) as failed:
+        await TcpTransport(Link("hall", "tcp", host="plc.hall", tcp_port=502)).connect()
+    assert str(failed.value).startswith(f"plc.hall:502: no connection, {told}")
+    assert "None" not in str(failed.value)
