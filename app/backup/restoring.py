@@ -134,7 +134,10 @@ def _staged_plant(staging: Path, near: Path, place: Path) -> list[tuple[Path, Pa
     _turn_writes_off(folder)
     if near == staging:
         return [(folder, place)]
-    near.mkdir(mode=0o700)
+    try:
+        near.mkdir(mode=0o700)
+    except OSError as error:
+        raise ConfigurationError(f"{place}: {error.strerror}") from error  # else it would be said of the archive
     shutil.copytree(folder, near / PLANT)
     sync_tree(near)
     return [(near / PLANT, place)]

@@ -97,6 +97,8 @@ def test_a_folder_that_cannot_be_made_is_one_line_that_names_it(data: Path, plan
             restore(tmp_path / "b.tar", folder)
     with pytest.raises(ConfigurationError, match=f"{file}/plant: .*expected a new folder with --plant"):
         restore(tmp_path / "b.tar", tmp_path / "new", file / "plant")
+    with pytest.raises(ConfigurationError, match=r"^/proc/plant: "):  # a folder that is there, and takes no other
+        restore(tmp_path / "b.tar", tmp_path / "new", Path("/proc/plant"))
     assert not (tmp_path / "new" / "pogon.db").exists()
 
 
