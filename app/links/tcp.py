@@ -10,6 +10,7 @@ import errno
 import logging
 import socket
 from collections.abc import Sequence
+from typing import cast
 
 from pymodbus.client import AsyncModbusTcpClient
 from pymodbus.exceptions import ConnectionException, ModbusIOException
@@ -135,12 +136,16 @@ class TcpTransport:
     async def _carry(self, client: AsyncModbusTcpClient, telegram: "_Telegram", patience: float) -> bytes:
         client.ctx.comm_params.timeout_connect = 4 * patience  # never comes: ours does
         self._asking = True
+        framer = cast(_PlainFramer, client.ctx.framer)
+        framer.strange = None
         try:
             async with Patience(patience):
                 answer = await client.ctx.execute(False, telegram)
         except (TimeoutError, ModbusIOException) as error:
             _raise_if_cancelled()
-            raise NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s") from error
+            said = framer.strange
+            hint = "" if said is None else f"; answers came with unit {said}: is that its unit?"
+            raise NoAnswer(f"{self._where} unit {telegram.dev_id}: no answer in {patience:g} s{hint}") from error
         except (ConnectionException, OSError) as error:
             _raise_if_cancelled()
             raise NotConnected(f"{self._where}: connection lost") from error
@@ -208,6 +213,9 @@ class _Telegram(ModbusPDU):
 class _PlainFramer(FramerSocket):
     """Finds the answer to the request on its way by transaction and unit, and leaves its meaning to others."""
 
+    strange: int | None = None
+    """The unit that the last answer to a transaction named in place of the one that was asked."""
+
     def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:
         """Bytes used, and the first answer to `exp_tid` of `exp_devid`; strangers are skipped."""
         used = 0
@@ -220,4 +228,6 @@ class _PlainFramer(FramerSocket):
                 telegram = _Telegram(unit, pdu)
                 telegram.transaction_id = transaction
                 return used, telegram
+            if transaction == exp_tid and pdu:
+                self.strange = unit
         return used, None

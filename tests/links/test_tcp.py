@@ -6,15 +6,16 @@ import socket
 import struct
 import threading
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 import uvloop
 
-from app.errors import NotConnected
+from app.errors import NoAnswer, NotConnected
 from app.links.contract import Block
 from app.links.tcp import TcpTransport
 from app.plant.definitions import Device, Link
-from app.sim.bus import Bus
+from app.sim.bus import Answer, Bus
 from app.sim.server import TcpServer
 from app.tags.quality import is_good
 from tests.conftest import find_port
@@ -195,3 +196,23 @@ async def test_a_connection_that_is_not_to_be_had_says_why(
         await TcpTransport(Link("hall", "tcp", host="plc.hall", tcp_port=502)).connect()
     assert str(failed.value).startswith(f"plc.hall:502: no connection, {told}")
     assert "None" not in str(failed.value)
+
+
+@pytest.mark.parametrize("named", [0, 255])
+async def test_a_device_that_answers_with_another_unit_is_not_read_and_its_unit_is_told(named: int) -> None:
+    """It was silent to whoever looked for the reason."""
+
+    class Constant(Bus):
+        def answer(self, unit: int, pdu: bytes) -> Answer:
+            return replace(super().answer(unit, pdu), unit=named)
+
+    server = TcpServer(Constant({1: RegisterDevice({0: 7})}))
+    await server.start("127.0.0.1", 0)
+    transport = TcpTransport(Link("hall", "tcp", host="127.0.0.1", tcp_port=server.address[1]))
+    await transport.connect()
+    with pytest.raises(NoAnswer, match=rf"no answer in 0.1 s; answers came with unit {named}: is that its unit\?$"):
+        await transport.read(1, Block(0, 1), 0.1)
+    with pytest.raises(NoAnswer, match=r"no answer in 0.1 s$"):
+        await transport.read(2, Block(0, 1), 0.1)
+    await transport.close()
+    await server.close()
